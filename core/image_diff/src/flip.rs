@@ -2,10 +2,10 @@
 //! Åström and Fairchild, "FLIP: A Difference Evaluator for Alternating Images", HPG 2020; section numbers below are the
 //! paper's. Written from the paper; tests compare with numbers of its authors' program.
 //!
-//! Differences finer than the eye resolves are filtered out, colors are compared perceptually, and a difference at an edge or a
-//! point has a larger weight. Images are viewed at 67 pixels per degree: a 4K screen 0.7 m wide at 0.7 m.
+//! Differences too fine for the eye are filtered out, colors are compared perceptually, and a difference at an edge or a point
+//! has a larger weight. The viewing distance gives 67 pixels per degree: a 4K screen 0.7 m wide, seen from 0.7 m.
 
-use crate::pixels::{CompareError, check};
+use crate::pixels::{CompareError, check_sizes};
 use choreo_asset::linear_from_srgb_f32;
 use choreo_plugin::Frame;
 
@@ -25,17 +25,17 @@ pub struct FlipDifference {
 }
 
 impl FlipDifference {
-    /// Describes the difference to an observer, by the worst pixel, since one wrong spot is enough. The bounds were set by
-    /// viewing choreo's own images with known faults: the table is in core/test_runner/README.md.
+    /// The difference in words, as an observer would describe it. It depends on the worst pixel, because one wrong spot is enough.
+    /// The bounds were chosen by viewing images of choreo with known faults: the table is in core/test_runner/README.md.
     pub fn description(&self) -> &'static str {
         match self.worst {
             0.0 => "equal to the eye",
-            w if w <= NOT_VISIBLE => "not visible, even when the two alternate",
-            w if w <= ALTERNATING => {
-                "not visible side by side; visible to a careful eye when the two alternate"
+            w if w <= MAX_INVISIBLE => "not visible, even when the two images alternate",
+            w if w <= MAX_INVISIBLE_SIDE_BY_SIDE => {
+                "not visible side by side; visible to a careful eye when the two images alternate"
             }
-            w if w <= SIDE_BY_SIDE => {
-                "visible when the two alternate; side by side only if the place is known"
+            w if w <= MAX_SUBTLY_VISIBLE => {
+                "visible when the two images alternate; visible side by side only at a known place"
             }
             _ if self.mean <= 0.02 => "visible side by side, in a part of the image",
             w if self.mean <= 0.2 || w <= 0.6 => "visible at first sight",
@@ -44,21 +44,23 @@ impl FlipDifference {
     }
 }
 
-/// Largest values of [`FlipDifference::worst`] for the texts of [`FlipDifference::description`].
-pub const NOT_VISIBLE: f64 = 0.05;
-pub const ALTERNATING: f64 = 0.12;
-pub const SIDE_BY_SIDE: f64 = 0.3;
+/// Largest value of [`FlipDifference::worst`] that is not visible, even when the images alternate.
+pub const MAX_INVISIBLE: f64 = 0.05;
+/// Largest value of [`FlipDifference::worst`] that is not visible side by side.
+pub const MAX_INVISIBLE_SIDE_BY_SIDE: f64 = 0.12;
+/// Largest value of [`FlipDifference::worst`] that is visible side by side only at a known place.
+pub const MAX_SUBTLY_VISIBLE: f64 = 0.3;
 
 /// Compares two images of one size. Transparent images are viewed over black and over white, and the larger difference counts.
 /// About 10 ms for 256×144 pixels.
 pub fn flip(a: &Frame, b: &Frame) -> Result<FlipDifference, CompareError> {
-    check(a, b)?;
+    check_sizes(a, b)?;
     let mut map = vec![0.0; a.rgba.len() / 4];
     if a.rgba != b.rgba {
         let opaque = [a, b].iter().all(|f| f.rgba.chunks_exact(4).all(|p| p[3] == 255));
-        let backs: &[f32] = if opaque { &[0.0] } else { &[0.0, 1.0] };
-        for back in backs {
-            let [p, q] = [a, b].map(|f| PerceivedImage::new(f, *back));
+        let backgrounds: &[f32] = if opaque { &[0.0] } else { &[0.0, 1.0] };
+        for background in backgrounds {
+            let [p, q] = [a, b].map(|f| PerceivedImage::new(f, *background));
             let difference = p.difference(&q);
             map.iter_mut().zip(difference).for_each(|(m, d): (&mut f32, f32)| *m = m.max(d));
         }
@@ -79,10 +81,10 @@ pub fn flip(a: &Frame, b: &Frame) -> Result<FlipDifference, CompareError> {
     })
 }
 
-/// The map as an image: black = no visible difference, over violet and orange to pale yellow = 1.
+/// The difference map as an image in colors from black (no visible difference) through violet and orange to pale yellow (1).
 pub fn flip_heatmap(visible: &FlipDifference, size: [u32; 2]) -> Frame {
-    // A few stops of the "magma" map of matplotlib, which is in the public domain.
-    const STOPS: [[f32; 3]; 7] = [
+    // Some color stops of matplotlib's color map "magma", which is in the public domain.
+    const COLOR_STOPS: [[f32; 3]; 7] = [
         [0.0, 0.0, 4.0],
         [40.0, 17.0, 89.0],
         [113.0, 31.0, 129.0],
@@ -92,10 +94,12 @@ pub fn flip_heatmap(visible: &FlipDifference, size: [u32; 2]) -> Frame {
         [252.0, 253.0, 191.0],
     ];
     let color = |v: f32| {
-        let at = v.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
-        let low = (at as usize).min(STOPS.len() - 2);
+        let at = v.clamp(0.0, 1.0) * (COLOR_STOPS.len() - 1) as f32;
+        let low = (at as usize).min(COLOR_STOPS.len() - 2);
         let part = at - low as f32;
-        let channel = |k: usize| (STOPS[low][k] + (STOPS[low + 1][k] - STOPS[low][k]) * part + 0.5) as u8;
+        let channel = |k: usize| {
+            (COLOR_STOPS[low][k] + (COLOR_STOPS[low + 1][k] - COLOR_STOPS[low][k]) * part + 0.5) as u8
+        };
         [channel(0), channel(1), channel(2), 255]
     };
     Frame { width: size[0], height: size[1], rgba: visible.map.iter().flat_map(|v| color(*v)).collect() }
@@ -103,7 +107,7 @@ pub fn flip_heatmap(visible: &FlipDifference, size: [u32; 2]) -> Frame {
 
 /// An image as an observer perceives it.
 struct PerceivedImage {
-    /// L*, a* and b* after the contrast sensitivity filters, with a* and b* lowered in the dark (Hunt).
+    /// L*, a* and b* after the contrast sensitivity filters, with a* and b* reduced in dark colors (Hunt effect).
     color: [Vec<f32>; 3],
     /// Strength of edges and of points.
     edges: Vec<f32>,
@@ -111,29 +115,29 @@ struct PerceivedImage {
 }
 
 impl PerceivedImage {
-    /// `back`: the linear gray behind a transparent image.
-    fn new(frame: &Frame, back: f32) -> PerceivedImage {
+    /// `background`: linear gray behind a transparent image.
+    fn new(frame: &Frame, background: f32) -> PerceivedImage {
         let size = [frame.width as usize, frame.height as usize];
         let linear: Vec<f32> = (0..=255).map(|v: i32| linear_from_srgb_f32(v as f32 / 255.0)).collect();
         let mut opponent = [const { Vec::new() }; 3];
         for p in frame.rgba.as_chunks::<4>().0 {
-            let cover = f32::from(p[3]) / 255.0;
-            let rgb = [0, 1, 2].map(|k| linear[usize::from(p[k])] * cover + back * (1.0 - cover));
+            let alpha = f32::from(p[3]) / 255.0;
+            let rgb = [0, 1, 2].map(|k| linear[usize::from(p[k])] * alpha + background * (1.0 - alpha));
             let values = opponent_from_rgb(rgb);
             opponent.iter_mut().zip(values).for_each(|(plane, v)| plane.push(v));
         }
-        let [edges, points] = features(&opponent[0], size);
+        let [edges, points] = edge_and_point_strength(&opponent[0], size);
         let [y, cx, cz] = &opponent;
         // Section 4.1.1 and table 1: (weight, spread) of the Gaussians that make up each channel's filter, spread in degrees².
         let [y, cx, cz] = [
-            filtered(y, size, &[(1.0, 0.0047)]),
-            filtered(cx, size, &[(1.0, 0.0053)]),
-            filtered(cz, size, &[(34.1, 0.04), (13.5, 0.025)]),
+            filter_by_contrast_sensitivity(y, size, &[(1.0, 0.0047)]),
+            filter_by_contrast_sensitivity(cx, size, &[(1.0, 0.0053)]),
+            filter_by_contrast_sensitivity(cz, size, &[(34.1, 0.04), (13.5, 0.025)]),
         ];
         let mut color = [const { Vec::new() }; 3];
         for ((y, cx), cz) in y.iter().zip(&cx).zip(&cz) {
             let rgb = rgb_from_opponent([*y, *cx, *cz]).map(|v| v.clamp(0.0, 1.0));
-            color.iter_mut().zip(lab_hunt(rgb)).for_each(|(plane, v)| plane.push(v));
+            color.iter_mut().zip(hunt_adjusted_lab(rgb)).for_each(|(plane, v)| plane.push(v));
         }
         PerceivedImage { color, edges, points }
     }
@@ -142,19 +146,22 @@ impl PerceivedImage {
     fn difference(&self, other: &PerceivedImage) -> Vec<f32> {
         const COLOR_EXPONENT: f32 = 0.7;
         const FEATURE_EXPONENT: f32 = 0.5;
-        // The color difference is remapped by two linear pieces: the lower 0.4 of its range takes 0.95 of the result's.
-        const BEND_AT: f32 = 0.4;
-        const BEND_TO: f32 = 0.95;
+        // The color difference is remapped by two linear pieces: the lower 0.4 of its range is mapped to 0.95 of the result's range.
+        const KNEE_INPUT: f32 = 0.4;
+        const KNEE_OUTPUT: f32 = 0.95;
         // The largest color difference in the gamut: between green and blue.
-        let most = libm::powf(hyab(lab_hunt([0.0, 1.0, 0.0]), lab_hunt([0.0, 0.0, 1.0])), COLOR_EXPONENT);
-        let bend = BEND_AT * most;
+        let max_difference = libm::powf(
+            hyab_distance(hunt_adjusted_lab([0.0, 1.0, 0.0]), hunt_adjusted_lab([0.0, 0.0, 1.0])),
+            COLOR_EXPONENT,
+        );
+        let knee = KNEE_INPUT * max_difference;
         (0..self.edges.len())
             .map(|i| {
                 let [p, q] = [self, other].map(|s| [s.color[0][i], s.color[1][i], s.color[2][i]]);
-                let raw = libm::powf(hyab(p, q), COLOR_EXPONENT);
-                let color = match raw < bend {
-                    true => BEND_TO / bend * raw,
-                    false => BEND_TO + (raw - bend) / (most - bend) * (1.0 - BEND_TO),
+                let raw = libm::powf(hyab_distance(p, q), COLOR_EXPONENT);
+                let color = match raw < knee {
+                    true => KNEE_OUTPUT / knee * raw,
+                    false => KNEE_OUTPUT + (raw - knee) / (max_difference - knee) * (1.0 - KNEE_OUTPUT),
                 };
                 let edge = (self.edges[i] - other.edges[i]).abs();
                 let point = (self.points[i] - other.points[i]).abs();
@@ -178,14 +185,14 @@ const RGB_FROM_XYZ: [[f32; 3]; 3] = [
     [0.055_630_08, -0.203_976_96, 1.056_971_5],
 ];
 
-fn multiply(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
+fn multiply_matrix(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
 /// CIE XYZ relative to white: [1, 1, 1] is white.
 fn relative_xyz(rgb: [f32; 3]) -> [f32; 3] {
-    let white = multiply(&XYZ_FROM_RGB, [1.0; 3]);
-    let xyz = multiply(&XYZ_FROM_RGB, rgb);
+    let white = multiply_matrix(&XYZ_FROM_RGB, [1.0; 3]);
+    let xyz = multiply_matrix(&XYZ_FROM_RGB, rgb);
     [xyz[0] / white[0], xyz[1] / white[1], xyz[2] / white[2]]
 }
 
@@ -197,11 +204,11 @@ fn opponent_from_rgb(rgb: [f32; 3]) -> [f32; 3] {
 
 fn rgb_from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     let y = (y + 16.0) / 116.0;
-    let white = multiply(&XYZ_FROM_RGB, [1.0; 3]);
-    multiply(&RGB_FROM_XYZ, [(y + cx / 500.0) * white[0], y * white[1], (y - cz / 200.0) * white[2]])
+    let white = multiply_matrix(&XYZ_FROM_RGB, [1.0; 3]);
+    multiply_matrix(&RGB_FROM_XYZ, [(y + cx / 500.0) * white[0], y * white[1], (y - cz / 200.0) * white[2]])
 }
 
-fn lab_hunt(rgb: [f32; 3]) -> [f32; 3] {
+fn hunt_adjusted_lab(rgb: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
     let root = |t: f32| match t > DELTA * DELTA * DELTA {
         true => libm::cbrtf(t),
@@ -213,13 +220,13 @@ fn lab_hunt(rgb: [f32; 3]) -> [f32; 3] {
 }
 
 /// HyAB distance: city-block in lightness, Euclidean in color (Abasi et al. 2020). Suited to large differences, too.
-fn hyab(p: [f32; 3], q: [f32; 3]) -> f32 {
+fn hyab_distance(p: [f32; 3], q: [f32; 3]) -> f32 {
     let [l, a, b] = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
     l.abs() + libm::sqrtf(a * a + b * b)
 }
 
 /// Contrast sensitivity filter of a channel: a weighted sum of Gaussians, each applied along rows and then columns.
-fn filtered(plane: &[f32], size: [usize; 2], gaussians: &[(f32, f32)]) -> Vec<f32> {
+fn filter_by_contrast_sensitivity(plane: &[f32], size: [usize; 2], gaussians: &[(f32, f32)]) -> Vec<f32> {
     use std::f32::consts::PI;
     // Three standard deviations of the widest of all channels.
     let radius = libm::ceilf(3.0 * libm::sqrtf(0.04 / (2.0 * PI * PI)) * PIXELS_PER_DEGREE) as usize;
@@ -234,19 +241,19 @@ fn filtered(plane: &[f32], size: [usize; 2], gaussians: &[(f32, f32)]) -> Vec<f3
         let sum: f32 = taps.iter().sum();
         let weight = weight * libm::sqrtf(PI / spread);
         total += weight * sum * sum;
-        let done = columns(&rows(plane, size, &taps), size, &taps);
-        out.iter_mut().zip(done).for_each(|(o, v)| *o += weight * v);
+        let filtered = convolve_columns(&convolve_rows(plane, size, &taps), size, &taps);
+        out.iter_mut().zip(filtered).for_each(|(o, v)| *o += weight * v);
     }
     out.iter_mut().for_each(|v| *v /= total);
     out
 }
 
 /// Strength of edges and of points at each pixel, 0..=1, from the unfiltered luminance (section 4.2).
-fn features(luminance: &[f32], size: [usize; 2]) -> [Vec<f32>; 2] {
+fn edge_and_point_strength(luminance: &[f32], size: [usize; 2]) -> [Vec<f32>; 2] {
     /// Peak of the eye's edge detector in degrees.
-    const WIDTH: f32 = 0.082;
+    const EDGE_DETECTOR_WIDTH: f32 = 0.082;
     let y: Vec<f32> = luminance.iter().map(|y| (y + 16.0) / 116.0).collect();
-    let deviation = 0.5 * WIDTH * PIXELS_PER_DEGREE;
+    let deviation = 0.5 * EDGE_DETECTOR_WIDTH * PIXELS_PER_DEGREE;
     let radius = libm::ceilf(3.0 * deviation) as usize;
     let taps = |value: &dyn Fn(f32) -> f32| -> Vec<f32> {
         let tap = |i: usize| {
@@ -254,7 +261,7 @@ fn features(luminance: &[f32], size: [usize; 2]) -> [Vec<f32>; 2] {
             value(x) * libm::expf(-x * x / (2.0 * deviation * deviation))
         };
         let taps: Vec<f32> = (0..=2 * radius).map(tap).collect();
-        // The brightening taps sum to one, and so do the darkening ones.
+        // The sum of the positive taps is 1, and that of the negative taps is −1.
         let positive: f32 = taps.iter().filter(|t| **t > 0.0).sum();
         let negative: f32 = -taps.iter().filter(|t| **t < 0.0).sum::<f32>();
         taps.iter()
@@ -263,29 +270,29 @@ fn features(luminance: &[f32], size: [usize; 2]) -> [Vec<f32>; 2] {
     };
     let smooth = taps(&|_| 1.0);
     [taps(&|x| -x), taps(&|x| x * x / (deviation * deviation) - 1.0)].map(|slope| {
-        let across = columns(&rows(&y, size, &slope), size, &smooth);
-        let down = columns(&rows(&y, size, &smooth), size, &slope);
+        let across = convolve_columns(&convolve_rows(&y, size, &slope), size, &smooth);
+        let down = convolve_columns(&convolve_rows(&y, size, &smooth), size, &slope);
         across.iter().zip(&down).map(|(x, y)| libm::sqrtf(x * x + y * y)).collect()
     })
 }
 
 /// Convolution along rows; the outermost pixels are repeated beyond the border.
-fn rows(plane: &[f32], [width, height]: [usize; 2], taps: &[f32]) -> Vec<f32> {
+fn convolve_rows(plane: &[f32], [width, height]: [usize; 2], taps: &[f32]) -> Vec<f32> {
     let radius = taps.len() / 2;
     let mut out = Vec::with_capacity(plane.len());
-    let mut wide = vec![0.0; width + 2 * radius];
+    let mut padded = vec![0.0; width + 2 * radius];
     for y in 0..height {
         let row = &plane[y * width..(y + 1) * width];
-        wide[radius..radius + width].copy_from_slice(row);
-        wide[..radius].fill(row[0]);
-        wide[radius + width..].fill(row[width - 1]);
-        out.extend(wide.windows(taps.len()).map(|w| w.iter().zip(taps).map(|(v, t)| v * t).sum::<f32>()));
+        padded[radius..radius + width].copy_from_slice(row);
+        padded[..radius].fill(row[0]);
+        padded[radius + width..].fill(row[width - 1]);
+        out.extend(padded.windows(taps.len()).map(|w| w.iter().zip(taps).map(|(v, t)| v * t).sum::<f32>()));
     }
     out
 }
 
 /// Convolution along columns.
-fn columns(plane: &[f32], [width, height]: [usize; 2], taps: &[f32]) -> Vec<f32> {
+fn convolve_columns(plane: &[f32], [width, height]: [usize; 2], taps: &[f32]) -> Vec<f32> {
     let radius = taps.len() as isize / 2;
     let mut out = vec![0.0; plane.len()];
     for (y, row) in out.chunks_exact_mut(width.max(1)).enumerate() {
@@ -302,8 +309,8 @@ fn columns(plane: &[f32], [width, height]: [usize; 2], taps: &[f32]) -> Vec<f32>
 mod tests {
     use super::*;
 
-    /// Images by integer formulas, so that another program can compute them, too.
-    fn picture(fault: usize) -> Frame {
+    /// Test image by integer formulas, which another program can compute, too. `fault`: 0 for none.
+    fn test_image(fault: usize) -> Frame {
         let (width, height) = (64u32, 48u32);
         let rgba = (0..width * height)
             .flat_map(|i| {
@@ -325,7 +332,7 @@ mod tests {
 
     /// (fault, mean, largest), from the authors' program: flip-evaluator 1.7 for Python, LDR, its default viewing
     /// conditions, on the images above.
-    const AUTHORS: [(usize, f64, f64); 5] = [
+    const REFERENCE_VALUES: [(usize, f64, f64); 5] = [
         (1, 0.002699297, 0.602920651),
         (2, 0.065363504, 0.087281346),
         (3, 0.012749185, 0.411558092),
@@ -334,9 +341,9 @@ mod tests {
     ];
 
     #[test]
-    fn values_are_those_of_the_authors_program() {
-        for (fault, mean, worst) in AUTHORS {
-            let v = flip(&picture(0), &picture(fault)).unwrap();
+    fn values_match_the_authors_program() {
+        for (fault, mean, worst) in REFERENCE_VALUES {
+            let v = flip(&test_image(0), &test_image(fault)).unwrap();
             println!("{fault}: {} {}", v.mean, v.worst);
             assert!((v.mean - mean).abs() < 2e-5, "fault {fault}: mean {} and not {mean}", v.mean);
             assert!((v.worst - worst).abs() < 2e-4, "fault {fault}: worst {} and not {worst}", v.worst);
@@ -344,19 +351,19 @@ mod tests {
     }
 
     #[test]
-    fn equal_pictures_differ_in_nothing_and_the_place_of_a_fault_is_found() {
-        let v = flip(&picture(0), &picture(0)).unwrap();
+    fn equal_images_have_no_difference_and_a_fault_is_located() {
+        let v = flip(&test_image(0), &test_image(0)).unwrap();
         assert_eq!((v.mean, v.worst, v.description()), (0.0, 0.0, "equal to the eye"));
-        let v = flip(&picture(0), &picture(1)).unwrap();
+        let v = flip(&test_image(0), &test_image(1)).unwrap();
         assert!(v.worst_at[0].abs_diff(20) <= 1 && v.worst_at[1].abs_diff(10) <= 1, "{:?}", v.worst_at);
-        assert_eq!(flip(&picture(0), &picture(4)).unwrap().description(), "different images");
-        let shown = flip_heatmap(&v, [64, 48]);
-        assert_eq!(shown.rgba.len(), 64 * 48 * 4);
+        assert_eq!(flip(&test_image(0), &test_image(4)).unwrap().description(), "different images");
+        let heatmap = flip_heatmap(&v, [64, 48]);
+        assert_eq!(heatmap.rgba.len(), 64 * 48 * 4);
     }
 
     /// Transparent black is invisible over black and visible over white.
     #[test]
-    fn transparency_counts() {
+    fn difference_in_alpha_alone_is_visible() {
         let a = Frame { width: 16, height: 16, rgba: vec![0; 16 * 16 * 4] };
         let mut b = a.clone();
         b.rgba.chunks_exact_mut(4).for_each(|p| p[3] = 255);
@@ -364,10 +371,10 @@ mod tests {
     }
 
     #[test]
-    fn empty_and_unequal_pictures_are_told() {
+    fn empty_images_are_equal_and_different_sizes_are_an_error() {
         let empty = Frame { width: 0, height: 0, rgba: vec![] };
         assert_eq!(flip(&empty, &empty).unwrap().mean, 0.0);
-        let e = flip(&empty, &picture(0)).unwrap_err().to_string();
+        let e = flip(&empty, &test_image(0)).unwrap_err().to_string();
         assert_eq!(e, "the frames have different sizes: 0x0 and 64x48");
     }
 }

@@ -1,7 +1,7 @@
-//! The metrics by which a test compares two images: [`METRICS`] states each once, with its name in scripts, its limit, its
-//! evaluation and its texts.
+//! Metrics by which a test compares two images. [`METRICS`] lists them, each with its name in scripts, its limit, its evaluation
+//! and its texts.
 
-use crate::flip::{ALTERNATING, FlipDifference, flip};
+use crate::flip::{FlipDifference, MAX_INVISIBLE_SIDE_BY_SIDE, flip};
 use crate::pixels::{CompareError, Comparison, compare};
 use choreo_plugin::Frame;
 
@@ -15,17 +15,17 @@ pub struct ImageDifference {
 
 /// A measure of an [`ImageDifference`] with a limit: 0 for equal images, 1 at most.
 pub struct ImageMetric {
-    /// Option of `expect_image` that sets the limit.
+    /// Option of `expect_image` that sets the limit: the metric's name in scripts.
     pub name: &'static str,
     /// Name of the limited quantity, as in the API reference.
     pub doc: &'static str,
-    /// The limit if a test states none: a difference that is not visible side by side, and hardly when the images alternate.
+    /// Limit if a test sets none: a difference that is not visible side by side, and hardly visible when the images alternate.
     pub limit: f64,
     pub value: fn(&ImageDifference) -> f64,
     /// The allowed values, in words.
     pub allowed: fn(&ImageDifference, f64) -> String,
     /// The measured value, in words.
-    pub found: fn(&ImageDifference) -> String,
+    pub measured: fn(&ImageDifference) -> String,
 }
 
 /// All metrics. An image passes if no value is above its limit.
@@ -33,10 +33,10 @@ pub const METRICS: [ImageMetric; 2] = [
     ImageMetric {
         name: "visible",
         doc: "largest perceived difference by FLIP",
-        limit: ALTERNATING,
+        limit: MAX_INVISIBLE_SIDE_BY_SIDE,
         value: |d| d.visible.worst,
         allowed: |_, limit| format!("visible difference at most {limit}"),
-        found: |d| {
+        measured: |d| {
             format!("visible difference {:.3} at worst, {:.4} in the mean", d.visible.worst, d.visible.mean)
         },
     },
@@ -48,12 +48,12 @@ pub const METRICS: [ImageMetric; 2] = [
         allowed: |d, limit| {
             format!("at most {} % of pixels more than {} steps off", limit * 100.0, d.pixels.tolerance)
         },
-        found: share_text,
+        measured: describe_share,
     },
 ];
 
 impl ImageDifference {
-    /// Measures two images. `tolerance`: steps of 255 that a channel may be off without being counted.
+    /// Measures the difference of two images. `tolerance`: difference of a channel, in steps of 255, up to which it is ignored.
     pub fn new(a: &Frame, b: &Frame, tolerance: u8) -> Result<ImageDifference, CompareError> {
         let size = [a.width, a.height];
         Ok(ImageDifference { pixels: compare(a, b, tolerance)?, visible: flip(a, b)?, size })
@@ -70,21 +70,21 @@ impl ImageDifference {
         METRICS.iter().zip(limits).map(one).collect::<Vec<_>>().join(", ")
     }
 
-    /// Describes the difference to an observer, then each metric.
+    /// The difference in words: as an observer would describe it, then by each metric.
     pub fn describe(&self) -> String {
-        let found: Vec<String> = METRICS.iter().map(|metric| (metric.found)(self)).collect();
-        format!("{}: {}", self.visible.description(), found.join("; "))
+        let measured: Vec<String> = METRICS.iter().map(|metric| (metric.measured)(self)).collect();
+        format!("{}: {}", self.visible.description(), measured.join("; "))
     }
 }
 
-fn share_text(d: &ImageDifference) -> String {
+fn describe_share(d: &ImageDifference) -> String {
     let c = &d.pixels;
     let pixels = f64::from(d.size[0]) * f64::from(d.size[1]);
     let beyond = libm::round(c.share_beyond * pixels);
     let part = match c.share_beyond {
         0.0 => "none",
-        s if s <= 0.0005 => "single ones",
-        s if s <= 0.01 => "a spot, or edges",
+        s if s <= 0.0005 => "single pixels",
+        s if s <= 0.01 => "a spot or edges",
         s if s <= 0.2 => "a part of the image",
         _ => "much of the image",
     };

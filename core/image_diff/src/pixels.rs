@@ -1,4 +1,4 @@
-//! Pixel differences of two frames: numbers, the worst pixel, an image of the difference, and what the numbers mean.
+//! Pixel differences of two frames: metrics, the worst pixel, an image of the difference, and a verdict in words.
 
 use choreo_plugin::Frame;
 use thiserror::Error;
@@ -19,7 +19,7 @@ pub struct Comparison {
     pub psnr: f64,
     /// Structural similarity (SSIM) of luma, 1 = equal: the mean over 8×8 windows at full size and at half.
     pub ssim: f64,
-    /// SSIM of the worst window: shows a small defect in a large image.
+    /// SSIM of the worst window, which reveals a small defect in a large image.
     pub worst_ssim: f64,
     /// Smallest box that contains all pixels beyond the tolerance: x, y, width, height.
     pub region: Option<[u32; 4]>,
@@ -33,8 +33,8 @@ pub enum CompareError {
     Length(u32, u32, usize, usize),
 }
 
-/// Fails unless both frames have one size, and buffers of width × height × 4 bytes.
-pub(crate) fn check(a: &Frame, b: &Frame) -> Result<(), CompareError> {
+/// Fails if the frames have different sizes, or a buffer does not have width × height × 4 bytes.
+pub(crate) fn check_sizes(a: &Frame, b: &Frame) -> Result<(), CompareError> {
     for f in [a, b] {
         let expected = f.width as usize * f.height as usize * 4;
         if f.rgba.len() != expected {
@@ -47,9 +47,9 @@ pub(crate) fn check(a: &Frame, b: &Frame) -> Result<(), CompareError> {
     Ok(())
 }
 
-/// Compares two frames. A pixel differs if a channel differs by more than `tolerance` steps.
+/// Compares two frames. A pixel counts as different if a channel differs by more than `tolerance` steps.
 pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, CompareError> {
-    check(a, b)?;
+    check_sizes(a, b)?;
     let (mut sum, mut squares, mut worst, mut worst_at) = (0u64, 0u64, 0u8, [0; 2]);
     let (mut beyond, mut low, mut high) = (0u64, [u32::MAX; 2], [0u32; 2]);
     for (i, (p, q)) in a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4)).enumerate() {
@@ -74,7 +74,7 @@ pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, Compar
     }
     let values = a.rgba.len().max(1) as f64;
     let mean_square = squares as f64 / values;
-    let (ssim, worst_ssim) = similarity(a, b);
+    let (ssim, worst_ssim) = structural_similarity(a, b);
     Ok(Comparison {
         mean: sum as f64 / values,
         worst,
@@ -89,18 +89,18 @@ pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, Compar
 }
 
 impl Comparison {
-    /// Describes the difference to a viewer of the two images.
+    /// The difference in words, as a viewer of the two images would describe it.
     pub(crate) fn verdict(&self) -> &'static str {
         match self {
             c if c.worst == 0 => "equal, bit for bit",
             c if c.worst <= 2 => "equal to the eye: rounding",
             c if c.worst <= 8 || c.worst_ssim > 0.98 => {
-                "hard to tell apart: slightly other shading or filtering"
+                "hard to distinguish: slightly different shading or filtering"
             }
             c if c.share_beyond < 0.002 && c.ssim > 0.99 => {
-                "the same but for single pixels: edges, or one small thing"
+                "equal except for single pixels: edges or a small detail"
             }
-            c if c.ssim > 0.95 => "alike, with a part that visibly differs",
+            c if c.ssim > 0.95 => "similar, with a part that visibly differs",
             _ => "different images",
         }
     }
@@ -129,22 +129,23 @@ impl std::fmt::Display for Comparison {
     }
 }
 
-/// The first frame in dim gray, with the difference over it: blue (1 or 2 steps), orange, red, white (64 and more).
+/// Image of the difference: the first frame in dim gray, and over it the differing pixels in blue (1 or 2 steps), orange (3 to
+/// 15), red (16 to 63) or white (64 and more).
 pub fn difference_image(a: &Frame, b: &Frame) -> Result<Frame, CompareError> {
     compare(a, b, 0)?;
     let mut out = a.clone();
     for ((out, p), q) in out.rgba.chunks_exact_mut(4).zip(a.rgba.chunks_exact(4)).zip(b.rgba.chunks_exact(4))
     {
         let d = p.iter().zip(q).map(|(x, y)| x.abs_diff(*y)).max().unwrap_or(0);
-        let grey = (luma(p) * 0.25) as u8;
-        let shown = match d {
-            0 => [grey; 3],
+        let gray = (luma(p) * 0.25) as u8;
+        let color = match d {
+            0 => [gray; 3],
             1..=2 => [0, 64, 255],
             3..=15 => [255, 96, 0],
             16..=63 => [255, 0, 0],
             _ => [255; 3],
         };
-        out[..3].copy_from_slice(&shown);
+        out[..3].copy_from_slice(&color);
         out[3] = 255;
     }
     Ok(out)
@@ -158,7 +159,7 @@ fn luma(p: &[u8]) -> f64 {
 
 /// Mean and worst SSIM (Wang et al., "Image Quality Assessment: From Error Visibility to Structural Similarity", 2004, eq. 13)
 /// over 8×8 windows every 4 pixels, at full size and at half: the mean of both scales, and the worst window of either.
-fn similarity(a: &Frame, b: &Frame) -> (f64, f64) {
+fn structural_similarity(a: &Frame, b: &Frame) -> (f64, f64) {
     let (mut w, mut h) = (a.width as usize, a.height as usize);
     let mut planes: [Vec<f64>; 2] = [a, b].map(|f| f.rgba.chunks_exact(4).map(luma).collect());
     let (mut total, mut worst, mut scales) = (0.0, 1.0f64, 0.0);
@@ -169,7 +170,7 @@ fn similarity(a: &Frame, b: &Frame) -> (f64, f64) {
         let (mut sum, mut count) = (0.0, 0.0);
         for y in (0..h.saturating_sub(7).max(1)).step_by(4) {
             for x in (0..w.saturating_sub(7).max(1)).step_by(4) {
-                let s = window(&planes, w, [x, y], [(x + 8).min(w), (y + 8).min(h)]);
+                let s = window_ssim(&planes, w, [x, y], [(x + 8).min(w), (y + 8).min(h)]);
                 sum += s;
                 count += 1.0;
                 worst = worst.min(s);
@@ -177,13 +178,13 @@ fn similarity(a: &Frame, b: &Frame) -> (f64, f64) {
         }
         total += sum / count;
         scales += 1.0;
-        planes = planes.map(|p| downsampled(&p, w, h));
+        planes = planes.map(|p| halve_plane(&p, w, h));
         (w, h) = (w / 2, h / 2);
     }
     if scales == 0.0 { (1.0, 1.0) } else { (total / scales, worst) }
 }
 
-fn window(planes: &[Vec<f64>; 2], width: usize, from: [usize; 2], to: [usize; 2]) -> f64 {
+fn window_ssim(planes: &[Vec<f64>; 2], width: usize, from: [usize; 2], to: [usize; 2]) -> f64 {
     let (mut sa, mut sb, mut saa, mut sbb, mut sab) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for y in from[1]..to[1] {
         for x in from[0]..to[0] {
@@ -204,7 +205,7 @@ fn window(planes: &[Vec<f64>; 2], width: usize, from: [usize; 2], to: [usize; 2]
     ((2.0 * ma * mb + C1) * (2.0 * cov + C2)) / ((ma * ma + mb * mb + C1) * (va + vb + C2))
 }
 
-fn downsampled(p: &[f64], w: usize, h: usize) -> Vec<f64> {
+fn halve_plane(p: &[f64], w: usize, h: usize) -> Vec<f64> {
     let at = |x: usize, y: usize| p[y * w + x];
     (0..h / 2)
         .flat_map(|y| (0..w / 2).map(move |x| (2 * x, 2 * y)))
@@ -217,7 +218,7 @@ mod tests {
     use super::*;
 
     /// An image with some structure.
-    fn picture() -> Frame {
+    fn test_image() -> Frame {
         let (width, height) = (64, 48);
         let rgba = (0..width * height)
             .flat_map(|i| {
@@ -229,16 +230,16 @@ mod tests {
     }
 
     #[test]
-    fn equal_frames_are_equal() {
-        let c = compare(&picture(), &picture(), 0).unwrap();
+    fn identical_frames_have_no_difference() {
+        let c = compare(&test_image(), &test_image(), 0).unwrap();
         assert_eq!((c.mean, c.worst, c.share_beyond, c.region), (0.0, 0, 0.0, None));
         assert_eq!((c.psnr, c.verdict()), (f64::INFINITY, "equal, bit for bit"));
         assert!((c.ssim - 1.0).abs() < 1e-12 && (c.worst_ssim - 1.0).abs() < 1e-12);
     }
 
     #[test]
-    fn one_planted_pixel_is_found_where_it_is() {
-        let (a, mut b) = (picture(), picture());
+    fn single_changed_pixel_is_located() {
+        let (a, mut b) = (test_image(), test_image());
         let at = (20 * 64 + 10) * 4;
         b.rgba[at + 1] ^= 0x80;
         let c = compare(&a, &b, 3).unwrap();
@@ -247,15 +248,15 @@ mod tests {
         assert!((c.mean - 128.0 / (64.0 * 48.0 * 4.0)).abs() < 1e-12);
         // 10·log10(255² / (128² / 12288))
         assert!((c.psnr - 46.8810).abs() < 1e-3, "{}", c.psnr);
-        assert_eq!(c.verdict(), "the same but for single pixels: edges, or one small thing");
+        assert_eq!(c.verdict(), "equal except for single pixels: edges or a small detail");
         let d = difference_image(&a, &b).unwrap();
         assert_eq!(d.rgba[at..at + 4], [255; 4]);
         assert_eq!(d.rgba.chunks_exact(4).filter(|p| p[..3] == [255; 3]).count(), 1);
     }
 
     #[test]
-    fn tolerance_and_words_follow_the_size_of_the_fault() {
-        let a = picture();
+    fn larger_faults_give_stronger_verdicts() {
+        let a = test_image();
         let changed = |f: &dyn Fn(usize, u8) -> u8| Frame {
             rgba: a.rgba.iter().enumerate().map(|(i, v)| if i % 4 == 3 { *v } else { f(i, *v) }).collect(),
             ..a.clone()
@@ -263,7 +264,7 @@ mod tests {
         let rounding = compare(&a, &changed(&|i, v| v ^ (i as u8 & 1)), 1).unwrap();
         assert_eq!((rounding.share_beyond, rounding.verdict()), (0.0, "equal to the eye: rounding"));
         let darker = compare(&a, &changed(&|_, v| v.saturating_sub(5)), 3).unwrap();
-        assert_eq!(darker.verdict(), "hard to tell apart: slightly other shading or filtering");
+        assert_eq!(darker.verdict(), "hard to distinguish: slightly different shading or filtering");
         // Color channels swapped in the right half.
         let mut part = a.clone();
         for (i, p) in part.rgba.chunks_exact_mut(4).enumerate() {
@@ -272,7 +273,7 @@ mod tests {
             }
         }
         let part = compare(&a, &part, 3).unwrap();
-        assert_eq!(part.verdict(), "alike, with a part that visibly differs", "{part}");
+        assert_eq!(part.verdict(), "similar, with a part that visibly differs", "{part}");
         assert_eq!(part.region, Some([56, 0, 8, 8]));
         let mut upside_down = a.clone();
         upside_down.rgba = a.rgba.chunks_exact(64 * 4).rev().flatten().copied().collect();
@@ -280,8 +281,8 @@ mod tests {
     }
 
     #[test]
-    fn sizes_and_lengths_are_checked() {
-        let a = picture();
+    fn different_sizes_and_wrong_buffer_lengths_are_errors() {
+        let a = test_image();
         let small = Frame { width: 1, height: 1, rgba: vec![0; 4] };
         let e = compare(&a, &small, 0).unwrap_err().to_string();
         assert_eq!(e, "the frames have different sizes: 64x48 and 1x1");

@@ -23,14 +23,17 @@ impl Files for Folder {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
-    let file = args.next().ok_or("which file?")?;
+    let file = args.next().ok_or("name a glTF file to draw")?;
     let rest: Vec<String> = args.collect();
     let option =
         |name: &str| rest.iter().position(|a| a == name).and_then(|i| rest.get(i + 1)).map(String::as_str);
     let number = |name: &str, default: f64| -> Result<f64, String> {
         option(name).map_or(Ok(default), |v| v.parse().map_err(|_| format!("{name}: {v} is not a number")))
     };
-    let (w, h) = option("--size").unwrap_or("1280x720").split_once('x').ok_or("--size WxH")?;
+    let (w, h) = option("--size")
+        .unwrap_or("1280x720")
+        .split_once('x')
+        .ok_or("--size must be WIDTHxHEIGHT, such as 1280x720")?;
     let size = [w.parse()?, h.parse()?];
     let (samples, grid) = (number("--samples", 4.0)? as u32, number("--grid", 1.0)? as u32);
     let (frames, at) = (number("--frames", 30.0)? as u32, number("--at", 0.5)?);
@@ -43,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let clip = option("--clip").and_then(|name| asset.clips.iter().find(|c| c.name == name));
     if let (Some(name), None) = (option("--clip"), clip) {
         let names: Vec<&str> = asset.clips.iter().map(|c| c.name.as_str()).collect();
-        return Err(format!("no clip {name}; there are {names:?}").into());
+        return Err(format!("the file has no clip {name}; its clips are {names:?}").into());
     }
     let mut stage = Stage::default();
     stage.settings.size = size;
@@ -58,7 +61,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if option("--file-camera").is_some() {
         let camera = number("--file-camera", 0.0)? as u32;
         let mut c = Camera::new("file", Rig::File { actor: 0, camera });
-        c.projection = asset.cameras.get(camera as usize).ok_or("no such camera")?.projection;
+        c.projection =
+            asset.cameras.get(camera as usize).ok_or("the file has no camera with this number")?.projection;
         stage.shoot(c);
     } else if option("--azimuth").is_some() {
         let (azimuth, elevation) = (number("--azimuth", 0.0)?, number("--elevation", 0.0)?);

@@ -1,4 +1,4 @@
-//! Affine transforms as shaders read them.
+//! Affine transforms in the layout that shaders read.
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, DVec4, Vec3, Vec4};
 
@@ -8,7 +8,7 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, DVec4, Vec3, Vec4};
 pub struct Affine3x4(pub [Vec4; 3]);
 
 impl Affine3x4 {
-    /// Rounds each element once, from f64 to f32.
+    /// Converts a transform. Each element is rounded once, from f64 to f32.
     pub fn from_affine(a: DAffine3) -> Affine3x4 {
         let m = a.matrix3;
         let row = |i: usize| DVec4::new(m.x_axis[i], m.y_axis[i], m.z_axis[i], a.translation[i]).as_vec4();
@@ -29,15 +29,15 @@ impl Affine3x4 {
         Vec3::new(self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v))
     }
 
-    /// Applies `stretch`, which leaves the origin in place, before this transform.
-    pub(crate) fn times(&self, stretch: &Affine3x4) -> Affine3x4 {
+    /// The transform that applies `stretch`, which has no translation, before this transform.
+    pub(crate) fn compose_linear(&self, stretch: &Affine3x4) -> Affine3x4 {
         let [a, b, c] = stretch.0;
         let row = |r: Vec4| (a * r.x + b * r.y + c * r.z).truncate().extend(r.w);
         Affine3x4(self.0.map(row))
     }
 
-    /// Applies `outer` after this transform.
-    pub(crate) fn after(&self, outer: &Affine3x4) -> Affine3x4 {
+    /// The transform that applies this transform, then `outer`.
+    pub(crate) fn followed_by(&self, outer: &Affine3x4) -> Affine3x4 {
         let [a, b, c] = self.0;
         Affine3x4(outer.0.map(|r| a * r.x + b * r.y + c * r.z + Vec4::new(0.0, 0.0, 0.0, r.w)))
     }

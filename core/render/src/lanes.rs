@@ -1,14 +1,15 @@
-//! Four pixels at once: a 2×2 quad as arrays of four. The compiler turns these loops into vector instructions. Every operation is
-//! one IEEE operation per lane, so the results do not depend on the instruction set.
+//! Arithmetic on the four pixels of a 2×2 quad, as arrays of four numbers. The compiler turns it into vector instructions. Every
+//! operation is one IEEE operation per lane, so the results do not depend on the instruction set.
 
 use glam::{Vec2, Vec3};
 use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub};
 
+/// Four f32 values, one for each lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(16))]
 pub(crate) struct F4(pub [f32; 4]);
 
-macro_rules! lanewise {
+macro_rules! impl_lanewise_operator {
     ($trait:ident, $f:ident, $op:tt) => {
         impl $trait for F4 {
             type Output = F4;
@@ -28,10 +29,10 @@ macro_rules! lanewise {
         }
     };
 }
-lanewise!(Add, add, +);
-lanewise!(Sub, sub, -);
-lanewise!(Mul, mul, *);
-lanewise!(Div, div, /);
+impl_lanewise_operator!(Add, add, +);
+impl_lanewise_operator!(Sub, sub, -);
+impl_lanewise_operator!(Mul, mul, *);
+impl_lanewise_operator!(Div, div, /);
 use std::ops::Div;
 
 impl AddAssign for F4 {
@@ -67,7 +68,7 @@ impl F4 {
         let a = self.0;
         F4([f(a[0]), f(a[1]), f(a[2]), f(a[3])])
     }
-    /// `self < o ? self : o`, one instruction. Gives `o` if either is NaN.
+    /// `self < o ? self : o`, one instruction. Returns `o` if either is NaN.
     #[inline(always)]
     pub fn min(self, o: F4) -> F4 {
         let (a, b) = (self.0, o.0);
@@ -92,13 +93,13 @@ impl F4 {
     }
 }
 
-/// Mask of lanes.
+/// Mask with one flag for each lane.
 pub(crate) type Mask = [bool; 4];
 
-pub(crate) const ALL: Mask = [true; 4];
-pub(crate) const NONE: Mask = [false; 4];
+pub(crate) const ALL_LANES: Mask = [true; 4];
+pub(crate) const NO_LANES: Mask = [false; 4];
 
-/// `yes` where the mask is set, `no` elsewhere.
+/// Lanes of `yes` where the mask is set, of `no` elsewhere.
 #[inline(always)]
 pub(crate) fn select(mask: Mask, yes: F4, no: F4) -> F4 {
     F4(std::array::from_fn(|i| if mask[i] { yes.0[i] } else { no.0[i] }))
@@ -161,7 +162,7 @@ impl V3 {
     pub fn cross(self, o: V3) -> V3 {
         V3 { x: self.y * o.z - self.z * o.y, y: self.z * o.x - self.x * o.z, z: self.x * o.y - self.y * o.x }
     }
-    /// A zero vector (a degenerate normal) stays zero instead of turning into NaN.
+    /// Unit vector of the same direction. A zero vector (a degenerate normal) stays zero instead of turning into NaN.
     #[inline(always)]
     pub fn unit(self) -> V3 {
         self * (F4::ONE / self.dot(self).max(F4::splat(1e-20)).sqrt())
@@ -179,22 +180,26 @@ impl V3 {
 /// Perspective-correct barycentric weights of the four pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Weights {
-    pub of: [F4; 3],
-    /// Pixels in which the triangle is visible. The others only serve for differences between neighbors.
-    pub seen: Mask,
+    pub values: [F4; 3],
+    /// Pixels in which the triangle is visible. The other pixels are only shaded for the differences between neighbors.
+    pub visible: Mask,
 }
 
 impl Weights {
     #[inline(always)]
-    pub fn scalar(&self, a: f32, b: f32, c: f32) -> F4 {
-        self.of[0] * a + self.of[1] * b + self.of[2] * c
+    pub fn interpolate_scalar(&self, a: f32, b: f32, c: f32) -> F4 {
+        self.values[0] * a + self.values[1] * b + self.values[2] * c
     }
     #[inline(always)]
-    pub fn vec2(&self, [a, b, c]: [Vec2; 3]) -> [F4; 2] {
-        [self.scalar(a.x, b.x, c.x), self.scalar(a.y, b.y, c.y)]
+    pub fn interpolate_vec2(&self, [a, b, c]: [Vec2; 3]) -> [F4; 2] {
+        [self.interpolate_scalar(a.x, b.x, c.x), self.interpolate_scalar(a.y, b.y, c.y)]
     }
     #[inline(always)]
-    pub fn vec3(&self, [a, b, c]: [Vec3; 3]) -> V3 {
-        V3 { x: self.scalar(a.x, b.x, c.x), y: self.scalar(a.y, b.y, c.y), z: self.scalar(a.z, b.z, c.z) }
+    pub fn interpolate_vec3(&self, [a, b, c]: [Vec3; 3]) -> V3 {
+        V3 {
+            x: self.interpolate_scalar(a.x, b.x, c.x),
+            y: self.interpolate_scalar(a.y, b.y, c.y),
+            z: self.interpolate_scalar(a.z, b.z, c.z),
+        }
     }
 }

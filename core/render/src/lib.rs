@@ -1,4 +1,4 @@
-//! Renders one frame of a stage: `Plan` (the needs of the frame, and the parts left out) → commands → pixels.
+//! Renders one frame of a stage: `Plan` (what the frame needs, and what is left out) → commands → pixels.
 //!
 //! Two renderers draw the same plan: [`vulkan`], the only module that uses ash, and [`cpu`], the reference for every shader.
 //! Modules import in one direction: [`view`] ← [`scene_resources`] ← [`sky`], [`layers_2d`], `dither` ← [`plan`] ← [`shader`] ←

@@ -1,4 +1,4 @@
-//! The interface of both renderers, Vulkan and CPU: plans are submitted, frames are collected, with several in flight.
+//! Interface of both renderers, Vulkan and CPU: plans are submitted and frames are collected, with several frames in flight.
 
 use crate::error::RenderError;
 use crate::plan::Plan;
@@ -12,28 +12,28 @@ pub trait Renderer: Send {
     /// Number of frames that may be submitted before one is collected.
     fn frames_in_flight(&self) -> usize;
 
-    /// Makes meshes, materials and textures available. Those with content equal to already loaded ones are kept.
+    /// Loads meshes, materials and textures. Objects whose content equals an already loaded object are reused.
     fn load(&mut self, resources: Arc<SceneResources>) -> Result<(), RenderError>;
 
     /// Starts drawing. Fails if `frames_in_flight` frames are submitted and not yet collected.
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError>;
 
-    /// Waits for the oldest submitted frame. Reuses the buffer of `reuse`.
+    /// Waits for the oldest submitted frame and returns it. Its pixels are written into the buffer of `reuse`.
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError>;
 
-    /// Waits for the oldest submitted frame, whose plan requests floats.
+    /// Waits for the oldest submitted frame, whose plan must request floats, and returns it.
     fn collect_floats(&mut self) -> Result<FloatFrame, RenderError>;
 
-    /// Replaces the effects that plans may name. All other objects of the renderer stay.
+    /// Replaces the effects that plans may name. All other objects of the renderer are kept.
     fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError>;
 
-    /// Reads the shader folder again. After an error the last good shaders stay in use. Does nothing without a folder.
+    /// Reads the shader folder again. After an error, the last valid shaders stay in use. Does nothing without a shader folder.
     fn reload_shaders(&mut self) -> Result<(), RenderError> {
         Ok(())
     }
 
-    /// Numbers of objects created so far.
-    fn created(&self) -> CreatedCounts {
+    /// Numbers of device objects created so far.
+    fn created_counts(&self) -> CreatedCounts {
         CreatedCounts::default()
     }
 
@@ -42,7 +42,7 @@ pub trait Renderer: Send {
         DeviceUsage::default()
     }
 
-    /// Problems that were recovered from since the last call, as messages for the user.
+    /// Messages for the user about problems since the last call from which the renderer has recovered.
     fn take_notes(&mut self) -> Vec<String> {
         Vec::new()
     }
@@ -57,10 +57,10 @@ pub struct CreatedCounts {
     pub pipelines: u64,
 }
 
-/// Memory and objects that a renderer uses on its device. Reloading a scene must not make it grow.
+/// Memory and objects that a renderer uses on its device. They must not grow when a scene is reloaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceUsage {
-    /// Buffers and images.
+    /// Number of buffers and images.
     pub memory_objects: usize,
     /// Allocated blocks of device memory, shared by buffers and images.
     pub memory_blocks: usize,

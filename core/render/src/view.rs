@@ -45,10 +45,10 @@ impl View {
 
     /// Pixels that a metre covers at a depth; infinite at the camera and behind it.
     pub(crate) fn pixels_per_meter(&self, depth: f32, size: [u32; 2]) -> f32 {
-        let tall = self.clip_from_view.y_axis.y.abs() * 0.5 * size[1] as f32;
+        let pixels_per_unit = self.clip_from_view.y_axis.y.abs() * 0.5 * size[1] as f32;
         match self.eye.w == 0.0 {
-            true => tall,
-            false if depth > 0.0 => tall / depth,
+            true => pixels_per_unit,
+            false if depth > 0.0 => pixels_per_unit / depth,
             false => f32::INFINITY,
         }
     }
@@ -86,23 +86,23 @@ fn clip_from_view(projection: Projection, aspect: f64) -> DMat4 {
 }
 
 /// Camera-relative position of a world position: subtracted in f64, then rounded once.
-pub fn relative(world: DVec3, view: &View) -> Vec3 {
+pub fn camera_relative(world: DVec3, view: &View) -> Vec3 {
     (world - view.position).as_vec3()
 }
 
 /// Ray basis (right, down, ahead): a pixel's ray has the direction x · right + y · down + ahead, with x and y from −1 to 1. In
 /// orthographic views only ahead is not zero.
-pub(crate) fn rays(view: &View) -> [Vec3; 3] {
+pub(crate) fn ray_basis(view: &View) -> [Vec3; 3] {
     let relative_from_view = view.view_from_relative.transpose();
-    let turn = |v: Vec3| (relative_from_view * v.extend(0.0)).truncate();
+    let to_relative = |v: Vec3| (relative_from_view * v.extend(0.0)).truncate();
     let m = view.clip_from_view;
     match view.eye.w > 0.5 {
         true => {
             // The center of a tile lies off the view axis.
-            let ahead = Vec3::new(m.z_axis.x / m.x_axis.x, m.z_axis.y / m.y_axis.y, -1.0);
-            [turn(Vec3::X / m.x_axis.x), turn(Vec3::Y / m.y_axis.y), turn(ahead)]
+            let forward = Vec3::new(m.z_axis.x / m.x_axis.x, m.z_axis.y / m.y_axis.y, -1.0);
+            [to_relative(Vec3::X / m.x_axis.x), to_relative(Vec3::Y / m.y_axis.y), to_relative(forward)]
         }
-        false => [Vec3::ZERO, Vec3::ZERO, turn(Vec3::NEG_Z)],
+        false => [Vec3::ZERO, Vec3::ZERO, to_relative(Vec3::NEG_Z)],
     }
 }
 
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_is_one_near_and_zero_far() {
+    fn depth_is_one_at_the_near_plane_and_zero_at_the_far_plane() {
         for far in [None, Some(20.0)] {
             let v = View::new(&camera(Projection::Perspective { yfov: 1.0, near: 0.5, far }), [200, 100]);
             let near = v.clip_from_relative * Vec4::new(0.0, 0.0, -0.5, 1.0);
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_field_of_view_ends_at_the_image_border() {
+    fn field_of_view_ends_at_the_image_border() {
         let yfov = 0.9f32;
         let mut c = camera(Projection::Perspective { yfov, near: 0.1, far: None });
         // The camera looks along +X.
@@ -142,8 +142,8 @@ mod tests {
         );
         let v = View::new(&c, [300, 200]);
         let up = libm::tanf(yfov / 2.0) * 7.0;
-        let p =
-            v.clip_from_relative * relative(DVec3::new(5e6 + 7.0, 1.0 + f64::from(up), 2.0), &v).extend(1.0);
+        let p = v.clip_from_relative
+            * camera_relative(DVec3::new(5e6 + 7.0, 1.0 + f64::from(up), 2.0), &v).extend(1.0);
         assert!((p.y / p.w + 1.0).abs() < 1e-5, "top of the image, y down: {}", p.y / p.w);
         let right = v.clip_from_relative * Vec3::new(7.0, 0.0, up * 1.5).extend(1.0);
         assert!((right.x / right.w - 1.0).abs() < 1e-5, "+Z is to the right of +X: {}", right.x / right.w);

@@ -256,7 +256,7 @@ impl RenderState {
         let (mut work, mut device_usage) = (CreatedCounts::default(), DeviceUsage::default());
         if let Ok(renderer) = &mut self.renderer {
             notes.extend(renderer.take_notes());
-            (work, device_usage) = (renderer.created(), renderer.usage());
+            (work, device_usage) = (renderer.created_counts(), renderer.usage());
         }
         let FrameRequest { ticket, view, .. } = *request;
         FrameReply { ticket, view, result, work, device_usage, notes }

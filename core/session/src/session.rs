@@ -218,7 +218,7 @@ impl Session {
         let stage = Arc::new(stage);
         let nothing = SceneResources::default();
         let before = self.last_scene.as_ref().map_or(&nothing, |scene| &scene.resources);
-        let resources = Arc::new(SceneResources::after(before, &stage));
+        let resources = Arc::new(SceneResources::new_reusing(before, &stage));
         let mut evaluator = Evaluator::new(stage.clone());
         // An error at time 0 makes the version faulty; an error at a later time is reported when that frame is shown.
         let zero = choreo_motion::Time::ZERO;

@@ -6,7 +6,7 @@ use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_render::plan::View;
-use choreo_render::view::relative;
+use choreo_render::view::camera_relative;
 use choreo_stage::CameraState;
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 
@@ -171,7 +171,7 @@ impl Shot {
             0 => on_image64(&self.points, &[(world, [0.0; 3])], &clip_rows(&self.clip_from_world)),
             1 => {
                 // Same computation as in the planner and the vertex shader.
-                let offset = relative(self.world_from_model.translation, &self.view).as_dvec3();
+                let offset = camera_relative(self.world_from_model.translation, &self.view).as_dvec3();
                 let moved = DAffine3 { translation: offset, ..self.world_from_model };
                 let steps = [(rows_to_f32(affine_rows(&moved)), [0.0; 3])];
                 on_image32(&self.points32, &steps, &rows_to_f32(relative_clip))

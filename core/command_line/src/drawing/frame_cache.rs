@@ -131,7 +131,9 @@ impl Renderer for CachingRenderer {
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         let mut shared = self.shared();
         let Some((key, drawn)) = shared.queue.pop_front() else {
-            return Err(RenderError::Usage("every submitted frame has been collected".into()));
+            return Err(RenderError::Usage(
+                "no frame is submitted: submit a plan before you collect a frame".into(),
+            ));
         };
         if drawn {
             let frame = shared.renderer.collect(reuse)?;
@@ -164,8 +166,8 @@ impl Renderer for CachingRenderer {
         shared.renderer.reload_shaders()
     }
 
-    fn created(&self) -> CreatedCounts {
-        self.shared().renderer.created()
+    fn created_counts(&self) -> CreatedCounts {
+        self.shared().renderer.created_counts()
     }
 
     fn take_notes(&mut self) -> Vec<String> {

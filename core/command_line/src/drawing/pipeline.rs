@@ -255,7 +255,7 @@ impl Finished {
                 (frame.width, frame.height) = (scene.width, scene.height);
                 frame.rgba.clear();
                 frame.rgba.extend_from_slice(&scene.rgba);
-                layers.over(&mut frame);
+                layers.blend_over(&mut frame);
                 Pixels::Bytes(frame)
             }
         };
@@ -342,7 +342,7 @@ fn encode_pictures(
 /// Turns an error of the renderer into a failure. Where the device ran out of memory, was lost or timed out, a hint names what to lower.
 pub(crate) fn render_failure(error: RenderError) -> Failure {
     let cause = match &error {
-        RenderError::Twice { second, .. } => second,
+        RenderError::FailedTwice { second, .. } => second,
         error => error,
     };
     let hint = match cause {
@@ -369,10 +369,10 @@ mod tests {
         let full = || Box::new(RenderError::OutOfMemory { object: "memory of depth".into() });
         let text = |error| render_failure(error).lines().concat();
         assert_eq!(
-            text(RenderError::Twice { first: lost(), second: full() }),
-            "Vulkan: memory of depth: out of memory; tried twice, before that: Vulkan: frame 7: the device was lost; the \
-             kernel log may name the reason\n    hint: smaller images (--size), one sample (--samples 1) or \
-             smaller textures need less memory; --device cpu uses the machine's own"
+            text(RenderError::FailedTwice { first: lost(), second: full() }),
+            "Vulkan: memory of depth: out of memory; this was the second attempt, the first failed with: \
+             Vulkan: frame 7: the device was lost; the kernel log may name the reason\n    hint: smaller images \
+             (--size), one sample (--samples 1) or smaller textures need less memory; --device cpu uses the machine's own"
         );
         let timed_out = RenderError::TimedOut { object: "frame 7".into(), secs: 300 };
         assert!(

@@ -2,8 +2,8 @@
 
 use crate::commands::deferred::gbuffer_key;
 use crate::commands::scene::ScenePass;
-use crate::commands::texture_limit::fitting;
-use crate::commands::{Command, Cull, Recorder, UNIFORM_JOINTS, cull_of, texture_slots};
+use crate::commands::texture_limit::fit_texture_limit;
+use crate::commands::{Command, Cull, MAX_UNIFORM_JOINTS, Recorder, cull_of, texture_slots};
 use crate::plan::{Draw, Features, PipelineKey, Plan};
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::{DeferredPass, InputTargets, LightLoop, PeelPass, SceneVariant};
@@ -26,9 +26,9 @@ pub(super) fn record_peeled_layers(
     let peel = if samples > 1 { PeelPass::Several } else { PeelPass::One };
     for layer in 0..layers {
         pass(Command::BeginPeel { layer, samples, area }, peel);
-        pass(Command::BeginLayer { layer, rest: false, target, samples, area }, PeelPass::No);
+        pass(Command::BeginLayer { layer, nearer: false, target, samples, area }, PeelPass::No);
     }
-    pass(Command::BeginLayer { layer: layers - 1, rest: true, target, samples, area }, PeelPass::No);
+    pass(Command::BeginLayer { layer: layers - 1, nearer: true, target, samples, area }, PeelPass::No);
     commands.push(Command::EndPass);
 }
 
@@ -62,7 +62,7 @@ impl<'a> DrawRecorder<'a> {
     }
 
     /// Forgets the bound state. A pass begins with nothing bound.
-    pub(crate) fn forget_state(&mut self) {
+    pub(crate) fn forget_bound_state(&mut self) {
         self.bound = BoundState::default();
     }
 
@@ -82,25 +82,28 @@ impl<'a> DrawRecorder<'a> {
 
     /// Records a draw without the faces that `cull` names, and without the back faces of watertight surfaces.
     pub fn draw(&mut self, draw: &Draw, cull: Cull) {
-        let all = 3 * (self.recorder.triangles)(draw.primitive) as u32;
-        let watertight = draw.watertight.min(all);
-        let parts = match cull {
+        let index_count = 3 * (self.recorder.triangles)(draw.primitive) as u32;
+        let watertight = draw.watertight.min(index_count);
+        let ranges = match cull {
             _ if watertight == 0 => [(cull, None), (cull, Some([0, 0]))],
-            Cull::None => {
-                [(Cull::Back, Some([0, watertight])), (Cull::None, Some([watertight, all - watertight]))]
-            }
+            Cull::None => [
+                (Cull::Back, Some([0, watertight])),
+                (Cull::None, Some([watertight, index_count - watertight])),
+            ],
             Cull::Back => [(Cull::Back, None), (cull, Some([0, 0]))],
-            Cull::Front => [(Cull::Front, Some([watertight, all - watertight])), (cull, Some([0, 0]))],
+            Cull::Front => {
+                [(Cull::Front, Some([watertight, index_count - watertight])), (cull, Some([0, 0]))]
+            }
         };
-        for (cull, indices) in parts {
+        for (cull, indices) in ranges {
             if indices.is_none_or(|[_, count]| count > 0) {
-                self.draw_part(draw, cull, indices.filter(|i| *i != [0, all]));
+                self.draw_indices(draw, cull, indices.filter(|i| *i != [0, index_count]));
             }
         }
     }
 
-    fn draw_part(&mut self, draw: &Draw, cull: Cull, indices: Option<[u32; 2]>) {
-        let variant = self.variant(draw);
+    fn draw_indices(&mut self, draw: &Draw, cull: Cull, indices: Option<[u32; 2]>) {
+        let variant = self.scene_variant(draw);
         let features = variant.key.features;
         if self.bound.pipeline != Some(variant) {
             self.commands.push(Command::BindPipeline(variant));
@@ -108,8 +111,8 @@ impl<'a> DrawRecorder<'a> {
         }
         self.set_cull(cull);
         let slots = texture_slots(features);
-        let depth_alone = self.shadow_pass || self.inputs != InputTargets::No;
-        let reads_material = !depth_alone || features.has(Features::ALPHA_MASK);
+        let depth_only = self.shadow_pass || self.inputs != InputTargets::No;
+        let reads_material = !depth_only || features.has(Features::ALPHA_MASK);
         let Draw { material, material_override, .. } = *draw;
         if reads_material && self.bound.material != Some((material, material_override, slots)) {
             self.commands.push(Command::BindMaterial { material, material_override, slots });
@@ -126,10 +129,10 @@ impl<'a> DrawRecorder<'a> {
         self.commands.push(Command::Draw { first_instance, instance_count, indices });
     }
 
-    fn variant(&self, draw: &Draw) -> SceneVariant {
+    fn scene_variant(&self, draw: &Draw) -> SceneVariant {
         let Recorder { plan, options, .. } = self.recorder;
         let mut key = if self.gbuffer { gbuffer_key(draw.pipeline) } else { draw.pipeline };
-        key.features = fitting(key.features, options.textures).0;
+        key.features = fit_texture_limit(key.features, options.textures).0;
         key.coverage &= !options.no_coverage;
         key.peeled &= !options.no_depth_peeling;
         let first = draw.first_instance as usize;
@@ -139,7 +142,8 @@ impl<'a> DrawRecorder<'a> {
             key,
             // The inputs of effects store indices in `Instance::tint`, not a color.
             tint: self.inputs == InputTargets::No && drawn.iter().any(|i| i.tint != Vec4::ONE),
-            joints_uniform: key.features.has(Features::SKIN) && plan.joint_matrices.len() <= UNIFORM_JOINTS,
+            joints_uniform: key.features.has(Features::SKIN)
+                && plan.joint_matrices.len() <= MAX_UNIFORM_JOINTS,
             lights: match key.features.is_lit() && !self.gbuffer {
                 true => light_loop(plan, &key),
                 false => LightLoop::All,

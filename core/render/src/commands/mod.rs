@@ -20,14 +20,14 @@ use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::SceneVariant;
 use glam::Vec4;
 
-pub(crate) use crate::commands::texture_limit::textures_beyond;
+pub(crate) use crate::commands::texture_limit::textures_beyond_limit;
 
 /// Number of joint matrices that fit the smallest uniform buffer range of lavapipe and of most GPUs (65 536 bytes of 48 each).
-pub(crate) const UNIFORM_JOINTS: usize = 1365;
+pub(crate) const MAX_UNIFORM_JOINTS: usize = 1365;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
-    /// Uploads the frame's data. The fields are numbers of elements.
+    /// Uploads the frame's data. The fields are the numbers of elements.
     UploadFrameData {
         instances: usize,
         joints: usize,
@@ -44,29 +44,30 @@ pub enum Command {
     },
     /// Ends pre-skinning; later commands read the vertices.
     EndPreskin,
-    /// Begins the depth-only pass of all shadow maps. `image`: size of the shared image; `size`: the part of it that is used;
-    /// `clear`: no map of the frame before is kept, so the pass clears the part.
+    /// Begins the depth-only pass of all shadow maps. `image`: size of the image that the maps share; `size`: the part that is
+    /// used; `clear`: the pass clears this part, because no map of the previous frame is kept.
     BeginShadows {
         image: [u32; 2],
         size: [u32; 2],
         clear: bool,
     },
-    /// Directs the next draws into one map (of `ShadowMaps::views`). `clear`: other maps are kept, so this one is cleared by
-    /// itself.
-    ShadowView {
+    /// Selects the map (an element of `ShadowMaps::views`) that the next draws are drawn into. `clear`: clears this map, because
+    /// other maps of the image are kept.
+    SetShadowView {
         index: usize,
         at: [u32; 2],
         size: [u32; 2],
         clear: bool,
     },
-    /// Keeps all shadow maps of the frame before.
+    /// Keeps all shadow maps of the previous frame: none is drawn.
     KeepShadows {
         image: [u32; 2],
     },
-    /// Copies the gradient or color, computed on the host, into the image before a pass that loads it or draws into a part.
+    /// Copies the background, a gradient or color computed on the host, into the image. The next pass loads it, or draws only into
+    /// a part of the image.
     CopyBackground,
     /// Begins the G-buffer pass of the whole image.
-    BeginGeometry,
+    BeginGBuffer,
     /// Begins the pass of the inputs of effects, with motion vectors or without.
     BeginInputs {
         motion: bool,
@@ -90,16 +91,16 @@ pub enum Command {
         from: Target,
         levels: u32,
     },
-    /// Begins the depth pass of a peeled layer. Reads the depth of the layer before, or the scene's.
+    /// Begins the pass that finds the depth of a peeled layer. It reads the depth of the previous layer, or of the opaque scene.
     BeginPeel {
         layer: u32,
         samples: u32,
         area: Option<[u32; 4]>,
     },
-    /// Blends the surfaces at a layer's depth, or (`rest`) the nearer ones.
+    /// Begins the pass that blends the surfaces at a layer's depth, or (`nearer`) all surfaces in front of the layer.
     BeginLayer {
         layer: u32,
-        rest: bool,
+        nearer: bool,
         target: Target,
         samples: u32,
         area: Option<[u32; 4]>,
@@ -127,10 +128,11 @@ pub enum Command {
         indices: Option<[u32; 2]>,
     },
     /// Lights the G-buffer within left, top, width and height; `None`: everywhere.
-    DrawLight {
+    DrawDeferredLighting {
         area: Option<[u32; 4]>,
     },
-    /// Draws the gradient, or a color that effects change, where nothing was drawn. `surface`: bits of `Recording::scene_effects`.
+    /// Draws the background (a gradient, or a color that effects change) where no surface was drawn. `surface`: effects, as bits of
+    /// `Recording::scene_effects`.
     DrawBackground {
         surface: u8,
     },
@@ -142,7 +144,7 @@ pub enum Command {
     },
     /// Draws the 2D layers behind the scene.
     DrawLayersBehind,
-    /// Draws an effect's overlay (of `PlanOverlay::parts`).
+    /// Draws the overlay of an effect: one of `PlanOverlay::parts`.
     DrawOverlay {
         effect: String,
         over: bool,
@@ -154,7 +156,7 @@ pub enum Command {
     PostPass {
         index: usize,
         effect: String,
-        /// Index of the pass among those of its effect.
+        /// Index of the pass among the passes of its effect.
         number: u32,
         from: Target,
         /// Input of the effect's first pass.
@@ -193,16 +195,16 @@ pub enum Cull {
     Front,
 }
 
-/// Features that a device lacks, and facts that decide which way of drawing is faster on it.
+/// Features that the device lacks, and properties that decide how drawing is fastest on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecordOptions {
-    /// Whether the Vulkan driver runs on the CPU: there a full-screen draw costs more than all the rest of a small scene, and a
-    /// copy of rows hardly anything; and shading hidden back faces of double-sided materials costs more than a second draw behind
-    /// the front faces.
+    /// Whether the Vulkan driver runs on the CPU. A full-screen draw then takes longer than everything else in a small scene, while
+    /// copying rows takes almost no time. Shading hidden back faces of double-sided materials takes longer than drawing them
+    /// separately, after the front faces.
     pub cpu_device: bool,
     /// Largest number of textures that a material's shader may bind; `None`: unlimited.
     pub textures: Option<u32>,
-    /// Whether the device lacks alpha to one, so that cut-outs lose whole pixels.
+    /// Whether the device lacks the feature alphaToOne, so that the alpha test of cut-outs removes pixels instead of samples.
     pub no_coverage: bool,
     /// Whether the device lacks sample-rate shading, so that transparent surfaces are sorted.
     pub no_depth_peeling: bool,
@@ -210,7 +212,7 @@ pub struct RecordOptions {
     pub no_deferred: bool,
     /// Whether the device's queue cannot compute, or a buffer would be too large, so that every pass skins vertices.
     pub no_compute: bool,
-    /// Shadow maps of the frame before that can be kept unchanged: one bit for each of `ShadowMaps::views`.
+    /// Shadow maps of the previous frame that can be kept unchanged: one bit for each of `ShadowMaps::views`.
     pub kept_maps: u32,
 }
 
@@ -250,7 +252,7 @@ pub struct Recording {
 
 /// Buffers and images that the pipelines of a frame read; see [`Recording::reads`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Reads {
+pub struct ResourceReads {
     pub lights: bool,
     pub joints: bool,
     pub morphs: bool,
@@ -265,7 +267,7 @@ pub struct Reads {
 
 /// Numbers of commands in a recording, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct CommandCounts {
     pub passes: usize,
     pub pipeline_binds: usize,
     pub distinct_pipelines: usize,
@@ -281,7 +283,7 @@ pub struct Counts {
 /// Records a plan's commands. `triangles` gives the number of triangles of a primitive.
 pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> usize) -> Recording {
     let recorder = Recorder { plan, options, triangles: &triangles };
-    let mut commands = vec![upload(plan)];
+    let mut commands = vec![upload_command(plan)];
     inputs::record_inputs(recorder, &mut commands);
     if plan.inputs_only {
         commands.push(Command::ReadBackInputs);
@@ -291,7 +293,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
             preskinned: Vec::new(),
             commands,
         };
-        return preskin::preskin(recorder, recording);
+        return preskin::add_preskinning(recorder, recording);
     }
     record_shadow_maps(recorder, &mut commands);
     let scene = match plan.post.is_empty() && !plan.linear {
@@ -303,7 +305,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     commands.push(if plan.linear { Command::ReadBackLinear } else { Command::ReadBack });
     let recording =
         Recording { size: plan.size, scene_effects: scene_effects(plan), preskinned: Vec::new(), commands };
-    preskin::preskin(recorder, recording)
+    preskin::add_preskinning(recorder, recording)
 }
 
 fn scene_effects(plan: &Plan) -> Vec<EffectOnSurfaces> {
@@ -313,7 +315,7 @@ fn scene_effects(plan: &Plan) -> Vec<EffectOnSurfaces> {
         .collect()
 }
 
-/// Inputs of all parts of a recording.
+/// Inputs of the functions that record commands.
 #[derive(Clone, Copy)]
 struct Recorder<'a> {
     plan: &'a Plan,
@@ -321,13 +323,13 @@ struct Recorder<'a> {
     triangles: &'a dyn Fn(u32) -> usize,
 }
 
-fn upload(plan: &Plan) -> Command {
-    let any = |f: Features| plan.all_draws().any(|d| d.pipeline.features.has(f));
+fn upload_command(plan: &Plan) -> Command {
+    let any_draw_has = |f: Features| plan.all_draws().any(|d| d.pipeline.features.has(f));
     let lit = plan.draws.iter().any(|d| d.pipeline.features.is_lit());
     Command::UploadFrameData {
         instances: if plan.all_draws().next().is_none() { 0 } else { plan.instances.len() },
-        joints: if any(Features::SKIN) { plan.joint_matrices.len() } else { 0 },
-        morphs: if any(Features::MORPH) { plan.morphs.len() } else { 0 },
+        joints: if any_draw_has(Features::SKIN) { plan.joint_matrices.len() } else { 0 },
+        morphs: if any_draw_has(Features::MORPH) { plan.morphs.len() } else { 0 },
         lights: if lit { plan.lights.len() } else { 0 },
     }
 }
@@ -344,7 +346,12 @@ fn record_shadow_maps(recorder: Recorder, commands: &mut Vec<Command>) {
     let mut draws = DrawRecorder::new(recorder, commands);
     draws.shadow_pass = true;
     for (index, view) in shadow_maps.views.iter().enumerate().filter(|(index, _)| !is_kept(*index)) {
-        draws.commands.push(Command::ShadowView { index, at: view.at, size: view.size, clear: !none_kept });
+        draws.commands.push(Command::SetShadowView {
+            index,
+            at: view.at,
+            size: view.size,
+            clear: !none_kept,
+        });
         view.draws.iter().for_each(|draw| draws.draw(draw, cull_of(draw)));
     }
     commands.push(Command::EndPass);
@@ -361,15 +368,15 @@ fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
         // Overwrites neither the input of the pass nor the effect's input, which its later passes may read.
         let free = (0..3).map(Target::Float).find(|t| *t != from && *t != original);
         let size = pass.size(plan.size);
-        let textures = slots.read(&pass.reads);
+        let textures = slots.targets_of(&pass.reads);
         let to = match pass.texture {
-            Some(_) => slots.write(pass.number, size),
+            Some(_) => slots.allocate(pass.number, size),
             None if index + 1 == plan.post.len() => Target::Image,
             None => free.unwrap_or(Target::Float(2)),
         };
         let (effect, number) = (pass.effect.clone(), pass.number);
         commands.push(Command::PostPass { index, effect, number, from, original, textures, to, size });
-        slots.release(&plan.post[index..]);
+        slots.release_unread(&plan.post[index..]);
         if pass.texture.is_none() {
             from = to;
         }
@@ -381,31 +388,31 @@ fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
 #[derive(Default)]
 struct TextureSlots {
     /// Size of each image, and the number of the pass whose texture it holds.
-    all: Vec<([u32; 2], Option<u32>)>,
+    images: Vec<([u32; 2], Option<u32>)>,
 }
 
 impl TextureSlots {
-    fn read(&self, passes: &[u32]) -> Vec<Target> {
-        let slot = |pass: &u32| self.all.iter().position(|(_, holds)| holds == &Some(*pass));
+    fn targets_of(&self, passes: &[u32]) -> Vec<Target> {
+        let slot = |pass: &u32| self.images.iter().position(|(_, stored_pass)| stored_pass == &Some(*pass));
         passes.iter().filter_map(slot).map(|slot| Target::Texture(slot as u8)).collect()
     }
 
-    fn write(&mut self, pass: u32, size: [u32; 2]) -> Target {
-        let free = self.all.iter().position(|slot| *slot == (size, None));
+    fn allocate(&mut self, pass: u32, size: [u32; 2]) -> Target {
+        let free = self.images.iter().position(|slot| *slot == (size, None));
         let slot = free.unwrap_or_else(|| {
-            self.all.push((size, None));
-            self.all.len() - 1
+            self.images.push((size, None));
+            self.images.len() - 1
         });
-        self.all[slot].1 = Some(pass);
+        self.images[slot].1 = Some(pass);
         Target::Texture(slot as u8)
     }
 
     /// Frees the images whose textures no later pass of the current effect reads. `passes`: the current pass and all after it.
-    fn release(&mut self, passes: &[PostPass]) {
+    fn release_unread(&mut self, passes: &[PostPass]) {
         let own = passes.iter().position(|pass| pass.texture.is_none()).unwrap_or(passes.len());
         let later = passes.get(1..=own).unwrap_or_default();
-        for (_, holds) in &mut self.all {
-            *holds = holds.filter(|pass| later.iter().any(|later| later.reads.contains(pass)));
+        for (_, stored_pass) in &mut self.images {
+            *stored_pass = stored_pass.filter(|pass| later.iter().any(|later| later.reads.contains(pass)));
         }
     }
 }
@@ -418,24 +425,24 @@ fn cull_of(draw: &Draw) -> Cull {
     }
 }
 
-/// Whether drawing back faces separately, after front faces, pays on a CPU device: if a double-sided triangle covers many pixels,
-/// shading costs more than a second run of the vertex shader. Measured on lavapipe with one and with 25 characters of 7,000
-/// triangles at 1280×720: 18.3 → 13 ms, and no gain.
-fn separate_faces_pay<'a>(
+/// Whether it is faster on a CPU device to draw back faces separately, after front faces. It is if a double-sided triangle covers
+/// many pixels: shading them then takes longer than a second run of the vertex shader. Measured on lavapipe at 1280×720 with
+/// characters of 7,000 triangles: 18.3 → 13 ms with one, no gain with 25.
+fn separate_faces_are_faster<'a>(
     plan: &Plan,
     draws: impl Iterator<Item = &'a Draw>,
     triangles: &dyn Fn(u32) -> usize,
 ) -> bool {
     let double_sided = draws.filter(|d| d.pipeline.double_sided);
-    let open = |d: &Draw| triangles(d.primitive).saturating_sub(d.watertight as usize / 3);
-    let count: usize = double_sided.map(|d| open(d) * d.instance_count as usize).sum();
+    let open_triangles = |d: &Draw| triangles(d.primitive).saturating_sub(d.watertight as usize / 3);
+    let count: usize = double_sided.map(|d| open_triangles(d) * d.instance_count as usize).sum();
     count > 0 && plan.size[0] as usize * plan.size[1] as usize / count >= 16
 }
 
 impl Recording {
     /// Buffers and images that any pipeline reads.
-    pub fn reads(&self) -> Reads {
-        let mut reads = Reads::default();
+    pub fn reads(&self) -> ResourceReads {
+        let mut reads = ResourceReads::default();
         for command in &self.commands {
             reads.layers_behind |= *command == Command::DrawLayersBehind;
             if matches!(command, Command::DrawSky { .. }) {
@@ -458,19 +465,19 @@ impl Recording {
         reads
     }
 
-    pub fn counts(&self) -> Counts {
-        let mut counts = Counts::default();
+    pub fn counts(&self) -> CommandCounts {
+        let mut counts = CommandCounts::default();
         let mut variants = std::collections::BTreeSet::new();
         for command in &self.commands {
             match command {
-                Command::BeginGeometry
+                Command::BeginGBuffer
                 | Command::BeginInputs { .. }
                 | Command::BeginPass { .. }
                 | Command::BeginShadows { .. }
                 | Command::KeepShadows { .. }
                 | Command::BeginPeel { .. }
                 | Command::BeginLayer { .. } => counts.passes += 1,
-                Command::ShadowView { .. } => counts.shadow_views += 1,
+                Command::SetShadowView { .. } => counts.shadow_views += 1,
                 Command::Preskin { count, .. } => counts.preskinned += *count as usize,
                 Command::BindPipeline(v) => {
                     counts.pipeline_binds += 1;

@@ -1,10 +1,10 @@
 //! Pre-skinning: meshes that several passes draw are skinned and morphed once, by a compute pass, whose vertices all passes read.
 //! Runs on a finished recording, in which the draws of all passes can be counted.
 //!
-//! Meshes that are drawn once stay with the vertex shader: no compute pipeline, no buffer. So do those whose shader needs more
-//! than deformed vertices (displacement effects, refraction, triplanar textures, joint colors, thick lines).
+//! Meshes that are drawn once are skinned by the vertex shader, which needs no compute pipeline and no buffer. So are meshes whose
+//! shader needs more than deformed vertices (displacement effects, refraction, triplanar textures, joint colors, thick lines).
 
-use crate::commands::{Command, Recorder, Recording, UNIFORM_JOINTS};
+use crate::commands::{Command, MAX_UNIFORM_JOINTS, Recorder, Recording};
 use crate::plan::shader_features::names;
 use crate::plan::{Features, LeftOut, PipelineKey, Plan};
 use crate::scene_resources::SceneResources;
@@ -13,12 +13,12 @@ use crate::shader::{InputTargets, SceneVariant};
 use choreo_stage::SkinOnce;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Mean number of draws of a mesh from which pre-skinning pays: measured on lavapipe (`cargo xtask report passes`), 1 to 8 % slower
-/// with one or two, as fast with three and four, 0 to 6 % faster from five on, alone and 25 times. GPUs are not measured; with
-/// fewer draws a crowd would pay megabytes for its vertices for no known gain.
-const DRAWS_THAT_PAY: f64 = 5.0;
-/// Largest number of instances of one mesh: the work groups of one dimension that every device supports.
-const MOST_INSTANCES: usize = 65_535;
+/// Mean number of draws of a mesh from which pre-skinning is faster. Measured on lavapipe (`cargo xtask report passes`) with one
+/// character and with 25: 1 to 8 % slower with one or two draws, as fast with three and four, 0 to 6 % faster from five on. GPUs
+/// are not measured. With fewer draws, the vertices of a crowd would take megabytes of memory without a known gain.
+const MIN_MEAN_DRAWS: f64 = 5.0;
+/// Largest number of deformations of one mesh: the work groups of one dimension that every device supports.
+const MAX_DEFORMATIONS: usize = 65_535;
 
 /// Key of a pre-skinning pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -33,17 +33,17 @@ pub struct PreskinVariant {
 impl PreskinVariant {
     /// Names of the shader switches that are on.
     pub fn switches(&self) -> Vec<&'static str> {
-        let others =
+        let switches =
             [("NORMAL", self.normals), ("TANGENT", self.tangents), ("JOINTS_UNIFORM", self.joints_uniform)];
-        names(self.features).chain(others.into_iter().filter_map(|(name, on)| on.then_some(name))).collect()
+        names(self.features).chain(switches.into_iter().filter_map(|(name, on)| on.then_some(name))).collect()
     }
 
-    /// Number of f32 of one vertex.
-    pub(crate) fn numbers(&self) -> u64 {
+    /// Number of f32 values in a pre-skinned vertex.
+    pub(crate) fn floats_per_vertex(&self) -> u64 {
         3 + if self.normals { 3 } else { 0 } + if self.tangents { 4 } else { 0 }
     }
 
-    /// Layout of the source vertices.
+    /// Layout of the vertices that the compute pass reads.
     fn layout(&self, order: u16) -> VertexLayout {
         let skin = if self.features.has(Features::SKIN) { 1 << 6 | 1 << 7 } else { 0 };
         let more = if self.features.has(Features::SKIN_8) { 1 << 8 | 1 << 9 } else { 0 };
@@ -67,15 +67,15 @@ struct MeshDraws {
     normals: bool,
     tangents: bool,
     /// Number of draws of the whole mesh, of all its deformations together.
-    drawn: f64,
+    draw_count: f64,
     deformations: BTreeMap<[u32; 15], PreskinnedMesh>,
 }
 
-/// Primitives that some draw reads with watertight surfaces first. Draws that write depth look the same in any order, so they
-/// share these vertices.
-type Sorted = BTreeSet<u32>;
+/// Primitives that at least one draw reads with the watertight surfaces first. Draws that write depth give the same image in any
+/// order of triangles, so all of them read this order and share the vertices.
+type SortedPrimitives = BTreeSet<u32>;
 
-fn sorted(commands: &[Command]) -> Sorted {
+fn sorted_primitives(commands: &[Command]) -> SortedPrimitives {
     let of = |command: &Command| match command {
         Command::BindMesh { primitive, layout, .. } if layout.0 & VertexLayout::WATERTIGHT_FIRST != 0 => {
             Some(*primitive)
@@ -85,7 +85,12 @@ fn sorted(commands: &[Command]) -> Sorted {
     commands.iter().filter_map(of).collect()
 }
 
-fn order(variant: &SceneVariant, primitive: u32, layout: VertexLayout, sorted: &Sorted) -> u16 {
+fn vertex_order(
+    variant: &SceneVariant,
+    primitive: u32,
+    layout: VertexLayout,
+    sorted: &SortedPrimitives,
+) -> u16 {
     match variant.key.writes_depth() && sorted.contains(&primitive) {
         true => VertexLayout::WATERTIGHT_FIRST,
         false => layout.0 & VertexLayout::WATERTIGHT_FIRST,
@@ -96,42 +101,43 @@ fn mesh_key(
     variant: &SceneVariant,
     primitive: u32,
     layout: VertexLayout,
-    sorted: &Sorted,
+    sorted: &SortedPrimitives,
 ) -> Option<MeshKey> {
     let features = variant.key.features;
-    let more = [
+    let excluded = [
         Features::THICK_LINES,
         Features::EFFECT_JOINTS,
         Features::VOLUME,
         Features::REFRACTION,
         Features::TRIPLANAR,
     ];
-    let pose = features.only(Features::SKINNING);
+    let deforming = features.only(Features::SKINNING);
     // Motion vectors need the vertices of two frames.
-    let moving = variant.inputs == InputTargets::Motion;
-    let plain = variant.key.displaced == 0 && !moving && !more.iter().any(|f| features.has(*f));
-    let order = order(variant, primitive, layout, sorted) | layout.0 & VertexLayout::WELDED;
-    (pose != Features::default() && plain).then_some((primitive, order, pose))
+    let has_motion = variant.inputs == InputTargets::Motion;
+    let is_supported =
+        variant.key.displaced == 0 && !has_motion && !excluded.iter().any(|f| features.has(*f));
+    let order = vertex_order(variant, primitive, layout, sorted) | layout.0 & VertexLayout::WELDED;
+    (deforming != Features::default() && is_supported).then_some((primitive, order, deforming))
 }
 
-/// Adds pre-skinning of the meshes for which it pays, and makes their draws read the pre-skinned vertices.
-pub(super) fn preskin(recorder: Recorder, recording: Recording) -> Recording {
+/// Adds pre-skinning of the meshes that are drawn often enough, and makes their draws read the pre-skinned vertices.
+pub(super) fn add_preskinning(recorder: Recorder, recording: Recording) -> Recording {
     let plan = recorder.plan;
-    let least = match plan.skin_once {
+    let min_draws = match plan.skin_once {
         _ if recorder.options.no_compute => return recording,
         SkinOnce::Never => return recording,
         SkinOnce::Always => 0.0,
-        SkinOnce::Auto => DRAWS_THAT_PAY,
+        SkinOnce::Auto => MIN_MEAN_DRAWS,
     };
-    let sorted = sorted(&recording.commands);
+    let sorted = sorted_primitives(&recording.commands);
     let mut meshes = mesh_draws(recorder, &recording, &sorted);
     meshes.retain(|_, m| {
-        m.deformations.len() <= MOST_INSTANCES && m.drawn >= least * m.deformations.len() as f64
+        m.deformations.len() <= MAX_DEFORMATIONS && m.draw_count >= min_draws * m.deformations.len() as f64
     });
     if meshes.is_empty() {
         return recording;
     }
-    let joints_uniform = plan.joint_matrices.len() <= UNIFORM_JOINTS;
+    let joints_uniform = plan.joint_matrices.len() <= MAX_UNIFORM_JOINTS;
     let (mut preskinned, mut dispatches) = (Vec::new(), Vec::new());
     for ((primitive, order, features), draws) in &mut meshes {
         let (normals, tangents) = (draws.normals, draws.tangents);
@@ -144,13 +150,17 @@ pub(super) fn preskin(recorder: Recorder, recording: Recording) -> Recording {
     }
     dispatches.push(Command::EndPreskin);
     Recording {
-        commands: rewritten(recording.commands, dispatches, &sorted, |k| meshes.contains_key(&k)),
+        commands: with_preskinned_draws(recording.commands, dispatches, &sorted, |k| meshes.contains_key(&k)),
         preskinned,
         ..recording
     }
 }
 
-fn mesh_draws(recorder: Recorder, recording: &Recording, sorted: &Sorted) -> BTreeMap<MeshKey, MeshDraws> {
+fn mesh_draws(
+    recorder: Recorder,
+    recording: &Recording,
+    sorted: &SortedPrimitives,
+) -> BTreeMap<MeshKey, MeshDraws> {
     let Recorder { plan, triangles, .. } = recorder;
     let mut meshes: BTreeMap<MeshKey, MeshDraws> = BTreeMap::new();
     let (mut variant, mut mesh) = (None, None);
@@ -166,7 +176,7 @@ fn mesh_draws(recorder: Recorder, recording: &Recording, sorted: &Sorted) -> BTr
                 draws.tangents |= layout.has(2);
                 let share =
                     indices.map_or(1.0, |[_, n]| f64::from(n) / (3 * triangles(primitive)).max(1) as f64);
-                draws.drawn += share * f64::from(*instance_count);
+                draws.draw_count += share * f64::from(*instance_count);
                 for i in *first_instance..first_instance + instance_count {
                     let Some(instance) = plan.instances.get(i as usize) else { continue };
                     let mesh = draws.deformations.entry(instance.deformation()).or_default();
@@ -181,32 +191,33 @@ fn mesh_draws(recorder: Recorder, recording: &Recording, sorted: &Sorted) -> BTr
     meshes
 }
 
-/// Binds pipelines and meshes right before the draw that needs them, if they are not bound yet.
-fn rewritten(
+/// Inserts the dispatches after the upload, and makes the draws of pre-skinned meshes bind the pre-skinned vertices. Pipelines
+/// and meshes are bound right before the draw that needs them, if they are not bound yet.
+fn with_preskinned_draws(
     commands: Vec<Command>,
     dispatches: Vec<Command>,
-    sorted: &Sorted,
+    sorted: &SortedPrimitives,
     is_preskinned: impl Fn(MeshKey) -> bool,
 ) -> Vec<Command> {
     let mut out = Vec::with_capacity(commands.len() + dispatches.len());
     let (mut variant, mut mesh) = (None, None);
     let (mut bound_variant, mut bound_mesh) = (None, None);
-    // The pipeline that the recording has bound and no draw has used yet.
-    let mut waits = None;
+    // The pipeline that the recording has bound, until a draw uses it.
+    let mut unused_pipeline = None;
     let mut dispatches = Some(dispatches);
     for command in commands {
         match command {
-            Command::BindPipeline(v) => (variant, waits) = (Some(v), Some(v)),
+            Command::BindPipeline(v) => (variant, unused_pipeline) = (Some(v), Some(v)),
             Command::BindMesh { primitive, layout, morphs } => mesh = Some((primitive, layout, morphs)),
             Command::Draw { .. } => {
-                waits = None;
-                let now = variant.zip(mesh).map(|(v, m)| {
+                unused_pipeline = None;
+                let bindings = variant.zip(mesh).map(|(v, m)| {
                     match mesh_key(&v, m.0, m.1, sorted).filter(|k| is_preskinned(*k)) {
-                        Some(_) => preskinned_draw(v, m.0, order(&v, m.0, m.1, sorted)),
+                        Some(_) => preskinned_bindings(v, m.0, vertex_order(&v, m.0, m.1, sorted)),
                         None => (v, m),
                     }
                 });
-                if let Some((v, m)) = now {
+                if let Some((v, m)) = bindings {
                     if bound_variant != Some(v) {
                         out.push(Command::BindPipeline(v));
                         bound_variant = Some(v);
@@ -218,7 +229,7 @@ fn rewritten(
                 }
                 out.push(command);
             }
-            Command::SetCull(_) | Command::BindMaterial { .. } | Command::ShadowView { .. } => {
+            Command::SetCull(_) | Command::BindMaterial { .. } | Command::SetShadowView { .. } => {
                 out.push(command)
             }
             Command::UploadFrameData { .. } => {
@@ -227,7 +238,7 @@ fn rewritten(
             }
             // Another pass, or a draw without a mesh.
             _ => {
-                out.extend(waits.take().map(Command::BindPipeline));
+                out.extend(unused_pipeline.take().map(Command::BindPipeline));
                 (bound_variant, bound_mesh) = (None, None);
                 out.push(command);
             }
@@ -236,7 +247,11 @@ fn rewritten(
     out
 }
 
-fn preskinned_draw(v: SceneVariant, primitive: u32, order: u16) -> (SceneVariant, (u32, VertexLayout, bool)) {
+fn preskinned_bindings(
+    v: SceneVariant,
+    primitive: u32,
+    order: u16,
+) -> (SceneVariant, (u32, VertexLayout, bool)) {
     let features = v.key.features.without(Features::SKINNING).with(Features::PRE_SKINNED);
     let key = PipelineKey { features, ..v.key };
     let layout = VertexLayout(VertexLayout::of(features).0 | order);
@@ -264,14 +279,14 @@ impl Recording {
             Command::Preskin { variant, primitive, count, .. } => {
                 let mesh = resources.primitives.get(*primitive as usize);
                 let vertices = mesh.map_or(0, |m| m.primitive().positions.len());
-                Some((*count as usize, vertices as u64, variant.numbers()))
+                Some((*count as usize, vertices as u64, variant.floats_per_vertex()))
             }
             _ => None,
         })
     }
 
-    /// Report of the reason why nothing is pre-skinned; `None` if a mesh is, or if none is skinned or morphed.
-    pub fn left_out(&self, plan: &Plan) -> Option<LeftOut> {
+    /// The reason why no mesh is pre-skinned; `None` if one is, or if none is skinned or morphed.
+    pub fn preskinning_left_out(&self, plan: &Plan) -> Option<LeftOut> {
         let deformed = |c: &Command| match c {
             Command::BindPipeline(v) => v.key.features.only(Features::SKINNING) != Features::default(),
             _ => false,
@@ -283,7 +298,7 @@ impl Recording {
             SkinOnce::Never => "the stage's skin_once is false".to_string(),
             _ => {
                 format!(
-                    "no mesh is drawn often enough, {DRAWS_THAT_PAY} times per frame and instance (not measured on GPUs)"
+                    "no mesh is drawn often enough: pre-skinning needs {MIN_MEAN_DRAWS} draws per frame and instance (a limit not measured on GPUs)"
                 )
             }
         };

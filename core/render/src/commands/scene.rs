@@ -2,13 +2,13 @@
 
 use crate::commands::draws::{DrawRecorder, record_peeled_layers};
 use crate::commands::{
-    Command, Cull, PassPart, Recorder, Target, cull_of, deferred, record_gbuffer, separate_faces_pay,
+    Command, Cull, PassPart, Recorder, Target, cull_of, deferred, record_gbuffer, separate_faces_are_faster,
 };
 use crate::plan::{Draw, Glass, Plan, TopologyKey};
 use choreo_stage::Background;
 use glam::Vec4;
 
-/// Target, render area and kind of background of a scene pass.
+/// Target, render area and background of a scene pass.
 #[derive(Clone, Copy)]
 pub(super) struct ScenePass {
     pub target: Target,
@@ -20,7 +20,7 @@ pub(super) struct ScenePass {
     loads_depth: bool,
     sky: bool,
     /// Whether the background is copied from the host instead of drawn.
-    copied: bool,
+    copies_background: bool,
     gradient: bool,
 }
 
@@ -31,33 +31,33 @@ impl ScenePass {
         let gradient = !sky && matches!(plan.background, Background::Gradient { .. });
         let no_effects = plan.background_effects == 0;
         let no_overlay = plan.overlay.parts.is_empty();
-        let copied =
+        let copies_background =
             gradient && no_effects && options.cpu_device && plan.samples == 1 && target == Target::Image;
         let resolves = plan.samples > 1 && target == Target::Image && plan.scene_color_copy.is_none();
-        let only_draws = !sky && no_effects && plan.layers_behind.is_none() && no_overlay;
-        let partial = options.cpu_device && resolves && only_draws;
+        let only_surfaces = !sky && no_effects && plan.layers_behind.is_none() && no_overlay;
+        let partial = options.cpu_device && resolves && only_surfaces;
         ScenePass {
             target,
             samples: plan.samples,
             area: if partial { plan.dirty_rect.part_of(plan.size) } else { None },
-            // If nothing else is drawn, the gradient needs no depth test.
+            // A gradient alone needs no depth test.
             depth: !plan.draws.is_empty() || !no_overlay,
             loads_depth: deferred,
             sky,
-            copied,
+            copies_background,
             gradient,
         }
     }
 
-    fn clear(&self, plan: &Plan) -> Option<Vec4> {
+    fn clear_color(&self, plan: &Plan) -> Option<Vec4> {
         match plan.background {
             _ if self.sky => Some(Vec4::ZERO),
             Background::Color(c) => Some(c),
-            Background::Gradient { .. } => (!self.copied).then_some(Vec4::ZERO),
+            Background::Gradient { .. } => (!self.copies_background).then_some(Vec4::ZERO),
         }
     }
 
-    fn begin(&self, clear: Option<Vec4>, part: PassPart) -> Command {
+    fn begin_command(&self, clear: Option<Vec4>, part: PassPart) -> Command {
         let ScenePass { target, samples, area, depth, loads_depth, .. } = *self;
         Command::BeginPass { target, samples, clear, depth, part, loads_depth, area }
     }
@@ -68,7 +68,7 @@ pub(super) fn record_scene(recorder: Recorder, target: Target, commands: &mut Ve
     let deferred = plan.deferred.as_ref().filter(|_| !options.no_deferred && plan.samples == 1);
     let peeling = plan.depth_peeling.filter(|_| !options.no_depth_peeling);
     let pass = ScenePass::new(recorder, target, deferred.is_some());
-    if pass.copied || pass.area.is_some() {
+    if pass.copies_background || pass.area.is_some() {
         commands.push(Command::CopyBackground);
     }
     if deferred.is_some() {
@@ -79,7 +79,7 @@ pub(super) fn record_scene(recorder: Recorder, target: Target, commands: &mut Ve
         None if peeling.is_some() => PassPart::UntilLayers,
         None => PassPart::Whole,
     };
-    commands.push(pass.begin(pass.clear(plan), part));
+    commands.push(pass.begin_command(pass.clear_color(plan), part));
     let mut draws = DrawRecorder::new(recorder, commands);
     if let Some(deferred) = deferred {
         deferred::record_lighting(deferred, &mut draws);
@@ -93,11 +93,11 @@ pub(super) fn record_scene(recorder: Recorder, target: Target, commands: &mut Ve
         Some(peeling) => {
             let commands = draws.commands;
             record_peeled_layers(recorder, commands, &pass, peeling.layers, transparent);
-            commands.push(pass.begin(None, PassPart::AfterLayers));
+            commands.push(pass.begin_command(None, PassPart::AfterLayers));
             commands.extend((!plan.overlay.parts.is_empty()).then_some(Command::SetCull(Cull::None)));
         }
         None => {
-            record_sorted(&mut draws, &pass, transparent);
+            record_sorted_transparent(&mut draws, &pass, transparent);
             if !plan.overlay.parts.is_empty() {
                 draws.set_cull(Cull::None);
             }
@@ -114,14 +114,14 @@ pub(super) fn record_scene(recorder: Recorder, target: Target, commands: &mut Ve
 
 fn record_opaque(draws: &mut DrawRecorder, opaque: &[Draw], deferred: bool) {
     let Recorder { plan, options, triangles } = draws.recorder;
-    let forward = || opaque.iter().filter(|d| !deferred || !d.deferred);
-    let split = options.cpu_device && separate_faces_pay(plan, forward(), triangles);
-    let separate =
+    let forward_draws = || opaque.iter().filter(|d| !deferred || !d.deferred);
+    let split = options.cpu_device && separate_faces_are_faster(plan, forward_draws(), triangles);
+    let draws_back_faces_last =
         |d: &Draw| split && d.pipeline.double_sided && d.pipeline.topology == TopologyKey::Triangles;
-    for draw in forward() {
-        draws.draw(draw, if separate(draw) { Cull::Back } else { cull_of(draw) });
+    for draw in forward_draws() {
+        draws.draw(draw, if draws_back_faces_last(draw) { Cull::Back } else { cull_of(draw) });
     }
-    for draw in forward().filter(|d| separate(d)) {
+    for draw in forward_draws().filter(|d| draws_back_faces_last(d)) {
         draws.draw(draw, Cull::Front);
     }
 }
@@ -130,7 +130,7 @@ fn record_opaque(draws: &mut DrawRecorder, opaque: &[Draw], deferred: bool) {
 fn record_background(draws: &mut DrawRecorder, pass: &ScenePass) {
     let plan = draws.recorder.plan;
     let surface = plan.background_effects;
-    if pass.sky || ((pass.gradient || surface != 0) && !pass.copied) {
+    if pass.sky || ((pass.gradient || surface != 0) && !pass.copies_background) {
         draws.draw_full_screen(match pass.sky {
             true => Command::DrawSky { surface, display: plan.display },
             false => Command::DrawBackground { surface },
@@ -141,18 +141,18 @@ fn record_background(draws: &mut DrawRecorder, pass: &ScenePass) {
     }
 }
 
-/// Records transparent draws in sorted order. The scene color copy precedes the first refracting draw: all refracting surfaces
-/// show only surfaces farther than that one.
-fn record_sorted(draws: &mut DrawRecorder, pass: &ScenePass, transparent: &[Draw]) {
+/// Records transparent draws in sorted order. The scene color is copied before the first refracting draw, so all refracting
+/// surfaces show only surfaces that are farther away than that draw.
+fn record_sorted_transparent(draws: &mut DrawRecorder, pass: &ScenePass, transparent: &[Draw]) {
     let first_refracting = transparent.iter().position(|d| d.pipeline.glass == Glass::Refract);
     for (index, draw) in transparent.iter().enumerate() {
         if let (Some(copy), true) = (draws.recorder.plan.scene_color_copy, Some(index) == first_refracting) {
             draws.commands.extend([
                 Command::EndPass,
                 Command::CopySceneColor { from: pass.target, levels: copy.levels },
-                pass.begin(None, PassPart::AfterCopy),
+                pass.begin_command(None, PassPart::AfterCopy),
             ]);
-            draws.forget_state();
+            draws.forget_bound_state();
         }
         draws.draw(draw, cull_of(draw));
     }

@@ -17,16 +17,16 @@ impl fmt::Display for Recording {
                 }
                 Command::EndPreskin => writeln!(f, "end of pre-skinning")?,
                 Command::BeginShadows { size: [w, h], .. } => writeln!(f, "begin shadow maps {w}×{h}")?,
-                Command::ShadowView { index, at, size: [w, h], .. } => {
+                Command::SetShadowView { index, at, size: [w, h], .. } => {
                     writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
                 }
                 Command::KeepShadows { .. } => writeln!(f, "keep all shadow maps")?,
-                Command::BeginGeometry => writeln!(f, "begin G-buffer")?,
+                Command::BeginGBuffer => writeln!(f, "begin G-buffer")?,
                 Command::BeginInputs { motion } => {
                     writeln!(f, "begin inputs of effects{}", if *motion { ", motion" } else { "" })?
                 }
                 Command::EndInputs => writeln!(f, "end of inputs")?,
-                Command::DrawLight { area } => {
+                Command::DrawDeferredLighting { area } => {
                     let area = area.map_or(String::new(), |[x, y, w, h]| format!(", {w}×{h} at {x}, {y}"));
                     writeln!(f, "  light{area}")?
                 }
@@ -41,10 +41,10 @@ impl fmt::Display for Recording {
                     writeln!(f, "begin {target:?}, {samples} samples, {clear}{depth}{area}")?
                 }
                 Command::BeginPeel { layer, .. } => writeln!(f, "begin depth of layer {layer}")?,
-                Command::BeginLayer { layer, rest, .. } => writeln!(
+                Command::BeginLayer { layer, nearer, .. } => writeln!(
                     f,
                     "begin {} layer {layer}",
-                    if *rest { "surfaces nearer than" } else { "color of" }
+                    if *nearer { "surfaces nearer than" } else { "color of" }
                 )?,
                 Command::BindPipeline(v) => {
                     writeln!(f, "  pipeline {:?} {}", v.key.topology, crate::shader::switches(v).join(" "))?

@@ -5,8 +5,8 @@ use crate::plan::features::material_textures;
 use crate::plan::shader_features::texture_slots;
 use crate::scene_resources::material::MaterialResource;
 
-/// Textures in the order in which they are left out, the least visible first; their factors are used instead.
-const LEAST_VISIBLE: [(Features, &str); 16] = [
+/// Textures in the order in which they are left out, from the least visible on. The material's factor replaces each.
+const TEXTURES_BY_VISIBILITY: [(Features, &str); 16] = [
     (Features::IRIDESCENCE_THICKNESS_TEXTURE, "thickness of the film"),
     (Features::SHEEN_ROUGHNESS_TEXTURE, "roughness of the sheen"),
     (Features::CLEARCOAT_ROUGHNESS_TEXTURE, "roughness of the coat"),
@@ -25,20 +25,21 @@ const LEAST_VISIBLE: [(Features, &str); 16] = [
     (Features::SHEEN_COLOR_TEXTURE, "sheen color"),
 ];
 
-/// Reduces the features to as many textures as a device can bind. Also returns the names of the textures left out.
-pub(super) fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&'static str>) {
-    let (mut features, mut out) = (features, Vec::new());
-    let too_many = |f: Features| most.is_some_and(|most| texture_slots(f).count_ones() > most);
-    for (bit, name) in LEAST_VISIBLE {
+/// Removes the least visible textures until at most `limit` remain (`None`: unlimited). Returns the features that are left, and
+/// the names of the removed textures.
+pub(super) fn fit_texture_limit(features: Features, limit: Option<u32>) -> (Features, Vec<&'static str>) {
+    let (mut features, mut removed) = (features, Vec::new());
+    let too_many = |f: Features| limit.is_some_and(|limit| texture_slots(f).count_ones() > limit);
+    for (bit, name) in TEXTURES_BY_VISIBILITY {
         if too_many(features) && features.has(bit) {
             features = features.without(bit);
-            out.push(name);
+            removed.push(name);
         }
     }
-    (features, out)
+    (features, removed)
 }
 
-/// Names of a material's textures that are left out on a device that binds `most`.
-pub(crate) fn textures_beyond(material: &MaterialResource, most: u32) -> Vec<&'static str> {
-    fitting(material_textures(material), Some(most)).1
+/// Names of a material's textures that are left out on a device that binds at most `limit` textures.
+pub(crate) fn textures_beyond_limit(material: &MaterialResource, limit: u32) -> Vec<&'static str> {
+    fit_texture_limit(material_textures(material), Some(limit)).1
 }

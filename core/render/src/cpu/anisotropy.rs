@@ -1,4 +1,4 @@
-//! Anisotropy: stretched highlights, as of brushed metal. CPU reference of `ANISOTROPY` in scene.wgsl.
+//! Anisotropy: stretched highlights, as on brushed metal. CPU reference of `ANISOTROPY` in scene.wgsl.
 
 use super::brdf::Anisotropy;
 use super::shade::{Fragment, Quad};
@@ -7,8 +7,8 @@ use crate::plan::Features;
 use choreo_asset::MaterialLayers;
 
 impl Fragment<'_> {
-    /// KHR_materials_anisotropy: stretch directions, alphas, and the direction of the sky's reflection ("Bent normal" of its
-    /// notes).
+    /// KHR_materials_anisotropy: the directions in which highlights are stretched, the GGX alphas, and the direction in which the
+    /// sky is reflected (section "Bent normal" of the extension).
     pub fn anisotropy(
         &self,
         quad: &Quad,
@@ -16,9 +16,9 @@ impl Fragment<'_> {
         roughness: F4,
         (n, v): (V3, V3),
     ) -> (Anisotropy, V3) {
-        let [tangent, bitangent, _] = quad.frame();
+        let [tangent, bitangent, _] = quad.tangent_frame();
         let (mut x, mut y, mut strength) = (F4::ONE, F4::ZERO, F4::splat(layers.anisotropy));
-        if let Some([r, g, b, _]) = self.texel(quad, Features::ANISOTROPY_TEXTURE) {
+        if let Some([r, g, b, _]) = self.sample_feature_texture(quad, Features::ANISOTROPY_TEXTURE) {
             (x, y) = (r * 2.0 - F4::ONE, g * 2.0 - F4::ONE);
             strength *= b;
         }
@@ -28,11 +28,11 @@ impl Fragment<'_> {
         let across = n.cross(along).unit();
         let alpha_across = roughness * roughness;
         let alpha_along = alpha_across.mix(F4::ONE, strength * strength);
-        let fan = across.cross(v).cross(across).unit();
-        let straight = F4::ONE - strength * (F4::ONE - roughness);
-        let straight2 = straight * straight;
-        let bent = fan.mix(n, straight2 * straight2).unit();
-        let mirror = bent * (bent.dot(v) * 2.0) - v;
-        (Anisotropy { along, across, alpha_along, alpha_across }, mirror)
+        let anisotropic_n = across.cross(v).cross(across).unit();
+        let isotropy = F4::ONE - strength * (F4::ONE - roughness);
+        let isotropy2 = isotropy * isotropy;
+        let bent_n = anisotropic_n.mix(n, isotropy2 * isotropy2).unit();
+        let sky_direction = bent_n * (bent_n.dot(v) * 2.0) - v;
+        (Anisotropy { along, across, alpha_along, alpha_across }, sky_direction)
     }
 }

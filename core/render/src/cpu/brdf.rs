@@ -1,11 +1,12 @@
 //! Shading formulas, four pixels at once. CPU reference of brdf.wgsl.
 //!
-//! Radiance out = f · E · NL, with the illuminance E in lux. `PlanLight::color` is E / π, and the functions here return π · f: a white diffuse
-//! surface that faces a directional light of π lux is 1.
+//! Reflected radiance = f · E · NL, with the illuminance E in lux. `PlanLight::color` is E / π, and the functions here return
+//! π · f: a white diffuse surface that faces a directional light of π lux has the radiance 1.
 
 use crate::lanes::{F4, V3};
 use glam::Vec3;
 
+/// Parameters of the metallic-roughness BRDF at four pixels.
 pub struct Surface {
     pub diffuse: V3,
     pub f0: V3,
@@ -13,7 +14,7 @@ pub struct Surface {
     pub roughness: F4,
     /// The direction in which highlights are stretched.
     pub anisotropy: Option<Anisotropy>,
-    /// Reflectance under a thin film at this angle, and the film's share of the surface.
+    /// Reflectance of the thin film at this angle, and the share of the surface that the film covers.
     pub film: Option<(V3, F4)>,
 }
 
@@ -27,8 +28,8 @@ pub(crate) struct Anisotropy {
 }
 
 impl Anisotropy {
-    /// GGX and Smith's visibility with an alpha each way (KHR_materials_anisotropy, "Implementation"), times π.
-    fn lobe(&self, h: V3, v: V3, l: V3, [nh, nv, nl]: [F4; 3]) -> F4 {
+    /// GGX and Smith's visibility with one alpha along the stretch and one across it (KHR_materials_anisotropy, "Implementation"), times π.
+    fn specular_lobe(&self, h: V3, v: V3, l: V3, [nh, nv, nl]: [F4; 3]) -> F4 {
         let (at, ab) = (self.alpha_along, self.alpha_across);
         let length = |x: F4, y: F4, z: F4| (x * x + y * y + z * z).sqrt();
         let (x, y) = (ab * self.along.dot(h), at * self.across.dot(h));
@@ -64,7 +65,7 @@ pub(crate) fn reflect_light(s: &Surface, n: V3, v: V3, l: V3, nv: F4, nl: F4) ->
     let nh = n.dot(h).clamp(0.0, 1.0);
     let vh = v.dot(h).clamp(0.0, 1.0);
     let lobe = match &s.anisotropy {
-        Some(anisotropy) => anisotropy.lobe(h, v, l, [nh, nv, nl]),
+        Some(anisotropy) => anisotropy.specular_lobe(h, v, l, [nh, nv, nl]),
         None => {
             let alpha = s.roughness * s.roughness;
             let a2 = alpha * alpha;
@@ -88,7 +89,7 @@ pub(crate) fn reflect_light(s: &Surface, n: V3, v: V3, l: V3, nv: F4, nl: F4) ->
 }
 
 /// The environment's BRDF, second half of the split sum: Karis, "Physically Based Shading on Mobile", 2014.
-/// His fit has F90 = 1; here it scales the second term, so that `specular` 0 reflects nothing.
+/// Karis' fit has F90 = 1. Here, F90 scales the second term, so that a surface with `specular` 0 reflects nothing.
 pub(crate) fn ambient_specular(f0: V3, f90: F4, roughness: F4, nv: F4) -> V3 {
     let x = F4::ONE - roughness;
     let y = roughness * -0.0275 + 0.0425;
@@ -99,9 +100,9 @@ pub(crate) fn ambient_specular(f0: V3, f90: F4, roughness: F4, nv: F4) -> V3 {
     f0 * scale + V3 { x: bias, y: bias, z: bias }
 }
 
-/// Lambert + Blinn–Phong normalized by (s + 8) / 8 (Akenine-Möller et al., Real-Time Rendering, 3rd ed., eq. 7.48;
-/// times π, half vector not multiplied by NL again): base + specular · (s + 8)/8 · NH^s. Phong's own highlight is RV^s with R the
-/// mirrored light, normalized by (s + 2) / 2 (Lafortune & Willems 1994).
+/// Lambert + Blinn–Phong: base + specular · (s + 8)/8 · NH^s (times π), normalized as in Akenine-Möller et al., Real-Time
+/// Rendering, 3rd ed., eq. 7.48. The caller multiplies by NL. Phong's highlight (`blinn` false) is RV^s with R the mirrored light
+/// direction, normalized by (s + 2) / 2 (Lafortune & Willems 1994).
 pub(crate) fn reflect_light_phong(base: V3, [specular, n, v, l]: [V3; 4], shininess: f32, blinn: bool) -> V3 {
     if !blinn {
         let rv = (n * (n.dot(l) * 2.0) - l).dot(v).clamp(0.0, 1.0);

@@ -3,7 +3,7 @@
 use choreo_plugin::{IdMatte, IdShare};
 use rayon::prelude::*;
 
-/// Number of the name that each pixel shows, one image for each sample; 0 where nothing is drawn.
+/// Number of the name (actor or material) in each pixel, one image for each sample; 0 where nothing is drawn.
 pub(super) struct IdSamples(pub Vec<Vec<u32>>);
 
 impl IdSamples {
@@ -11,26 +11,27 @@ impl IdSamples {
     pub fn matte(&self, names: Vec<String>) -> IdMatte {
         let IdSamples(samples) = self;
         let pixels = samples.first().map_or(0, Vec::len);
-        let count = samples.len().min(IdMatte::MOST_RANKS);
+        let rank_count = samples.len().min(IdMatte::MOST_RANKS);
         let share = 1.0 / samples.len().max(1) as f32;
-        let of_pixel = |pixel: usize| {
-            let mut found: Vec<(u32, u32)> = Vec::with_capacity(samples.len());
+        let pixel_shares = |pixel: usize| {
+            let mut counts: Vec<(u32, u32)> = Vec::with_capacity(samples.len());
             for number in samples.iter().map(|sample| sample[pixel]).filter(|number| *number > 0) {
-                match found.iter_mut().find(|(known, _)| *known == number) {
-                    Some((_, times)) => *times += 1,
-                    None => found.push((number, 1)),
+                match counts.iter_mut().find(|(known, _)| *known == number) {
+                    Some((_, count)) => *count += 1,
+                    None => counts.push((number, 1)),
                 }
             }
-            found.sort_unstable_by_key(|(number, times)| (u32::MAX - times, *number));
+            counts.sort_unstable_by_key(|(number, count)| (u32::MAX - count, *number));
             let mut shares = [IdShare::default(); IdMatte::MOST_RANKS];
-            for (out, (number, times)) in shares.iter_mut().zip(found) {
-                *out = IdShare { number, share: times as f32 * share };
+            for (out, (number, count)) in shares.iter_mut().zip(counts) {
+                *out = IdShare { number, share: count as f32 * share };
             }
             shares
         };
-        let all: Vec<[IdShare; IdMatte::MOST_RANKS]> = (0..pixels).into_par_iter().map(of_pixel).collect();
+        let all: Vec<[IdShare; IdMatte::MOST_RANKS]> =
+            (0..pixels).into_par_iter().map(pixel_shares).collect();
         let rank = |rank: usize| all.iter().map(|shares| shares[rank]).collect();
-        IdMatte { names, ranks: (0..count).map(rank).collect() }
+        IdMatte { names, ranks: (0..rank_count).map(rank).collect() }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Full-screen passes over a whole image: effects that read neighboring pixels, and per-pixel effects between them.
 
-use super::scene_inputs::SceneOf;
-use super::target::{Float, PixelOf, Target};
+use super::scene_inputs::EffectInputs;
+use super::target::{LinearFloat, OutputPixel, Target};
 use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::PostPass;
@@ -9,10 +9,10 @@ use choreo_plugin::{Effect, EffectImage, EffectImages};
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-pub struct Pass {
+pub struct ImagePass {
     pub effect: Effect,
     pub parameters: Vec<f32>,
-    /// Index of the pass among those of its effect.
+    /// Index of the pass among the passes of its effect.
     pub number: u32,
     /// Size of the output in pixels.
     pub size: [u32; 2],
@@ -20,22 +20,26 @@ pub struct Pass {
     pub makes_texture: bool,
 }
 
-/// The passes of a plan, with the effects that they name.
-pub fn passes(post: &[PostPass], size: [u32; 2], effects: &[Effect]) -> Result<Vec<Pass>, RenderError> {
+/// Resolves the passes of a plan: looks up the effects that they name.
+pub fn resolve_passes(
+    post: &[PostPass],
+    size: [u32; 2],
+    effects: &[Effect],
+) -> Result<Vec<ImagePass>, RenderError> {
     let pass = |pass: &PostPass| {
-        let effect = effect(effects, &pass.effect)?.clone();
+        let effect = find_effect(effects, &pass.effect)?.clone();
         let size = pass.size(size);
         let (parameters, makes_texture) = (pass.parameters.clone(), pass.texture.is_some());
-        Ok(Pass { effect, parameters, number: pass.number, size, makes_texture })
+        Ok(ImagePass { effect, parameters, number: pass.number, size, makes_texture })
     };
     post.iter().map(pass).collect()
 }
 
-pub fn effect<'a>(effects: &'a [Effect], name: &str) -> Result<&'a Effect, RenderError> {
-    effects
-        .iter()
-        .find(|e| e.manifest().name == name)
-        .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
+pub fn find_effect<'a>(effects: &'a [Effect], name: &str) -> Result<&'a Effect, RenderError> {
+    effects.iter().find(|e| e.manifest().name == name).ok_or_else(|| {
+        let help = "pass it when you create the renderer, or to set_effects";
+        RenderError::Usage(format!("the renderer has no effect \"{name}\": {help}"))
+    })
 }
 
 /// Centers of the pixels of a row, 0 to 1 from the top left of an image.
@@ -44,10 +48,10 @@ pub(crate) fn pixel_uv([x, y]: [i32; 2], count: usize, size: [u32; 2]) -> Vec<Ve
     (x..x + count as i32).map(|x| (Vec2::new(x as f32, y as f32) + 0.5) / size).collect()
 }
 
-/// The image of [`run_linear`], dithered, as bytes.
-pub(crate) fn run(
-    passes: &[Pass],
-    scene: SceneOf<'_>,
+/// Runs the passes as [`run_linear`] does, and writes the dithered image as bytes.
+pub(crate) fn run_to_bytes(
+    passes: &[ImagePass],
+    scene: EffectInputs<'_>,
     pixels: Vec<Vec4>,
     before: &[Vec<Vec4>],
     faults: &EffectFaults,
@@ -58,16 +62,16 @@ pub(crate) fn run(
     let rows = bytes.par_chunks_mut(4 * width).zip(image.par_chunks(width)).enumerate();
     rows.for_each(|(y, (bytes, row))| {
         for ((out, color), x) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(row).zip(0..) {
-            *out = <[u8; 4]>::finished(*color, [x, y]);
+            *out = <[u8; 4]>::from_color(*color, [x, y]);
         }
     });
 }
 
 /// Runs the passes and returns the image of the last one. `scene`: the inputs that effects read; `pixels`: the rendered scene,
-/// linear; `before`: images of earlier frames.
+/// linear; `before`: images of previous frames.
 pub(crate) fn run_linear(
-    passes: &[Pass],
-    scene: SceneOf<'_>,
+    passes: &[ImagePass],
+    scene: EffectInputs<'_>,
     pixels: Vec<Vec4>,
     before: &[Vec<Vec4>],
     faults: &EffectFaults,
@@ -75,48 +79,47 @@ pub(crate) fn run_linear(
     let (size, rows) = (scene.size, scene.frame.rows());
     let scene = Some(scene.images(&rows));
     let before: Vec<EffectImage> = before.iter().map(|rgba| EffectImage { size, rgba }).collect();
-    let (mut now, mut now_size) = (pixels, size);
+    let (mut pixels, mut current_size) = (pixels, size);
     let mut original = Vec::new();
     // Textures of the passes of an effect by their number, each with its size.
     let mut textures: Vec<Option<(Vec<Vec4>, [u32; 2])>> = Vec::new();
     for pass in passes {
         let has_textures = !pass.effect.named_passes().is_empty();
         if pass.number == 0 && pass.effect.passes() > 1 && !has_textures {
-            original.clone_from(&now);
+            original.clone_from(&pixels);
         }
-        let picture = EffectImage { size: now_size, rgba: &now };
+        let image = EffectImage { size: current_size, rgba: &pixels };
         let is_first = pass.number == 0 || has_textures;
-        let first = EffectImage { size, rgba: if is_first { &now } else { &original } };
+        let first = EffectImage { size, rgba: if is_first { &pixels } else { &original } };
         let earlier: Vec<Option<EffectImage>> = textures
             .iter()
             .map(|texture| texture.as_ref().map(|(rgba, size)| EffectImage { size: *size, rgba }))
             .collect();
-        let pictures =
-            EffectImages { now: picture, original: first, passes: &earlier, before: &before, scene };
+        let images = EffectImages { now: image, original: first, passes: &earlier, before: &before, scene };
         let [width, height] = pass.size.map(|s| s as usize);
         let mut next = vec![Vec4::ZERO; width * height];
         next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             match &pass.effect {
                 Effect::Image(effect) => {
-                    effect.image_row(&pictures, y as u32, pass.number, &pass.parameters, row);
+                    effect.image_row(&images, y as u32, pass.number, &pass.parameters, row);
                 }
                 Effect::Pixel(effect) => {
-                    let start = y.min(now_size[1] as usize - 1) * now_size[0] as usize;
-                    row.copy_from_slice(&now[start..start + width]);
+                    let start = y.min(current_size[1] as usize - 1) * current_size[0] as usize;
+                    row.copy_from_slice(&pixels[start..start + width]);
                     effect.pixels(row, &pixel_uv([0, y as i32], width, size), &pass.parameters);
                 }
                 _ => return,
             }
-            faults.checked(&pass.effect, row, |x| [x as i32, y as i32]);
-            row.iter_mut().for_each(|color| *color = Float::encode(*color).decode());
+            faults.replace_faulty_colors(&pass.effect, row, |x| [x as i32, y as i32]);
+            row.iter_mut().for_each(|color| *color = LinearFloat::encode(*color).decode());
         });
         if pass.makes_texture {
             textures.resize(pass.number as usize, None);
             textures.push(Some((next, pass.size)));
         } else {
             textures.clear();
-            (now, now_size) = (next, pass.size);
+            (pixels, current_size) = (next, pass.size);
         }
     }
-    now
+    pixels
 }

@@ -1,4 +1,4 @@
-//! Formulas of clearcoat, sheen and transmission, four pixels at once. Times π, as in brdf.rs. CPU reference of layers.wgsl.
+//! Formulas of clearcoat, sheen and transmission, four pixels at once. Results are multiplied by π, as in brdf.rs. CPU reference of layers.wgsl.
 
 use crate::lanes::{F4, V3};
 use glam::Vec3;
@@ -10,7 +10,7 @@ pub(crate) fn coat_fresnel(nv: F4) -> F4 {
     x2 * x2 * x * 0.96 + F4::splat(0.04)
 }
 
-/// GGX distribution times Smith's visibility, as the surface below has them (`brdf::reflect_light`), without Fresnel.
+/// GGX distribution times Smith's visibility, as in `brdf::reflect_light`, without Fresnel.
 pub(crate) fn coat_lobe(roughness: F4, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> F4 {
     let nh = n.dot((l + v).unit()).clamp(0.0, 1.0);
     let alpha = roughness * roughness;
@@ -22,7 +22,7 @@ pub(crate) fn coat_lobe(roughness: F4, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> F
 }
 
 /// "Charlie" distribution (Estevez & Kulla, "Production Friendly Microfacet Sheen BRDF", 2017, eq. 2, α = roughness²) times
-/// Neubelt's visibility 1 / (4 (NL + NV − NL·NV)), as KHR_materials_sheen has them.
+/// Neubelt's visibility 1 / (4 (NL + NV − NL·NV)), as in KHR_materials_sheen.
 pub(crate) fn sheen_lobe(roughness: F4, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> F4 {
     let nh = n.dot((l + v).unit()).clamp(0.0, 1.0);
     let inverse = F4::ONE / (roughness * roughness);
@@ -45,8 +45,8 @@ pub fn sheen_albedo(roughness: F4, nv: F4) -> F4 {
     (height * raised).clamp(0.0, 1.0)
 }
 
-/// The share of each color that a volume lets through: Beer–Lambert (KHR_materials_volume, "Attenuation").
-pub(crate) fn let_through(extinction: Vec3, depth: F4) -> V3 {
+/// Share of the light that passes a volume, per color channel: Beer–Lambert (KHR_materials_volume, "Attenuation").
+pub(crate) fn volume_transmittance(extinction: Vec3, depth: F4) -> V3 {
     let channel = |e: f32| (depth * -e).map(libm::expf);
     V3 { x: channel(extinction.x), y: channel(extinction.y), z: channel(extinction.z) }
 }

@@ -1,12 +1,11 @@
 //! The CPU renderer: the reference of each shader, and the renderer where there is no Vulkan driver.
 //!
-//! vertex.rs, brdf.rs and shade.rs are the references of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
-//! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
+//! vertex.rs, brdf.rs and shade.rs are the references of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs
+//! implement what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
 
 mod anisotropy;
 mod background_effects;
 mod brdf;
-mod changed;
 mod coverage;
 mod displace;
 pub(crate) mod float_frames;
@@ -15,6 +14,7 @@ pub mod image_passes;
 mod layer_shading;
 mod layers;
 mod lighting;
+mod material_overrides;
 mod overlay;
 mod parallax;
 mod peel;
@@ -51,44 +51,44 @@ use crate::plan::{self, Draw, Features, Glass, OverlayPart, PipelineKey, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, Renderer};
 use crate::scene_resources::SceneResources;
 use crate::sky::{SkyBackground, SkyMaps};
-use background_effects::BackgroundEffects;
+use background_effects::PixelBackground;
 use choreo_plugin::{Effect, FloatFrame, Frame, Hook};
 use choreo_stage::Background;
-use float_frames::{DrawsFloats, float_frame};
+use float_frames::{FloatFrameRenderer, float_frame};
 use glam::{Mat4, Vec4};
 use preskin::DeformedMeshes;
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
 use refraction::SceneColorCopy;
 use scene_inputs::InputImages;
-use setup::Assembly;
+use setup::PrimitiveAssembly;
 use shade::{Fragment, ShadeMaterial};
 use shadow::ShadowMaps;
 use stage_times::Stage;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
-use target::{Float, PixelOf, Srgb8, Target};
+use target::{LinearFloat, OutputPixel, Srgb8, Target};
 use texture::Texture;
-use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId, tiles_of};
-use vertex::{Hull, VertexStage};
+use tile::{Batch, BatchShading, DrawPhase, Tile, TileBuffers, TriangleId, tile_bounds};
+use vertex::{OutlineHull, VertexStage};
 
 pub use stage_times::StageTimes;
 pub use stages::STAGES;
 
 /// Largest width and height, in pixels.
-pub(crate) const MAX_SIZE: u32 = 16384;
+pub(crate) const MAX_IMAGE_SIDE: u32 = 16384;
 
-/// Frames are drawn when they are collected, by all threads of the current rayon pool.
+/// CPU renderer. A frame is drawn when it is collected, by all threads of the current rayon pool.
 pub struct CpuRenderer {
     device: DeviceInfo,
     effects: Vec<Effect>,
     resources: Arc<SceneResources>,
     materials: Vec<ShadeMaterial>,
     textures: HashMap<TextureKey, Arc<Texture>>,
-    /// The scene's sky, prepared when a plan first shows it.
+    /// The scene's sky, computed when a plan first shows it.
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
-    /// Shadow maps of the frame before. The next frame reuses those that have not changed.
+    /// Shadow maps of the previous frame. The next frame reuses the maps that have not changed.
     shadow_maps: Mutex<ShadowMaps>,
     times: Arc<StageTimes>,
     faults: Arc<EffectFaults>,
@@ -97,7 +97,7 @@ pub struct CpuRenderer {
 #[derive(Default)]
 struct Sky {
     maps: Option<Arc<SkyMaps>>,
-    picture: Option<SkyBackground>,
+    background: Option<SkyBackground>,
 }
 
 /// Content hash, whether sRGB, whether with mipmaps.
@@ -123,43 +123,45 @@ impl CpuRenderer {
         }
     }
 
-    /// Time of the stages of all frames so far. Later frames add to it.
+    /// Times of the stages, summed over all frames so far. Later frames are added.
     pub fn stage_times(&self) -> Arc<StageTimes> {
         self.times.clone()
     }
 
-    fn check(&self, plan: &Plan) -> Result<(), RenderError> {
+    fn check_plan(&self, plan: &Plan) -> Result<(), RenderError> {
         for (what, value) in [("image width", plan.size[0]), ("image height", plan.size[1])] {
-            if value == 0 || value > MAX_SIZE {
-                let (value, limit) = (u64::from(value), u64::from(MAX_SIZE));
+            if value == 0 || value > MAX_IMAGE_SIDE {
+                let (value, limit) = (u64::from(value), u64::from(MAX_IMAGE_SIDE));
                 return Err(RenderError::Limit { what: what.into(), value, limit });
             }
         }
         if !matches!(plan.samples, 1 | 4) {
             let value = u64::from(plan.samples);
-            return Err(RenderError::Limit { what: "samples a pixel (1 or 4)".into(), value, limit: 4 });
+            return Err(RenderError::Limit { what: "number of samples (1 or 4)".into(), value, limit: 4 });
         }
         let c = &self.resources;
-        let foreign = plan.draws.iter().chain(plan.shadow_draws()).any(|d| {
+        let out_of_range = plan.draws.iter().chain(plan.shadow_draws()).any(|d| {
             d.primitive as usize >= c.primitives.len()
                 || d.material as usize >= c.materials.len()
-                || d.material_override
-                    .is_some_and(|changed| changed as usize >= plan.material_overrides.len())
+                || d.material_override.is_some_and(|material_override| {
+                    material_override as usize >= plan.material_overrides.len()
+                })
                 || (d.first_instance as usize + d.instance_count as usize) > plan.instances.len()
         });
-        if foreign {
+        if out_of_range {
             return Err(RenderError::Usage(
-                "the plan was made from other scene resources than the loaded ones".into(),
+                "the plan belongs to scene resources that are not loaded: load them before you submit it"
+                    .into(),
             ));
         }
         for pass in plan.post.iter().chain(&plan.scene_effects) {
-            self.effect(&pass.effect)?;
+            self.find_effect(&pass.effect)?;
         }
-        plan.sub_plans().try_for_each(|part| self.check(part))
+        plan.sub_plans().try_for_each(|part| self.check_plan(part))
     }
 
-    fn effect(&self, name: &str) -> Result<&Effect, RenderError> {
-        image_passes::effect(&self.effects, name)
+    fn find_effect(&self, name: &str) -> Result<&Effect, RenderError> {
+        image_passes::find_effect(&self.effects, name)
     }
 
     /// Computes the maps and the background of the sky that the plan shows, unless they exist.
@@ -170,19 +172,21 @@ impl CpuRenderer {
         if sky.maps.is_none() && all().any(|d| d.pipeline.features.has(Features::SKY)) {
             sky.maps = Some(SkyMaps::of(panorama));
         }
-        if sky.picture.is_none() && shown.background {
-            sky.picture = Some(SkyBackground::new(panorama, MAX_SIZE));
+        if sky.background.is_none() && shown.background {
+            sky.background = Some(SkyBackground::new(panorama, MAX_IMAGE_SIDE));
         }
     }
 
-    /// The effects of a draw on surfaces, in order.
-    fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Effect, Vec<f32>)> {
-        let on = (0..8).zip(&plan.scene_effects).filter(|(bit, _)| bits >> bit & 1 == 1);
-        on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters.clone())))
-            .collect()
+    /// The scene effects with these bits, in order, each with its parameters.
+    fn surface_effects(&self, plan: &Plan, effect_bits: u8) -> Vec<(Effect, Vec<f32>)> {
+        let on = (0..8).zip(&plan.scene_effects).filter(|(bit, _)| effect_bits >> bit & 1 == 1);
+        on.filter_map(|(_, used)| {
+            Some((self.find_effect(&used.effect).ok()?.clone(), used.parameters.clone()))
+        })
+        .collect()
     }
 
-    /// Batches of all copies of the draws, projected by a matrix onto an image of this size.
+    /// One batch for each instance of the draws, projected by the matrix onto an image of this size.
     fn batches<'a>(
         &'a self,
         plan: &'a Plan,
@@ -190,7 +194,7 @@ impl CpuRenderer {
         clip_from_relative: &Mat4,
         size: [u32; 2],
         shadows: Option<&'a ShadowMaps>,
-        changed_materials: &'a [ShadeMaterial],
+        override_materials: &'a [ShadeMaterial],
     ) -> Vec<Batch<'a>> {
         let copies: Vec<(usize, usize)> = draws
             .iter()
@@ -208,39 +212,39 @@ impl CpuRenderer {
                 let features = draw.pipeline.features;
                 let instance = &plan.instances[instance];
                 let material = match draw.material_override {
-                    Some(changed) => &changed_materials[changed as usize],
+                    Some(material_override) => &override_materials[material_override as usize],
                     None => &self.materials[draw.material as usize],
                 };
-                let hull = features.has(Features::OUTLINE).then(|| Hull {
+                let hull = features.has(Features::OUTLINE).then(|| OutlineHull {
                     material,
                     normals: crate::scene_resources::vertex_layout::welded_normals(primitive),
                 });
                 let stage = VertexStage {
                     size,
                     hull,
-                    displaced: self.displaced(plan, draw.pipeline.displaced),
+                    displacements: self.displacements(plan, draw.pipeline.displaced),
                     ..VertexStage::new(entry, features, plan, instance, clip_from_relative)
                 };
                 let vertices = deformed.vertices(draw, &stage);
                 let pipeline = draw.pipeline;
                 let triangles = if features.has(Features::THICK_LINES) {
                     let (width, clip) = (instance.width, clip_from_relative);
-                    thick_lines::triangles(primitive, &vertices, pipeline, width, clip, size)
+                    thick_lines::thick_line_triangles(primitive, &vertices, pipeline, width, clip, size)
                 } else {
                     let edges = features.has(Features::WIREFRAME);
                     let edges =
                         edges.then(|| crate::scene_resources::vertex_layout::edges(&primitive.indices));
                     let indices = edges.as_ref().unwrap_or(&primitive.indices);
-                    Assembly { vertices: &vertices, indices, pipeline, size }.run()
+                    PrimitiveAssembly { vertices: &vertices, indices, pipeline, size }.run()
                 };
                 Batch {
-                    paint: Paint::Surface(Fragment {
+                    shading: BatchShading::Surface(Fragment {
                         plan,
                         sky: self.sky.as_ref().and_then(|sky| sky.maps.as_deref()),
-                        surface: self.surface(plan, draw.pipeline.surface),
-                        lighting: self.surface(plan, draw.pipeline.lighting),
+                        surface: self.surface_effects(plan, draw.pipeline.surface),
+                        lighting: self.surface_effects(plan, draw.pipeline.lighting),
                         shadows,
-                        behind: None,
+                        scene_color: None,
                         features,
                         blend: draw.pipeline.blend,
                         coverage: draw.pipeline.coverage,
@@ -252,9 +256,9 @@ impl CpuRenderer {
                     }),
                     peeled: draw.pipeline.peeled,
                     phase: match draw.pipeline {
-                        k if !k.writes_depth() => Phase::Blend,
-                        k if k.is_transparent() || k.features.has(Features::ALPHA_MASK) => Phase::Mask,
-                        _ => Phase::Opaque,
+                        k if !k.writes_depth() => DrawPhase::Blend,
+                        k if k.is_transparent() || k.features.has(Features::ALPHA_MASK) => DrawPhase::Mask,
+                        _ => DrawPhase::Opaque,
                     },
                     vertices,
                     triangles,
@@ -270,11 +274,12 @@ impl CpuRenderer {
         let batch = |part: &OverlayPart| {
             let (first, count) = (part.first as usize, part.count as usize);
             let drawn = &plan.overlay.vertices[first..first + count];
-            let (vertices, indices) = (overlay::vertices(drawn), Vec::from_iter(0..part.count));
-            let assembly = Assembly { vertices: &vertices, indices: &indices, pipeline, size: plan.size };
+            let (vertices, indices) = (overlay::overlay_vertices(drawn), Vec::from_iter(0..part.count));
+            let assembly =
+                PrimitiveAssembly { vertices: &vertices, indices: &indices, pipeline, size: plan.size };
             let triangles = assembly.run();
-            let paint = Paint::Overlay { vertices: drawn, over: part.over };
-            Batch { paint, phase: Phase::Blend, peeled: false, vertices, triangles }
+            let shading = BatchShading::Overlay { vertices: drawn, over: part.over };
+            Batch { shading, phase: DrawPhase::Blend, peeled: false, vertices, triangles }
         };
         plan.overlay.parts.iter().map(batch).collect()
     }
@@ -289,52 +294,57 @@ impl CpuRenderer {
         let mut sum = Accumulated::new(count);
         let mut pixels = vec![Vec4::ZERO; count];
         for part in &plan.subframes {
-            self.tiles::<Float, Vec4, S>(part, &[], &mut pixels)?;
+            self.draw_tiles::<LinearFloat, Vec4, S>(part, &[], &mut pixels)?;
             sum.add(pixels.iter().copied());
         }
         let mut before = vec![vec![Vec4::ZERO; count]; plan.history.len()];
         for (part, pixels) in plan.history.iter().zip(&mut before) {
-            self.tiles::<Float, Vec4, S>(part, &[], pixels)?;
+            self.draw_tiles::<LinearFloat, Vec4, S>(part, &[], pixels)?;
         }
-        let passes = self.passes(plan)?;
-        let inputs = self.times.of(Stage::Pixels, || self.scene_inputs(plan));
-        let scene = inputs.of(plan);
-        let run = || image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
-        self.times.of(Stage::ImageEffects, run);
+        let passes = self.image_passes(plan)?;
+        let inputs = self.times.measure(Stage::Pixels, || self.scene_inputs(plan));
+        let scene = inputs.effect_inputs(plan);
+        let run =
+            || image_passes::run_to_bytes(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
+        self.times.measure(Stage::ImageEffects, run);
         Ok(())
     }
 
-    fn passes(&self, plan: &Plan) -> Result<Vec<image_passes::Pass>, RenderError> {
-        image_passes::passes(&plan.post, plan.size, &self.effects)
+    fn image_passes(&self, plan: &Plan) -> Result<Vec<image_passes::ImagePass>, RenderError> {
+        image_passes::resolve_passes(&plan.post, plan.size, &self.effects)
     }
 
-    fn draw<T: Target, const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
-        let post = self.passes(plan)?;
+    fn draw_frame<T: Target, const S: usize>(
+        &self,
+        plan: &Plan,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
+        let post = self.image_passes(plan)?;
         if post.iter().any(|p| p.effect.hook() == Hook::Image) {
             let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
-            self.tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
-            let inputs = self.times.of(Stage::Pixels, || self.scene_inputs(plan));
-            let scene = inputs.of(plan);
-            let run = || image_passes::run(&post, scene, pixels, &[], &self.faults, &mut frame.rgba);
-            self.times.of(Stage::ImageEffects, run);
+            self.draw_tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
+            let inputs = self.times.measure(Stage::Pixels, || self.scene_inputs(plan));
+            let scene = inputs.effect_inputs(plan);
+            let run = || image_passes::run_to_bytes(&post, scene, pixels, &[], &self.faults, &mut frame.rgba);
+            self.times.measure(Stage::ImageEffects, run);
             return Ok(());
         }
         let (pixels, _) = frame.rgba.as_chunks_mut::<4>();
-        self.tiles::<T, [u8; 4], S>(plan, &post, pixels)
+        self.draw_tiles::<T, [u8; 4], S>(plan, &post, pixels)
     }
 
-    fn tiles<T: Target, P: PixelOf, const S: usize>(
+    fn draw_tiles<T: Target, P: OutputPixel, const S: usize>(
         &self,
         plan: &Plan,
-        post: &[image_passes::Pass],
+        post: &[image_passes::ImagePass],
         out: &mut [P],
     ) -> Result<(), RenderError> {
-        let changed = self.changed_materials(plan);
-        let deformed = self.times.of(Stage::Vertices, || DeformedMeshes::of(self, plan));
-        let kept = || self.shadow_maps.lock().unwrap_or_else(PoisonError::into_inner);
+        let overrides = self.override_materials(plan);
+        let deformed = self.times.measure(Stage::Vertices, || DeformedMeshes::of(self, plan));
+        let kept_maps = || self.shadow_maps.lock().unwrap_or_else(PoisonError::into_inner);
         let draw_maps = |shadows: &plan::ShadowMaps| {
             let keys = map_keys(shadows, plan, &self.resources);
-            ShadowMaps::draw(shadows, keys, std::mem::take(&mut kept()), |view| {
+            ShadowMaps::draw(shadows, keys, std::mem::take(&mut kept_maps()), |view| {
                 self.times.count_shadow_map();
                 self.batches(
                     plan,
@@ -342,66 +352,72 @@ impl CpuRenderer {
                     &view.clip_from_relative,
                     view.size,
                     None,
-                    &changed,
+                    &overrides,
                 )
             })
         };
-        let maps = self.times.of(Stage::ShadowMaps, || plan.shadow_maps.as_ref().map(draw_maps));
-        let seen = &plan.view.clip_from_relative;
-        let mut batches = self.times.of(Stage::Vertices, || {
-            self.batches(plan, (&plan.draws, &deformed), seen, plan.size, maps.as_ref(), &changed)
+        let maps = self.times.measure(Stage::ShadowMaps, || plan.shadow_maps.as_ref().map(draw_maps));
+        let clip_from_relative = &plan.view.clip_from_relative;
+        let mut batches = self.times.measure(Stage::Vertices, || {
+            self.batches(
+                plan,
+                (&plan.draws, &deformed),
+                clip_from_relative,
+                plan.size,
+                maps.as_ref(),
+                &overrides,
+            )
         });
-        let seen = plan.sky.as_ref().filter(|sky| sky.background);
-        let picture = self.sky.as_ref().and_then(|sky| sky.picture.as_ref());
-        let backdrop = seen.zip(picture).map(|(sky, p)| sky::Backdrop::new(p, sky, plan));
-        let effects = self.surface(plan, plan.background_effects);
-        let needed = backdrop.is_some() || !effects.is_empty();
-        let background =
-            needed.then_some(BackgroundEffects { plan, backdrop, effects, faults: &self.faults });
-        let glass_of = |b: &Batch| match &b.paint {
-            Paint::Surface(fragment) => Some(fragment.glass),
-            Paint::Overlay { .. } => None,
+        let shown_sky = plan.sky.as_ref().filter(|sky| sky.background);
+        let sky_background = self.sky.as_ref().and_then(|sky| sky.background.as_ref());
+        let sky = shown_sky.zip(sky_background).map(|(sky, p)| sky::SkyBackdrop::new(p, sky, plan));
+        let effects = self.surface_effects(plan, plan.background_effects);
+        let needed = sky.is_some() || !effects.is_empty();
+        let background = needed.then_some(PixelBackground { plan, sky, effects, faults: &self.faults });
+        let glass_of = |b: &Batch| match &b.shading {
+            BatchShading::Surface(fragment) => Some(fragment.glass),
+            BatchShading::Overlay { .. } => None,
         };
         let refracting = |b: &Batch| glass_of(b) == Some(Glass::Refract);
-        if let (Some(behind), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
-            // The scene color copy holds the batches before the first refracting one. The image is drawn again from the beginning
-            // below.
+        if let (Some(copy), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
+            // The scene color copy shows the batches before the first refracting batch. Below, the image is drawn again from the
+            // beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
-            let before = || {
-                let (backdrop, faults) = (background.as_ref(), &*self.faults);
-                bands::<T, Vec4, S>(plan, &batches[..first], backdrop, &[], faults, &mut pixels);
+            let draw_before_glass = || {
+                let (background, faults) = (background.as_ref(), &*self.faults);
+                draw_bands::<T, Vec4, S>(plan, &batches[..first], background, &[], faults, &mut pixels);
             };
-            self.times.of(Stage::Pixels, before);
-            let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));
+            self.times.measure(Stage::Pixels, draw_before_glass);
+            let copy = Arc::new(SceneColorCopy::new(pixels, plan.size, copy.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
-            glass.for_each(|b| b.paint.set_scene_color_copy(&behind));
+            glass.for_each(|b| b.shading.set_scene_color_copy(&copy));
         }
         // Overlays lie over all glass and are not part of the scene color copy.
         batches.extend(self.overlays(plan));
-        self.times.of(Stage::Pixels, || {
-            bands::<T, P, S>(plan, &batches, background.as_ref(), post, &self.faults, out);
+        self.times.measure(Stage::Pixels, || {
+            draw_bands::<T, P, S>(plan, &batches, background.as_ref(), post, &self.faults, out);
         });
         drop(batches);
         if let Some(maps) = maps {
-            *kept() = maps;
+            *kept_maps() = maps;
         }
         Ok(())
     }
 }
 
 /// Draws all batches into the tiles of the image, band by band.
-fn bands<T: Target, P: PixelOf, const S: usize>(
+fn draw_bands<T: Target, P: OutputPixel, const S: usize>(
     plan: &Plan,
     batches: &[Batch],
-    backdrop: Option<&BackgroundEffects>,
-    post: &[image_passes::Pass],
+    pixel_background: Option<&PixelBackground>,
+    post: &[image_passes::ImagePass],
     faults: &EffectFaults,
     out: &mut [P],
 ) {
-    let spans: Vec<Vec<[u16; 4]>> =
-        batches.par_iter().map(|b| b.triangles.iter().map(|t| tiles_of(t, plan.size)).collect()).collect();
-    // Range of tile bands that each batch touches, so that each band skips most of a crowd.
-    let bands: Vec<[u16; 2]> = spans
+    let tile_spans: Vec<Vec<[u16; 4]>> =
+        batches.par_iter().map(|b| b.triangles.iter().map(|t| tile_bounds(t, plan.size)).collect()).collect();
+    // Range of tile bands that each batch touches: a band skips the batches outside it, which are most of a crowd.
+    let batch_bands: Vec<[u16; 2]> = tile_spans
         .iter()
         .map(|s| s.iter().fold([u16::MAX, 0], |[low, high], s| [low.min(s[1]), high.max(s[3])]))
         .collect();
@@ -414,11 +430,11 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
             for list in lists.iter_mut() {
                 list.clear();
             }
-            for (b, spans) in spans.iter().enumerate() {
-                if !(bands[b][0]..bands[b][1]).contains(&(band as u16)) {
+            for (b, tile_spans) in tile_spans.iter().enumerate() {
+                if !(batch_bands[b][0]..batch_bands[b][1]).contains(&(band as u16)) {
                     continue;
                 }
-                for (i, [x0, y0, x1, y1]) in spans.iter().enumerate() {
+                for (i, [x0, y0, x1, y1]) in tile_spans.iter().enumerate() {
                     if (*y0..*y1).contains(&(band as u16)) {
                         for list in &mut lists[*x0 as usize..*x1 as usize] {
                             list.push([b as u32, i as u32]);
@@ -427,7 +443,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
                 }
             }
             let y = band * TILE_HEIGHT as usize;
-            let background = std::array::from_fn(|row| row_color(plan, y + row));
+            let background = std::array::from_fn(|row| background_row_color(plan, y + row));
             for (column, list) in lists.iter().enumerate() {
                 let x = column * TILE_WIDTH as usize;
                 let tile = Tile {
@@ -435,11 +451,11 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
                     list,
                     at: [x as i32, y as i32],
                     size: [(width - x).min(TILE_WIDTH as usize), pixels.len() / width],
-                    picture: plan.size,
+                    image_size: plan.size,
                     background,
                     gradient: matches!(plan.background, Background::Gradient { .. }),
-                    backdrop,
-                    under: plan.layers_behind.as_deref(),
+                    pixel_background,
+                    layers_behind: plan.layers_behind.as_deref(),
                     layers: plan.depth_peeling.map_or(0, |peel| peel.layers),
                     post,
                     faults,
@@ -451,7 +467,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
 }
 
 /// CPU reference of background.wgsl: mix(top, bottom, (y + ½) / height), linear.
-fn row_color(plan: &Plan, y: usize) -> Vec4 {
+fn background_row_color(plan: &Plan, y: usize) -> Vec4 {
     match plan.background {
         Background::Color(c) => c,
         Background::Gradient { top, bottom } => {
@@ -459,6 +475,10 @@ fn row_color(plan: &Plan, y: usize) -> Vec4 {
             (top * (1.0 - t) + bottom * t).extend(1.0)
         }
     }
+}
+
+fn nothing_submitted() -> RenderError {
+    RenderError::Usage("no frame is submitted: submit a plan before you collect a frame".into())
 }
 
 impl Renderer for CpuRenderer {
@@ -481,14 +501,14 @@ impl Renderer for CpuRenderer {
     }
 
     fn load(&mut self, resources: Arc<SceneResources>) -> Result<(), RenderError> {
-        let old = std::mem::take(&mut self.textures);
+        let old_textures = std::mem::take(&mut self.textures);
         let keys: Vec<TextureKey> = resources.textures.iter().map(|t| (t.hash, t.srgb, t.mipmaps)).collect();
         let textures: Vec<Option<Arc<Texture>>> = keys
             .par_iter()
             .zip(&resources.textures)
             .map(|(key, t)| match t.streamed {
                 Some(_) => None,
-                None => Some(old.get(key).cloned().unwrap_or_else(|| Arc::new(Texture::new(t)))),
+                None => Some(old_textures.get(key).cloned().unwrap_or_else(|| Arc::new(Texture::new(t)))),
             })
             .collect();
         self.materials = resources
@@ -509,50 +529,44 @@ impl Renderer for CpuRenderer {
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
         if self.submitted.len() >= self.frames_in_flight() {
-            return Err(RenderError::Usage("two frames are submitted: collect one first".into()));
+            return Err(RenderError::Usage("two frames are already submitted: collect one first".into()));
         }
-        self.check(&plan).and_then(|()| crate::plan::light_clusters::check(&plan))?;
+        self.check_plan(&plan).and_then(|()| crate::plan::light_clusters::check(&plan))?;
         plan.record_faults(&self.faults);
         self.submitted.push_back(plan);
         Ok(())
     }
 
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
-        let plan = self
-            .submitted
-            .pop_front()
-            .ok_or_else(|| RenderError::Usage("no frame is submitted: nothing to collect".into()))?;
-        let frame = dissolved(plan, reuse, |plan, reuse| self.picture(&plan, reuse))?;
+        let plan = self.submitted.pop_front().ok_or_else(nothing_submitted)?;
+        let frame = dissolved(plan, reuse, |plan, reuse| self.render_frame(&plan, reuse))?;
         self.times.count_frame();
         Ok(frame)
     }
 
     fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
-        let plan = self
-            .submitted
-            .pop_front()
-            .ok_or_else(|| RenderError::Usage("no frame is submitted: nothing to collect".into()))?;
+        let plan = self.submitted.pop_front().ok_or_else(nothing_submitted)?;
         let frame = float_frame(&plan, self)?;
         self.times.count_frame();
         Ok(frame)
     }
 }
 
-impl DrawsFloats for CpuRenderer {
-    fn linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
+impl FloatFrameRenderer for CpuRenderer {
+    fn render_linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
         self.prepare_sky(plan);
-        self.stream(plan)?;
+        self.load_streamed_textures(plan)?;
         let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
         match plan.samples {
-            1 => self.tiles::<Float, Vec4, 1>(plan, &[], &mut pixels)?,
-            _ => self.tiles::<Float, Vec4, 4>(plan, &[], &mut pixels)?,
+            1 => self.draw_tiles::<LinearFloat, Vec4, 1>(plan, &[], &mut pixels)?,
+            _ => self.draw_tiles::<LinearFloat, Vec4, 4>(plan, &[], &mut pixels)?,
         }
         Ok(pixels)
     }
 
-    fn inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
-        self.stream(plan)?;
-        Ok(self.times.of(Stage::Pixels, || self.scene_inputs(plan)))
+    fn render_inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
+        self.load_streamed_textures(plan)?;
+        Ok(self.times.measure(Stage::Pixels, || self.scene_inputs(plan)))
     }
 
     fn effects(&self) -> &[Effect] {
@@ -565,22 +579,22 @@ impl DrawsFloats for CpuRenderer {
 }
 
 impl CpuRenderer {
-    fn picture(&mut self, plan: &Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+    fn render_frame(&mut self, plan: &Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         let mut frame = reuse.unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
         self.prepare_sky(plan);
-        self.stream(plan)?;
+        self.load_streamed_textures(plan)?;
         [frame.width, frame.height] = plan.size;
         frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
         match (plan.samples, plan.post.is_empty()) {
             (1, _) if !plan.subframes.is_empty() => self.accumulate_sub_frames::<1>(plan, &mut frame)?,
             _ if !plan.subframes.is_empty() => self.accumulate_sub_frames::<4>(plan, &mut frame)?,
-            (1, true) => self.draw::<Srgb8, 1>(plan, &mut frame)?,
-            (1, false) => self.draw::<Float, 1>(plan, &mut frame)?,
-            (_, true) => self.draw::<Srgb8, 4>(plan, &mut frame)?,
-            (_, false) => self.draw::<Float, 4>(plan, &mut frame)?,
+            (1, true) => self.draw_frame::<Srgb8, 1>(plan, &mut frame)?,
+            (1, false) => self.draw_frame::<LinearFloat, 1>(plan, &mut frame)?,
+            (_, true) => self.draw_frame::<Srgb8, 4>(plan, &mut frame)?,
+            (_, false) => self.draw_frame::<LinearFloat, 4>(plan, &mut frame)?,
         }
-        if let Some(over) = &plan.layers_in_front {
-            self.times.of(Stage::Layers2d, || over.over(&mut frame));
+        if let Some(layers) = &plan.layers_in_front {
+            self.times.measure(Stage::Layers2d, || layers.blend_over(&mut frame));
         }
         Ok(frame)
     }

@@ -1,37 +1,37 @@
 //! Depth peeling of transparent surfaces, from the back. CPU reference of peel.wgsl and of the passes around it.
 
-use super::raster::cover;
+use super::raster::rasterize;
 use super::target::Target;
-use super::tile::{Against, Tile, TileBuffers, TriangleId};
+use super::tile::{SampleTest, Tile, TileBuffers, TriangleId};
 
 impl Tile<'_, '_> {
-    /// Peels layer by layer from the back: finds at each sample the farthest surface that is nearer than the layer before (at
-    /// first: than the opaque scene), and blends the surfaces at that depth. Surfaces nearer than the last layer are blended in
-    /// drawing order.
+    /// Peels layers from the back. For each layer, finds at each sample the farthest surface that is nearer than the previous layer
+    /// (for the first layer: than the opaque scene), and blends the surfaces at that depth. Surfaces nearer than the last layer are
+    /// blended in drawing order.
     pub fn peel<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, ids: &[TriangleId]) {
-        let TileBuffers { layers: [layer, before], depth, .. } = b;
+        let TileBuffers { layers: [layer, previous], depth, .. } = b;
         layer.clone_from(depth);
-        before.clone_from(depth);
+        previous.clone_from(depth);
         for _ in 0..self.layers {
-            let [layer, before] = &mut b.layers;
-            std::mem::swap(layer, before);
+            let [layer, previous] = &mut b.layers;
+            std::mem::swap(layer, previous);
             layer.fill(1.0);
-            let mut any = false;
+            let mut found = false;
             for id in ids {
-                cover::<S>(self.triangle(id), self.at, |index, covered, z| {
+                rasterize::<S>(self.triangle(id), self.at, |index, covered, z| {
                     for i in 0..4 {
-                        if covered[i] && z[i] > before[index + i] && z[i] < layer[index + i] {
+                        if covered[i] && z[i] > previous[index + i] && z[i] < layer[index + i] {
                             layer[index + i] = z[i];
-                            any = true;
+                            found = true;
                         }
                     }
                 });
             }
-            if !any {
+            if !found {
                 return;
             }
-            ids.iter().for_each(|id| self.forward::<T, S>(b, id, Against::Layer));
+            ids.iter().for_each(|id| self.draw_triangle::<T, S>(b, id, SampleTest::Layer));
         }
-        ids.iter().for_each(|id| self.forward::<T, S>(b, id, Against::Nearer));
+        ids.iter().for_each(|id| self.draw_triangle::<T, S>(b, id, SampleTest::Nearer));
     }
 }

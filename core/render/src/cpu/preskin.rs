@@ -1,8 +1,8 @@
 //! Meshes that are drawn more than once per frame (into the image, shadow maps, outlines) are pre-skinned. CPU reference of
-//! preskin.wgsl: the vertices of [`VertexStage::posed`], shared by all draws.
+//! preskin.wgsl: the vertices of [`VertexStage::skinned_vertices`], shared by all draws.
 
 use super::CpuRenderer;
-use super::vertex::{Hull, Vertex, VertexStage};
+use super::vertex::{OutlineHull, Vertex, VertexStage};
 use crate::plan::{Draw, Features, Instance, Plan};
 use choreo_stage::SkinOnce;
 use glam::Mat4;
@@ -16,12 +16,12 @@ type DeformedKey = (u32, Features, bool, [u32; 15]);
 #[derive(Default)]
 pub struct DeformedMeshes(BTreeMap<DeformedKey, Vec<Vertex>>);
 
-fn body(draw: &Draw, instance: &Instance) -> Option<DeformedKey> {
+fn deformed_key(draw: &Draw, instance: &Instance) -> Option<DeformedKey> {
     let features = draw.pipeline.features;
-    let pose = features.only(Features::SKINNING);
+    let deforming = features.only(Features::SKINNING);
     // Displacement effects read vertex data that depends on the draw's features, so such draws share nothing.
-    let shared = pose != Features::default() && draw.pipeline.displaced == 0;
-    shared.then(|| (draw.primitive, pose, features.has(Features::OUTLINE), instance.deformation()))
+    let shared = deforming != Features::default() && draw.pipeline.displaced == 0;
+    shared.then(|| (draw.primitive, deforming, features.has(Features::OUTLINE), instance.deformation()))
 }
 
 impl DeformedMeshes {
@@ -35,29 +35,31 @@ impl DeformedMeshes {
         for draw in plan.draws.iter().chain(plan.shadow_draws()) {
             let first = draw.first_instance as usize;
             for instance in &plan.instances[first..first + draw.instance_count as usize] {
-                let Some(body) = body(draw, instance) else { continue };
-                let of = wanted.entry(body).or_insert((Features::default(), instance, 0));
-                of.0 = of.0.with(draw.pipeline.features);
-                of.2 += 1;
+                let Some(key) = deformed_key(draw, instance) else { continue };
+                let entry = wanted.entry(key).or_insert((Features::default(), instance, 0));
+                entry.0 = entry.0.with(draw.pipeline.features);
+                entry.2 += 1;
             }
         }
         wanted.retain(|_, (.., draws)| *draws > 1);
         let wanted: Vec<_> = wanted.into_iter().collect();
-        let pose = |(body, (features, instance, _)): (DeformedKey, (Features, &Instance, u32))| {
-            let entry = &renderer.resources.primitives[body.0 as usize];
+        let skin_mesh = |(key, (features, instance, _)): (DeformedKey, (Features, &Instance, u32))| {
+            let entry = &renderer.resources.primitives[key.0 as usize];
             let stage = VertexStage::new(entry, features, plan, instance, &Mat4::IDENTITY);
             let welded =
-                body.2.then(|| crate::scene_resources::vertex_layout::welded_normals(stage.primitive));
-            (body, stage.posed(welded.as_deref()))
+                key.2.then(|| crate::scene_resources::vertex_layout::welded_normals(stage.primitive));
+            (key, stage.skinned_vertices(welded.as_deref()))
         };
-        DeformedMeshes(wanted.into_par_iter().map(pose).collect())
+        DeformedMeshes(wanted.into_par_iter().map(skin_mesh).collect())
     }
 
     /// Projected vertices of a draw: from the pre-skinned mesh if there is one, else skinned now.
     pub fn vertices(&self, draw: &Draw, stage: &VertexStage<'_>) -> Vec<Vertex> {
-        match body(draw, stage.instance).and_then(|body| self.0.get(&body)) {
-            Some(posed) => stage.project(posed.clone()),
-            None => stage.project(stage.posed(stage.hull.as_ref().map(|hull: &Hull| &hull.normals[..]))),
+        match deformed_key(draw, stage.instance).and_then(|key| self.0.get(&key)) {
+            Some(vertices) => stage.project(vertices.clone()),
+            None => stage.project(
+                stage.skinned_vertices(stage.hull.as_ref().map(|hull: &OutlineHull| &hull.normals[..])),
+            ),
         }
     }
 }

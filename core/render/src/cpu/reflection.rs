@@ -9,7 +9,7 @@ use glam::Vec3;
 use std::f32::consts::PI;
 
 impl Fragment<'_> {
-    /// Reflectance and reflected color; `None` if the draw reflects nothing.
+    /// Reflectance and reflected color; `None` for a draw without reflection.
     pub fn reflection(&self, quad: &Quad, [n, v]: [V3; 2]) -> Option<[V3; 2]> {
         if !self.features.has(Features::REFLECTION) {
             return None;
@@ -17,38 +17,44 @@ impl Fragment<'_> {
         let material = &self.material.factors.material;
         let mut share =
             V3::splat(material.reflection.as_deref().map_or(Vec3::ZERO, |r: &Reflection| r.color));
-        if let Some([r, g, b, _]) = self.texel(quad, Features::REFLECTION_TEXTURE) {
+        if let Some([r, g, b, _]) = self.sample_feature_texture(quad, Features::REFLECTION_TEXTURE) {
             share = share * V3 { x: r, y: g, z: b };
         }
-        let way = n * (n.dot(v) * 2.0) - v;
+        let direction = n * (n.dot(v) * 2.0) - v;
         let roughness = material.mirror_roughness();
-        let seen = match self.features.has(Features::ENVIRONMENT_TEXTURE) {
-            true => self.environment(way, roughness),
-            false => self.environment_light().mirrored(way, F4::splat(roughness)),
+        let reflected = match self.features.has(Features::ENVIRONMENT_TEXTURE) {
+            true => self.sample_environment_map(direction, roughness),
+            false => self.environment_light().reflected(direction, F4::splat(roughness)),
         };
-        Some([share, seen])
+        Some([share, reflected])
     }
 
     /// The material's environment map, sampled in the four directions of a quad.
-    fn environment(&self, way: V3, roughness: f32) -> V3 {
+    fn sample_environment_map(&self, direction: V3, roughness: f32) -> V3 {
         let refs = self.material.factors.textures;
         let slot = texture_slot(Features::ENVIRONMENT_TEXTURE);
         let (Some(r), Some(map)) = (refs[slot].as_ref(), self.material.textures[slot].as_deref()) else {
             return V3::splat(Vec3::ONE);
         };
-        let ways: [Vec3; 4] = std::array::from_fn(|i| Vec3::new(way.x.0[i], way.y.0[i], way.z.0[i]));
+        let directions: [Vec3; 4] =
+            std::array::from_fn(|i| Vec3::new(direction.x.0[i], direction.y.0[i], direction.z.0[i]));
         let lanes: [F4; 4] = std::array::from_fn(|i| {
-            let way = ways[i];
-            let (across, down) = (ways[i | 1] - ways[i & !1], ways[i | 2] - ways[i & !2]);
+            let direction = directions[i];
+            let (across, down) =
+                (directions[i | 1] - directions[i & !1], directions[i | 2] - directions[i & !2]);
             let pixel = across.length_squared().max(down.length_squared()).sqrt();
             let angle = pixel.max(2.0 * roughness * roughness);
             let level = libm::log2f((angle * map.width() / (2.0 * PI)).max(1.0));
-            let [x, z] = if way.x == 0.0 && way.z == 0.0 { [0.0, 1.0] } else { [way.x, -way.z] };
+            let [x, z] = if direction.x == 0.0 && direction.z == 0.0 {
+                [0.0, 1.0]
+            } else {
+                [direction.x, -direction.z]
+            };
             let u = 0.5 + libm::atan2f(x, z) / (2.0 * PI);
-            let v = libm::acosf(way.y.clamp(-1.0, 1.0)) / PI;
+            let v = libm::acosf(direction.y.clamp(-1.0, 1.0)) / PI;
             map.sample_level(&r.sampler, [u, v], level)
         });
-        let part = |c: usize| F4(std::array::from_fn(|i| lanes[i].0[c]));
-        V3 { x: part(0), y: part(1), z: part(2) }
+        let channel = |c: usize| F4(std::array::from_fn(|i| lanes[i].0[c]));
+        V3 { x: channel(0), y: channel(1), z: channel(2) }
     }
 }

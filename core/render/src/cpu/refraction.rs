@@ -22,8 +22,8 @@ impl SceneColorCopy {
     pub fn new(pixels: Vec<Vec4>, size: [u32; 2], levels: u32) -> SceneColorCopy {
         let mut all = vec![Level { size: size.map(|s| s as usize), texels: pixels }];
         while all.len() < levels as usize {
-            let half = all[all.len() - 1].half();
-            all.push(half);
+            let next = all[all.len() - 1].next_mip_level();
+            all.push(next);
         }
         SceneColorCopy { levels: all }
     }
@@ -33,36 +33,36 @@ impl SceneColorCopy {
         let last = self.levels.len() - 1;
         let lod = if lod > 0.0 { lod.min(last as f32) } else { 0.0 };
         let level = lod as usize;
-        let near = self.levels[level].at(at);
+        let near = self.levels[level].sample(at);
         let share = lod - level as f32;
-        if share > 0.0 { near.lerp(self.levels[level + 1].at(at), share) } else { near }
+        if share > 0.0 { near.lerp(self.levels[level + 1].sample(at), share) } else { near }
     }
 }
 
 impl Level {
-    /// The next mip level, as a blit with a linear filter makes it: each texel is the level above, sampled at the texel's center.
-    fn half(&self) -> Level {
+    /// The next smaller mip level, as a blit with a linear filter creates it: each texel is this level, sampled at its center.
+    fn next_mip_level(&self) -> Level {
         let size = self.size.map(|side| (side / 2).max(1));
         let mut texels = vec![Vec4::ZERO; size[0] * size[1]];
         texels.par_chunks_mut(size[0]).enumerate().for_each(|(y, row)| {
             for (x, texel) in row.iter_mut().enumerate() {
-                let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                *texel = self.at(centre / Vec2::new(size[0] as f32, size[1] as f32)).extend(1.0);
+                let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                *texel = self.sample(center / Vec2::new(size[0] as f32, size[1] as f32)).extend(1.0);
             }
         });
         Level { size, texels }
     }
 
-    fn at(&self, at: Vec2) -> Vec3 {
-        let [(x0, x1, fx), (y0, y1, fy)] = [pair(at.x, self.size[0]), pair(at.y, self.size[1])];
+    fn sample(&self, at: Vec2) -> Vec3 {
+        let [(x0, x1, fx), (y0, y1, fy)] = [texel_pair(at.x, self.size[0]), texel_pair(at.y, self.size[1])];
         let texel = |x: usize, y: usize| self.texels[y * self.size[0] + x].truncate();
         let top = texel(x0, y0).lerp(texel(x1, y0), fx);
         top.lerp(texel(x0, y1).lerp(texel(x1, y1), fx), fy)
     }
 }
 
-/// The two texels around a coordinate, and the weight of the second. NaN gives the first texel of all.
-fn pair(at: f32, size: usize) -> (usize, usize, f32) {
+/// The two texels around a coordinate, and the weight of the second. NaN selects texel 0.
+fn texel_pair(at: f32, size: usize) -> (usize, usize, f32) {
     let last = (size - 1) as f32;
     let x = at * size as f32 - 0.5;
     let x = if x > 0.0 { x.min(last) } else { 0.0 };
@@ -70,8 +70,8 @@ fn pair(at: f32, size: usize) -> (usize, usize, f32) {
     (first, (first + 1).min(size - 1), x - first as f32)
 }
 
-/// Refracted ray inside the volume by Snell's law, unit length; zero in total reflection.
-fn bent(n: V3, v: V3, ior: f32) -> V3 {
+/// Refracted ray inside the volume by Snell's law, unit length; zero for total reflection. CPU reference of `bent`.
+fn refracted_ray(n: V3, v: V3, ior: f32) -> V3 {
     let eta = F4::splat(1.0 / ior);
     let nv = n.dot(v);
     let k = F4::ONE - eta * eta * (F4::ONE - nv * nv);
@@ -81,7 +81,7 @@ fn bent(n: V3, v: V3, ior: f32) -> V3 {
 
 impl Fragment<'_> {
     /// Color where the refracted ray leaves the volume after `depth` metres, blurred by the surface's roughness.
-    pub(super) fn refracted(
+    pub(super) fn refracted_color(
         &self,
         relative: V3,
         [n, v]: [V3; 2],
@@ -89,21 +89,21 @@ impl Fragment<'_> {
         depth: F4,
         roughness: F4,
     ) -> V3 {
-        let Some(behind) = &self.behind else { return V3::splat(Vec3::ZERO) };
+        let Some(scene_color) = &self.scene_color else { return V3::splat(Vec3::ZERO) };
         let iors = layers.iors();
-        let seen = |ior: f32| {
-            let exit = relative + bent(n, v, ior) * depth;
+        let color_at_ior = |ior: f32| {
+            let exit = relative + refracted_ray(n, v, ior) * depth;
             let height = libm::log2f(self.plan.size[1] as f32);
             std::array::from_fn::<Vec3, 4, _>(|i| {
                 let exit = Vec4::new(exit.x.0[i], exit.y.0[i], exit.z.0[i], 1.0);
                 let clip = self.plan.view.clip_from_relative * exit;
                 let at = clip.truncate().truncate() / clip.w.max(1e-6) * 0.5 + 0.5;
-                behind.sample(at, height * blur(roughness.0[i], ior))
+                scene_color.sample(at, height * blur(roughness.0[i], ior))
             })
         };
-        let green = seen(iors.y);
+        let green = color_at_ior(iors.y);
         let (red, blue) = match self.features.has(Features::DISPERSION) {
-            true => (seen(iors.x), seen(iors.z)),
+            true => (color_at_ior(iors.x), color_at_ior(iors.z)),
             false => (green, green),
         };
         V3 { x: F4(red.map(|c| c.x)), y: F4(green.map(|c| c.y)), z: F4(blue.map(|c| c.z)) }

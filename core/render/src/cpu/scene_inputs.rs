@@ -1,18 +1,18 @@
-//! CPU reference of inputs.wgsl: depth, normals, motion vectors and actors of the pixels, for effects on images.
+//! CPU reference of inputs.wgsl: depth, normals, motion vectors and actors of the pixels, for image effects.
 
 use super::CpuRenderer;
 use super::preskin::DeformedMeshes;
-use super::raster::{TILE_HEIGHT, TILE_WIDTH, cover};
+use super::raster::{TILE_HEIGHT, TILE_WIDTH, rasterize};
 use super::setup::Triangle;
-use super::shadow::holes;
-use super::tile::{Batch, Paint, TriangleId, tiles_of};
+use super::shadow::kept_texels;
+use super::tile::{Batch, BatchShading, TriangleId, tile_bounds};
 use super::vertex::VertexStage;
 use crate::plan::{Draw, Features, InputPass, Plan};
 use choreo_plugin::{EffectFrame, EffectImage, SceneImages};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 
-/// The images of a plan's inputs; empty where no effect reads them.
+/// Images of the scene's inputs that image effects read; empty where no effect reads them.
 #[derive(Default)]
 pub(crate) struct InputImages {
     pub surface: Vec<Vec4>,
@@ -20,40 +20,41 @@ pub(crate) struct InputImages {
 }
 
 impl InputImages {
-    pub fn of<'a>(&'a self, plan: &'a Plan) -> SceneOf<'a> {
-        SceneOf { size: plan.size, frame: &plan.effect_frame, inputs: self }
+    pub fn effect_inputs<'a>(&'a self, plan: &'a Plan) -> EffectInputs<'a> {
+        EffectInputs { size: plan.size, frame: &plan.effect_frame, inputs: self }
     }
 }
 
-/// The inputs that effects on an image of this size read from its scene.
+/// Inputs that image effects read: the frame's numbers, and images of this size.
 #[derive(Clone, Copy)]
-pub(crate) struct SceneOf<'a> {
+pub(crate) struct EffectInputs<'a> {
     pub size: [u32; 2],
     pub frame: &'a EffectFrame,
     inputs: &'a InputImages,
 }
 
-impl<'a> SceneOf<'a> {
+impl<'a> EffectInputs<'a> {
     pub fn images(self, rows: &'a [Vec4; EffectFrame::ROWS]) -> SceneImages<'a> {
         let image = |rgba: &'a [Vec4]| (!rgba.is_empty()).then_some(EffectImage { size: self.size, rgba });
         SceneImages { surface: image(&self.inputs.surface), motion: image(&self.inputs.motion), rows }
     }
 }
 
-/// One drawn copy: its batch, the numbers of actor and material, and where its vertices were in the clip space of the frame before.
+/// One instance of a draw: its batch, the numbers of its actor and material, and the clip-space positions of its vertices in the
+/// previous frame.
 struct DrawnCopy<'a> {
     batch: Batch<'a>,
-    numbers: [f32; 2],
-    before: Vec<Vec4>,
+    ids: [f32; 2],
+    previous_clip: Vec<Vec4>,
 }
 
 impl CpuRenderer {
     /// The inputs that the plan's effects read.
     pub(super) fn scene_inputs(&self, plan: &Plan) -> InputImages {
         let Some(pass) = &plan.scene_inputs else { return InputImages::default() };
-        let changed = self.changed_materials(plan);
+        let overrides = self.override_materials(plan);
         let (deformed, clip) = (DeformedMeshes::default(), &plan.view.clip_from_relative);
-        let batches = self.batches(plan, (&pass.draws, &deformed), clip, plan.size, None, &changed);
+        let batches = self.batches(plan, (&pass.draws, &deformed), clip, plan.size, None, &overrides);
         let instances = pass.draws.iter().flat_map(|draw| {
             (draw.first_instance..draw.first_instance + draw.instance_count).map(move |i| (draw, i as usize))
         });
@@ -62,66 +63,73 @@ impl CpuRenderer {
             .zip(instances)
             .map(|(batch, (draw, i))| {
                 let tint = plan.instances[i].tint;
-                let before = match pass.motion {
-                    true => self.clip_before(plan, pass, draw, tint.y as usize),
+                let previous_clip = match pass.motion {
+                    true => self.previous_clip_positions(plan, pass, draw, tint.y as usize),
                     false => Vec::new(),
                 };
-                DrawnCopy { batch, numbers: [tint.x, tint.z], before }
+                DrawnCopy { batch, ids: [tint.x, tint.z], previous_clip }
             })
             .collect();
-        draw(plan, pass.motion, &copies)
+        draw_inputs(plan, pass.motion, &copies)
     }
 
-    fn clip_before(&self, plan: &Plan, pass: &InputPass, draw: &Draw, then: usize) -> Vec<Vec4> {
+    fn previous_clip_positions(
+        &self,
+        plan: &Plan,
+        pass: &InputPass,
+        draw: &Draw,
+        previous_instance: usize,
+    ) -> Vec<Vec4> {
         let entry = &self.resources.primitives[draw.primitive as usize];
         let features = draw.pipeline.features;
-        let instance = &plan.instances[then];
+        let instance = &plan.instances[previous_instance];
         let stage = VertexStage {
-            displaced: self.displaced(plan, draw.pipeline.displaced),
+            displacements: self.displacements(plan, draw.pipeline.displaced),
             camera: pass.camera_before,
             ..VertexStage::new(entry, features, plan, instance, &pass.clip_before)
         };
-        stage.project(stage.posed(None)).into_iter().map(|vertex| vertex.clip).collect()
+        stage.project(stage.skinned_vertices(None)).into_iter().map(|vertex| vertex.clip).collect()
     }
 }
 
 /// Marks a pixel without a triangle.
-const NOWHERE: TriangleId = [u32::MAX; 2];
+const NO_TRIANGLE: TriangleId = [u32::MAX; 2];
 
-fn draw(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
+fn draw_inputs(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
     let [width, height] = plan.size.map(|s| s as usize);
     let mut surface = vec![SceneImages::NO_SURFACE; width * height];
-    let mut moved = vec![Vec4::ZERO; if motion { width * height } else { 0 }];
-    let lists = bands(copies, plan.size);
+    let mut motion_vectors = vec![Vec4::ZERO; if motion { width * height } else { 0 }];
+    let lists = triangles_by_band(copies, plan.size);
     let band = width * TILE_HEIGHT as usize;
     // Each band gets an empty slice if there are no motion vectors.
-    let mut parts: Vec<&mut [Vec4]> = moved.chunks_mut(band).collect();
-    parts.resize_with(lists.len(), Default::default);
-    let parts = surface.par_chunks_mut(band).zip(parts).zip(lists).enumerate();
-    parts.for_each(|(number, ((surface, motion), list))| {
+    let mut motion_bands: Vec<&mut [Vec4]> = motion_vectors.chunks_mut(band).collect();
+    motion_bands.resize_with(lists.len(), Default::default);
+    let motion_bands = surface.par_chunks_mut(band).zip(motion_bands).zip(lists).enumerate();
+    motion_bands.for_each(|(number, ((surface, motion), list))| {
         let first = number * TILE_HEIGHT as usize;
-        let nearest = visible(copies, &list, [width, surface.len() / width], first as i32);
-        for (i, (_, [copy, triangle])) in nearest.iter().enumerate().filter(|(_, (_, id))| *id != NOWHERE) {
+        let nearest = nearest_triangles(copies, &list, [width, surface.len() / width], first as i32);
+        for (i, (_, [copy, triangle])) in nearest.iter().enumerate().filter(|(_, (_, id))| *id != NO_TRIANGLE)
+        {
             let copy = &copies[*copy as usize];
             let triangle = &copy.batch.triangles[*triangle as usize];
             let at = Vec2::new((i % width) as f32, (first + i / width) as f32) + 0.5;
-            let weights = weights(triangle, at);
-            surface[i] = copy.surface(plan, triangle, weights);
+            let weights = barycentric_weights(triangle, at);
+            surface[i] = copy.normal_and_depth(plan, triangle, weights);
             if let Some(out) = motion.get_mut(i) {
-                let [actor, material] = copy.numbers;
-                *out = copy.moved(plan.size, triangle, weights, at).extend(actor).extend(material);
+                let [actor, material] = copy.ids;
+                *out = copy.motion_vector(plan.size, triangle, weights, at).extend(actor).extend(material);
             }
         }
     });
-    InputImages { surface, motion: moved }
+    InputImages { surface, motion: motion_vectors }
 }
 
 /// The triangles in each band of tiles, in the order of the copies.
-fn bands(copies: &[DrawnCopy], size: [u32; 2]) -> Vec<Vec<TriangleId>> {
+fn triangles_by_band(copies: &[DrawnCopy], size: [u32; 2]) -> Vec<Vec<TriangleId>> {
     let mut lists = vec![Vec::new(); size[1].div_ceil(TILE_HEIGHT as u32) as usize];
     for (c, copy) in copies.iter().enumerate() {
         for (t, triangle) in copy.batch.triangles.iter().enumerate() {
-            let [_, y0, _, y1] = tiles_of(triangle, size);
+            let [_, y0, _, y1] = tile_bounds(triangle, size);
             lists[usize::from(y0)..usize::from(y1)]
                 .iter_mut()
                 .for_each(|list| list.push([c as u32, t as u32]));
@@ -131,22 +139,22 @@ fn bands(copies: &[DrawnCopy], size: [u32; 2]) -> Vec<Vec<TriangleId>> {
 }
 
 /// The nearest triangle of each pixel of a band, with its depth. `first`: its first row.
-fn visible(
+fn nearest_triangles(
     copies: &[DrawnCopy],
     list: &[TriangleId],
     [width, height]: [usize; 2],
     first: i32,
 ) -> Vec<(f32, TriangleId)> {
-    let mut nearest = vec![(0.0f32, NOWHERE); width * height];
+    let mut nearest = vec![(0.0f32, NO_TRIANGLE); width * height];
     for [copy, number] in list {
         let batch = &copies[*copy as usize].batch;
         let triangle = &batch.triangles[*number as usize];
-        let [x0, _, x1, _] = triangle.pixels();
+        let [x0, _, x1, _] = triangle.pixel_bounds();
         let columns = x0.max(0) / TILE_WIDTH..(x1.min(width as i32) + TILE_WIDTH - 1) / TILE_WIDTH;
         for column in columns {
             let at = [column * TILE_WIDTH, first];
-            cover::<1>(triangle, at, |index, covered, z| {
-                let kept = holes(batch, triangle, at, index);
+            rasterize::<1>(triangle, at, |index, covered, z| {
+                let kept = kept_texels(batch, triangle, at, index);
                 for i in (0..4).filter(|i| covered[*i] && kept[*i]) {
                     let x = at[0] as usize + (index + i) % TILE_WIDTH as usize;
                     let y = (index + i) / TILE_WIDTH as usize;
@@ -161,7 +169,7 @@ fn visible(
 }
 
 /// Perspective-correct weights of a triangle's vertices at the middle of a pixel.
-fn weights(triangle: &Triangle, at: Vec2) -> [f32; 3] {
+fn barycentric_weights(triangle: &Triangle, at: Vec2) -> [f32; 3] {
     let [x, y] = [at.x - triangle.origin[0] as f32, at.y - triangle.origin[1] as f32];
     let e = triangle.edges.map(|[a, b, c]| x * a + y * b + c);
     let scale = 1.0 / (e[0] + e[1] + e[2]);
@@ -170,28 +178,28 @@ fn weights(triangle: &Triangle, at: Vec2) -> [f32; 3] {
 
 impl DrawnCopy<'_> {
     /// World-space normal, and depth in metres in front of the camera.
-    fn surface(&self, plan: &Plan, triangle: &Triangle, weights: [f32; 3]) -> Vec4 {
+    fn normal_and_depth(&self, plan: &Plan, triangle: &Triangle, weights: [f32; 3]) -> Vec4 {
         let vertices = triangle.vertices.map(|v| &self.batch.vertices[v as usize]);
-        let mixed = |of: [Vec3; 3]| of[0] * weights[0] + of[1] * weights[1] + of[2] * weights[2];
-        let places = vertices.map(|v| v.relative);
-        let relative = mixed(places);
+        let interpolate = |of: [Vec3; 3]| of[0] * weights[0] + of[1] * weights[1] + of[2] * weights[2];
+        let positions = vertices.map(|v| v.relative);
+        let relative = interpolate(positions);
         let eye = plan.view.eye;
         let depth = match eye.w > 0.5 {
             true => (plan.view.clip_from_relative * relative.extend(1.0)).w,
             false => -relative.dot(eye.truncate()),
         };
-        let (features, double_sided) = match &self.batch.paint {
-            Paint::Surface(fragment) => (fragment.features, fragment.double_sided),
-            Paint::Overlay { .. } => (Features::default(), false),
+        let (features, double_sided) = match &self.batch.shading {
+            BatchShading::Surface(fragment) => (fragment.features, fragment.double_sided),
+            BatchShading::Overlay { .. } => (Features::default(), false),
         };
         let normal = match features.has_normals() {
             true => {
-                let n = unit(mixed(vertices.map(|v| v.normal)));
+                let n = unit(interpolate(vertices.map(|v| v.normal)));
                 if double_sided && !triangle.front { -n } else { n }
             }
             // A mesh without normals gets the normals of its triangles, turned to the viewer.
             false => {
-                let n = unit((places[1] - places[0]).cross(places[2] - places[0]));
+                let n = unit((positions[1] - positions[0]).cross(positions[2] - positions[0]));
                 let viewer = eye.truncate() - relative * eye.w;
                 if n.dot(viewer) < 0.0 { -n } else { n }
             }
@@ -199,9 +207,9 @@ impl DrawnCopy<'_> {
         normal.extend(depth)
     }
 
-    /// Motion in pixels since the frame before; zero for a point that was behind the camera.
-    fn moved(&self, size: [u32; 2], triangle: &Triangle, weights: [f32; 3], at: Vec2) -> Vec2 {
-        let [a, b, c] = triangle.vertices.map(|v| self.before[v as usize]);
+    /// Motion in pixels since the previous frame; zero for a point that was behind the camera then.
+    fn motion_vector(&self, size: [u32; 2], triangle: &Triangle, weights: [f32; 3], at: Vec2) -> Vec2 {
+        let [a, b, c] = triangle.vertices.map(|v| self.previous_clip[v as usize]);
         let before = a * weights[0] + b * weights[1] + c * weights[2];
         let size = Vec2::new(size[0] as f32, size[1] as f32);
         if before.w > 0.0 { at - (before.xy() / before.w * 0.5 + 0.5) * size } else { Vec2::ZERO }

@@ -5,13 +5,13 @@ use crate::plan::{Features, PipelineKey, TopologyKey};
 use glam::{DVec3, DVec4, Vec4};
 use rayon::prelude::*;
 
-/// Fractions of a pixel: Vulkan's `subPixelPrecisionBits` = 8, as lavapipe and the usual GPUs have.
+/// Subpixel steps per pixel: Vulkan's `subPixelPrecisionBits` = 8, as on lavapipe and common GPUs.
 pub(crate) const SUBPIXEL: i32 = 256;
 
-/// A screen triangle. Positions are snapped; interpolation runs on exact ones.
+/// A screen triangle. Coverage uses positions snapped to subpixels; interpolation uses the exact positions.
 #[derive(Clone, Copy, Debug)]
 pub struct Triangle {
-    /// Fixed point, y down. Counter-clockwise (y up) is reordered to clockwise (y down), so that the signed area is positive.
+    /// Fixed point, y down. The vertices are reordered where needed, so that the signed area is positive.
     pub x: [i32; 3],
     pub y: [i32; 3],
     /// Pixel that `edges` and `depth` are relative to.
@@ -25,35 +25,37 @@ pub struct Triangle {
 }
 
 impl Triangle {
-    /// Pixels that its samples can lie in: [x0, x1) × [y0, y1), not clamped to the image.
-    pub fn pixels(&self) -> [i32; 4] {
+    /// Bounds of the pixels whose samples the triangle may cover: [x0, x1) × [y0, y1), not clamped to the image.
+    pub fn pixel_bounds(&self) -> [i32; 4] {
         let low = |v: [i32; 3]| v[0].min(v[1]).min(v[2]).div_euclid(SUBPIXEL);
         let high = |v: [i32; 3]| v[0].max(v[1]).max(v[2]).div_euclid(SUBPIXEL) + 1;
         [low(self.x), low(self.y), high(self.x), high(self.y)]
     }
 }
 
-pub(crate) struct Assembly<'a> {
+pub(crate) struct PrimitiveAssembly<'a> {
     pub vertices: &'a [Vertex],
     pub indices: &'a [u32],
     pub pipeline: PipelineKey,
     pub size: [u32; 2],
 }
 
-/// Half a side of the guard band, in pixels from the middle: 2¹⁵, so that an edge's step fits 24 bits.
+/// Half the side of the guard band, in pixels from the center of the image: 2¹⁵, so that an edge's step fits 24 bits.
 const GUARD_PIXELS: f64 = 32768.0;
 
-impl Assembly<'_> {
+impl PrimitiveAssembly<'_> {
     /// Triangles in index order.
     pub fn run(&self) -> Vec<Triangle> {
-        let per = match self.pipeline.topology {
+        let vertices_per_primitive = match self.pipeline.topology {
             TopologyKey::Triangles => 3,
             TopologyKey::Lines => 2,
             TopologyKey::Points => 1,
         };
-        let complete = self.indices.len() - self.indices.len() % per;
-        let chunks: Vec<Vec<Triangle>> =
-            self.indices[..complete].par_chunks(per * 2048).map(|chunk| self.assemble(chunk)).collect();
+        let complete = self.indices.len() - self.indices.len() % vertices_per_primitive;
+        let chunks: Vec<Vec<Triangle>> = self.indices[..complete]
+            .par_chunks(vertices_per_primitive * 2048)
+            .map(|chunk| self.assemble(chunk))
+            .collect();
         chunks.concat()
     }
 
@@ -64,17 +66,17 @@ impl Assembly<'_> {
             TopologyKey::Triangles => {
                 for i in indices.chunks_exact(3) {
                     let ids = [i[0], i[1], i[2]];
-                    self.triangle(ids.map(clip), ids, false, &mut out);
+                    self.clip_triangle(ids.map(clip), ids, false, &mut out);
                 }
             }
             TopologyKey::Lines => {
                 for i in indices.chunks_exact(2) {
-                    self.line(i[0], i[1], &mut out);
+                    self.assemble_line(i[0], i[1], &mut out);
                 }
             }
             TopologyKey::Points => {
                 for &i in indices {
-                    self.point(i, &mut out);
+                    self.assemble_point(i, &mut out);
                 }
             }
         }
@@ -82,7 +84,7 @@ impl Assembly<'_> {
     }
 
     /// A line one pixel wide is a rectangle around it (Vulkan 1.3, "Basic Line Segment Rasterization").
-    fn line(&self, a: u32, b: u32, out: &mut Vec<Triangle>) {
+    fn assemble_line(&self, a: u32, b: u32, out: &mut Vec<Triangle>) {
         let [ca, cb] = [a, b].map(|i| self.vertices[i as usize].clip);
         let [w, h] = self.size.map(|s| s as f32);
         // Direction on screen of a segment that may pass behind the camera: d(xy/w) is proportional to this.
@@ -97,31 +99,31 @@ impl Assembly<'_> {
         let side =
             |c: Vec4, s: f32| c + Vec4::new(-y / length / w * c.w * s, x / length / h * c.w * s, 0.0, 0.0);
         let (a0, a1, b0, b1) = (side(ca, 1.0), side(ca, -1.0), side(cb, 1.0), side(cb, -1.0));
-        self.triangle([a0, a1, b0], [a, a, b], true, out);
-        self.triangle([b0, a1, b1], [b, a, b], true, out);
+        self.clip_triangle([a0, a1, b0], [a, a, b], true, out);
+        self.clip_triangle([b0, a1, b1], [b, a, b], true, out);
     }
 
     /// A point is a pixel-sized square (gl_PointSize 1).
-    fn point(&self, i: u32, out: &mut Vec<Triangle>) {
+    fn assemble_point(&self, i: u32, out: &mut Vec<Triangle>) {
         let c = self.vertices[i as usize].clip;
         let [w, h] = self.size.map(|s| s as f32);
         let corner = |x: f32, y: f32| c + Vec4::new(x / w * c.w, y / h * c.w, 0.0, 0.0);
         let [p, q, r, s] = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0)];
-        self.triangle([p, q, r], [i; 3], true, out);
-        self.triangle([r, q, s], [i; 3], true, out);
+        self.clip_triangle([p, q, r], [i; 3], true, out);
+        self.clip_triangle([r, q, s], [i; 3], true, out);
     }
 
-    fn triangle(&self, clip: [Vec4; 3], ids: [u32; 3], both_faces: bool, out: &mut Vec<Triangle>) {
+    fn clip_triangle(&self, clip: [Vec4; 3], ids: [u32; 3], both_faces: bool, out: &mut Vec<Triangle>) {
         if !clip.iter().all(|c| c.is_finite()) {
             return;
         }
-        let outside = |f: fn(&Vec4) -> bool| clip.iter().all(f);
-        if outside(|c| c.x > c.w)
-            || outside(|c| c.x < -c.w)
-            || outside(|c| c.y > c.w)
-            || outside(|c| c.y < -c.w)
-            || outside(|c| c.z > c.w)
-            || outside(|c| c.z < 0.0)
+        let all_vertices = |f: fn(&Vec4) -> bool| clip.iter().all(f);
+        if all_vertices(|c| c.x > c.w)
+            || all_vertices(|c| c.x < -c.w)
+            || all_vertices(|c| c.y > c.w)
+            || all_vertices(|c| c.y < -c.w)
+            || all_vertices(|c| c.z > c.w)
+            || all_vertices(|c| c.z < 0.0)
         {
             return;
         }
@@ -142,7 +144,7 @@ impl Assembly<'_> {
             (x.round() as i32, y.round() as i32)
         };
         if inside {
-            self.emit(&exact, exact.map(snap), ids, both_faces, out);
+            self.push_screen_triangle(&exact, exact.map(snap), ids, both_faces, out);
             return;
         }
         let polygon = clip_polygon(exact.to_vec(), guard.map(f64::from));
@@ -151,13 +153,13 @@ impl Assembly<'_> {
         }
         let points: Vec<(i32, i32)> = polygon.into_iter().map(snap).collect();
         for i in 2..points.len() {
-            self.emit(&exact, [points[0], points[i - 1], points[i]], ids, both_faces, out);
+            self.push_screen_triangle(&exact, [points[0], points[i - 1], points[i]], ids, both_faces, out);
         }
     }
 
-    /// One screen triangle whose attributes are those of the whole, unclipped one: homogeneous rasterization
+    /// Adds a screen triangle that interpolates the attributes of the whole, unclipped triangle: homogeneous rasterization
     /// (Olano & Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997) needs no clipped attributes.
-    fn emit(
+    fn push_screen_triangle(
         &self,
         clip: &[DVec4; 3],
         p: [(i32, i32); 3],
@@ -173,8 +175,8 @@ impl Assembly<'_> {
         // Counter-clockwise with y up is a negative area with y down.
         let front = (area < 0) != self.pipeline.mirrored;
         // An inverted-hull outline shows its back faces.
-        let faces_us = front != self.pipeline.features.has(Features::OUTLINE);
-        if !faces_us && !both_faces {
+        let is_visible_face = front != self.pipeline.features.has(Features::OUTLINE);
+        if !is_visible_face && !both_faces {
             return;
         }
         let (mut x, mut y) = (p.map(|p| p.0), p.map(|p| p.1));
@@ -184,7 +186,7 @@ impl Assembly<'_> {
         }
         let mut t =
             Triangle { x, y, origin: [0; 2], edges: [[0.0; 3]; 3], depth: [0.0; 3], vertices: ids, front };
-        let [x0, y0, x1, y1] = t.pixels();
+        let [x0, y0, x1, y1] = t.pixel_bounds();
         let [width, height] = self.size.map(|s| s as i32);
         if x1 <= 0 || y1 <= 0 || x0 >= width || y0 >= height {
             return;
@@ -226,19 +228,19 @@ fn clip_polygon(mut polygon: Vec<DVec4>, guard: [f64; 2]) -> Vec<DVec4> {
     ];
     for plane in planes {
         let distance: Vec<f64> = polygon.iter().map(|p| p.dot(plane)).collect();
-        let mut kept = Vec::with_capacity(polygon.len() + 1);
+        let mut inside = Vec::with_capacity(polygon.len() + 1);
         for i in 0..polygon.len() {
             let j = (i + 1) % polygon.len();
             let (di, dj) = (distance[i], distance[j]);
             if di >= 0.0 {
-                kept.push(polygon[i]);
+                inside.push(polygon[i]);
             }
             if (di >= 0.0) != (dj >= 0.0) {
                 let (from, to, df, dt) = if di >= 0.0 { (i, j, di, dj) } else { (j, i, dj, di) };
-                kept.push(polygon[from] + (polygon[to] - polygon[from]) * (df / (df - dt)));
+                inside.push(polygon[from] + (polygon[to] - polygon[from]) * (df / (df - dt)));
             }
         }
-        polygon = kept;
+        polygon = inside;
         if polygon.len() < 3 {
             return Vec::new();
         }

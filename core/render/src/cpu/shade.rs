@@ -1,7 +1,7 @@
 //! The fragment shader, a 2×2 quad at a time, linear color out. CPU reference of scene.wgsl.
 
 use super::brdf::{ambient_specular, reflect_light, reflect_light_phong, surface_of};
-use super::coverage::covered;
+use super::coverage::covered_samples;
 use super::layer_shading::{LayerContributions, LayeredPoint};
 use super::lighting::SurfacePoint;
 use super::refraction::SceneColorCopy;
@@ -9,11 +9,11 @@ use super::shadow::ShadowMaps;
 use super::sky::EnvironmentLight;
 use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
-use super::triplanar::Planes;
+use super::triplanar::TriplanarCoordinates;
 use super::vertex::Vertex;
-use super::view_transform::transformed;
+use super::view_transform::apply_view_transform;
 use crate::effect_faults::Fault;
-use crate::lanes::{F4, Mask, NONE, V3, Weights};
+use crate::lanes::{F4, Mask, NO_LANES, V3, Weights};
 use crate::plan::shader_features::texture_slot;
 use crate::plan::{Features, Glass, Plan, PlanLight};
 use crate::scene_resources::material::MaterialResource;
@@ -31,14 +31,14 @@ pub(crate) struct ShadeMaterial {
     pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
 }
 
-/// All inputs of shading a quad except its weights.
+/// Inputs of the shading of a triangle's quads, except the barycentric weights.
 pub struct Fragment<'a> {
     pub plan: &'a Plan,
     /// Set if a light casts shadows.
     pub shadows: Option<&'a ShadowMaps>,
     /// The scene color copy that refracting glass shows.
-    pub behind: Option<Arc<SceneColorCopy>>,
-    /// Sky maps, if a sky shines.
+    pub scene_color: Option<Arc<SceneColorCopy>>,
+    /// Maps of the sky, if it lights the scene.
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
     pub surface: Vec<(Effect, Vec<f32>)>,
@@ -58,11 +58,11 @@ pub struct Fragment<'a> {
 /// Every sample of a pixel.
 pub(crate) const ALL_SAMPLES: u8 = 0b1111;
 
-/// Linear RGBA of four pixels, and which samples of them the alpha test keeps, a bit each.
+/// Linear RGBA of four pixels, and the samples that the alpha test keeps, one bit each.
 pub(crate) struct Shaded {
     pub rgba: [F4; 4],
-    pub kept: [u8; 4],
-    /// Faults of effects. The number counts through the effects in `Fragment::surface`, then those in `Fragment::lighting`.
+    pub kept_samples: [u8; 4],
+    /// Fault of an effect at each pixel, with the effect's index in `Fragment::surface` followed by `Fragment::lighting`.
     pub faults: [Option<(u8, Fault)>; 4],
 }
 
@@ -88,26 +88,26 @@ pub struct Quad<'a> {
     /// Shift of the texture coordinates by parallax mapping.
     pub parallax: Option<[F4; 2]>,
     /// The inputs of triplanar mapping.
-    pub planes: Option<Planes>,
+    pub triplanar: Option<TriplanarCoordinates>,
 }
 
 impl Quad<'_> {
     #[inline(always)]
-    pub fn vec3(&self, of: impl Fn(&Vertex) -> Vec3) -> V3 {
-        self.weights.vec3(self.vertices.map(of))
+    pub fn interpolate_vec3(&self, attribute: impl Fn(&Vertex) -> Vec3) -> V3 {
+        self.weights.interpolate_vec3(self.vertices.map(attribute))
     }
 
     #[inline(always)]
-    pub fn scalar(&self, of: impl Fn(&Vertex) -> f32) -> F4 {
-        let [a, b, c] = self.vertices.map(of);
-        self.weights.scalar(a, b, c)
+    pub fn interpolate_scalar(&self, attribute: impl Fn(&Vertex) -> f32) -> F4 {
+        let [a, b, c] = self.vertices.map(attribute);
+        self.weights.interpolate_scalar(a, b, c)
     }
 
-    /// Interpolated tangent, bitangent and normal, left neither orthogonal nor normalized (MikkTSpace).
-    pub fn frame(&self) -> [V3; 3] {
-        let normal = self.vec3(|v| v.normal);
-        let tangent = self.vec3(|v| v.tangent.truncate());
-        [tangent, normal.cross(tangent) * self.scalar(|v| v.tangent.w), normal]
+    /// Interpolated tangent, bitangent and normal. As MikkTSpace requires, they are neither orthogonal nor normalized.
+    pub fn tangent_frame(&self) -> [V3; 3] {
+        let normal = self.interpolate_vec3(|v| v.normal);
+        let tangent = self.interpolate_vec3(|v| v.tangent.truncate());
+        [tangent, normal.cross(tangent) * self.interpolate_scalar(|v| v.tangent.w), normal]
     }
 }
 
@@ -122,7 +122,7 @@ fn rgb_or_white(texel: Option<[F4; 4]>) -> V3 {
 
 impl Fragment<'_> {
     pub fn shade(&self, vertices: &[Vertex], ids: [u32; 3], front: bool, weights: &Weights) -> Shaded {
-        let mut shaded = self.surface_color(&self.quad(vertices, ids, front, weights));
+        let mut shaded = self.surface_color(&self.new_quad(vertices, ids, front, weights));
         if self.features.has_any(Features::OUTLINE.with(Features::WIREFRAME)) {
             let toon = self.material.factors.material.toon.as_ref();
             if let Some(outline) = toon.and_then(|t| t.outline.as_ref()) {
@@ -139,22 +139,22 @@ impl Fragment<'_> {
 
     fn surface_color(&self, quad: &Quad) -> Shaded {
         let rgba = self.base_color(quad);
-        let kept = self.kept_samples(rgba[3]);
+        let kept_samples = self.kept_samples(rgba[3]);
         let faults = [None; 4];
-        if kept == [0; 4] {
-            return Shaded { rgba, kept, faults };
+        if kept_samples == [0; 4] {
+            return Shaded { rgba, kept_samples, faults };
         }
         let alpha = if self.blend { rgba[3] } else { F4::ONE };
         if !self.features.is_lit() {
-            return Shaded { rgba: [rgba[0], rgba[1], rgba[2], alpha], kept, faults };
+            return Shaded { rgba: [rgba[0], rgba[1], rgba[2], alpha], kept_samples, faults };
         }
         let point = self.surface_point(quad, rgb(rgba));
         let color = match self.features.has(Features::TOON) {
             // The view transform does not apply to toon shading, which gives display colors.
-            true => self.exposed(self.toon(quad, &point) + self.emission(quad)),
+            true => self.apply_exposure(self.toon_color(quad, &point) + self.emission(quad)),
             false => self.lit_color(quad, &point, alpha),
         };
-        Shaded { rgba: [color.x, color.y, color.z, alpha], kept, faults }
+        Shaded { rgba: [color.x, color.y, color.z, alpha], kept_samples, faults }
     }
 
     fn base_color(&self, quad: &Quad) -> [F4; 4] {
@@ -163,10 +163,10 @@ impl Fragment<'_> {
         if self.features.has(Features::VERTEX_COLOR) && !self.primitive.colors.is_empty() {
             let [a, b, c] = quad.ids.map(|i| self.primitive.colors[i as usize].to_array());
             for (i, out) in rgba.iter_mut().enumerate() {
-                *out *= quad.weights.scalar(a[i], b[i], c[i]);
+                *out *= quad.weights.interpolate_scalar(a[i], b[i], c[i]);
             }
         }
-        if let Some(texel) = self.texel(quad, Features::BASE_COLOR_TEXTURE) {
+        if let Some(texel) = self.sample_feature_texture(quad, Features::BASE_COLOR_TEXTURE) {
             for (out, t) in rgba.iter_mut().zip(texel) {
                 *out *= t;
             }
@@ -178,7 +178,7 @@ impl Fragment<'_> {
     fn kept_samples(&self, alpha: F4) -> [u8; 4] {
         match self.material.factors.material.alpha_mode {
             AlphaMode::Mask(cutoff) if self.features.has(Features::ALPHA_MASK) => match self.coverage {
-                true => covered(alpha.0, cutoff),
+                true => covered_samples(alpha.0, cutoff),
                 false => alpha.0.map(|a| if a >= cutoff { ALL_SAMPLES } else { 0 }),
             },
             _ => [ALL_SAMPLES; 4],
@@ -188,27 +188,27 @@ impl Fragment<'_> {
     fn surface_point(&self, quad: &Quad, base: V3) -> SurfacePoint {
         let scale = self.material.factors.material.normal_scale;
         let n = self.triplanar_normal(quad).unwrap_or_else(|| {
-            self.normal(quad, self.texel(quad, Features::NORMAL_TEXTURE).map(|t| (t, scale)))
+            self.normal(quad, self.sample_feature_texture(quad, Features::NORMAL_TEXTURE).map(|t| (t, scale)))
         });
-        let relative = quad.vec3(|v| v.relative);
-        let own_n = match self.features.has(Features::SHADOW) {
+        let relative = quad.interpolate_vec3(|v| v.relative);
+        let geometric_n = match self.features.has(Features::SHADOW) {
             true => self.normal(quad, None),
             false => n,
         };
         let eye = self.plan.view.eye;
         let v = (V3::splat(eye.truncate()) - relative * F4::splat(eye.w)).unit();
-        SurfacePoint { relative, own_n, n, v, base, seen: quad.weights.seen }
+        SurfacePoint { relative, geometric_n, n, v, base, visible: quad.weights.visible }
     }
 
     /// Color by the metallic-roughness model or by Blinn–Phong, with layers, emission, exposure and view transform.
     fn lit_color(&self, quad: &Quad, point: &SurfacePoint, alpha: F4) -> V3 {
         let m = &self.material.factors.material;
-        let tint = self.texel(quad, Features::SPECULAR_COLOR_TEXTURE);
+        let tint = self.sample_feature_texture(quad, Features::SPECULAR_COLOR_TEXTURE);
         let specular_color = V3::splat(m.specular_color);
         let specular_color = tint.map_or(specular_color, |t| specular_color * rgb(t));
-        let occlusion = self.texel(quad, Features::OCCLUSION_TEXTURE);
+        let occlusion = self.sample_feature_texture(quad, Features::OCCLUSION_TEXTURE);
         let occlusion = occlusion.map_or(F4::ONE, |[r, ..]| F4::ONE + (r - F4::ONE) * m.occlusion_strength);
-        let (mut color, over) = match self.features.has(Features::METALLIC_ROUGHNESS) {
+        let (mut color, contributions) = match self.features.has(Features::METALLIC_ROUGHNESS) {
             true => self.metallic_roughness(quad, point, specular_color, occlusion),
             false => {
                 (self.blinn_phong(quad, point, specular_color, occlusion), LayerContributions::default())
@@ -216,30 +216,34 @@ impl Fragment<'_> {
         };
         let layered = self.features.has(Features::LAYERS);
         if layered {
-            color = (color + over.blurred) * over.below_sheen + over.sheen;
+            color = (color + contributions.blurred_environment) * contributions.sheen_attenuation
+                + contributions.sheen;
         }
         if self.features.has(Features::EMISSIVE) {
             color = color + self.emission(quad);
         }
         if layered {
-            color = color.mix(over.coat, over.coat_weight);
+            color = color.mix(contributions.coat, contributions.coat_weight);
         }
-        color = transformed(self.features, self.exposed(color));
+        color = apply_view_transform(self.features, self.apply_exposure(color));
         if self.features.has(Features::REFRACTION) {
             // The scene color copy holds display colors already.
-            color = color + over.refracted * (over.below_sheen * (F4::ONE - over.coat_weight));
+            color = color
+                + contributions.refracted
+                    * (contributions.sheen_attenuation * (F4::ONE - contributions.coat_weight));
         }
         match self.glass {
             Glass::No | Glass::Refract => color,
             Glass::Light => color * alpha,
             Glass::Filter => {
-                let through = over.through * (over.below_sheen * (F4::ONE - over.coat_weight));
+                let through = contributions.transmitted
+                    * (contributions.sheen_attenuation * (F4::ONE - contributions.coat_weight));
                 V3::splat(Vec3::ONE).mix(through, alpha)
             }
         }
     }
 
-    fn exposed(&self, light: V3) -> V3 {
+    fn apply_exposure(&self, light: V3) -> V3 {
         match self.features.has(Features::EXPOSURE) {
             true => light * F4::splat(self.plan.exposure),
             false => light,
@@ -254,23 +258,23 @@ impl Fragment<'_> {
         occlusion: F4,
     ) -> (V3, LayerContributions) {
         let m = &self.material.factors.material;
-        let &SurfacePoint { n, v, base, own_n, .. } = point;
+        let &SurfacePoint { n, v, base, geometric_n, .. } = point;
         let (mut metallic, mut roughness) = (F4::splat(m.metallic), F4::splat(m.roughness));
-        if let Some([_, g, b, _]) = self.texel(quad, Features::METALLIC_ROUGHNESS_TEXTURE) {
+        if let Some([_, g, b, _]) = self.sample_feature_texture(quad, Features::METALLIC_ROUGHNESS_TEXTURE) {
             roughness *= g;
             metallic *= b;
         }
         let mut specular = F4::splat(m.specular);
-        if let Some([.., a]) = self.texel(quad, Features::SPECULAR_TEXTURE) {
+        if let Some([.., a]) = self.sample_feature_texture(quad, Features::SPECULAR_TEXTURE) {
             specular *= a;
         }
         let mut s = surface_of(base, metallic, roughness, specular, specular_color);
         let nv = n.dot(v).clamp(0.001, 1.0);
         let environment = self.environment_light();
-        let dark = environment.is_dark();
+        let is_dark = environment.is_dark();
         let layers = m.layers.as_deref().filter(|_| self.features.has(Features::LAYERS));
-        let over = layers.map_or_else(LayerContributions::default, |layers| {
-            let environment = (!dark).then_some(&environment);
+        let contributions = layers.map_or_else(LayerContributions::default, |layers| {
+            let environment = (!is_dark).then_some(&environment);
             let layered = LayeredPoint {
                 fragment: self,
                 quad,
@@ -285,19 +289,19 @@ impl Fragment<'_> {
             layered.contributions(&mut s)
         });
         let mut color = V3::splat(Vec3::ZERO);
-        if !dark {
-            let mirrored = over.mirror.unwrap_or_else(|| n * (n.dot(v) * 2.0) - v);
-            let f0 = over.sky_f0.unwrap_or(s.f0);
+        if !is_dark {
+            let mirror_direction = contributions.sky_direction.unwrap_or_else(|| n * (n.dot(v) * 2.0) - v);
+            let f0 = contributions.sky_f0.unwrap_or(s.f0);
             let specular = ambient_specular(f0, s.f90, s.roughness, nv);
-            let reflected = environment.mirrored(mirrored, s.roughness) * specular;
-            let behind = over.from_behind * environment.diffuse(-n);
+            let reflected = environment.reflected(mirror_direction, s.roughness) * specular;
+            let behind = contributions.back_light * environment.diffuse(-n);
             color = (s.diffuse * environment.diffuse(n) + reflected + behind) * occlusion;
         }
-        self.all_lights(point, &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
+        self.add_lights_or_effects(point, &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
         if self.features.has(Features::DIFFUSE_TRANSMISSION) {
-            self.lights(point, [-own_n, -n], &mut color, |_, _| over.from_behind);
+            self.add_lights(point, [-geometric_n, -n], &mut color, |_, _| contributions.back_light);
         }
-        (color, over)
+        (color, contributions)
     }
 
     fn blinn_phong(&self, quad: &Quad, point: &SurfacePoint, specular_color: V3, occlusion: F4) -> V3 {
@@ -306,12 +310,12 @@ impl Fragment<'_> {
         let reflection = self.reflection(quad, [n, v]);
         let base = reflection.map_or(point.base, |[share, _]| point.base * (V3::splat(Vec3::ONE) - share));
         let mut color = base * self.environment_light().diffuse(n) * occlusion;
-        if let Some([share, seen]) = reflection {
-            color = color + share * seen * occlusion;
+        if let Some([share, reflected]) = reflection {
+            color = color + share * reflected * occlusion;
         }
         let shininess = self.material.factors.material.shininess;
         let blinn = !self.features.has(Features::PHONG);
-        self.all_lights(&SurfacePoint { base, ..*point }, &mut color, |l, _| {
+        self.add_lights_or_effects(&SurfacePoint { base, ..*point }, &mut color, |l, _| {
             reflect_light_phong(base, [specular_color, n, v, l], shininess, blinn)
         });
         color
@@ -323,19 +327,20 @@ impl Fragment<'_> {
             return V3::splat(Vec3::ZERO);
         }
         let emissive = V3::splat(self.material.factors.material.emissive);
-        self.texel(quad, Features::EMISSIVE_TEXTURE).map_or(emissive, |texel| emissive * rgb(texel))
+        self.sample_feature_texture(quad, Features::EMISSIVE_TEXTURE)
+            .map_or(emissive, |texel| emissive * rgb(texel))
     }
 
-    fn toon(&self, quad: &Quad, point: &SurfacePoint) -> V3 {
-        let &SurfacePoint { relative, own_n, n, v, base, seen } = point;
+    fn toon_color(&self, quad: &Quad, point: &SurfacePoint) -> V3 {
+        let &SurfacePoint { relative, geometric_n, n, v, base, visible } = point;
         let material = &self.material.factors.material;
         let default = Toon::default();
         let toon = material.toon.as_deref().unwrap_or(&default);
         let shade = V3::splat(toon.shade_color * self.tint.truncate());
-        let shift = self.texel(quad, Features::SHADING_SHIFT_TEXTURE);
+        let shift = self.sample_feature_texture(quad, Features::SHADING_SHIFT_TEXTURE);
         let slot = texture_slot(Features::MATCAP_TEXTURE);
-        let refs = self.material.factors.textures;
-        let matcap = match (refs[slot].as_ref(), self.material.textures[slot].as_deref()) {
+        let references = self.material.factors.textures;
+        let matcap = match (references[slot].as_ref(), self.material.textures[slot].as_deref()) {
             (Some(r), Some(texture)) if self.features.has(Features::MATCAP_TEXTURE) => {
                 V3::splat(toon.matcap) * rgb(texture.sample(&r.sampler, matcap_uv(n, v)))
             }
@@ -344,15 +349,15 @@ impl Fragment<'_> {
         let surface = ToonSurface {
             toon,
             base,
-            shade: shade * rgb_or_white(self.texel(quad, Features::SHADE_COLOR_TEXTURE)),
+            shade: shade * rgb_or_white(self.sample_feature_texture(quad, Features::SHADE_COLOR_TEXTURE)),
             shift: F4::splat(toon.shading_shift)
                 + shift.map_or(F4::ZERO, |[r, ..]| r * toon.shading_shift_scale),
             matcap,
-            rim_mask: rgb_or_white(self.texel(quad, Features::RIM_TEXTURE)),
+            rim_mask: rgb_or_white(self.sample_feature_texture(quad, Features::RIM_TEXTURE)),
         };
         let environment = self.environment_light();
-        surface.lit(self.plan, &environment, relative, [n, v], |light, l| {
-            self.share(light, [relative, own_n, l], seen)
+        surface.toon_lit(self.plan, &environment, relative, [n, v], |light, l| {
+            self.unshadowed_share(light, [relative, geometric_n, l], visible)
         })
     }
 
@@ -361,56 +366,61 @@ impl Fragment<'_> {
     }
 
     /// The texture of a feature, sampled at four pixels; `None` if the draw does not read it.
-    pub fn texel(&self, quad: &Quad, feature: Features) -> Option<[F4; 4]> {
+    pub fn sample_feature_texture(&self, quad: &Quad, feature: Features) -> Option<[F4; 4]> {
         if !self.features.has(feature) {
             return None;
         }
         let slot = texture_slot(feature);
-        let refs = self.material.factors.textures;
-        self.sample(quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
+        let references = self.material.factors.textures;
+        self.sample_material_texture(quad, references[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 
-    /// Share of a light that passes the shadow maps, 0 to 1, in the lanes of `asked`. `own_n`: normal without the normal map;
-    /// `l`: to the light.
-    pub fn share(&self, light: &PlanLight, [relative, own_n, l]: [V3; 3], asked: Mask) -> F4 {
+    /// Share of the light that is not shadowed, 0 to 1, in the lanes that `lanes` selects. `geometric_n`: normal without the normal
+    /// map; `l`: direction to the light.
+    pub fn unshadowed_share(
+        &self,
+        light: &PlanLight,
+        [relative, geometric_n, l]: [V3; 3],
+        lanes: Mask,
+    ) -> F4 {
         let shadows = self.shadows.filter(|_| self.features.has(Features::SHADOW));
-        shadows.map_or(F4::ONE, |s| s.share(light, [relative, own_n, l], asked))
+        shadows.map_or(F4::ONE, |s| s.unshadowed_share(light, [relative, geometric_n, l], lanes))
     }
 
     #[inline(always)]
-    pub fn lights(
+    pub fn add_lights(
         &self,
-        on: &SurfacePoint,
-        [own_n, n]: [V3; 2],
+        point: &SurfacePoint,
+        [geometric_n, n]: [V3; 2],
         color: &mut V3,
         reflect: impl Fn(V3, F4) -> V3,
     ) {
-        for light in self.reaching(on.relative) {
-            let (l, strength) = light.incoming(on.relative);
+        for light in self.lights_reaching(point.relative) {
+            let (l, strength) = light.incoming(point.relative);
             let nl = n.dot(l).clamp(0.0, 1.0);
             let falling = (nl * strength).0.map(|falling| falling > 0.0);
-            if falling == NONE {
+            if falling == NO_LANES {
                 continue;
             }
-            let asked = std::array::from_fn(|i| falling[i] & on.seen[i]);
-            let strength = strength * self.share(light, [on.relative, own_n, l], asked);
+            let lanes = std::array::from_fn(|i| falling[i] & point.visible[i]);
+            let strength = strength * self.unshadowed_share(light, [point.relative, geometric_n, l], lanes);
             let lit = reflect(l, nl) * V3::splat(light.color) * (nl * strength);
             // The division by NL in V is meaningless for light from behind the surface.
-            let seen = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));
-            *color = *color + V3 { x: seen(lit.x), y: seen(lit.y), z: seen(lit.z) };
+            let facing_light = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));
+            *color = *color + V3 { x: facing_light(lit.x), y: facing_light(lit.y), z: facing_light(lit.z) };
         }
     }
 
-    /// Interpolated normal, or the normal map's by MikkTSpace: x·T + y·(N × T · sign) + z·N of the interpolated vectors, then
+    /// Interpolated normal, or the normal of the normal map by MikkTSpace: x·T + y·(N × T · sign) + z·N of the interpolated vectors, then
     /// normalized. Flipped on back faces.
     pub fn normal(&self, quad: &Quad, map: Option<([F4; 4], f32)>) -> V3 {
         let n = match map {
             Some(([x, y, z, _], scale)) => {
-                let [tangent, bitangent, normal] = quad.frame();
+                let [tangent, bitangent, normal] = quad.tangent_frame();
                 let (x, y) = ((x * 2.0 - F4::ONE) * scale, (y * 2.0 - F4::ONE) * scale);
                 (tangent * x + bitangent * y + normal * (z * 2.0 - F4::ONE)).unit()
             }
-            None => quad.vec3(|v| v.normal).unit(),
+            None => quad.interpolate_vec3(|v| v.normal).unit(),
         };
         if self.double_sided && !quad.front { -n } else { n }
     }

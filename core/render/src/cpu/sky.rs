@@ -1,7 +1,7 @@
-//! Image-based light, four pixels at once, and the sky behind everything. CPU reference of sky.wgsl.
+//! Image-based light, four pixels at once, and the sky as the background. CPU reference of sky.wgsl.
 
 use super::brdf;
-use super::view_transform::displayed;
+use super::view_transform::display_color;
 use crate::lanes::{F4, V3};
 use crate::plan::{Plan, PlanSky};
 use crate::sky::{SkyBackground, SkyMaps};
@@ -29,45 +29,48 @@ impl<'a> EnvironmentLight<'a> {
     pub fn diffuse(&self, n: V3) -> V3 {
         let light = brdf::ambient(self.up, self.down, n);
         let Some((maps, sky)) = self.sky else { return light };
-        let n = turned(sky, n);
-        let of_sky = polynomial(&maps.harmonics, n);
-        let positive = V3 { x: of_sky.x.max(F4::ZERO), y: of_sky.y.max(F4::ZERO), z: of_sky.z.max(F4::ZERO) };
+        let n = to_panorama_space(sky, n);
+        let sky_light = evaluate_harmonics(&maps.harmonics, n);
+        let positive =
+            V3 { x: sky_light.x.max(F4::ZERO), y: sky_light.y.max(F4::ZERO), z: sky_light.z.max(F4::ZERO) };
         light + positive * F4::splat(sky.strength)
     }
 
-    /// Environment light reflected along `way` by a surface of this roughness.
-    pub fn mirrored(&self, way: V3, roughness: F4) -> V3 {
-        let light = brdf::ambient(self.up, self.down, way);
+    /// Environment light that a surface of this roughness reflects, from the mirror direction `direction`.
+    pub fn reflected(&self, direction: V3, roughness: F4) -> V3 {
+        let light = brdf::ambient(self.up, self.down, direction);
         let Some((maps, sky)) = self.sky else { return light };
-        let way = turned(sky, way);
+        let direction = to_panorama_space(sky, direction);
         let lanes: [Vec3; 4] = std::array::from_fn(|i| {
-            maps.specular(Vec3::new(way.x.0[i], way.y.0[i], way.z.0[i]), roughness.0[i]) * sky.strength
+            maps.specular(Vec3::new(direction.x.0[i], direction.y.0[i], direction.z.0[i]), roughness.0[i])
+                * sky.strength
         });
-        let part = |f: fn(&Vec3) -> f32| F4(std::array::from_fn(|i| f(&lanes[i])));
-        light + V3 { x: part(|v| v.x), y: part(|v| v.y), z: part(|v| v.z) }
+        let channel = |f: fn(&Vec3) -> f32| F4(std::array::from_fn(|i| f(&lanes[i])));
+        light + V3 { x: channel(|v| v.x), y: channel(|v| v.y), z: channel(|v| v.z) }
     }
 
     /// Mean of the diffuse light from above and from below.
-    pub fn even(&self) -> V3 {
+    pub fn mean_diffuse(&self) -> V3 {
         let half = F4::splat(0.5);
         (self.diffuse(V3::splat(Vec3::Y)) + self.diffuse(V3::splat(Vec3::NEG_Y))) * half
     }
 }
 
 /// Rotates a world direction into the space of the panorama.
-fn turned(sky: &PlanSky, way: V3) -> V3 {
+fn to_panorama_space(sky: &PlanSky, direction: V3) -> V3 {
     let [c, s] = sky.turn;
-    V3 { x: way.x * c - way.z * s, y: way.y, z: way.x * s + way.z * c }
+    V3 { x: direction.x * c - direction.z * s, y: direction.y, z: direction.x * s + direction.z * c }
 }
 
-/// Color of the sky in a direction, behind a surface.
-pub fn behind(plan: &Plan, maps: &SkyMaps, sky: &PlanSky, way: Vec3) -> Vec3 {
+/// Display color of the sky in a direction: the background of a surface.
+pub fn sky_behind(plan: &Plan, maps: &SkyMaps, sky: &PlanSky, direction: Vec3) -> Vec3 {
     let [c, s] = sky.turn;
-    let way = Vec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z);
-    displayed(plan, maps.specular(way, 0.0) * sky.strength)
+    let direction =
+        Vec3::new(c * direction.x - s * direction.z, direction.y, s * direction.x + c * direction.z);
+    display_color(plan, maps.specular(direction, 0.0) * sky.strength)
 }
 
-fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
+fn evaluate_harmonics(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
     let c = |i: usize| V3::splat(h[i]);
     c(0) + c(1) * y
         + c(2) * z
@@ -80,33 +83,34 @@ fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
 }
 
 /// The panorama as the background of a frame.
-pub(crate) struct Backdrop<'a> {
-    pub picture: &'a SkyBackground,
+pub(crate) struct SkyBackdrop<'a> {
+    pub background: &'a SkyBackground,
     pub sky: &'a PlanSky,
     plan: &'a Plan,
     rays: [Vec3; 3],
 }
 
-impl<'a> Backdrop<'a> {
-    pub fn new(picture: &'a SkyBackground, sky: &'a PlanSky, plan: &'a Plan) -> Backdrop<'a> {
-        Backdrop { picture, sky, plan, rays: crate::view::rays(&plan.view) }
+impl<'a> SkyBackdrop<'a> {
+    pub fn new(background: &'a SkyBackground, sky: &'a PlanSky, plan: &'a Plan) -> SkyBackdrop<'a> {
+        SkyBackdrop { background, sky, plan, rays: crate::view::ray_basis(&plan.view) }
     }
 
     /// Color of a pixel, at its center.
     pub fn pixel(&self, x: i32, y: i32) -> Vec4 {
         let size = Vec2::new(self.plan.size[0] as f32, self.plan.size[1] as f32);
         let at = (Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0;
-        let [right, down, ahead] = self.rays;
-        let way = (right * at.x + down * at.y + ahead).normalize();
+        let [right, down, forward] = self.rays;
+        let direction = (right * at.x + down * at.y + forward).normalize();
         let [c, s] = self.sky.turn;
-        let way = Vec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z);
-        let [width, height] = self.picture.size.map(|s| s as f32);
-        let u = 0.5 + libm::atan2f(way.x, -way.z) / (2.0 * PI);
-        let v = libm::acosf(way.y.clamp(-1.0, 1.0)) / PI;
-        let place = Vec2::new(u * width, v * height) - 0.5;
-        let (low, t) = (place.floor(), place - place.floor());
+        let direction =
+            Vec3::new(c * direction.x - s * direction.z, direction.y, s * direction.x + c * direction.z);
+        let [width, height] = self.background.size.map(|s| s as f32);
+        let u = 0.5 + libm::atan2f(direction.x, -direction.z) / (2.0 * PI);
+        let v = libm::acosf(direction.y.clamp(-1.0, 1.0)) / PI;
+        let texel = Vec2::new(u * width, v * height) - 0.5;
+        let (low, t) = (texel.floor(), texel - texel.floor());
         let (x, y) = (low.x as i64, low.y as i64);
-        let row = |y| self.picture.texel(x, y) * (1.0 - t.x) + self.picture.texel(x + 1, y) * t.x;
-        displayed(self.plan, (row(y) * (1.0 - t.y) + row(y + 1) * t.y) * self.sky.strength).extend(1.0)
+        let row = |y| self.background.texel(x, y) * (1.0 - t.x) + self.background.texel(x + 1, y) * t.x;
+        display_color(self.plan, (row(y) * (1.0 - t.y) + row(y + 1) * t.y) * self.sky.strength).extend(1.0)
     }
 }

@@ -1,9 +1,9 @@
-//! Wall-clock time of the CPU renderer's stages, added up over frames.
+//! Wall-clock time of the CPU renderer's stages, summed over frames.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// A stage of a frame; each is spread over all threads before the next begins.
+/// A stage of a frame. All threads work on one stage before the next begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     ShadowMaps,
@@ -13,7 +13,7 @@ pub enum Stage {
     Layers2d,
 }
 
-const STAGES: [(Stage, &str); 5] = [
+const STAGE_NAMES: [(Stage, &str); 5] = [
     (Stage::ShadowMaps, "shadow maps"),
     (Stage::Vertices, "vertices"),
     (Stage::Pixels, "pixels"),
@@ -23,17 +23,18 @@ const STAGES: [(Stage, &str); 5] = [
 
 #[derive(Debug, Default)]
 pub struct StageTimes {
-    nanoseconds: [AtomicU64; STAGES.len()],
+    nanoseconds: [AtomicU64; STAGE_NAMES.len()],
     frames: AtomicU64,
     shadow_maps: AtomicU64,
 }
 
 impl StageTimes {
-    pub(super) fn of<T>(&self, stage: Stage, run: impl FnOnce() -> T) -> T {
-        let begun = Instant::now();
+    /// Runs a function and adds its time to a stage.
+    pub(super) fn measure<T>(&self, stage: Stage, run: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
         let result = run();
-        let took = u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        self.nanoseconds[stage as usize].fetch_add(took, Ordering::Relaxed);
+        let elapsed = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.nanoseconds[stage as usize].fetch_add(elapsed, Ordering::Relaxed);
         result
     }
 
@@ -45,14 +46,14 @@ impl StageTimes {
         self.shadow_maps.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Number of shadow maps drawn so far, without those kept from the frame before.
+    /// Number of shadow maps drawn so far, without the maps kept from the previous frame.
     pub fn shadow_maps(&self) -> u64 {
         self.shadow_maps.load(Ordering::Relaxed)
     }
 
     /// Frames drawn so far, and name and seconds of each stage.
-    pub fn total(&self) -> (u64, [(&'static str, f64); STAGES.len()]) {
+    pub fn total(&self) -> (u64, [(&'static str, f64); STAGE_NAMES.len()]) {
         let secs = |stage: Stage| self.nanoseconds[stage as usize].load(Ordering::Relaxed) as f64 * 1e-9;
-        (self.frames.load(Ordering::Relaxed), STAGES.map(|(stage, name)| (name, secs(stage))))
+        (self.frames.load(Ordering::Relaxed), STAGE_NAMES.map(|(stage, name)| (name, secs(stage))))
     }
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 impl CpuRenderer {
     /// Loads the streamed textures that the plan shows, and drops all others.
-    pub(super) fn stream(&mut self, plan: &Plan) -> Result<(), RenderError> {
+    pub(super) fn load_streamed_textures(&mut self, plan: &Plan) -> Result<(), RenderError> {
         if self.resources.textures.iter().all(|t| t.streamed.is_none()) {
             return Ok(());
         }
@@ -18,11 +18,13 @@ impl CpuRenderer {
         let shown: BTreeSet<u32> = shown.collect();
         for material in 0..self.materials.len() as u32 {
             for (slot, texture) in self.resources.streamed(material) {
-                let kept = &mut self.materials[material as usize].textures[slot];
+                let loaded = &mut self.materials[material as usize].textures[slot];
                 if !shown.contains(&material) {
-                    *kept = None;
-                } else if kept.is_none() {
-                    *kept = Some(Arc::new(Texture::new(&self.resources.textures[texture as usize].whole()?)));
+                    *loaded = None;
+                } else if loaded.is_none() {
+                    *loaded = Some(Arc::new(Texture::new(
+                        &self.resources.textures[texture as usize].with_loaded_pixels()?,
+                    )));
                 }
             }
         }

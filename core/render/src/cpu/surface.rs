@@ -1,8 +1,8 @@
-//! Effects on surfaces, applied in order, and their inputs. CPU reference of surface.wgsl.
+//! Surface effects, applied in order, and their inputs. CPU reference of surface.wgsl.
 
-use super::row_color;
+use super::background_row_color;
 use super::shade::{Fragment, Shaded};
-use super::sky::behind;
+use super::sky::sky_behind;
 use super::vertex::Vertex;
 use crate::effect_faults::{Fault, MAGENTA};
 use crate::lanes::{F4, Mask, V3, Weights};
@@ -10,11 +10,11 @@ use crate::plan::{Features, Glass};
 use choreo_plugin::{Effect, SurfaceSample};
 use glam::{Vec2, Vec3, Vec4};
 
-/// Number of quads that effects on surfaces get at once: effects in WGSL run over 32 pixels together.
-pub const QUADS: usize = 8;
+/// Largest number of quads that surface effects process at once: effects in WGSL run over 32 pixels together.
+pub const MAX_QUADS: usize = 8;
 
 impl Fragment<'_> {
-    /// Shades a quad and applies the effects on surfaces. `at` is its first pixel.
+    /// Shades a quad and applies the surface effects. `at`: the first pixel of the quad.
     pub fn shade_with_effects(
         &self,
         vertices: &[Vertex],
@@ -25,7 +25,7 @@ impl Fragment<'_> {
     ) -> Shaded {
         let mut shaded = self.shade(vertices, ids, front, weights);
         if self.has_surface_effects() {
-            let samples = self.samples(vertices, ids, front, weights, at);
+            let samples = self.surface_samples(vertices, ids, front, weights, at);
             self.apply_surface_effects(std::slice::from_mut(&mut shaded), &samples);
         }
         shaded
@@ -35,8 +35,8 @@ impl Fragment<'_> {
         !self.surface.is_empty() && self.glass != Glass::Filter
     }
 
-    /// The samples of a quad that effects on surfaces read.
-    pub fn samples(
+    /// Inputs of surface effects for a quad.
+    pub fn surface_samples(
         &self,
         vertices: &[Vertex],
         ids: [u32; 3],
@@ -44,18 +44,20 @@ impl Fragment<'_> {
         weights: &Weights,
         at: [i32; 2],
     ) -> [SurfaceSample; 4] {
-        let relative = weights.vec3(ids.map(|i| vertices[i as usize].relative));
+        let relative = weights.interpolate_vec3(ids.map(|i| vertices[i as usize].relative));
         let has = |bit| self.features.has(bit);
         let normals = self.features.is_lit() || has(Features::EFFECT_NORMALS);
-        let joints = weights.vec3(ids.map(|i| vertices[i as usize].joints));
+        let joints = weights.interpolate_vec3(ids.map(|i| vertices[i as usize].joints));
         let mut normal = V3::splat(Vec3::ZERO);
         if normals {
-            normal = weights.vec3(ids.map(|i| vertices[i as usize].normal)).unit();
+            normal = weights.interpolate_vec3(ids.map(|i| vertices[i as usize].normal)).unit();
             normal = if front { normal } else { -normal };
         }
         let uvs = &self.primitive.uvs[0];
-        let uv = (has(Features::UV0) && !uvs.is_empty()).then(|| weights.vec2(ids.map(|i| uvs[i as usize])));
-        let lost = has(Features::EFFECT_SHADOW).then(|| self.lost_light(relative, normal, weights.seen));
+        let uv = (has(Features::UV0) && !uvs.is_empty())
+            .then(|| weights.interpolate_vec2(ids.map(|i| uvs[i as usize])));
+        let shadowed = has(Features::EFFECT_SHADOW)
+            .then(|| self.shadowed_light_share(relative, normal, weights.visible));
         let view = &self.plan.view;
         let sky = self.plan.sky.as_ref().filter(|sky| sky.background && has(Features::SKY));
         let sky = self.sky.zip(sky);
@@ -75,21 +77,21 @@ impl Fragment<'_> {
                 facing: normal.dot(to_eye * (1.0 / to_eye.dot(to_eye).max(1e-20).sqrt())),
                 background: match &sky {
                     Some((maps, sky)) => {
-                        behind(self.plan, maps, sky, if view.eye.w > 0.5 { relative } else { -eye })
+                        sky_behind(self.plan, maps, sky, if view.eye.w > 0.5 { relative } else { -eye })
                     }
-                    None => row_color(self.plan, y).truncate(),
+                    None => background_row_color(self.plan, y).truncate(),
                 },
                 joints: if has(Features::EFFECT_JOINTS) { lane(&joints) } else { Vec3::ZERO },
-                shadow: lost.map_or(0.0, |lost| lost.0[i]),
+                shadow: shadowed.map_or(0.0, |shadowed| shadowed.0[i]),
                 uv: uv.map_or(Vec2::ZERO, |[u, v]| Vec2::new(u.0[i], v.0[i])),
             }
         };
         std::array::from_fn(sample)
     }
 
-    /// Applies the effects in order to up to [`QUADS`] quads. `samples`: four for each quad.
+    /// Applies the surface effects in order to at most [`MAX_QUADS`] quads. `samples`: four for each quad.
     pub(crate) fn apply_surface_effects(&self, quads: &mut [Shaded], samples: &[SurfaceSample]) {
-        let mut colors = [Vec4::ZERO; 4 * QUADS];
+        let mut colors = [Vec4::ZERO; 4 * MAX_QUADS];
         let colors = &mut colors[..samples.len()];
         for (colors, shaded) in colors.chunks_exact_mut(4).zip(&*quads) {
             for (i, color) in colors.iter_mut().enumerate() {
@@ -105,8 +107,8 @@ impl Fragment<'_> {
             effect.surfaces(colors, samples, parameters);
             for (i, color) in colors.iter_mut().enumerate() {
                 if let Some(fault) = Fault::of(*color) {
-                    let of_pixel = &mut quads[i / 4].faults[i % 4];
-                    *of_pixel = of_pixel.or(Some((number, fault)));
+                    let pixel_fault = &mut quads[i / 4].faults[i % 4];
+                    *pixel_fault = pixel_fault.or(Some((number, fault)));
                     *color = MAGENTA;
                 }
             }
@@ -124,17 +126,18 @@ impl Fragment<'_> {
         }
     }
 
-    /// Share of the light on a white diffuse surface that shadows take, by luminance.
-    fn lost_light(&self, relative: V3, n: V3, seen: Mask) -> F4 {
+    /// Shadowed share of the light on a white diffuse surface, by luminance.
+    fn shadowed_light_share(&self, relative: V3, n: V3, visible: Mask) -> F4 {
         // ITU-R BT.709.
         let luminance = Vec3::new(0.2126, 0.7152, 0.0722);
-        let (mut whole, mut lost) = (self.environment_light().diffuse(n).dot(V3::splat(luminance)), F4::ZERO);
+        let (mut total, mut shadowed) =
+            (self.environment_light().diffuse(n).dot(V3::splat(luminance)), F4::ZERO);
         for light in &self.plan.lights {
             let (l, strength) = light.incoming(relative);
-            let falling = n.dot(l).clamp(0.0, 1.0) * strength * light.color.dot(luminance);
-            whole += falling;
-            lost += falling * (F4::ONE - self.share(light, [relative, n, l], seen));
+            let incoming = n.dot(l).clamp(0.0, 1.0) * strength * light.color.dot(luminance);
+            total += incoming;
+            shadowed += incoming * (F4::ONE - self.unshadowed_share(light, [relative, n, l], visible));
         }
-        lost / whole.max(F4::splat(1e-6))
+        shadowed / total.max(F4::splat(1e-6))
     }
 }

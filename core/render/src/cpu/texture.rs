@@ -10,9 +10,9 @@ use std::sync::Arc;
 pub struct Texture {
     image: Arc<Image>,
     /// Mip levels 1 and up.
-    below: Vec<MipLevel>,
-    color: [f32; 256],
-    linear: [f32; 256],
+    smaller_levels: Vec<MipLevel>,
+    color_table: [f32; 256],
+    alpha_table: [f32; 256],
 }
 
 struct Texels<'a> {
@@ -26,14 +26,14 @@ impl Texture {
         let linear = std::array::from_fn(|i| i as f32 / 255.0);
         Texture {
             image: t.image.clone(),
-            below: if t.mipmaps { levels_below(&t.image, t.srgb) } else { Vec::new() },
-            color: if t.srgb { *srgb_to_linear_table() } else { linear },
-            linear,
+            smaller_levels: if t.mipmaps { levels_below(&t.image, t.srgb) } else { Vec::new() },
+            color_table: if t.srgb { *srgb_to_linear_table() } else { linear },
+            alpha_table: linear,
         }
     }
 
-    fn level(&self, i: usize) -> Texels<'_> {
-        match i.checked_sub(1).and_then(|i| self.below.get(i)) {
+    fn mip_level(&self, i: usize) -> Texels<'_> {
+        match i.checked_sub(1).and_then(|i| self.smaller_levels.get(i)) {
             Some(l) => Texels { width: l.width as i32, height: l.height as i32, rgba: &l.rgba },
             None => Texels {
                 width: self.image.width as i32,
@@ -46,13 +46,13 @@ impl Texture {
     /// Samples the four pixels of a quad: r, g, b, a.
     pub fn sample(&self, sampler: &Sampler, [u, v]: [F4; 2]) -> [F4; 4] {
         let lod = self.level_of_detail(&u.0, &v.0);
-        let (level, blend, linear) = self.levels(sampler, lod);
+        let (level, blend, linear) = self.select_levels(sampler, lod);
         let mut out = [F4::ZERO; 4];
-        let (near, far) = (self.level(level), self.level(level + 1));
+        let (near, far) = (self.mip_level(level), self.mip_level(level + 1));
         for i in 0..4 {
-            let mut rgba = self.filtered(&near, sampler, linear, u.0[i], v.0[i]);
+            let mut rgba = self.filter(&near, sampler, linear, u.0[i], v.0[i]);
             if blend > 0.0 {
-                let other = self.filtered(&far, sampler, linear, u.0[i], v.0[i]);
+                let other = self.filter(&far, sampler, linear, u.0[i], v.0[i]);
                 rgba = rgba * (1.0 - blend) + other * blend;
             }
             for (out, c) in out.iter_mut().zip(rgba.0) {
@@ -69,17 +69,17 @@ impl Texture {
 
     /// Samples at a given level of detail, not below 0: r, g, b, a.
     pub(crate) fn sample_level(&self, sampler: &Sampler, [u, v]: [f32; 2], lod: f32) -> F4 {
-        let (level, blend, linear) = self.levels(sampler, lod);
-        let near = self.filtered(&self.level(level), sampler, linear, u, v);
+        let (level, blend, linear) = self.select_levels(sampler, lod);
+        let near = self.filter(&self.mip_level(level), sampler, linear, u, v);
         if blend == 0.0 {
             return near;
         }
-        near * (1.0 - blend) + self.filtered(&self.level(level + 1), sampler, linear, u, v) * blend
+        near * (1.0 - blend) + self.filter(&self.mip_level(level + 1), sampler, linear, u, v) * blend
     }
 
     /// The level to read, the weight of the next level, and whether texels are interpolated.
-    fn levels(&self, sampler: &Sampler, lod: f32) -> (usize, f32, bool) {
-        let last = self.below.len() as f32;
+    fn select_levels(&self, sampler: &Sampler, lod: f32) -> (usize, f32, bool) {
+        let last = self.smaller_levels.len() as f32;
         let magnified = lod <= 0.0;
         let linear = if magnified { sampler.mag_linear } else { sampler.min_linear };
         let (level, blend) = match sampler.mip_linear {
@@ -95,8 +95,8 @@ impl Texture {
         (level, blend, linear)
     }
 
-    /// λ = log₂ of the longer of the two pixel footprint axes, in texels; from the quad's first pixel and its
-    /// neighbors, as lavapipe takes it.
+    /// λ = log₂ of the longer of the two axes of the pixel's footprint, in texels. It is computed from the quad's first pixel and
+    /// its neighbors, as lavapipe does.
     fn level_of_detail(&self, u: &[f32; 4], v: &[f32; 4]) -> f32 {
         let (w, h) = (self.image.width as f32, self.image.height as f32);
         let length_squared = |i: usize| {
@@ -110,14 +110,14 @@ impl Texture {
     }
 
     #[inline(always)]
-    fn filtered(&self, t: &Texels, sampler: &Sampler, linear: bool, u: f32, v: f32) -> F4 {
+    fn filter(&self, t: &Texels, sampler: &Sampler, linear: bool, u: f32, v: f32) -> F4 {
         if !linear {
-            let x = nearest(sampler.wrap_u, u, t.width);
-            let y = nearest(sampler.wrap_v, v, t.height);
+            let x = nearest_texel(sampler.wrap_u, u, t.width);
+            let y = nearest_texel(sampler.wrap_v, v, t.height);
             return self.texel(t, x, y);
         }
-        let (x0, x1, fx) = pair(sampler.wrap_u, u, t.width);
-        let (y0, y1, fy) = pair(sampler.wrap_v, v, t.height);
+        let (x0, x1, fx) = texel_pair(sampler.wrap_u, u, t.width);
+        let (y0, y1, fy) = texel_pair(sampler.wrap_v, v, t.height);
         let top = self.texel(t, x0, y0) * (1.0 - fx) + self.texel(t, x1, y0) * fx;
         let bottom = self.texel(t, x0, y1) * (1.0 - fx) + self.texel(t, x1, y1) * fx;
         top * (1.0 - fy) + bottom * fy
@@ -128,17 +128,17 @@ impl Texture {
         let at = (y as usize * t.width as usize + x as usize) * 4;
         let c = &t.rgba[at..at + 4];
         F4([
-            self.color[c[0] as usize],
-            self.color[c[1] as usize],
-            self.color[c[2] as usize],
-            self.linear[c[3] as usize],
+            self.color_table[c[0] as usize],
+            self.color_table[c[1] as usize],
+            self.color_table[c[2] as usize],
+            self.alpha_table[c[3] as usize],
         ])
     }
 }
 
-/// Wraps a coordinate to a range in which the index arithmetic below is exact: [0,1], mirrored [0,2].
+/// Wraps a coordinate to the range in which `wrap_index` is exact: [0, 1], or [0, 2] if mirrored.
 #[inline(always)]
-fn wrapped(wrap: Wrap, u: f32) -> f32 {
+fn wrap_coordinate(wrap: Wrap, u: f32) -> f32 {
     match wrap {
         Wrap::Repeat => u - floor(u),
         Wrap::MirroredRepeat => u - 2.0 * floor(u * 0.5),
@@ -157,9 +157,9 @@ fn floor(v: f32) -> f32 {
     }
 }
 
-/// An index into a row of `size` texels, for any index and also for NaN coordinates.
+/// Wraps an index to a row of `size` texels. The result is valid for any index, also for one from a NaN coordinate.
 #[inline(always)]
-fn index(wrap: Wrap, i: i32, size: i32) -> i32 {
+fn wrap_index(wrap: Wrap, i: i32, size: i32) -> i32 {
     let i = match wrap {
         Wrap::Repeat if i < 0 => i + size,
         Wrap::Repeat if i >= size => i - size,
@@ -171,35 +171,35 @@ fn index(wrap: Wrap, i: i32, size: i32) -> i32 {
 }
 
 #[inline(always)]
-fn nearest(wrap: Wrap, u: f32, size: i32) -> i32 {
-    index(wrap, floor(wrapped(wrap, u) * size as f32) as i32, size)
+fn nearest_texel(wrap: Wrap, u: f32, size: i32) -> i32 {
+    wrap_index(wrap, floor(wrap_coordinate(wrap, u) * size as f32) as i32, size)
 }
 
 #[inline(always)]
-fn pair(wrap: Wrap, u: f32, size: i32) -> (i32, i32, f32) {
-    let x = wrapped(wrap, u) * size as f32 - 0.5;
+fn texel_pair(wrap: Wrap, u: f32, size: i32) -> (i32, i32, f32) {
+    let x = wrap_coordinate(wrap, u) * size as f32 - 0.5;
     let f = floor(x);
     let i = f as i32;
-    (index(wrap, i, size), index(wrap, i.saturating_add(1), size), x - f)
+    (wrap_index(wrap, i, size), wrap_index(wrap, i.saturating_add(1), size), x - f)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn ramp(width: u32, mipmaps: bool) -> Texture {
+    fn ramp_texture(width: u32, mipmaps: bool) -> Texture {
         let rgba = (0..width).flat_map(|x| [x as u8 * 10, 0, 0, 255]).collect();
         let image = Arc::new(Image { name: String::new(), width, height: 1, rgba, file: None });
         Texture::new(&TextureResource { image, srgb: false, mipmaps, hash: [0; 16], streamed: None })
     }
 
-    fn red(t: &Texture, s: &Sampler, u: f32) -> f32 {
+    fn sample_red(t: &Texture, s: &Sampler, u: f32) -> f32 {
         t.sample(s, [F4::splat(u), F4::splat(0.5)])[0].0[0] * 255.0
     }
 
     #[test]
-    fn wrap_modes_by_texel() {
-        let t = ramp(4, false);
+    fn wrap_modes_select_expected_texels() {
+        let t = ramp_texture(4, false);
         for (wrap, expected) in [
             (Wrap::Repeat, [20.0, 30.0, 0.0, 10.0, 20.0, 30.0, 0.0, 10.0, 20.0]),
             (Wrap::MirroredRepeat, [10.0, 0.0, 0.0, 10.0, 20.0, 30.0, 30.0, 20.0, 10.0]),
@@ -216,27 +216,30 @@ mod tests {
                 // Texel centers −2 … 6: filtering changes nothing there.
                 for (i, e) in expected.iter().enumerate() {
                     let u = (i as f32 - 2.0 + 0.5) / 4.0;
-                    assert!((red(&t, &s, u) - e).abs() < 1e-4, "{wrap:?} linear {linear} texel {i}");
+                    assert!((sample_red(&t, &s, u) - e).abs() < 1e-4, "{wrap:?} linear {linear} texel {i}");
                 }
             }
             let s = Sampler { wrap_u: wrap, ..Sampler::default() };
             for u in [f32::NAN, f32::INFINITY, -1e30, 1e30, f32::NEG_INFINITY] {
-                assert!(red(&t, &s, u).is_finite() || !u.is_finite(), "no panic, a number");
+                assert!(
+                    sample_red(&t, &s, u).is_finite() || !u.is_finite(),
+                    "a finite coordinate gives a finite color"
+                );
             }
         }
     }
 
     #[test]
-    fn halfway_between_texels_is_their_mean() {
+    fn linear_filter_halfway_between_texels_gives_their_mean() {
         let s = Sampler { wrap_u: Wrap::Repeat, ..Sampler::default() };
-        let t = ramp(4, false);
-        assert!((red(&t, &s, 0.5) - 15.0).abs() < 1e-4);
-        assert!((red(&t, &s, 0.0) - 15.0).abs() < 1e-4, "between the last (30) and the first (0)");
+        let t = ramp_texture(4, false);
+        assert!((sample_red(&t, &s, 0.5) - 15.0).abs() < 1e-4);
+        assert!((sample_red(&t, &s, 0.0) - 15.0).abs() < 1e-4, "between the last (30) and the first (0)");
     }
 
     #[test]
-    fn level_follows_the_footprint() {
-        let t = ramp(16, true);
+    fn mip_level_matches_the_pixel_footprint() {
+        let t = ramp_texture(16, true);
         let level_red = |step: f32| {
             let u = F4([0.5, 0.5 + step, 0.5, 0.5 + step]);
             t.sample(&Sampler::default(), [u, F4::splat(0.5)])[0].0[0] * 255.0

@@ -1,15 +1,14 @@
 //! Thick lines and points as screen triangles; see [`crate::scene_resources::thick_lines`].
 
-use super::setup::{Assembly, Triangle};
+use super::setup::{PrimitiveAssembly, Triangle};
 use super::vertex::Vertex;
 use crate::plan::{Features, PipelineKey, TopologyKey};
 use crate::scene_resources::thick_lines::{ThickLineExpander, thick_mesh};
 use choreo_asset::Primitive;
 use glam::Mat4;
 
-/// Screen triangles of a primitive's lines or points. `vertices`: one for each vertex of the primitive; the triangles refer to
-/// these.
-pub fn triangles(
+/// Screen triangles of a primitive's lines or points. `vertices`: the vertices of the primitive, which the triangles index.
+pub fn thick_line_triangles(
     primitive: &Primitive,
     vertices: &[Vertex],
     pipeline: PipelineKey,
@@ -19,14 +18,15 @@ pub fn triangles(
 ) -> Vec<Triangle> {
     let wide = thick_mesh(primitive, pipeline.features.has(Features::ROUND_LINES));
     let expander = ThickLineExpander::new(clip_from_relative, size);
-    let corner = |i: usize| {
-        let [own, other] = [wide.of[i], wide.other[i]].map(|v| &vertices[v as usize]);
+    let expanded_vertex = |i: usize| {
+        let [own, other] = [wide.source_vertices[i], wide.other_ends[i]].map(|v| &vertices[v as usize]);
         Vertex { clip: expander.vertex(own.clip, other.clip, wide.offsets[i], width), ..*own }
     };
-    let corners: Vec<Vertex> = (0..wide.of.len()).map(corner).collect();
+    let expanded_vertices: Vec<Vertex> = (0..wide.source_vertices.len()).map(expanded_vertex).collect();
     let pipeline = PipelineKey { topology: TopologyKey::Triangles, ..pipeline };
-    let mut out = Assembly { vertices: &corners, indices: &wide.indices, pipeline, size }.run();
+    let mut out =
+        PrimitiveAssembly { vertices: &expanded_vertices, indices: &wide.indices, pipeline, size }.run();
     // All triangle vertices at one end of a line share the interpolated values of that end.
-    out.iter_mut().for_each(|t| t.vertices = t.vertices.map(|i| wide.of[i as usize]));
+    out.iter_mut().for_each(|t| t.vertices = t.vertices.map(|i| wide.source_vertices[i as usize]));
     out
 }

@@ -24,13 +24,13 @@ pub fn reflectance<const ORDERS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Ve
     let squared = |v: f32| v * v;
     // The index of refraction fades to that of air as the thickness goes to zero.
     let t = (nanometres / 0.03).clamp(0.0, 1.0);
-    let there = t * t * (3.0 - 2.0 * t);
-    let eta = 1.0 - there + ior * there;
-    let inside2 = 1.0 - squared(1.0 / eta) * (1.0 - nv * nv);
-    if inside2 < 0.0 {
+    let film_presence = t * t * (3.0 - 2.0 * t);
+    let eta = 1.0 - film_presence + ior * film_presence;
+    let cos2_in_film = 1.0 - squared(1.0 / eta) * (1.0 - nv * nv);
+    if cos2_in_film < 0.0 {
         return Vec3::ONE;
     }
-    let inside = inside2.sqrt();
+    let cos_in_film = cos2_in_film.sqrt();
     let schlick = |f0: f32, cosine: f32| {
         let x = 1.0 - cosine;
         f0 + (1.0 - f0) * (squared(x * x) * x)
@@ -39,10 +39,10 @@ pub fn reflectance<const ORDERS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Ve
     let t121 = 1.0 - r12;
     let root = f0.clamp(Vec3::ZERO, Vec3::splat(0.9999)).to_array().map(f32::sqrt);
     let base = root.map(|r| (1.0 + r) / (1.0 - r));
-    let r23 = Vec3::from(base.map(|b| schlick(squared((b - eta) / (b + eta)), inside)));
+    let r23 = Vec3::from(base.map(|b| schlick(squared((b - eta) / (b + eta)), cos_in_film)));
     // Reflection at a denser medium shifts the phase by π.
     let phi = Vec3::from(base.map(|b| if b < eta { PI + PI } else { PI }));
-    let path = 2e-9 * eta * nanometres * inside;
+    let path = 2e-9 * eta * nanometres * cos_in_film;
     let r123 = (r23 * r12).min(Vec3::splat(0.9999));
     let step = Vec3::from(r123.to_array().map(f32::sqrt));
     let rs = r23 * (t121 * t121) / (Vec3::ONE - r123);
@@ -77,6 +77,6 @@ fn film_color(path: f32, shift: Vec3) -> Vec3 {
 pub(crate) fn film_f0(reflectance: V3, nv: F4) -> V3 {
     let x = F4::ONE - nv;
     let x5 = (x * x * x * x * x).min(F4::splat(0.9999));
-    let back = |c: F4| ((c - x5) / (F4::ONE - x5)).max(F4::ZERO);
-    V3 { x: back(reflectance.x), y: back(reflectance.y), z: back(reflectance.z) }
+    let invert = |c: F4| ((c - x5) / (F4::ONE - x5)).max(F4::ZERO);
+    V3 { x: invert(reflectance.x), y: invert(reflectance.y), z: invert(reflectance.z) }
 }

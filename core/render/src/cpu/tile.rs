@@ -1,18 +1,18 @@
-//! One tile: opaque triangles into a visibility buffer, each visible one shaded once per pixel, then alpha-tested and blended
-//! triangles in order, then samples are resolved. The image equals that of drawing one triangle after the other, but hidden ones
-//! are not shaded.
+//! Drawing of one tile. Opaque triangles are drawn into a visibility buffer, and each visible triangle is shaded once per pixel. Then
+//! alpha-tested and blended triangles are drawn in order, and the samples are resolved. The image is the same as if the triangles
+//! were drawn one after the other, but hidden triangles are not shaded.
 
-use super::background_effects::BackgroundEffects;
-use super::image_passes::{Pass, pixel_uv};
+use super::background_effects::PixelBackground;
+use super::image_passes::{ImagePass, pixel_uv};
 use super::overlay;
-use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
+use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, rasterize};
 use super::refraction::SceneColorCopy;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
-use super::surface::QUADS;
-use super::target::{PixelOf, Target};
+use super::surface::MAX_QUADS;
+use super::target::{OutputPixel, Target};
 use super::vertex::Vertex;
-use crate::dither::{self, dithered};
+use crate::dither::{self, dither_to_codes};
 use crate::effect_faults::EffectFaults;
 use crate::lanes::{F4, Mask, Weights};
 use crate::layers_2d::LayerImage;
@@ -21,56 +21,56 @@ use choreo_plugin::{Effect, SurfaceSample};
 use glam::Vec4;
 use std::sync::Arc;
 
-/// Shading of a batch's triangles.
-pub(crate) enum Paint<'a> {
+/// Inputs for the shading of a batch's triangles.
+pub(crate) enum BatchShading<'a> {
     Surface(Fragment<'a>),
     Overlay {
         vertices: &'a [OverlayVertex],
-        /// Whether it is drawn over nearer surfaces, too.
+        /// Whether the overlay is drawn over all surfaces, also nearer ones.
         over: bool,
     },
 }
 
-impl Paint<'_> {
+impl BatchShading<'_> {
     fn glass(&self) -> Glass {
         match self {
-            Paint::Surface(fragment) => fragment.glass,
-            Paint::Overlay { .. } => Glass::No,
+            BatchShading::Surface(fragment) => fragment.glass,
+            BatchShading::Overlay { .. } => Glass::No,
         }
     }
 
     /// Sets the scene color copy for refraction.
-    pub(crate) fn set_scene_color_copy(&mut self, behind: &Arc<SceneColorCopy>) {
-        if let Paint::Surface(fragment) = self {
-            fragment.behind = Some(behind.clone());
+    pub(crate) fn set_scene_color_copy(&mut self, copy: &Arc<SceneColorCopy>) {
+        if let BatchShading::Surface(fragment) = self {
+            fragment.scene_color = Some(copy.clone());
         }
     }
 
-    fn over(&self) -> bool {
-        matches!(self, Paint::Overlay { over: true, .. })
+    fn is_over_everything(&self) -> bool {
+        matches!(self, BatchShading::Overlay { over: true, .. })
     }
 }
 
-/// One drawn copy: its triangles on screen and their shading.
+/// One instance of a draw: its screen triangles and their shading.
 pub struct Batch<'a> {
-    pub paint: Paint<'a>,
-    pub phase: Phase,
-    /// Blended by depth peeling.
+    pub shading: BatchShading<'a>,
+    pub phase: DrawPhase,
+    /// Whether the triangles are blended by depth peeling.
     pub peeled: bool,
     pub vertices: Vec<Vertex>,
     pub triangles: Vec<Triangle>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
+pub enum DrawPhase {
     Opaque,
     Mask,
     Blend,
 }
 
-/// The samples of a triangle that are drawn.
+/// Depth test that selects the samples of a triangle that are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Against {
+pub(super) enum SampleTest {
     /// Samples nearer than the scene.
     Scene,
     /// Samples at the depth of the peeled layer.
@@ -79,20 +79,20 @@ pub(super) enum Against {
     Nearer,
 }
 
-/// (index of a batch, index of a triangle in it), in drawing order.
+/// Index of a batch, and index of a triangle in it.
 pub(crate) type TriangleId = [u32; 2];
 
-const NONE: u32 = u32::MAX;
+const NO_TRIANGLE: u32 = u32::MAX;
 
-/// Sample arrays of one tile; reused.
+/// Sample buffers of one tile, reused for the next.
 pub(crate) struct TileBuffers<T> {
     pub(super) depth: Vec<f32>,
-    /// Position in the tile's triangle list.
+    /// Index of the visible opaque triangle of each sample in the tile's triangle list.
     visible: Vec<u32>,
     color: Vec<T>,
-    /// Result of the triangle being drawn (mask, blend): for each sample a bit that tells whether it passed the depth test, and
-    /// its depth.
+    /// Depth test of the triangle that is being drawn (alpha-tested or blended): one bit of each sample that passed.
     passed: Vec<u8>,
+    /// Depth of each sample that passed.
     passed_depth: Vec<f32>,
     /// Depths of transparent surfaces: a layer and the one before it.
     pub(super) layers: [Vec<f32>; 2],
@@ -102,7 +102,7 @@ impl<T: Target> TileBuffers<T> {
     pub fn new(samples: usize) -> Self {
         TileBuffers {
             depth: vec![0.0; TILE_PIXELS * samples],
-            visible: vec![NONE; TILE_PIXELS * samples],
+            visible: vec![NO_TRIANGLE; TILE_PIXELS * samples],
             color: vec![T::encode(Vec4::ZERO); TILE_PIXELS * samples],
             passed: vec![0; TILE_PIXELS],
             passed_depth: vec![0.0; TILE_PIXELS * samples],
@@ -118,45 +118,45 @@ pub struct Tile<'a, 'b> {
     pub at: [i32; 2],
     /// Pixels of the image that lie in this tile.
     pub size: [usize; 2],
-    pub picture: [u32; 2],
+    pub image_size: [u32; 2],
     /// Linear RGBA background of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
     /// Whether the background differs between rows.
     pub gradient: bool,
-    /// Background with one color per pixel, which replaces `background`.
-    pub backdrop: Option<&'a BackgroundEffects<'a>>,
+    /// Background with a color for each pixel, which replaces `background`.
+    pub pixel_background: Option<&'a PixelBackground<'a>>,
     /// 2D layers over the background.
-    pub under: Option<&'a LayerImage>,
+    pub layers_behind: Option<&'a LayerImage>,
     /// Number of depth-peeling layers.
     pub layers: u32,
     /// Per-pixel image effects.
-    pub post: &'a [Pass],
+    pub post: &'a [ImagePass],
     pub faults: &'a EffectFaults,
 }
 
 impl Tile<'_, '_> {
     /// Draws the tile. `rows` starts at its first pixel; rows are `stride` pixels apart.
-    pub fn draw<T: Target, P: PixelOf, const S: usize>(
+    pub fn draw<T: Target, P: OutputPixel, const S: usize>(
         &self,
         b: &mut TileBuffers<T>,
         rows: &mut [P],
         stride: usize,
     ) {
-        let plain = self.backdrop.is_none() && self.under.is_none();
-        if self.list.is_empty() && self.post.is_empty() && plain {
+        let rows_are_uniform = self.pixel_background.is_none() && self.layers_behind.is_none();
+        if self.list.is_empty() && self.post.is_empty() && rows_are_uniform {
             // The most common tile: every sample of a row is the background.
             for y in 0..self.size[1] {
-                let row = self.row::<T>(y);
+                let row = self.background_row::<T>(y);
                 let pixels = rows[y * stride..y * stride + self.size[0]].iter_mut();
-                pixels.zip(row.iter().cycle()).for_each(|(pixel, color)| *pixel = P::of(*color));
+                pixels.zip(row.iter().cycle()).for_each(|(pixel, color)| *pixel = P::from_sample(*color));
             }
             return;
         }
         for (row, background) in self.background.iter().enumerate() {
             let first = row * TILE_WIDTH as usize * S;
             let colors = &mut b.color[first..first + TILE_WIDTH as usize * S];
-            if plain || row >= self.size[1] {
-                let row = self.row::<T>(row);
+            if rows_are_uniform || row >= self.size[1] {
+                let row = self.background_row::<T>(row);
                 let pixels = colors.chunks_exact_mut(S).zip(row.iter().cycle());
                 pixels.for_each(|(samples, color)| samples.fill(*color));
                 continue;
@@ -164,15 +164,15 @@ impl Tile<'_, '_> {
             let y = self.at[1] + row as i32;
             let mut behind = [*background; TILE_WIDTH as usize];
             let behind = &mut behind[..self.size[0]];
-            if let Some(backdrop) = self.backdrop {
-                backdrop.row(self.at[0], y, behind);
+            if let Some(pixel_background) = self.pixel_background {
+                pixel_background.write_row(self.at[0], y, behind);
             }
             for ((samples, pixel), x) in colors.chunks_exact_mut(S).zip(behind).zip(self.at[0]..) {
-                if T::DITHERED && (self.gradient || self.backdrop.is_some()) {
-                    *pixel = dithered(*pixel, x as usize, y as usize);
+                if T::DITHERED && (self.gradient || self.pixel_background.is_some()) {
+                    *pixel = dither_to_codes(*pixel, x as usize, y as usize);
                 }
-                if let Some(under) = self.under {
-                    let over = under.pixel(x as u32, y as u32);
+                if let Some(layers) = self.layers_behind {
+                    let over = layers.pixel(x as u32, y as u32);
                     *pixel = over + *pixel * (1.0 - over.w);
                 }
                 samples.fill(T::encode(*pixel));
@@ -181,37 +181,37 @@ impl Tile<'_, '_> {
         if !self.list.is_empty() {
             b.depth.fill(0.0);
             let phase = |id: &TriangleId| self.batches[id[0] as usize].phase;
-            let opaque = self.list.iter().take_while(|id| phase(id) == Phase::Opaque).count();
+            let opaque = self.list.iter().take_while(|id| phase(id) == DrawPhase::Opaque).count();
             if opaque > 0 {
-                b.visible.fill(NONE);
+                b.visible.fill(NO_TRIANGLE);
                 for (i, id) in self.list[..opaque].iter().enumerate() {
-                    self.opaque::<T, S>(b, self.triangle(id), i as u32);
+                    self.draw_opaque::<T, S>(b, self.triangle(id), i as u32);
                 }
                 self.shade_visible::<T, S>(b);
             }
-            let mut rest = &self.list[opaque..];
-            while let Some((id, after)) = rest.split_first() {
+            let mut remaining = &self.list[opaque..];
+            while let Some((id, after)) = remaining.split_first() {
                 let peeled = |id: &&TriangleId| self.batches[id[0] as usize].peeled;
-                let together = rest.iter().take_while(peeled).count();
-                if together > 0 {
-                    self.peel::<T, S>(b, &rest[..together]);
-                    rest = &rest[together..];
+                let peeled_count = remaining.iter().take_while(peeled).count();
+                if peeled_count > 0 {
+                    self.peel::<T, S>(b, &remaining[..peeled_count]);
+                    remaining = &remaining[peeled_count..];
                     continue;
                 }
-                self.forward::<T, S>(b, id, Against::Scene);
-                rest = after;
+                self.draw_triangle::<T, S>(b, id, SampleTest::Scene);
+                remaining = after;
             }
         }
-        self.finish::<T, P, S>(b, rows, stride);
+        self.write_pixels::<T, P, S>(b, rows, stride);
     }
 
-    /// Encoded background of a row, as a pattern that repeats after `dither::SIDE` pixels.
-    fn row<T: Target>(&self, row: usize) -> [T; dither::SIDE] {
+    /// Encoded background of a row, as a pattern that repeats after `dither::TABLE_SIDE` pixels.
+    fn background_row<T: Target>(&self, row: usize) -> [T; dither::TABLE_SIDE] {
         let color = self.background[row];
         let [x, y] = [self.at[0] as usize, self.at[1] as usize + row];
         match T::DITHERED && self.gradient {
-            true => std::array::from_fn(|i| T::encode(dithered(color, x + i, y))),
-            false => [T::encode(color); dither::SIDE],
+            true => std::array::from_fn(|i| T::encode(dither_to_codes(color, x + i, y))),
+            false => [T::encode(color); dither::TABLE_SIDE],
         }
     }
 
@@ -219,10 +219,11 @@ impl Tile<'_, '_> {
         &self.batches[id[0] as usize].triangles[id[1] as usize]
     }
 
-    /// Reversed Z: nearer is greater; of equal depths the first drawn stays.
-    fn opaque<T, const S: usize>(&self, b: &mut TileBuffers<T>, t: &Triangle, id: u32) {
+    /// Draws an opaque triangle into the visibility buffer. Reversed Z: a nearer sample has a greater depth. Of samples with equal
+    /// depths, the first one stays.
+    fn draw_opaque<T, const S: usize>(&self, b: &mut TileBuffers<T>, t: &Triangle, id: u32) {
         let (depth, visible) = (&mut b.depth[..], &mut b.visible[..]);
-        cover::<S>(t, self.at, |index, covered, z| {
+        rasterize::<S>(t, self.at, |index, covered, z| {
             let depth: &mut [f32; 4] = (&mut depth[index..index + 4]).try_into().expect("four samples");
             let visible: &mut [u32; 4] = (&mut visible[index..index + 4]).try_into().expect("four samples");
             for i in 0..4 {
@@ -234,98 +235,102 @@ impl Tile<'_, '_> {
     }
 
     fn shade_visible<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>) {
-        let mut waiting = Waiting::default();
+        let mut pending = PendingQuads::default();
         for qy in 0..self.size[1].div_ceil(2) {
             for qx in 0..self.size[0].div_ceil(2) {
                 let first = quad_samples::<S>(qx, qy);
-                let mut ids = [[NONE; S]; 4];
+                let mut ids = [[NO_TRIANGLE; S]; 4];
                 for (ids, first) in ids.iter_mut().zip(first) {
                     ids.copy_from_slice(&b.visible[first..first + S]);
                 }
-                while let Some(&id) = ids.iter().flatten().find(|id| **id != NONE) {
+                while let Some(&id) = ids.iter().flatten().find(|id| **id != NO_TRIANGLE) {
                     for sample in ids.iter_mut().flatten().filter(|sample| **sample == id) {
-                        *sample = NONE;
+                        *sample = NO_TRIANGLE;
                     }
-                    self.shade_triangle::<T, S>(b, &mut waiting, id, [qx, qy]);
+                    self.shade_visible_quad::<T, S>(b, &mut pending, id, [qx, qy]);
                 }
             }
         }
-        self.flush::<T, S>(b, &mut waiting);
+        self.apply_pending_effects::<T, S>(b, &mut pending);
     }
 
-    /// Shades a quad of a visible triangle. With effects on surfaces, the quad waits until others of its batch are shaded.
-    fn shade_triangle<T: Target, const S: usize>(
+    /// Shades a quad of a visible triangle. A quad with surface effects becomes pending until more quads of its batch are shaded.
+    fn shade_visible_quad<T: Target, const S: usize>(
         &self,
         b: &mut TileBuffers<T>,
-        waiting: &mut Waiting,
+        pending: &mut PendingQuads,
         id: u32,
         [qx, qy]: [usize; 2],
     ) {
         let triangle = &self.list[id as usize];
         let batch = &self.batches[triangle[0] as usize];
-        let seen = quad_samples::<S>(qx, qy).map(|first| b.visible[first..first + S].contains(&id));
-        match &batch.paint {
-            Paint::Surface(fragment) if fragment.has_surface_effects() => {
-                if waiting.batch != triangle[0] || waiting.quads.len() == QUADS {
-                    self.flush::<T, S>(b, waiting);
+        let visible = quad_samples::<S>(qx, qy).map(|first| b.visible[first..first + S].contains(&id));
+        match &batch.shading {
+            BatchShading::Surface(fragment) if fragment.has_surface_effects() => {
+                if pending.batch != triangle[0] || pending.quads.len() == MAX_QUADS {
+                    self.apply_pending_effects::<T, S>(b, pending);
                 }
-                waiting.batch = triangle[0];
+                pending.batch = triangle[0];
                 let t = &batch.triangles[triangle[1] as usize];
-                let (weights, at) = self.weights(t, [qx, qy], seen);
+                let (weights, at) = self.quad_weights(t, [qx, qy], visible);
                 let vertices = &batch.vertices;
-                waiting.quads.push(fragment.shade(vertices, t.vertices, t.front, &weights));
-                waiting.samples.extend(fragment.samples(vertices, t.vertices, t.front, &weights, at));
-                waiting.places.push((id, [qx, qy]));
+                pending.quads.push(fragment.shade(vertices, t.vertices, t.front, &weights));
+                pending.samples.extend(fragment.surface_samples(vertices, t.vertices, t.front, &weights, at));
+                pending.positions.push((id, [qx, qy]));
             }
-            _ => self.write_visible::<T, S>(b, id, [qx, qy], &self.shade(triangle, [qx, qy], seen)),
+            _ => self.write_visible::<T, S>(b, id, [qx, qy], &self.shade_quad(triangle, [qx, qy], visible)),
         }
     }
 
-    fn flush<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, waiting: &mut Waiting) {
-        if waiting.quads.is_empty() {
+    fn apply_pending_effects<T: Target, const S: usize>(
+        &self,
+        b: &mut TileBuffers<T>,
+        pending: &mut PendingQuads,
+    ) {
+        if pending.quads.is_empty() {
             return;
         }
-        if let Paint::Surface(fragment) = &self.batches[waiting.batch as usize].paint {
-            fragment.apply_surface_effects(&mut waiting.quads, &waiting.samples);
+        if let BatchShading::Surface(fragment) = &self.batches[pending.batch as usize].shading {
+            fragment.apply_surface_effects(&mut pending.quads, &pending.samples);
         }
-        for ((id, at), shaded) in waiting.places.drain(..).zip(waiting.quads.drain(..)) {
+        for ((id, at), shaded) in pending.positions.drain(..).zip(pending.quads.drain(..)) {
             self.write_visible::<T, S>(b, id, at, &shaded);
         }
-        waiting.samples.clear();
+        pending.samples.clear();
     }
 
-    /// Draws one triangle: with an alpha test before the depth is written, or blended without writing depth.
-    pub(super) fn forward<T: Target, const S: usize>(
+    /// Draws an alpha-tested triangle, which writes depth, or a blended triangle, which does not.
+    pub(super) fn draw_triangle<T: Target, const S: usize>(
         &self,
         b: &mut TileBuffers<T>,
         id: &TriangleId,
-        against: Against,
+        test: SampleTest,
     ) {
         let t = self.triangle(id);
         let batch = &self.batches[id[0] as usize];
-        let (blend, glass) = (batch.phase == Phase::Blend, batch.paint.glass());
-        let over = batch.paint.over();
+        let (blend, glass) = (batch.phase == DrawPhase::Blend, batch.shading.glass());
+        let over = batch.shading.is_over_everything();
         let (depth, passed, passed_depth) = (&b.depth[..], &mut b.passed[..], &mut b.passed_depth[..]);
         let layer = &b.layers[0][..];
-        let mut any = false;
-        cover::<S>(t, self.at, |index, covered, z| {
+        let mut found = false;
+        rasterize::<S>(t, self.at, |index, covered, z| {
             for i in 0..4 {
-                let seen = match against {
-                    Against::Scene => over || z[i] > depth[index + i],
-                    Against::Layer => z[i] == layer[index + i],
-                    Against::Nearer => z[i] > layer[index + i],
+                let passes = match test {
+                    SampleTest::Scene => over || z[i] > depth[index + i],
+                    SampleTest::Layer => z[i] == layer[index + i],
+                    SampleTest::Nearer => z[i] > layer[index + i],
                 };
-                if covered[i] && seen {
-                    any = true;
+                if covered[i] && passes {
+                    found = true;
                     passed[(index + i) / S] |= 1 << ((index + i) % S);
                     passed_depth[index + i] = z[i];
                 }
             }
         });
-        if !any {
+        if !found {
             return;
         }
-        let [x0, y0, x1, y1] = t.pixels();
+        let [x0, y0, x1, y1] = t.pixel_bounds();
         let range = |low: i32, high: i32, at: i32, size: i32| {
             ((low - at).max(0) as usize / 2, ((high - at).clamp(0, size) as usize).div_ceil(2))
         };
@@ -338,9 +343,9 @@ impl Tile<'_, '_> {
                 if masks == [0; 4] {
                     continue;
                 }
-                let shaded = self.shade(id, [qx, qy], masks.map(|mask| mask != 0));
+                let shaded = self.shade_quad(id, [qx, qy], masks.map(|mask| mask != 0));
                 for pixel in 0..4 {
-                    let mask = masks[pixel] & shaded.kept[pixel];
+                    let mask = masks[pixel] & shaded.kept_samples[pixel];
                     if mask == 0 {
                         continue;
                     }
@@ -350,9 +355,9 @@ impl Tile<'_, '_> {
                         let at = first[pixel] + s;
                         if blend {
                             b.color[at] = match glass {
-                                Glass::No | Glass::Refract => b.color[at].blended(color),
-                                Glass::Filter => b.color[at].filtered(color),
-                                Glass::Light => b.color[at].lit(color),
+                                Glass::No | Glass::Refract => b.color[at].blend_over(color),
+                                Glass::Filter => b.color[at].filter_through_glass(color),
+                                Glass::Light => b.color[at].add_glass_light(color),
                             };
                         } else {
                             b.color[at] = T::encode(color);
@@ -364,33 +369,33 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// Shades a quad. Attributes are taken at the centers of its pixels, inside the triangle or not. `seen`: the pixels that are
-    /// drawn.
-    fn shade(&self, id: &TriangleId, quad: [usize; 2], seen: Mask) -> Shaded {
+    /// Shades a quad. Attributes are evaluated at the centers of its pixels, also outside the triangle. `visible`: the pixels that
+    /// are drawn.
+    fn shade_quad(&self, id: &TriangleId, quad: [usize; 2], visible: Mask) -> Shaded {
         let batch = &self.batches[id[0] as usize];
         let t = &batch.triangles[id[1] as usize];
-        let (weights, at) = self.weights(t, quad, seen);
-        match &batch.paint {
-            Paint::Surface(fragment) => {
+        let (weights, at) = self.quad_weights(t, quad, visible);
+        match &batch.shading {
+            BatchShading::Surface(fragment) => {
                 fragment.shade_with_effects(&batch.vertices, t.vertices, t.front, &weights, at)
             }
-            Paint::Overlay { vertices, .. } => overlay::shade(vertices, t.vertices, &weights),
+            BatchShading::Overlay { vertices, .. } => overlay::shade_overlay(vertices, t.vertices, &weights),
         }
     }
 
-    /// The weights of a quad's pixels in a triangle, and its first pixel.
-    fn weights(&self, t: &Triangle, [qx, qy]: [usize; 2], seen: Mask) -> (Weights, [i32; 2]) {
+    /// Barycentric weights of a quad's pixels, and the first pixel of the quad.
+    fn quad_weights(&self, t: &Triangle, [qx, qy]: [usize; 2], visible: Mask) -> (Weights, [i32; 2]) {
         let px = (self.at[0] + 2 * qx as i32 - t.origin[0]) as f32 + 0.5;
         let py = (self.at[1] + 2 * qy as i32 - t.origin[1]) as f32 + 0.5;
         let x = F4([px, px + 1.0, px, px + 1.0]);
         let y = F4([py, py, py + 1.0, py + 1.0]);
         let e = t.edges.map(|[a, b, c]| x * a + y * b + F4::splat(c));
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
-        let weights = Weights { of: e.map(|e| e * scale), seen };
+        let weights = Weights { values: e.map(|e| e * scale), visible };
         (weights, [self.at[0] + 2 * qx as i32, self.at[1] + 2 * qy as i32])
     }
 
-    fn finish<T: Target, P: PixelOf, const S: usize>(
+    fn write_pixels<T: Target, P: OutputPixel, const S: usize>(
         &self,
         b: &TileBuffers<T>,
         rows: &mut [P],
@@ -400,12 +405,12 @@ impl Tile<'_, '_> {
             let first = y * TILE_WIDTH as usize * S;
             let samples = &b.color[first..first + self.size[0] * S];
             let row = &mut rows[y * stride..y * stride + self.size[0]];
-            let resolved = samples.chunks_exact(S).map(T::resolved);
+            let resolved = samples.chunks_exact(S).map(T::resolve);
             if self.post.is_empty() {
-                row.iter_mut().zip(resolved).for_each(|(out, resolved)| *out = P::of(resolved));
+                row.iter_mut().zip(resolved).for_each(|(out, resolved)| *out = P::from_sample(resolved));
                 continue;
             }
-            let uv = pixel_uv([self.at[0], self.at[1] + y as i32], self.size[0], self.picture);
+            let uv = pixel_uv([self.at[0], self.at[1] + y as i32], self.size[0], self.image_size);
             let mut colors: Vec<Vec4> = resolved.map(|resolved| resolved.decode()).collect();
             for (number, pass) in self.post.iter().enumerate() {
                 if number > 0 {
@@ -414,12 +419,13 @@ impl Tile<'_, '_> {
                 if let Effect::Pixel(effect) = &pass.effect {
                     effect.pixels(&mut colors, &uv, &pass.parameters);
                     let [x0, y0] = self.at;
-                    self.faults.checked(&pass.effect, &mut colors, |x| [x0 + x as i32, y0 + y as i32]);
+                    self.faults
+                        .replace_faulty_colors(&pass.effect, &mut colors, |x| [x0 + x as i32, y0 + y as i32]);
                 }
             }
             let [x, y] = [self.at[0] as usize, self.at[1] as usize + y];
             for ((out, color), x) in row.iter_mut().zip(colors).zip(x..) {
-                *out = P::finished(color, [x, y]);
+                *out = P::from_color(color, [x, y]);
             }
         }
     }
@@ -433,9 +439,9 @@ fn quad_samples<const S: usize>(qx: usize, qy: usize) -> [usize; 4] {
     [first, first + S, first + width * S, first + (width + 1) * S]
 }
 
-/// Tiles that a triangle's pixels lie in: [x0, y0, x1, y1), in tiles.
-pub(crate) fn tiles_of(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
-    let [x0, y0, x1, y1] = t.pixels();
+/// Bounds of the tiles that contain the triangle's pixels: [x0, x1) × [y0, y1), as x0, y0, x1, y1.
+pub(crate) fn tile_bounds(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
+    let [x0, y0, x1, y1] = t.pixel_bounds();
     let [w, h] = size.map(|s| s as i32);
     let up = |v: i32, tile: i32| ((v + tile - 1) / tile) as u16;
     [
@@ -446,15 +452,15 @@ pub(crate) fn tiles_of(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
     ]
 }
 
-/// Quads of one batch whose effects on surfaces are still to be applied.
+/// Shaded quads of one batch to which the surface effects have not been applied yet.
 #[derive(Default)]
-struct Waiting {
+struct PendingQuads {
     /// Index of the batch.
     batch: u32,
     quads: Vec<Shaded>,
     samples: Vec<SurfaceSample>,
     /// The triangle of each quad, and the quad's position in the tile.
-    places: Vec<(u32, [usize; 2])>,
+    positions: Vec<(u32, [usize; 2])>,
 }
 
 impl Tile<'_, '_> {
@@ -471,19 +477,19 @@ impl Tile<'_, '_> {
             if visible.contains(&id) {
                 self.record_fault(&self.list[id as usize], shaded, pixel, at);
                 let color = T::encode(shaded.pixel(pixel));
-                for (color_of, _) in b.color[first..].iter_mut().zip(visible).filter(|(_, v)| **v == id) {
-                    *color_of = color;
+                for (sample, _) in b.color[first..].iter_mut().zip(visible).filter(|(_, v)| **v == id) {
+                    *sample = color;
                 }
             }
         }
     }
 
-    /// Records the fault of an effect at a pixel of a quad, if there is one.
+    /// Records the fault of an effect at a pixel of a quad, if the pixel has one.
     fn record_fault(&self, id: &TriangleId, shaded: &Shaded, pixel: usize, [qx, qy]: [usize; 2]) {
         let Some(fault) = shaded.faults[pixel] else { return };
-        if let Paint::Surface(fragment) = &self.batches[id[0] as usize].paint {
+        if let BatchShading::Surface(fragment) = &self.batches[id[0] as usize].shading {
             let [x, y] = [2 * qx + pixel % 2, 2 * qy + pixel / 2];
-            fragment.record(self.faults, fault, [self.at[0] + x as i32, self.at[1] + y as i32]);
+            fragment.record_fault(self.faults, fault, [self.at[0] + x as i32, self.at[1] + y as i32]);
         }
     }
 }

@@ -20,9 +20,9 @@ pub(crate) struct ToonSurface<'a> {
 }
 
 impl ToonSurface<'_> {
-    /// Color without emission. `relative`: camera-relative position; `n` and `v`: unit; `share`: unshadowed share of a light, by
-    /// the direction to it.
-    pub fn lit(
+    /// Lit color without emission. `relative`: camera-relative position; `n` and `v`: unit vectors; `share`: unshadowed share of a
+    /// light, from the direction to it.
+    pub fn toon_lit(
         &self,
         plan: &Plan,
         environment: &EnvironmentLight,
@@ -32,28 +32,29 @@ impl ToonSurface<'_> {
     ) -> V3 {
         let t = self.toon;
         // The sum of all light, for the rim.
-        let mut lighting = environment.diffuse(n).mix(environment.even(), F4::splat(t.gi_equalization));
-        let mut color = self.base * lighting;
+        let mut total_light =
+            environment.diffuse(n).mix(environment.mean_diffuse(), F4::splat(t.gi_equalization));
+        let mut color = self.base * total_light;
         for light in &plan.lights {
             let (l, strength) = light.incoming(relative);
             let arriving = V3::splat(light.color) * strength;
             color = color + self.shade.mix(self.base, self.lit_share(n.dot(l)) * share(light, l)) * arriving;
-            lighting = lighting + arriving;
+            total_light = total_light + arriving;
         }
         let one = V3 { x: F4::ONE, y: F4::ONE, z: F4::ONE };
-        let rim = (self.rim(n, v) + self.matcap) * self.rim_mask;
-        color + rim * one.mix(lighting, F4::splat(t.rim_lighting_mix))
+        let rim = (self.rim_light(n, v) + self.matcap) * self.rim_mask;
+        color + rim * one.mix(total_light, F4::splat(t.rim_lighting_mix))
     }
 
-    /// §"Lighting": linearstep(−1 + toony, 1 − toony, NL + shift).
+    /// Share of the lit color (§"Lighting"): linearstep(−1 + toony, 1 − toony, NL + shift).
     fn lit_share(&self, nl: F4) -> F4 {
         let half = 1.0 - self.toon.shading_toony;
         let width = (2.0 * half).max(1e-4);
         ((nl + self.shift + half) / F4::splat(width)).clamp(0.0, 1.0)
     }
 
-    /// §"Rim Lighting", parametric.
-    fn rim(&self, n: V3, v: V3) -> V3 {
+    /// Parametric rim light (§"Rim Lighting").
+    fn rim_light(&self, n: V3, v: V3) -> V3 {
         let t = self.toon;
         let edge = (F4::ONE - n.dot(v) + t.rim_lift).clamp(0.0, 1.0);
         let power = t.rim_fresnel_power.max(1e-5);
@@ -61,7 +62,7 @@ impl ToonSurface<'_> {
     }
 }
 
-/// §"MatCap"; v points down in glTF's textures.
+/// Texture coordinates of the matcap (§"MatCap"); v points down in glTF's textures.
 pub(crate) fn matcap_uv(n: V3, v: V3) -> [F4; 2] {
     let x = V3 { x: v.z, y: F4::ZERO, z: -v.x }.unit();
     let y = v.cross(x);

@@ -9,7 +9,7 @@ use crate::scene_resources::material::MaterialTexture;
 use glam::{Affine2, Vec2};
 
 impl Fragment<'_> {
-    pub fn quad<'a>(
+    pub fn new_quad<'a>(
         &self,
         vertices: &'a [Vertex],
         ids: [u32; 3],
@@ -20,31 +20,31 @@ impl Fragment<'_> {
         for (set, bit) in [Features::UV0, Features::UV1].into_iter().enumerate() {
             let list = &self.primitive.uvs[set];
             if self.features.has(bit) && !list.is_empty() {
-                uvs[set] = weights.vec2(ids.map(|i| list[i as usize]));
+                uvs[set] = weights.interpolate_vec2(ids.map(|i| list[i as usize]));
             }
         }
         let vertices = ids.map(|i| &vertices[i as usize]);
-        let planes = self.planes(ids, weights);
-        let mut quad = Quad { vertices, ids, front, weights, uvs, uv_mask: None, parallax: None, planes };
+        let triplanar = self.triplanar_coordinates(ids, weights);
+        let mut quad = Quad { vertices, ids, front, weights, uvs, uv_mask: None, parallax: None, triplanar };
         if self.features.has(Features::UV_MOTION_MASK) {
-            quad.uv_mask = self.texel(&quad, Features::UV_MOTION_MASK).map(|[_, _, b, _]| b);
+            quad.uv_mask = self.sample_feature_texture(&quad, Features::UV_MOTION_MASK).map(|[_, _, b, _]| b);
         }
         if self.features.has(Features::PARALLAX) {
-            quad.parallax = self.parallax(&quad);
+            quad.parallax = self.parallax_shift(&quad);
         }
         quad
     }
 
     /// Samples a texture of the material; `None` if it has none.
-    pub fn sample(
+    pub fn sample_material_texture(
         &self,
         quad: &Quad,
         reference: Option<&MaterialTexture>,
         texture: Option<&Texture>,
     ) -> Option<[F4; 4]> {
         let (r, texture) = (reference?, texture?);
-        if let Some(planes) = &quad.planes {
-            return Some(self.sample_planes(planes, r, texture));
+        if let Some(triplanar) = &quad.triplanar {
+            return Some(self.sample_triplanar(triplanar, r, texture));
         }
         let mut uv = quad.uvs[r.uv_set as usize & 1];
         if self.features.has(Features::UV_TRANSFORM) && r.uv_transform != Affine2::IDENTITY {

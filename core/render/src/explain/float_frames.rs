@@ -1,4 +1,4 @@
-//! Costs of float frames: the passes that are drawn for them, and their images on the host.
+//! Costs of float frames: their passes, and their images on the host.
 
 use crate::explain::{CostKind, Costs, RequestedBy, plural};
 use crate::plan::passes::sample_places;
@@ -6,7 +6,7 @@ use choreo_plugin::{FrameWish, IdMatte, Passes};
 
 impl Costs<'_> {
     /// Adds the costs of the passes that `--passes` requests, which are not among the commands of the plan.
-    pub fn float_frame(&mut self) {
+    pub fn add_float_frame(&mut self) {
         let FrameWish::Scene(passes) = self.plan.wish else { return };
         let [width, height] = self.plan.size;
         let pixels = u64::from(width) * u64::from(height);
@@ -15,7 +15,7 @@ impl Costs<'_> {
             let draws = plural(plan.draws.len(), "draw");
             let samples = plural(plan.samples as usize, "sample");
             let what = format!("base colors without light: {draws}, {samples} per pixel");
-            self.add(CostKind::Pass, what, None, RequestedBy::other("the pass albedo"));
+            self.add(CostKind::Pass, what, None, RequestedBy::named("the pass albedo"));
         }
         let samples = sample_places(passes.samples_of_ids(self.plan.samples)).len();
         if passes.id {
@@ -25,7 +25,7 @@ impl Costs<'_> {
                 plural(draws, "draw"),
                 plural(samples, "time")
             );
-            self.add(CostKind::Pass, what, None, RequestedBy::other("the pass id"));
+            self.add(CostKind::Pass, what, None, RequestedBy::named("the pass id"));
         }
         let ids = 2 * 8 * samples.min(IdMatte::MOST_RANKS) as u64;
         let Passes { color, depth, normal, motion, albedo, id, .. } = passes;
@@ -39,12 +39,12 @@ impl Costs<'_> {
         ];
         for (_, name, bytes, by) in images.into_iter().filter(|(on, ..)| *on) {
             let what = format!("on the host {width}×{height}: {name}");
-            self.add(CostKind::Target, what, Some(bytes * pixels), RequestedBy::other(by));
+            self.add(CostKind::Target, what, Some(bytes * pixels), RequestedBy::named(by));
         }
     }
 
-    /// The effects, and the passes of the frame, that read depth, normals and motion.
-    pub(crate) fn inputs_read_by(&self) -> RequestedBy {
+    /// The effects and the passes of the frame that read depth, normals and motion.
+    pub(crate) fn input_readers(&self) -> RequestedBy {
         let effects = self.plan.scene_inputs.iter().flat_map(|pass| pass.effects.iter().cloned()).collect();
         let other = match self.plan.wish {
             FrameWish::Scene(passes) if passes.reads_inputs() => Some("the passes of the frame"),

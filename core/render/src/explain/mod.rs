@@ -1,5 +1,5 @@
-//! The costs of a frame: passes, pipelines, shader features, buffers, textures and targets that its commands need, the size of
-//! each, and which actors and materials request it. What was left out, and why, is in the plan.
+//! Costs of a frame: the passes, pipelines, shader features, buffers, textures and targets that its commands need, the size of
+//! each, and the actors and materials that request it. The plan lists the features that were left out, with the reasons.
 
 mod float_frames;
 mod passes;
@@ -27,7 +27,7 @@ pub enum CostKind {
     Pass,
     Pipeline,
     Feature,
-    /// Written for every frame.
+    /// Data that is written for every frame.
     FrameData,
     Mesh,
     Material,
@@ -50,7 +50,7 @@ impl CostKind {
     }
 }
 
-/// The actors, materials and effects that request something.
+/// The actors, materials and effects that request an item.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RequestedBy {
     /// Indices into `Stage::actors`, sorted.
@@ -59,12 +59,12 @@ pub struct RequestedBy {
     pub materials: BTreeSet<u32>,
     /// Plugin names.
     pub effects: BTreeSet<String>,
-    /// Name of another source: "the stage's background".
+    /// Name of anything else that requests the item, such as "the stage's background".
     pub other: Option<&'static str>,
 }
 
 impl RequestedBy {
-    fn other(what: &'static str) -> RequestedBy {
+    fn named(what: &'static str) -> RequestedBy {
         RequestedBy { other: Some(what), ..RequestedBy::default() }
     }
 
@@ -83,19 +83,19 @@ pub struct Cost {
     pub requested_by: RequestedBy,
 }
 
-/// Everything that a frame needs, in the order of the kinds. Sizes are those of one frame in flight of the Vulkan renderer.
+/// All costs of a frame, in the order of their kinds. The sizes are those of one frame in flight in the Vulkan renderer.
 pub fn explain(resources: &SceneResources, plan: &Plan, recording: &Recording) -> Vec<Cost> {
     let mut costs = Costs { resources, plan, all: Vec::new() };
-    costs.passes(recording);
-    costs.pipelines(recording);
-    costs.scene_effects();
-    costs.frame_data(recording);
-    costs.meshes(recording);
-    costs.materials_and_textures(recording);
-    costs.sky(recording);
-    costs.layers_2d();
-    costs.targets(recording);
-    costs.float_frame();
+    costs.add_passes(recording);
+    costs.add_pipelines(recording);
+    costs.add_scene_effects();
+    costs.add_frame_data(recording);
+    costs.add_meshes(recording);
+    costs.add_materials_and_textures(recording);
+    costs.add_sky(recording);
+    costs.add_layers_2d();
+    costs.add_targets(recording);
+    costs.add_float_frame();
     costs.all.sort_by_key(|p| p.kind);
     costs.all
 }
@@ -118,7 +118,7 @@ impl Costs<'_> {
             let first = draw.first_instance as usize;
             let copies = self.plan.instance_actors.get(first..first + draw.instance_count as usize);
             requested_by.actors.extend(copies.unwrap_or_default());
-            // Shadow maps depend on a material only if it cuts holes.
+            // Shadow maps read a material only if it has an alpha test.
             if !in_shadow.contains(&draw.first_instance) || draw.pipeline.features.has(Features::ALPHA_MASK) {
                 requested_by.materials.insert(draw.material);
             }
@@ -126,21 +126,22 @@ impl Costs<'_> {
         requested_by
     }
 
-    fn refracting(&self) -> impl Iterator<Item = &Draw> {
+    fn refracting_draws(&self) -> impl Iterator<Item = &Draw> {
         self.plan.draws.iter().filter(|d| d.pipeline.glass == Glass::Refract)
     }
 
     /// The cause of depth peeling: actors, or the stage.
-    fn peeled_by(&self) -> RequestedBy {
+    fn depth_peeling_cause(&self) -> RequestedBy {
         let mut requested_by = RequestedBy::default();
         match self.plan.depth_peeling.map(|peel| peel.cause) {
             Some(PeelCause::Order(a, b)) => {
                 requested_by.actors.extend([a, b]);
-                requested_by.other = Some("sorting fails: copies intersect, or are in the wrong order");
+                requested_by.other = Some("sorting fails: copies intersect, or their sorted order is wrong");
             }
             Some(PeelCause::SelfOverlap(actor)) => {
                 requested_by.actors.insert(actor);
-                requested_by.other = Some("sorting fails: it is not flat, and both its sides are visible");
+                requested_by.other =
+                    Some("sorting fails: the mesh is not flat, and both its sides are visible");
             }
             Some(PeelCause::RequestedBy(actor)) => {
                 requested_by.actors.insert(actor);
@@ -151,15 +152,15 @@ impl Costs<'_> {
         requested_by
     }
 
-    /// The actors whose draws these are, without materials.
-    fn actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> RequestedBy {
+    /// The actors of the draws, without their materials.
+    fn requested_by_actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> RequestedBy {
         RequestedBy { materials: BTreeSet::new(), ..self.requested_by(draws) }
     }
 
-    /// The draws of each scene pipeline. Each draw follows the commands that bind its state; back and front faces may be drawn
-    /// separately.
+    /// The draws of each scene pipeline. A draw uses the pipeline that was bound last. It occurs twice if its back and front faces are
+    /// drawn separately, and is listed once.
     fn draws_of_variants(&self, recording: &Recording) -> BTreeMap<SceneVariant, Vec<Draw>> {
-        let mut of_variant: BTreeMap<SceneVariant, Vec<Draw>> = BTreeMap::new();
+        let mut draws_of_variant: BTreeMap<SceneVariant, Vec<Draw>> = BTreeMap::new();
         let mut bound = None;
         for command in &recording.commands {
             match command {
@@ -167,7 +168,7 @@ impl Costs<'_> {
                 Command::Draw { first_instance, .. } => {
                     let drawn = self.plan.all_draws().find(|d| d.first_instance == *first_instance);
                     if let (Some(variant), Some(draw)) = (bound, drawn) {
-                        let draws = of_variant.entry(variant).or_default();
+                        let draws = draws_of_variant.entry(variant).or_default();
                         if !draws.contains(draw) {
                             draws.push(*draw);
                         }
@@ -176,40 +177,41 @@ impl Costs<'_> {
                 _ => {}
             }
         }
-        of_variant
+        draws_of_variant
     }
 
-    fn pipelines(&mut self, recording: &Recording) {
-        let mut of_feature: BTreeMap<&'static str, Vec<Draw>> = BTreeMap::new();
+    fn add_pipelines(&mut self, recording: &Recording) {
+        let mut draws_of_feature: BTreeMap<&'static str, Vec<Draw>> = BTreeMap::new();
         for (variant, draws) in self.draws_of_variants(recording) {
-            let elements: usize = draws.iter().map(|d| self.elements(d)).sum();
+            let elements: usize = draws.iter().map(|d| self.element_count(d)).sum();
             let copies: u32 = draws.iter().map(|d| d.instance_count).sum();
             let topology = format!("{:?}", variant.key.topology).to_lowercase();
             let mirrored = if variant.key.mirrored { ", mirrored" } else { "" };
             let features = switches(&variant);
             let what = format!(
-                "{topology}{mirrored} {}: {}, {copies} {}, {elements} elements",
+                "{topology}{mirrored} {}: {}, {copies} {}, {}",
                 features.join(" "),
                 plural(draws.len(), "draw"),
                 if copies == 1 { "copy" } else { "copies" },
+                plural(elements, "element"),
             );
             self.add(CostKind::Pipeline, what, None, self.requested_by(draws.iter()));
             for feature in features {
-                of_feature.entry(feature).or_default().extend(&draws);
+                draws_of_feature.entry(feature).or_default().extend(&draws);
             }
         }
-        for (feature, draws) in of_feature {
+        for (feature, draws) in draws_of_feature {
             self.add(CostKind::Feature, feature.to_string(), None, self.requested_by(draws.iter()));
         }
     }
 
-    fn scene_effects(&mut self) {
+    fn add_scene_effects(&mut self) {
         for (bit, used) in self.plan.scene_effects.iter().enumerate() {
             let draws = self.plan.draws.iter().filter(|d| d.pipeline.effects() >> bit & 1 == 1);
             let mut requested_by = self.requested_by(draws);
             requested_by.effects.insert(used.effect.clone());
             self.add(CostKind::Feature, format!("effect {} on surfaces", used.effect), None, requested_by);
-            self.frame_buffer(
+            self.add_frame_buffer(
                 &format!("parameters of {}", used.effect),
                 1,
                 size_of_val(&used.parameters[..]),
@@ -219,7 +221,7 @@ impl Costs<'_> {
     }
 
     /// Number of triangles, lines or points of all copies.
-    fn elements(&self, draw: &Draw) -> usize {
+    fn element_count(&self, draw: &Draw) -> usize {
         let primitive = self.resources.primitives[draw.primitive as usize].primitive();
         let vertices = match primitive.topology {
             Topology::Triangles => 3,
@@ -229,50 +231,57 @@ impl Costs<'_> {
         primitive.indices.len() / vertices * draw.instance_count as usize
     }
 
-    /// Adds `count` elements of `size` bytes that are written for every frame.
-    fn frame_buffer(&mut self, what: &str, count: usize, size: usize, requested_by: RequestedBy) {
+    /// Adds a buffer of `count` elements of `size` bytes that is written for every frame.
+    fn add_frame_buffer(&mut self, what: &str, count: usize, size: usize, requested_by: RequestedBy) {
         self.add(CostKind::FrameData, what.into(), Some((count * size) as u64), requested_by);
     }
 
-    fn frame_data(&mut self, recording: &Recording) {
+    fn add_frame_data(&mut self, recording: &Recording) {
         let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
         else {
             return;
         };
         let plan = self.plan;
-        let with = |feature: Features| plan.all_draws().filter(move |d| d.pipeline.features.has(feature));
+        let draws_with =
+            |feature: Features| plan.all_draws().filter(move |d| d.pipeline.features.has(feature));
         let lit = plan.draws.iter().filter(|d| d.pipeline.features.is_lit());
-        let every_frame = RequestedBy::other("every frame");
-        self.frame_buffer("camera and ambient light", 1, size_of::<FrameUniform>(), every_frame);
+        let every_frame = RequestedBy::named("every frame");
+        self.add_frame_buffer("camera and ambient light", 1, size_of::<FrameUniform>(), every_frame);
         for (n, each, what, requested_by) in [
-            (*instances, size_of::<Instance>(), ["copy", "copies"], self.actors(plan.draws.iter())),
+            (
+                *instances,
+                size_of::<Instance>(),
+                ["copy", "copies"],
+                self.requested_by_actors(plan.draws.iter()),
+            ),
             (
                 *joints,
                 size_of::<Affine3x4>(),
                 ["joint matrix", "joint matrices"],
-                self.actors(with(Features::SKIN)),
+                self.requested_by_actors(draws_with(Features::SKIN)),
             ),
             (
                 *morphs,
                 size_of::<ActiveMorph>(),
                 ["active morph target", "active morph targets"],
-                self.actors(with(Features::MORPH)),
+                self.requested_by_actors(draws_with(Features::MORPH)),
             ),
-            (*lights, size_of::<PlanLight>(), ["light", "lights"], self.actors(lit)),
+            (*lights, size_of::<PlanLight>(), ["light", "lights"], self.requested_by_actors(lit)),
         ] {
             if n > 0 {
-                self.frame_buffer(&format!("{n} {}", what[usize::from(n > 1)]), n, each, requested_by);
+                self.add_frame_buffer(&format!("{n} {}", what[usize::from(n > 1)]), n, each, requested_by);
             }
         }
         for part in &plan.overlay.parts {
             let what = format!("vertices of {}", part.effect);
             let requested_by = RequestedBy::effect(&part.effect);
-            self.frame_buffer(&what, part.count as usize, size_of::<OverlayVertex>(), requested_by);
+            self.add_frame_buffer(&what, part.count as usize, size_of::<OverlayVertex>(), requested_by);
         }
         if !plan.material_overrides.is_empty() {
             let n = plan.material_overrides.len();
-            let requested_by = self.actors(plan.all_draws().filter(|d| d.material_override.is_some()));
-            self.frame_buffer(
+            let requested_by =
+                self.requested_by_actors(plan.all_draws().filter(|d| d.material_override.is_some()));
+            self.add_frame_buffer(
                 &plural(n, "overridden material"),
                 n,
                 size_of::<MaterialUniform>(),
@@ -281,16 +290,16 @@ impl Costs<'_> {
         }
         if let Some(shadow_maps) = &plan.shadow_maps {
             let each = size_of::<FrameUniform>() + size_of::<ShadowUniform>();
-            let requested_by = self.actors(plan.shadow_draws());
-            self.frame_buffer("views of shadow maps", shadow_maps.views.len(), each, requested_by);
+            let requested_by = self.requested_by_actors(plan.shadow_draws());
+            self.add_frame_buffer("views of shadow maps", shadow_maps.views.len(), each, requested_by);
         }
         for pass in &plan.post {
             let what = format!("parameters of {}", pass.effect);
-            self.frame_buffer(&what, 1, PostUniform::bytes(pass), RequestedBy::effect(&pass.effect));
+            self.add_frame_buffer(&what, 1, PostUniform::bytes(pass), RequestedBy::effect(&pass.effect));
         }
     }
 
-    fn meshes(&mut self, recording: &Recording) {
+    fn add_meshes(&mut self, recording: &Recording) {
         let bound = recording.commands.iter().filter_map(|command| match command {
             Command::BindMesh { primitive, layout, morphs } => Some((*primitive, *layout, *morphs)),
             Command::Preskin { variant, primitive, layout, .. } => {
@@ -322,7 +331,7 @@ impl Costs<'_> {
         }
     }
 
-    fn materials_and_textures(&mut self, recording: &Recording) {
+    fn add_materials_and_textures(&mut self, recording: &Recording) {
         let mut slots_of: BTreeMap<u32, u32> = BTreeMap::new();
         for command in &recording.commands {
             if let Command::BindMaterial { material, slots, .. } = command {
@@ -340,7 +349,8 @@ impl Costs<'_> {
                     *anisotropic |= is_anisotropic(&texture.sampler);
                 }
             }
-            let requested_by = self.actors(plan.draws.iter().filter(|d| d.material == *material));
+            let requested_by =
+                self.requested_by_actors(plan.draws.iter().filter(|d| d.material == *material));
             let what = format!("\"{}\"", entry.material.name);
             let layers = if entry.material.layers.is_some() { size_of::<LayersUniform>() } else { 0 };
             let bytes = (size_of::<MaterialUniform>() + layers) as u64;
@@ -353,7 +363,7 @@ impl Costs<'_> {
             let bytes =
                 (0..levels).map(|l| 4 * u64::from((w >> l).max(1)) * u64::from((h >> l).max(1))).sum();
             let color = if entry.srgb { "colors" } else { "data" };
-            // The plan does not know the device, so both cases are named; see `GpuOptions::anisotropy`.
+            // The plan does not know the device, so the text names when the filter applies; see `GpuOptions::anisotropy`.
             let filter = if anisotropic { ", anisotropic on GPUs" } else { "" };
             let levels = plural(levels as usize, "level");
             let what = format!("\"{}\": {w}×{h}, {levels}, {color}{filter}", entry.image.name);
@@ -362,8 +372,8 @@ impl Costs<'_> {
         }
     }
 
-    fn layers_2d(&mut self) {
-        let requested_by = || RequestedBy::other("text, images and panels");
+    fn add_layers_2d(&mut self) {
+        let requested_by = || RequestedBy::named("text, images and panels");
         if let Some(layers) = &self.plan.layers_behind {
             let [w, h] = layers.size;
             let bytes = Some(8 * u64::from(w) * u64::from(h));
@@ -377,14 +387,17 @@ impl Costs<'_> {
         }
     }
 
-    fn sky(&mut self, recording: &Recording) {
+    fn add_sky(&mut self, recording: &Recording) {
         let reads = recording.reads();
         let Some(panorama) = self.resources.sky.clone().filter(|_| reads.sky) else { return };
         let lit = self.plan.draws.iter().filter(|d| d.pipeline.features.has(Features::SKY));
-        let requested_by =
-            if reads.sky_maps { self.actors(lit) } else { RequestedBy::other("the stage's sky") };
+        let requested_by = if reads.sky_maps {
+            self.requested_by_actors(lit)
+        } else {
+            RequestedBy::named("the stage's sky")
+        };
         let bytes = |[w, h]: [u32; 2]| Some(size_of::<[f32; 2]>() as u64 * u64::from(w) * u64::from(h));
-        self.frame_buffer(
+        self.add_frame_buffer(
             "rotation and strength of the sky",
             1,
             size_of::<SkyUniform>(),
@@ -399,7 +412,7 @@ impl Costs<'_> {
         if reads.sky_background {
             let [w, h] = panorama.size();
             let what = format!("background of the sky \"{}\": {w}×{h}, 16-bit floats", panorama.name);
-            self.add(CostKind::Texture, what, bytes([w, h]), RequestedBy::other("the stage's sky"));
+            self.add(CostKind::Texture, what, bytes([w, h]), RequestedBy::named("the stage's sky"));
         }
     }
 }

@@ -8,12 +8,12 @@ use std::collections::BTreeMap;
 
 impl Costs<'_> {
     /// Adds the color and depth targets.
-    pub fn targets(&mut self, recording: &Recording) {
+    pub fn add_targets(&mut self, recording: &Recording) {
         let [width, height] = recording.size;
         let pixels = u64::from(width) * u64::from(height);
         let size = format!("{width}×{height}");
-        self.shadow_and_refraction_targets(recording, &size);
-        let every_frame = RequestedBy::other("every frame");
+        self.add_shadow_and_refraction_targets(recording, &size);
+        let every_frame = RequestedBy::named("every frame");
         let image = format!("image {size}, 8 bits sRGB");
         self.add(CostKind::Target, image, Some(4 * pixels), every_frame.clone());
         self.add(CostKind::Target, format!("read back {size}"), Some(4 * pixels), every_frame);
@@ -33,18 +33,18 @@ impl Costs<'_> {
                 _ => {}
             }
         }
-        self.texture_targets(recording);
+        self.add_texture_targets(recording);
         let mut effects = RequestedBy::default();
         effects.effects.extend(self.plan.post.iter().map(|p| p.effect.clone()));
         for i in 0..floats {
             let what = format!("linear image {i} {size}, 16-bit floats");
             self.add(CostKind::Target, what, Some(8 * pixels), effects.clone());
         }
-        if recording.commands.contains(&Command::BeginGeometry) {
+        if recording.commands.contains(&Command::BeginGBuffer) {
             let names = ["normal and factors", "color", "depth"];
             for ((name, format), bytes) in names.iter().zip(FORMATS).zip(BYTES) {
                 let what = format!("G-buffer {name} {size}, {format:?}");
-                self.add(CostKind::Target, what, Some(bytes * pixels), self.deferred_by());
+                self.add(CostKind::Target, what, Some(bytes * pixels), self.deferred_shading_cause());
             }
         }
         let motion = recording.commands.iter().find_map(|command| match command {
@@ -59,27 +59,32 @@ impl Costs<'_> {
             let no_effect = self.plan.scene_inputs.as_ref().is_some_and(|pass| pass.effects.is_empty());
             let readers = if no_effect { "passes" } else { "effects" };
             let what = format!("{names} for {readers} {size}, 32-bit floats, with the depth of their pass");
-            self.add(CostKind::Target, what, Some(bytes * pixels), self.inputs_read_by());
+            self.add(CostKind::Target, what, Some(bytes * pixels), self.input_readers());
         }
         let Some((target, samples, depth)) = scene else { return };
         if depth {
             let what = format!("depth {size}, {samples} samples of 32-bit float");
-            self.add(CostKind::Target, what, Some(4 * samples * pixels), self.actors(self.plan.draws.iter()));
+            self.add(
+                CostKind::Target,
+                what,
+                Some(4 * samples * pixels),
+                self.requested_by_actors(self.plan.draws.iter()),
+            );
         }
         if recording.commands.iter().any(|c| matches!(c, Command::BeginPeel { .. })) {
             let what = format!("depth of two transparent layers {size}, {samples} samples of 32-bit float");
-            self.add(CostKind::Target, what, Some(8 * samples * pixels), self.peeled_by());
+            self.add(CostKind::Target, what, Some(8 * samples * pixels), self.depth_peeling_cause());
         }
         if samples > 1 {
             let each = if target == Target::Image { 4 } else { 8 };
             let what = format!("multisampled image {size}, {samples} samples");
-            let requested_by = RequestedBy::other("antialiasing: samples");
+            let requested_by = RequestedBy::named("antialiasing: samples");
             self.add(CostKind::Target, what, Some(each * samples * pixels), requested_by);
         }
     }
 
-    /// Adds the textures of effect passes; textures that share an image are named together.
-    fn texture_targets(&mut self, recording: &Recording) {
+    /// Adds the textures of effect passes. Textures that share an image are listed together.
+    fn add_texture_targets(&mut self, recording: &Recording) {
         let mut slots: BTreeMap<u8, ([u32; 2], Vec<&str>, RequestedBy)> = BTreeMap::new();
         for command in &recording.commands {
             let Command::PostPass { index, effect, to: Target::Texture(slot), size, .. } = command else {
@@ -102,18 +107,18 @@ impl Costs<'_> {
         }
     }
 
-    fn shadow_and_refraction_targets(&mut self, recording: &Recording, size: &str) {
+    fn add_shadow_and_refraction_targets(&mut self, recording: &Recording, size: &str) {
         if let Some(ShadowMaps { image: [w, h], .. }) = &self.plan.shadow_maps {
             let bytes = 4 * u64::from(*w) * u64::from(*h);
             let what = format!("shadow maps {w}×{h}, 32-bit float");
-            self.add(CostKind::Target, what, Some(bytes), self.actors(self.plan.shadow_draws()));
+            self.add(CostKind::Target, what, Some(bytes), self.requested_by_actors(self.plan.shadow_draws()));
         }
         if let Some(SceneColorCopy { levels }) = self.plan.scene_color_copy {
             let [w, h] = recording.size;
             let texels = |l: u32| u64::from((w >> l).max(1)) * u64::from((h >> l).max(1));
             let bytes = (0..levels).map(|l| 8 * texels(l)).sum();
             let what = format!("scene color copy {size}, {levels} levels, 16-bit floats");
-            self.add(CostKind::Target, what, Some(bytes), self.requested_by(self.refracting()));
+            self.add(CostKind::Target, what, Some(bytes), self.requested_by(self.refracting_draws()));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Images on a canvas: minified by a box filter, magnified by bilinear interpolation.
+//! Images drawn onto a canvas, minified by a box filter or magnified by bilinear interpolation.
 
 use crate::layers_2d::Canvas;
 use crate::scene_resources::mipmap::srgb_to_linear_table;
@@ -9,14 +9,14 @@ use glam::{DVec2, Vec4};
 
 /// Size of an image fitted into a frame, in pixels.
 pub(super) fn fitted_size(image: &Image, fit: Fit, frame: DVec2) -> DVec2 {
-    let own = DVec2::new(image.width.max(1).into(), image.height.max(1).into());
-    let by = |factor: f64| own * factor;
-    let each = frame / own;
+    let image_size = DVec2::new(image.width.max(1).into(), image.height.max(1).into());
+    let scaled = |factor: f64| image_size * factor;
+    let factors = frame / image_size;
     match fit {
-        Fit::Height(share) => by(share * each.y),
-        Fit::Width(share) => by(share * each.x),
-        Fit::Contain => by(each.x.min(each.y)),
-        Fit::Cover => by(each.x.max(each.y)),
+        Fit::Height(share) => scaled(share * factors.y),
+        Fit::Width(share) => scaled(share * factors.x),
+        Fit::Contain => scaled(factors.x.min(factors.y)),
+        Fit::Cover => scaled(factors.x.max(factors.y)),
     }
 }
 
@@ -35,11 +35,10 @@ pub(super) fn draw_image(canvas: &mut Canvas, image: &Image, at: DVec2, size: DV
     };
     let to = at + size;
     let coverage = Coverage::rectangle([at.x as f32, at.y as f32], [to.x as f32, to.y as f32], canvas.size);
-    let own = DVec2::new(image.width.into(), image.height.into());
-    // Texels per pixel.
-    let step = own / size;
-    // Weights of the texels around a position, at most 64 of them.
-    let spread = |middle: f64, step: f64| -> Vec<(i64, f32)> {
+    let image_size = DVec2::new(image.width.into(), image.height.into());
+    let texels_per_pixel = image_size / size;
+    // Filter weights of the texels around a position along one axis: (texel, weight), at most 64.
+    let filter_weights = |middle: f64, step: f64| -> Vec<(i64, f32)> {
         let half = step.max(1.0) * 0.5;
         let (low, high) = (middle - half, middle + half);
         let first = low.floor() as i64;
@@ -49,17 +48,27 @@ pub(super) fn draw_image(canvas: &mut Canvas, image: &Image, at: DVec2, size: DV
         let sum: f32 = all.iter().map(|(_, w)| w).sum();
         all.into_iter().map(|(i, w)| (i, w / sum)).collect()
     };
-    let across: Vec<Vec<(i64, f32)>> = (0..coverage.size[0])
-        .map(|x| spread((f64::from(coverage.at[0] + x) + 0.5 - at.x) * step.x, step.x))
+    let column_weights: Vec<Vec<(i64, f32)>> = (0..coverage.size[0])
+        .map(|x| {
+            filter_weights(
+                (f64::from(coverage.at[0] + x) + 0.5 - at.x) * texels_per_pixel.x,
+                texels_per_pixel.x,
+            )
+        })
         .collect();
-    let down: Vec<Vec<(i64, f32)>> = (0..coverage.size[1])
-        .map(|y| spread((f64::from(coverage.at[1] + y) + 0.5 - at.y) * step.y, step.y))
+    let row_weights: Vec<Vec<(i64, f32)>> = (0..coverage.size[1])
+        .map(|y| {
+            filter_weights(
+                (f64::from(coverage.at[1] + y) + 0.5 - at.y) * texels_per_pixel.y,
+                texels_per_pixel.y,
+            )
+        })
         .collect();
     let first = coverage.at;
-    canvas.blend(&coverage, |x, y| {
+    canvas.blend_pixels(&coverage, |x, y| {
         let mut sum = Vec4::ZERO;
-        for (ty, wy) in &down[(y - first[1]) as usize] {
-            for (tx, wx) in &across[(x - first[0]) as usize] {
+        for (ty, wy) in &row_weights[(y - first[1]) as usize] {
+            for (tx, wx) in &column_weights[(x - first[0]) as usize] {
                 sum += texel(*tx, *ty) * (wx * wy);
             }
         }

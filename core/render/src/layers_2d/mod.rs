@@ -1,6 +1,6 @@
-//! 2D layers: text, images, panels and letterbox bars, composited into one image behind the scene and one in front. They are
-//! composited here, on the CPU, so that both renderers show the same: the image behind is drawn like a background, the one in
-//! front is blended over the finished frame.
+//! 2D layers: text, images, panels and letterbox bars, composited into one image behind the scene and one in front of it. Both
+//! renderers use the CPU for this, so that their frames show the same layers. The image behind the scene is drawn as a background;
+//! the image in front is blended over the finished frame.
 
 mod image;
 
@@ -19,9 +19,9 @@ pub struct LayerImage {
     pub size: [u32; 2],
     /// First pixel of the area that is not empty.
     pub at: [u32; 2],
-    /// Size of that area.
+    /// Size of the area that is not empty.
     pub area: [u32; 2],
-    /// Pixels of that area: linear, premultiplied alpha.
+    /// Pixels of the area that is not empty: linear, premultiplied alpha.
     pub pixels: Vec<Vec4>,
     /// Hash of all inputs.
     pub hash: [u8; 32],
@@ -33,7 +33,7 @@ impl fmt::Debug for LayerImage {
     }
 }
 
-/// Text of an effect next to a point of the frame.
+/// Text that an effect draws next to a point of the frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScreenLabel {
     /// Position as shares of the frame, from its top left.
@@ -47,7 +47,7 @@ pub struct ScreenLabel {
     pub color: Vec4,
 }
 
-/// The 2D layers behind the scene and in front of it; `None` if there are none. Cached while they do not change.
+/// Composites the 2D layers behind the scene and in front of it; `None` if there are none. Results are cached by their inputs.
 pub fn compose_layers(
     stage: &Stage,
     snapshot: &Snapshot,
@@ -62,38 +62,38 @@ pub fn compose_layers(
     let composed =
         |states: &[&Layer2dState], labels: &[ScreenLabel]| match states.is_empty() && labels.is_empty() {
             true => None,
-            false => compose(stage, states, labels, size),
+            false => compose_cached(stage, states, labels, size),
         };
     [composed(&behind, &[]), composed(&in_front, labels)]
 }
 
-fn compose(
+fn compose_cached(
     stage: &Stage,
     states: &[&Layer2dState],
     labels: &[ScreenLabel],
     size: [u32; 2],
 ) -> Option<Arc<LayerImage>> {
-    static KEPT: Mutex<Vec<Arc<LayerImage>>> = Mutex::new(Vec::new());
-    const MOST: usize = 8;
-    let hash = hash(stage, states, labels, size);
-    let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(known) = kept().iter().find(|layer_2d| layer_2d.hash == hash) {
-        return Some(known.clone());
+    static CACHE: Mutex<Vec<Arc<LayerImage>>> = Mutex::new(Vec::new());
+    const MAX_CACHED: usize = 8;
+    let hash = input_hash(stage, states, labels, size);
+    let cache = || CACHE.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(cached) = cache().iter().find(|layer_2d| layer_2d.hash == hash) {
+        return Some(cached.clone());
     }
     let mut canvas = Canvas::new(size);
-    let mut taken = Vec::new();
-    labels.iter().for_each(|label| canvas.label(label, &mut taken));
+    let mut occupied = Vec::new();
+    labels.iter().for_each(|label| canvas.draw_label(label, &mut occupied));
     for state in states {
-        canvas.draw(&stage.layers_2d[state.layer_2d], state);
+        canvas.draw_layer(&stage.layers_2d[state.layer_2d], state);
     }
-    let made = Arc::new(canvas.finish(hash)?);
-    let mut all = kept();
-    all.insert(0, made.clone());
-    all.truncate(MOST);
-    Some(made)
+    let composed = Arc::new(canvas.into_layer_image(hash)?);
+    let mut cached = cache();
+    cached.insert(0, composed.clone());
+    cached.truncate(MAX_CACHED);
+    Some(composed)
 }
 
-fn hash(stage: &Stage, states: &[&Layer2dState], labels: &[ScreenLabel], size: [u32; 2]) -> [u8; 32] {
+fn input_hash(stage: &Stage, states: &[&Layer2dState], labels: &[ScreenLabel], size: [u32; 2]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -103,7 +103,7 @@ fn hash(stage: &Stage, states: &[&Layer2dState], labels: &[ScreenLabel], size: [
     labels.iter().for_each(|label| add(format!("{label:?}").as_bytes()));
     for state in states {
         let layer_2d = &stage.layers_2d[state.layer_2d];
-        // Numbers are printed so that different numbers give different texts.
+        // `Debug` prints different numbers as different texts.
         match &layer_2d.content {
             Layer2dContent::Picture { hash, fit, image: _ } => {
                 add(hash);
@@ -123,7 +123,7 @@ fn hash(stage: &Stage, states: &[&Layer2dState], labels: &[ScreenLabel], size: [
     *hasher.finalize().as_bytes()
 }
 
-/// An image while layers are drawn into it.
+/// Image that layers are drawn into.
 struct Canvas {
     size: [u32; 2],
     pixels: Vec<Vec4>,
@@ -138,15 +138,15 @@ impl Canvas {
         Canvas { size, pixels, low: size, high: [0; 2] }
     }
 
-    fn draw(&mut self, layer_2d: &choreo_stage::Layer2d, state: &Layer2dState) {
+    fn draw_layer(&mut self, layer_2d: &choreo_stage::Layer2d, state: &Layer2dState) {
         if let Layer2dContent::Text { outline, panel, .. } = &layer_2d.content
             && (outline.is_some() || panel.is_some())
             && state.opacity < 1.0
         {
-            // The parts of a layer fade as one image.
+            // Text, outline and panel fade together, as one image.
             let mut whole = Canvas::new(self.size);
-            whole.draw(layer_2d, &Layer2dState { opacity: 1.0, ..state.clone() });
-            return self.add(&whole, state.opacity);
+            whole.draw_layer(layer_2d, &Layer2dState { opacity: 1.0, ..state.clone() });
+            return self.blend_canvas(&whole, state.opacity);
         }
         let frame = DVec2::new(self.size[0].into(), self.size[1].into());
         let point = state.at * frame + layer_2d.offset;
@@ -161,26 +161,30 @@ impl Canvas {
                     align: *align,
                     line_height: *line_height as f32,
                 };
-                let laid = lay_out(font, words, &style);
-                let at = corner(DVec2::new(laid.size[0].into(), laid.size[1].into()) * factor);
+                let layout = lay_out(font, words, &style);
+                let at = corner(DVec2::new(layout.size[0].into(), layout.size[1].into()) * factor);
                 let em = size * frame.y * factor;
                 if let Some(panel) = panel {
                     let margin = panel.padding * em;
-                    let ends = laid.ends.map(|end| f64::from(end) * factor);
+                    let ends = layout.ends.map(|end| f64::from(end) * factor);
                     let low = at + DVec2::new(ends[0], 0.0) - margin;
-                    let high = at + DVec2::new(ends[1], f64::from(laid.size[1]) * factor) + margin;
+                    let high = at + DVec2::new(ends[1], f64::from(layout.size[1]) * factor) + margin;
                     let [low, high] = [low, high].map(|p| [p.x as f32, p.y as f32]);
                     let radius = (panel.radius * em) as f32;
-                    self.fill(&Coverage::rounded(low, high, radius, self.size), panel.color, state.opacity);
+                    self.fill_coverage(
+                        &Coverage::rounded(low, high, radius, self.size),
+                        panel.color,
+                        state.opacity,
+                    );
                 }
                 let at = [at.x as f32, at.y as f32];
                 if let Some(outline) = outline {
                     let distance = (outline.width * em) as f32;
-                    let around = laid.outline_coverage(font, at, factor as f32, distance, self.size);
-                    self.fill(&around, outline.color, state.opacity);
+                    let around = layout.outline_coverage(font, at, factor as f32, distance, self.size);
+                    self.fill_coverage(&around, outline.color, state.opacity);
                 }
-                let coverage = laid.coverage(font, at, factor as f32, self.size);
-                self.fill(&coverage, *color, state.opacity);
+                let coverage = layout.coverage(font, at, factor as f32, self.size);
+                self.fill_coverage(&coverage, *color, state.opacity);
             }
             Layer2dContent::Picture { image, fit, .. } => {
                 let size = image::fitted_size(image, *fit, frame) * factor;
@@ -188,50 +192,51 @@ impl Canvas {
             }
             Layer2dContent::Panel { size, color } => {
                 let size = *size * frame * factor;
-                self.rectangle(corner(size), size, *color, state.opacity);
+                self.fill_rectangle(corner(size), size, *color, state.opacity);
             }
             Layer2dContent::Bars { ratio, color } => {
                 let inside = DVec2::new(frame.x.min(frame.y * ratio), frame.y.min(frame.x / ratio));
                 let bar = (frame - inside) * 0.5 * factor.min(1.0);
-                let across =
+                let bar_size =
                     if bar.x > bar.y { DVec2::new(bar.x, frame.y) } else { DVec2::new(frame.x, bar.y) };
-                self.rectangle(DVec2::ZERO, across, *color, state.opacity);
-                self.rectangle(frame - across, across, *color, state.opacity);
+                self.fill_rectangle(DVec2::ZERO, bar_size, *color, state.opacity);
+                self.fill_rectangle(frame - bar_size, bar_size, *color, state.opacity);
             }
         }
     }
 
-    /// Draws a label with a dark shadow, so that it is readable on anything. A label that would overlap an earlier one is left out.
-    fn label(&mut self, label: &ScreenLabel, taken: &mut Vec<[Vec2; 2]>) {
+    /// Draws a label with a dark shadow, so that it is readable on any background. A label that would overlap an earlier one is left
+    /// out. `occupied`: bounds of the labels drawn so far.
+    fn draw_label(&mut self, label: &ScreenLabel, occupied: &mut Vec<[Vec2; 2]>) {
         let font = Font::built_in();
         let style = Style { size: label.size, width: None, align: Align::Left, line_height: 1.25 };
-        let laid = lay_out(&font, &label.text, &style);
+        let layout = lay_out(&font, &label.text, &style);
         let frame = DVec2::new(self.size[0].into(), self.size[1].into());
-        let at = (label.at * frame).as_vec2() + Vec2::new(label.beside, -0.5 * laid.size[1]);
-        let place = [at, at + Vec2::from(laid.size)];
-        if taken.iter().any(|[low, high]| place[0].cmplt(*high).all() && low.cmplt(place[1]).all()) {
+        let at = (label.at * frame).as_vec2() + Vec2::new(label.beside, -0.5 * layout.size[1]);
+        let bounds = [at, at + Vec2::from(layout.size)];
+        if occupied.iter().any(|[low, high]| bounds[0].cmplt(*high).all() && low.cmplt(bounds[1]).all()) {
             return;
         }
-        taken.push(place);
-        let behind = Vec4::new(0.0, 0.0, 0.0, label.color.w * 0.75);
-        for (by, color) in [(1.0, behind), (0.0, label.color)] {
-            let coverage = laid.coverage(&font, [at.x + by, at.y + by], 1.0, self.size);
-            self.fill(&coverage, color, 1.0);
+        occupied.push(bounds);
+        let shadow = Vec4::new(0.0, 0.0, 0.0, label.color.w * 0.75);
+        for (offset, color) in [(1.0, shadow), (0.0, label.color)] {
+            let coverage = layout.coverage(&font, [at.x + offset, at.y + offset], 1.0, self.size);
+            self.fill_coverage(&coverage, color, 1.0);
         }
     }
 
-    fn rectangle(&mut self, at: DVec2, size: DVec2, color: Vec4, opacity: f32) {
+    fn fill_rectangle(&mut self, at: DVec2, size: DVec2, color: Vec4, opacity: f32) {
         let to = at + size;
         let coverage = Coverage::rectangle([at.x as f32, at.y as f32], [to.x as f32, to.y as f32], self.size);
-        self.fill(&coverage, color, opacity);
+        self.fill_coverage(&coverage, color, opacity);
     }
 
-    fn fill(&mut self, coverage: &Coverage, color: Vec4, opacity: f32) {
-        self.blend(coverage, |_, _| color.truncate().extend(1.0) * (color.w * opacity));
+    fn fill_coverage(&mut self, coverage: &Coverage, color: Vec4, opacity: f32) {
+        self.blend_pixels(coverage, |_, _| color.truncate().extend(1.0) * (color.w * opacity));
     }
 
     /// Blends premultiplied colors over the canvas, weighted by coverage.
-    fn blend(&mut self, coverage: &Coverage, color: impl Fn(u32, u32) -> Vec4) {
+    fn blend_pixels(&mut self, coverage: &Coverage, color: impl Fn(u32, u32) -> Vec4) {
         for row in 0..coverage.size[1] {
             let y = coverage.at[1] + row;
             for (column, covered) in (0..).zip(coverage.row(row)).filter(|(_, covered)| *covered > 0.0) {
@@ -246,7 +251,7 @@ impl Canvas {
     }
 
     /// Blends another canvas over this one.
-    fn add(&mut self, other: &Canvas, opacity: f32) {
+    fn blend_canvas(&mut self, other: &Canvas, opacity: f32) {
         for y in other.low[1]..other.high[1] {
             let row = y as usize * self.size[0] as usize;
             for x in other.low[0]..other.high[0] {
@@ -259,8 +264,8 @@ impl Canvas {
         self.high = [0, 1].map(|i| self.high[i].max(other.high[i]));
     }
 
-    /// The changed area of the canvas; `None` if nothing was drawn.
-    fn finish(self, hash: [u8; 32]) -> Option<LayerImage> {
+    /// Crops the canvas to the changed area; `None` if nothing was drawn.
+    fn into_layer_image(self, hash: [u8; 32]) -> Option<LayerImage> {
         let Canvas { size, pixels, low, high } = self;
         if low[0] >= high[0] || low[1] >= high[1] {
             return None;
@@ -286,7 +291,7 @@ impl LayerImage {
     }
 
     /// Blends the layers over a linear, premultiplied image.
-    pub(crate) fn over_floats(&self, size: [u32; 2], image: &mut [Vec4]) {
+    pub(crate) fn blend_over_floats(&self, size: [u32; 2], image: &mut [Vec4]) {
         if size != self.size {
             return;
         }
@@ -298,7 +303,7 @@ impl LayerImage {
     }
 
     /// Blends the layers over a finished frame of the same size.
-    pub fn over(&self, frame: &mut Frame) {
+    pub fn blend_over(&self, frame: &mut Frame) {
         if [frame.width, frame.height] != self.size {
             return;
         }
@@ -328,16 +333,16 @@ mod tests {
         Layer2d::new(Layer2dContent::Panel { size, color })
     }
 
-    fn drawn(stage: &Stage, size: [u32; 2]) -> [Option<Arc<LayerImage>>; 2] {
+    fn composed_at_start(stage: &Stage, size: [u32; 2]) -> [Option<Arc<LayerImage>>; 2] {
         compose_layers(stage, &stage.at(choreo_motion::Time::ZERO).unwrap(), &[], size)
     }
 
     #[test]
-    fn later_ones_lie_over_earlier_ones() {
+    fn later_layers_are_blended_over_earlier_layers() {
         let mut stage = Stage::default();
         stage.layers_2d.push(panel(DVec2::ONE, Vec4::new(1.0, 0.0, 0.0, 1.0)));
         stage.layers_2d.push(panel(DVec2::new(0.5, 1.0), Vec4::new(0.0, 1.0, 0.0, 0.5)));
-        let [under, over] = drawn(&stage, [8, 4]);
+        let [under, over] = composed_at_start(&stage, [8, 4]);
         assert!(under.is_none());
         let over = over.unwrap();
         assert_eq!(over.pixel(0, 0), Vec4::new(1.0, 0.0, 0.0, 1.0));
@@ -345,19 +350,19 @@ mod tests {
         // The frame below is visible through transparent pixels: half green over blue, in linear light.
         stage.layers_2d.remove(0);
         let mut frame = Frame { width: 8, height: 4, rgba: [0, 0, 255, 255].repeat(32) };
-        drawn(&stage, [8, 4])[1].as_ref().unwrap().over(&mut frame);
+        composed_at_start(&stage, [8, 4])[1].as_ref().unwrap().blend_over(&mut frame);
         assert_eq!(frame.rgba[..4], [0, 0, 255, 255]);
         assert_eq!(frame.rgba[4 * 4..4 * 5], [0, 188, 188, 255]);
     }
 
     #[test]
-    fn bars_leave_a_frame_of_their_ratio() {
+    fn letterbox_bars_leave_an_area_of_their_aspect_ratio() {
         let mut stage = Stage::default();
         stage.layers_2d.push(Layer2d::new(Layer2dContent::Bars { ratio: 2.0, color: Vec4::W }));
-        let layer_2d = drawn(&stage, [80, 60])[1].clone().unwrap();
+        let layer_2d = composed_at_start(&stage, [80, 60])[1].clone().unwrap();
         let dark = (0..60).filter(|y| layer_2d.pixel(40, *y).w > 0.5).count();
-        assert_eq!(dark, 20, "80 wide, 2 to 1: 40 high");
+        assert_eq!(dark, 20, "the area of 2:1 in 80×60 pixels is 40 pixels high");
         // The frame already has that ratio, so there are no bars.
-        assert!(drawn(&stage, [80, 40])[1].is_none());
+        assert!(composed_at_start(&stage, [80, 40])[1].is_none());
     }
 }

@@ -25,7 +25,7 @@ pub(crate) fn dissolved<E>(
     let mut frame = draw(plan, reuse)?;
     mix(&mut frame.rgba, &draw(before, None)?.rgba, share);
     if let Some(layers) = layers {
-        layers.over(&mut frame);
+        layers.blend_over(&mut frame);
     }
     Ok(frame)
 }

@@ -2,7 +2,7 @@
 
 use crate::lanes::{F4, V3};
 use crate::plan::View;
-use crate::view::relative;
+use crate::view::camera_relative;
 use choreo_asset::LightKind;
 use choreo_stage::LightState;
 use glam::{Vec2, Vec3};
@@ -57,7 +57,7 @@ impl PlanLight {
         let light = &state.light;
         let local = !light.kind.is_directional();
         let color = light.color * (light.intensity * std::f32::consts::FRAC_1_PI);
-        let position = if local { relative(state.position, view) } else { Vec3::ZERO };
+        let position = if local { camera_relative(state.position, view) } else { Vec3::ZERO };
         let finite = color.is_finite() && position.is_finite() && state.direction.is_finite();
         if !finite || color == Vec3::ZERO {
             return None;

@@ -167,7 +167,7 @@ impl Plan {
     /// Records the faults that were found when the frame and its parts were planned.
     pub(crate) fn record_faults(&self, faults: &EffectFaults) {
         for found in std::iter::once(self).chain(self.sub_plans()).flat_map(|part| &part.effect_faults) {
-            faults.record_of(&found.effect, found.fault, found.place);
+            faults.record_by_name(&found.effect, found.fault, found.place);
         }
     }
 

@@ -13,7 +13,7 @@ use crate::plan::build::skins::bind_of;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Plan, View};
 use crate::scene_resources::{PrimitiveResource, SceneResources};
-use crate::view::rays;
+use crate::view::ray_basis;
 use choreo_asset::{Aabb, MeshInstance, Topology};
 use choreo_motion::Time;
 use choreo_plugin::Hook;
@@ -218,7 +218,10 @@ impl ShutterScene<'_> {
         let shows_another = |actor: usize| {
             let entries = || self.resources.entry(actor).primitives.iter().flatten();
             streams
-                && entries().any(|e| self.resources.showing(e, a.time) != self.resources.showing(e, b.time))
+                && entries().any(|e| {
+                    self.resources.with_sequence_image_at(e, a.time)
+                        != self.resources.with_sequence_image_at(e, b.time)
+                })
         };
         actors.take(stage.actors.len()).find_map(|(actor, (a, b))| match actor_changes(a, b) {
             None if a.visible && shows_another(actor) => Some("an image sequence advances"),
@@ -398,7 +401,7 @@ fn morph_motion(resource: &PrimitiveResource, instance: usize, states: [&ActorSt
 
 /// Pixels that the sky moves as the camera turns.
 fn sky_motion(a: &Snapshot, eyes: &[MotionView; 2], size: [u32; 2]) -> f64 {
-    let [right, down, ahead] = rays(&View::new(&a.camera, size)).map(|v| v.as_dvec3());
+    let [right, down, ahead] = ray_basis(&View::new(&a.camera, size)).map(|v| v.as_dvec3());
     let places = [[0.0, 0.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
     let way = |[x, y]: [f64; 2]| {
         let direction = (right * x + down * y + ahead).extend(0.0);

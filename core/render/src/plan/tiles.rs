@@ -15,7 +15,7 @@ use glam::{DMat4, DVec4, Mat4, Vec4Swizzles};
 use std::sync::Arc;
 
 /// Largest side of an image that is drawn in tiles, in pixels: a frame of 4 GB.
-pub const MOST: u32 = 32_768;
+pub const MAX_TILED_SIDE: u32 = 32_768;
 
 /// Largest number of pixels that are drawn at once, even if a device could draw more: color, depth and the copy for the host
 /// take 12 bytes per pixel beside the frame itself, and 44 with four samples.

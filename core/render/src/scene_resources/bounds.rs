@@ -36,7 +36,7 @@ pub struct PrimitiveInfo {
     /// Whether some vertex color is not white.
     pub colored: bool,
     /// Whether the triangles fill all faces of `bounds`: the primitive is a rectangle along the axes, or a box.
-    pub fills_bounds: bool,
+    pub covers_bounding_box: bool,
     /// Joints that share a vertex with each joint, itself included. Computed on first use.
     companions: OnceLock<Vec<Vec<u16>>>,
     /// Computed on first use; see [`crate::scene_resources::PrimitiveResource::watertight`].
@@ -68,7 +68,7 @@ impl PrimitiveInfo {
             morph_bounds: Vec::new(),
             influences: 0,
             colored: p.colors.iter().any(|&c| c != glam::Vec4::ONE),
-            fills_bounds: false,
+            covers_bounding_box: false,
             companions: OnceLock::new(),
             watertight: OnceLock::new(),
             morphed_ranges: OnceLock::new(),
@@ -76,7 +76,7 @@ impl PrimitiveInfo {
         if !valid {
             return info;
         }
-        info.fills_bounds = fills_bounds(p, &info.bounds);
+        info.covers_bounding_box = covers_bounding_box(p, &info.bounds);
         info.morph_bounds = p
             .morphs
             .iter()
@@ -122,13 +122,13 @@ impl PrimitiveInfo {
     }
 
     /// Camera-relative bounds of an instance with one transform.
-    pub fn rigid(&self, relative_from_mesh: &Affine3x4, morph_offset: Aabb) -> Aabb {
+    pub fn rigid_bounds(&self, relative_from_mesh: &Affine3x4, morph_offset: Aabb) -> Aabb {
         transformed(grown(self.bounds, morph_offset), relative_from_mesh)
     }
 
     /// Camera-relative bounds of a skinned instance. A skinned vertex is a convex combination of its positions under each joint,
     /// so the union of the boxes that the joints transform contains it.
-    pub fn skinned(&self, joints: &[Affine3x4], morph_offset: Aabb) -> Aabb {
+    pub fn skinned_bounds(&self, joints: &[Affine3x4], morph_offset: Aabb) -> Aabb {
         let mut all = Aabb::EMPTY;
         for (joint, b) in &self.joint_bounds {
             if let Some(rows) = joints.get(*joint as usize) {
@@ -198,9 +198,8 @@ fn grown(b: Aabb, by: Aabb) -> Aabb {
     Aabb { min: b.min + by.min, max: b.max + by.max }
 }
 
-/// Whether all triangles lie in the faces of the bounds and fill their area: that of one face for a flat primitive, else of all
-/// six.
-fn fills_bounds(p: &Primitive, bounds: &Aabb) -> bool {
+/// Whether the triangles lie in the faces of the bounding box and cover them: one face for a flat primitive, else all six.
+fn covers_bounding_box(p: &Primitive, bounds: &Aabb) -> bool {
     let size = (bounds.max - bounds.min).as_dvec3();
     let faces = size.x * size.y + size.y * size.z + size.z * size.x;
     let wanted = if size.min_element() == 0.0 { faces } else { 2.0 * faces };
@@ -219,7 +218,7 @@ fn fills_bounds(p: &Primitive, bounds: &Aabb) -> bool {
 
 /// Frustum culling: whether a whole box lies outside one plane of the view frustum `|x|,|y| ≤ w, 0 ≤ z ≤ w`.
 /// A box with a number that is not finite counts as visible. `margin` widens the frustum, in clip space.
-pub(crate) fn outside(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool {
+pub(crate) fn is_outside_frustum(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool {
     let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
     if corners.iter().any(|c| !c.is_finite()) {
         return false;
@@ -235,8 +234,8 @@ pub(crate) fn outside(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool 
         || corners.iter().all(|c| c.z < -slack(c.w))
 }
 
-/// Whether a box lies in front of a view's near plane, so that the viewer is outside of the box.
-pub(crate) fn is_before(b: Aabb, clip_from_relative: &Mat4) -> bool {
+/// Whether a whole box lies beyond a view's near plane, so that the viewer is outside the box.
+pub(crate) fn is_beyond_near_plane(b: Aabb, clip_from_relative: &Mat4) -> bool {
     let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
     // False for numbers that are not finite, and within the rounding error of the near plane.
     corners.iter().all(|c| c.w > 0.0 && c.z < c.w * (1.0 - 1e-4))
@@ -255,7 +254,7 @@ mod tests {
         let clip_from_relative = Mat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose();
         let at = |z: f32| {
             let b = Aabb { min: Vec3::new(-1.0, -1.0, z - 1.0), max: Vec3::new(1.0, 1.0, z) };
-            is_before(b, &clip_from_relative)
+            is_beyond_near_plane(b, &clip_from_relative)
         };
         assert!(at(-0.6) && at(-90.0));
         assert!(!at(-0.4) && !at(0.5) && !at(3.0) && !at(f32::NAN));

@@ -1,7 +1,7 @@
 //! Collects the resources of a stage's assets.
 
 use crate::scene_resources::bounds::PrimitiveInfo;
-use crate::scene_resources::content_hash::{material_content, material_hash, short};
+use crate::scene_resources::content_hash::{material_content, material_hash, shortened_hash};
 use crate::scene_resources::large_triangles;
 use crate::scene_resources::lod::{LodLevel, assets_worth_levels};
 use crate::scene_resources::material::{MaterialResource, MaterialTexture, slot_sources};
@@ -18,11 +18,11 @@ use std::sync::Arc;
 impl SceneResources {
     /// Every distinct primitive, material and texture of the stage's assets, in order of first use.
     pub fn new(stage: &Stage) -> SceneResources {
-        SceneResources::after(&SceneResources::default(), stage)
+        SceneResources::new_reusing(&SceneResources::default(), stage)
     }
 
-    /// Like `new`. Assets of the earlier resources are not hashed and measured again.
-    pub fn after(earlier: &SceneResources, stage: &Stage) -> SceneResources {
+    /// Like `new`, but reuses earlier resources: their assets are not hashed and measured again.
+    pub fn new_reusing(earlier: &SceneResources, stage: &Stage) -> SceneResources {
         let (mut resources, assets) = SceneResources::collect_resources(earlier, stage);
         let pays = assets_worth_levels(&resources, stage);
         for (index, asset) in assets.iter().enumerate().filter(|(index, _)| pays[*index]) {
@@ -174,7 +174,7 @@ impl Builder {
     fn primitive(&mut self, mesh: &Arc<Mesh>, index: u32) -> u32 {
         let primitive = &mesh.primitives[index as usize];
         let known = self.known_primitives.get(&(Arc::as_ptr(mesh), index)).cloned();
-        let hash = known.as_ref().map_or_else(|| short(primitive.content_hash()), |(hash, _)| *hash);
+        let hash = known.as_ref().map_or_else(|| shortened_hash(primitive.content_hash()), |(hash, _)| *hash);
         *self.primitives.entry(hash).or_insert_with(|| {
             let info = known.map_or_else(|| PrimitiveInfo::new(primitive), |(_, info)| info);
             self.resources.primitives.push(PrimitiveResource { mesh: mesh.clone(), index, hash, info });
@@ -205,7 +205,7 @@ impl Builder {
 
     fn streamed(&mut self, stream: &ImageStream, index: usize, first: u32) -> u32 {
         let textures = &mut self.resources.textures;
-        let hash = short(stream.hashes[index]);
+        let hash = shortened_hash(stream.hashes[index]);
         let TextureResource { mipmaps, image: like, srgb, .. } = textures[first as usize].clone();
         *self.textures.entry((hash, srgb)).or_insert_with(|| {
             let image =
@@ -225,8 +225,8 @@ impl Builder {
             return None;
         }
         let hash = || match is_header {
-            true => short(*blake3::hash(&(Arc::as_ptr(image) as usize).to_le_bytes()).as_bytes()),
-            false => short(image.content_hash()),
+            true => shortened_hash(*blake3::hash(&(Arc::as_ptr(image) as usize).to_le_bytes()).as_bytes()),
+            false => shortened_hash(image.content_hash()),
         };
         let hash = *self.image_hashes.entry(Arc::as_ptr(image)).or_insert_with(hash);
         let textures = &mut self.resources.textures;
@@ -259,5 +259,5 @@ fn model_content(
             hasher.update(&materials[e.material as usize].hash);
         }
     }
-    short(*hasher.finalize().as_bytes())
+    shortened_hash(*hasher.finalize().as_bytes())
 }

@@ -6,7 +6,7 @@ use choreo_asset::ContentHash;
 use choreo_asset::hash::{Hashed, hash_of};
 
 /// The first 16 bytes of a hash. They still distinguish contents, and cost half as much to compare.
-pub(crate) fn short(hash: ContentHash) -> [u8; 16] {
+pub(crate) fn shortened_hash(hash: ContentHash) -> [u8; 16] {
     let mut out = [0; 16];
     out.copy_from_slice(&hash[..16]);
     out
@@ -28,5 +28,5 @@ fn hash_with<T: Hashed>(m: &MaterialResource, texture_id: impl Fn(u32) -> T) -> 
     let textures = m
         .textures
         .map(|texture| texture.map(|t| (texture_id(t.texture), (t.sampler, t.uv_set, t.uv_transform))));
-    short(hash_of(|w| (m.material.hash_without_textures(), textures.as_slice()).hash(w)))
+    shortened_hash(hash_of(|w| (m.material.hash_without_textures(), textures.as_slice()).hash(w)))
 }

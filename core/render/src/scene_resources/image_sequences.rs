@@ -13,7 +13,7 @@ pub(crate) type Streamed = (Arc<dyn ImageSource>, usize);
 
 impl TextureResource {
     /// The texture with its pixels, which are loaded now if it is streamed.
-    pub fn whole(&self) -> Result<TextureResource, RenderError> {
+    pub fn with_loaded_pixels(&self) -> Result<TextureResource, RenderError> {
         let Some((pictures, index)) = &self.streamed else { return Ok(self.clone()) };
         let image = pictures.image(*index).map_err(|e| RenderError::Usage(e.to_string()))?;
         let size = |i: &Image| (i.width, i.height);
@@ -66,7 +66,7 @@ impl MaterialResource {
 
 impl SceneResources {
     /// The entry with the material of the image that its sequence shows at `time`.
-    pub(crate) fn showing(&self, entry: &PrimitiveEntry, time: Time) -> PrimitiveEntry {
+    pub(crate) fn with_sequence_image_at(&self, entry: &PrimitiveEntry, time: Time) -> PrimitiveEntry {
         let material = &self.materials[entry.material as usize];
         let shown = material.material.sequence.as_ref().filter(|_| material.streams().next().is_some());
         PrimitiveEntry { material: entry.material + shown.map_or(0, |s| s.index(time) as u32), ..*entry }

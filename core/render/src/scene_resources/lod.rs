@@ -11,7 +11,7 @@
 
 use crate::affine::{Affine3x4, to_f64};
 use crate::scene_resources::SceneResources;
-use crate::scene_resources::bounds::{outside, transformed};
+use crate::scene_resources::bounds::{is_outside_frustum, transformed};
 use crate::view::View;
 use choreo_asset::{Aabb, Asset};
 use choreo_motion::Time;
@@ -104,7 +104,7 @@ pub(crate) fn small_copies(
     let is_small = |place: &Affine3A| {
         let relative_from_place = Affine3x4::from_affine(relative_from_model * to_f64(*place));
         let here = transformed(bounds, &relative_from_place);
-        !outside(here, &view.clip_from_relative, Vec2::ZERO)
+        !is_outside_frustum(here, &view.clip_from_relative, Vec2::ZERO)
             && (triangles as f32) > pixels_covered(here, view, size) / parts.max(1) as f32
     };
     asset.first_placements(state.copies).filter(is_small).count() * parts.max(1)

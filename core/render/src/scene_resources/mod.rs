@@ -17,7 +17,7 @@ pub mod vertex_layout;
 pub(crate) mod watertight;
 
 use crate::scene_resources::bounds::PrimitiveInfo;
-use crate::scene_resources::content_hash::short;
+use crate::scene_resources::content_hash::shortened_hash;
 use crate::scene_resources::image_sequences::Streamed;
 use crate::scene_resources::lod::LodLevel;
 use crate::scene_resources::material::MaterialResource;
@@ -54,7 +54,7 @@ pub struct PrimitiveResource {
 impl PrimitiveResource {
     /// A primitive in its own new mesh.
     fn alone(name: String, primitive: Primitive) -> PrimitiveResource {
-        let (hash, info) = (short(primitive.content_hash()), PrimitiveInfo::new(&primitive));
+        let (hash, info) = (shortened_hash(primitive.content_hash()), PrimitiveInfo::new(&primitive));
         let morph_targets = primitive.morphs.len();
         let mesh = Mesh { name, morph_targets, primitives: vec![primitive], ..Mesh::default() };
         PrimitiveResource { mesh: Arc::new(mesh), index: 0, hash, info }

@@ -36,10 +36,10 @@ pub(crate) fn relative_width(
 /// Vertices that replace a primitive's own, and their triangles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct ThickMesh {
-    /// Index of the primitive's vertex whose position each vertex has.
-    pub of: Vec<u32>,
-    /// Index of the vertex at the other end of the line; the same vertex for points.
-    pub other: Vec<u32>,
+    /// For each vertex, the index of the primitive's vertex at its end of the line.
+    pub source_vertices: Vec<u32>,
+    /// For each vertex, the index of the primitive's vertex at the other end of the line; the same vertex for points.
+    pub other_ends: Vec<u32>,
     /// Offsets in half widths: x along the line, away from the other end, y across it. z: 0 at the first end, 1 at the second.
     pub offsets: Vec<Vec3>,
     pub indices: Vec<u32>,
@@ -78,11 +78,11 @@ fn line_polygons(indices: &[u32], round: bool) -> ThickMesh {
     let count = end.len() as u32;
     let mut out = ThickMesh::default();
     for line in indices.chunks_exact(2) {
-        let first = out.of.len() as u32;
+        let first = out.source_vertices.len() as u32;
         for (at, own, other) in [(0.0, line[0], line[1]), (1.0, line[1], line[0])] {
             for c in &end {
-                out.of.push(own);
-                out.other.push(other);
+                out.source_vertices.push(own);
+                out.other_ends.push(other);
                 let along = if at == 0.0 { c.x } else { -c.x };
                 out.offsets.push(Vec3::new(along, c.y, at));
             }
@@ -110,10 +110,10 @@ fn point_polygons(indices: &[u32], round: bool) -> ThickMesh {
     };
     let mut out = ThickMesh::default();
     for &point in indices {
-        let first = out.of.len() as u32;
+        let first = out.source_vertices.len() as u32;
         for c in &corners {
-            out.of.push(point);
-            out.other.push(point);
+            out.source_vertices.push(point);
+            out.other_ends.push(point);
             out.offsets.push(c.extend(0.0));
         }
         let last = corners.len() as u32 - 1;
@@ -184,7 +184,10 @@ mod tests {
             assert!((one - std::f64::consts::PI).abs() < error * 3.0, "{count}: {one}");
         }
         let square = point_polygons(&[7], false);
-        assert_eq!((area(&square, |i| square.offsets[i].xy()), &square.of[..]), (4.0, &[7, 7, 7, 7][..]));
+        assert_eq!(
+            (area(&square, |i| square.offsets[i].xy()), &square.source_vertices[..]),
+            (4.0, &[7, 7, 7, 7][..])
+        );
         // The ends are ten half widths apart.
         let ends = |w: &ThickMesh, i: usize| w.offsets[i].xy() + Vec2::X * 10.0 * w.offsets[i].z;
         let flat = line_polygons(&[0, 1], false);

@@ -104,7 +104,7 @@ fn weights16(weights: &[f32]) -> [u16; 8] {
 pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh {
     let wide = layout.has(10).then(|| thick_mesh(p, layout.0 & VertexLayout::ROUND != 0));
     let (order, indices) = match &wide {
-        Some(wide) => (wide.of.clone(), wide.indices.clone()),
+        Some(wide) => (wide.source_vertices.clone(), wide.indices.clone()),
         None => first_use_order(p, indices),
     };
     let stride = layout.attributes().1 as usize;
@@ -150,7 +150,7 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
             }
         }
         if let Some(wide) = &wide {
-            bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[wide.other[at] as usize]));
+            bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[wide.other_ends[at] as usize]));
             bytes.extend_from_slice(bytemuck::bytes_of(&wide.offsets[at]));
         }
     }
@@ -168,7 +168,7 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
 /// Offsets of all morph targets for the vertices of [`pack`]; see `morph_buffers::pack_morphs`.
 pub fn pack_morphs(p: &Primitive, indices: &[u32], layout: VertexLayout) -> Vec<u8> {
     let order = match layout.has(10) {
-        true => thick_mesh(p, layout.0 & VertexLayout::ROUND != 0).of,
+        true => thick_mesh(p, layout.0 & VertexLayout::ROUND != 0).source_vertices,
         false => first_use_order(p, indices).0,
     };
     morph_buffers::pack_morphs(p, &order, 1 + usize::from(layout.has(1)) + usize::from(layout.has(2)))

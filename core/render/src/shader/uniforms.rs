@@ -56,7 +56,7 @@ uniforms! {
         turn: Vec4,
         /// xy: 1 / size of the atlas in texels; z: 1 if the sky is the background.
         texel: Vec4,
-        /// See `crate::view::rays`.
+        /// See `crate::view::ray_basis`.
         right: Vec4,
         down: Vec4,
         ahead: Vec4,
@@ -197,7 +197,7 @@ impl RebuiltUniform {
 impl SkyUniform {
     /// Uniforms of a sky. `maps`: `None` if only its background is drawn.
     pub fn new(sky: &PlanSky, view: &View, maps: Option<&SkyMaps>) -> SkyUniform {
-        let [right, down, ahead] = crate::view::rays(view).map(|v| v.extend(0.0));
+        let [right, down, ahead] = crate::view::ray_basis(view).map(|v| v.extend(0.0));
         let [c, s] = sky.turn;
         let mut out =
             SkyUniform { turn: Vec4::new(c, s, sky.strength, 0.0), right, down, ahead, ..Self::default() };

@@ -3,7 +3,7 @@
 
 use super::VulkanRenderer;
 use super::context;
-use crate::cpu::float_frames::{DrawsFloats, float_frame};
+use crate::cpu::float_frames::{FloatFrameRenderer, float_frame};
 use crate::cpu::image_passes;
 use crate::cpu::scene_inputs::InputImages;
 use crate::effect_faults::EffectFaults;
@@ -64,11 +64,11 @@ impl VulkanRenderer {
         let mut frame = reuse.unwrap_or(Frame { width, height, rgba: Vec::new() });
         (frame.width, frame.height) = (width, height);
         frame.rgba.resize(width as usize * height as usize * 4, 0);
-        let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
-        let scene = inputs.of(&plan);
-        image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
+        let passes = image_passes::resolve_passes(&plan.post, plan.size, self.pipelines.effects())?;
+        let scene = inputs.effect_inputs(&plan);
+        image_passes::run_to_bytes(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         if let Some(layers) = &plan.layers_in_front {
-            layers.over(&mut frame);
+            layers.blend_over(&mut frame);
         }
         Ok(frame)
     }
@@ -86,10 +86,9 @@ impl VulkanRenderer {
 
     /// Waits for the oldest frame in flight and returns its bytes. `at`: position of its part in the whole image.
     pub(super) fn finish_oldest(&mut self, bytes_a_pixel: usize, at: [u32; 2]) -> Result<&[u8], RenderError> {
-        let index = *self
-            .pending
-            .front()
-            .ok_or_else(|| RenderError::Usage("every submitted frame has been collected".into()))?;
+        let index = *self.pending.front().ok_or_else(|| {
+            RenderError::Usage("no frame is submitted: submit a plan before you collect a frame".into())
+        })?;
         self.wait_for(self.slots[index].done_at)?;
         self.pending.pop_front();
         if let Some(clock) = &self.clock {
@@ -100,7 +99,7 @@ impl VulkanRenderer {
             context::give_back_freed_memory();
         }
         let slot = &self.slots[index];
-        self.faults.read(self.pipelines.effects(), slot.fault_records(), at);
+        self.faults.read_device_records(self.pipelines.effects(), slot.fault_records(), at);
         let bytes = slot.size[0] as usize * slot.size[1] as usize * bytes_a_pixel;
         slot.readback.as_ref().and_then(|b| b.mapped().get(..bytes)).ok_or_else(|| RenderError::Vulkan {
             object: "read-back buffer".into(),
@@ -118,7 +117,7 @@ impl VulkanRenderer {
         self.gpu.check_messages()?;
         let mut frame = Frame { width, height, rgba };
         if let Some(layers) = layers {
-            layers.over(&mut frame);
+            layers.blend_over(&mut frame);
         }
         Ok(frame)
     }
@@ -129,13 +128,16 @@ impl VulkanRenderer {
     pub(super) fn collect_floats_later(&mut self) -> Result<FloatFrame, RenderError> {
         match self.waiting_plans.pop_front() {
             Some(plan) if self.pending.is_empty() => float_frame(&plan, self),
-            _ => Err(RenderError::Usage("every submitted frame of floats has been collected".into())),
+            _ => Err(RenderError::Usage(
+                "no frame of floats is submitted: submit a plan that requests floats before you collect one"
+                    .into(),
+            )),
         }
     }
 }
 
-impl DrawsFloats for VulkanRenderer {
-    fn linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
+impl FloatFrameRenderer for VulkanRenderer {
+    fn render_linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
         if self.is_tiled(plan) {
             return self.linear_tiles(plan);
         }
@@ -145,7 +147,7 @@ impl DrawsFloats for VulkanRenderer {
         Ok(one.mean())
     }
 
-    fn inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
+    fn render_inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
         self.inputs_on_host(plan)
     }
 

@@ -172,7 +172,7 @@ impl Layouts {
         gpu: &Context,
         recording: &Recording,
     ) -> Result<(), RenderError> {
-        if self.light.is_none() && recording.commands.contains(&Command::BeginGeometry) {
+        if self.light.is_none() && recording.commands.contains(&Command::BeginGBuffer) {
             self.light = Some(self.with_set(gpu, "G-buffer set layout", &super::deferred::BINDINGS)?);
         }
         Ok(())

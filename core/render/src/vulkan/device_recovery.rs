@@ -79,7 +79,7 @@ impl RecoveringRenderer {
     fn start_again(&mut self, error: RenderError) -> Result<(), RenderError> {
         self.drop_device(&error);
         if let Some(first) = self.failed.take() {
-            return Err(RenderError::Twice { first: Box::new(first), second: Box::new(error) });
+            return Err(RenderError::FailedTwice { first: Box::new(first), second: Box::new(error) });
         }
         self.notes.push(format!("{error}; drawn again on a new device, one frame at a time"));
         self.failed = Some(error);
@@ -100,7 +100,7 @@ impl RecoveringRenderer {
             self.resources.clone().map_or(Ok(()), |resources| inner.load(resources))
         };
         recreate().map_err(|second| match self.failed.take() {
-            Some(first) => RenderError::Twice { first: Box::new(first), second: Box::new(second) },
+            Some(first) => RenderError::FailedTwice { first: Box::new(first), second: Box::new(second) },
             None => second,
         })
     }
@@ -190,8 +190,8 @@ impl Renderer for RecoveringRenderer {
         self.retry_once(|this| this.inner()?.reload_shaders())
     }
 
-    fn created(&self) -> CreatedCounts {
-        self.inner.as_ref().map(Renderer::created).unwrap_or_default()
+    fn created_counts(&self) -> CreatedCounts {
+        self.inner.as_ref().map(Renderer::created_counts).unwrap_or_default()
     }
 
     fn usage(&self) -> DeviceUsage {

@@ -91,7 +91,7 @@ impl Execution<'_> {
             Command::CopyBackground => self.copy_background(),
             Command::SetCull(cull) => self.set_cull(*cull),
             Command::BeginShadows { size, clear, .. } => self.begin_shadows(*size, *clear)?,
-            Command::ShadowView { index, at, size, clear } => {
+            Command::SetShadowView { index, at, size, clear } => {
                 self.set_area(*at, *size);
                 if *clear {
                     self.clear_depth(*at, *size);
@@ -99,14 +99,14 @@ impl Execution<'_> {
                 let set = self.slot.view_sets.get(*index).ok_or_else(|| not_prepared("a shadow view"))?;
                 self.bind_set(self.pipelines.layout, 0, set.raw);
             }
-            Command::BeginGeometry => {
+            Command::BeginGBuffer => {
                 self.begin_geometry()?;
                 self.bind_scene_sets();
             }
             Command::BeginInputs { .. } => self.begin_inputs()?,
             Command::EndInputs => self.end_inputs(),
             Command::ReadBackInputs => self.read_back_inputs(),
-            Command::DrawLight { area } => self.light(*area)?,
+            Command::DrawDeferredLighting { area } => self.light(*area)?,
             Command::CopySceneColor { from, .. } => self.copy_scene_color(*from)?,
             Command::BeginPass { target, clear, part, loads_depth, area, .. } => {
                 self.begin_scene(*target, *clear, (*part, *loads_depth), *area);
@@ -120,8 +120,8 @@ impl Execution<'_> {
                 self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
                 self.bind_set(self.pipelines.layout, 2, set.raw);
             }
-            Command::BeginLayer { layer, rest, target, area, .. } => {
-                self.begin_layer(*layer, *rest, *target, *area)?;
+            Command::BeginLayer { layer, nearer, target, area, .. } => {
+                self.begin_layer(*layer, *nearer, *target, *area)?;
                 self.bind_scene_sets();
             }
             Command::EndPass => {

@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::targets::FrameImages;
 use crate::affine::Affine3x4;
-use crate::commands::{Command, Reads, Recording, UNIFORM_JOINTS};
+use crate::commands::{Command, MAX_UNIFORM_JOINTS, Recording, ResourceReads};
 use crate::error::RenderError;
 use crate::plan::build::shadow_cascades::MAX_VIEWS;
 use crate::plan::light_clusters::MAX_LIGHTS;
@@ -66,7 +66,7 @@ struct CopiedData<'a> {
 
 /// Positions of all parts of a frame's data.
 pub struct FrameData<'a> {
-    pub reads: Reads,
+    pub reads: ResourceReads,
     /// Total size in bytes.
     pub bytes: u64,
     light_count: u32,
@@ -115,7 +115,7 @@ impl<'a> FrameData<'a> {
         ];
         let cluster_data: &[u8] = plan.light_clusters.as_ref().map_or(&[], |l| bytemuck::cast_slice(&l.0));
         let joint_bytes = match reads.joints_uniform {
-            true => UNIFORM_JOINTS * size_of::<Affine3x4>(),
+            true => MAX_UNIFORM_JOINTS * size_of::<Affine3x4>(),
             false => joint_data.len().max(size_of::<Affine3x4>()),
         };
         let sky = images.sky.is_some() && reads.sky && plan.sky.is_some();

@@ -218,7 +218,7 @@ impl VulkanRenderer {
     }
 
     fn check_plan(&self, plan: &Plan) -> Result<(), RenderError> {
-        let limit = self.longest_side().max(crate::plan::tiles::MOST);
+        let limit = self.longest_side().max(crate::plan::tiles::MAX_TILED_SIDE);
         for (what, value) in [("image width", plan.size[0]), ("image height", plan.size[1])] {
             if value == 0 {
                 return Err(RenderError::Usage(format!("the {what} is 0")));
@@ -481,7 +481,7 @@ impl Renderer for VulkanRenderer {
         notes
     }
 
-    fn created(&self) -> CreatedCounts {
+    fn created_counts(&self) -> CreatedCounts {
         CreatedCounts { pipelines: self.pipelines.created(), ..self.resources.created_counts }
     }
 

@@ -38,11 +38,11 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// Begins the pass that blends surfaces at the depth of a layer, or (`rest`) all nearer ones.
+    /// Begins the pass that blends surfaces at the depth of a layer, or (`nearer`) all surfaces in front of it.
     pub(super) fn begin_layer(
         &self,
         layer: u32,
-        rest: bool,
+        nearer: bool,
         target: Target,
         area: Option<[u32; 4]>,
     ) -> Result<(), RenderError> {
@@ -55,7 +55,7 @@ impl Execution<'_> {
             ),
             keeping_contents(barrier_to_depth_target(image), vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
         ];
-        if let (0, false, Some(depth)) = (layer, rest, &self.targets.depth) {
+        if let (0, false, Some(depth)) = (layer, nearer, &self.targets.depth) {
             // The first layer was found by reading the scene's depth; later passes test against it.
             let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
             barriers.push(keeping_contents(
@@ -68,7 +68,7 @@ impl Execution<'_> {
         let color = color_attachment(target_image.view, load, store);
         self.begin(&[color], Some(&depth_attachment(image, load, store)), area);
         // Reversed Z: nearer is greater.
-        let compare = if rest { vk::CompareOp::GREATER } else { vk::CompareOp::EQUAL };
+        let compare = if nearer { vk::CompareOp::GREATER } else { vk::CompareOp::EQUAL };
         // SAFETY: the command buffer is being recorded; the pipelines of this pass have this state dynamic.
         unsafe { self.gpu.device.cmd_set_depth_compare_op(self.slot.commands, compare) };
         Ok(())

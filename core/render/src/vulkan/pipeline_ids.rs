@@ -47,7 +47,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<PipelineId>> {
             (samples, float, depth) = (*s, is_float(target), true);
             None
         }
-        Command::BeginShadows { .. } | Command::BeginGeometry | Command::BeginInputs { .. } => {
+        Command::BeginShadows { .. } | Command::BeginGBuffer | Command::BeginInputs { .. } => {
             (samples, float) = (1, false);
             None
         }

@@ -12,7 +12,7 @@ use super::preskin;
 use super::state::{BlendMode, PipelineState, format_of};
 use super::targets::DEPTH;
 use crate::commands::EffectOnSurfaces;
-use crate::effect_faults::RECORDS;
+use crate::effect_faults::RECORDS_PER_EFFECT;
 use crate::error::RenderError;
 use crate::plan::shader_features::names;
 use crate::plan::{Features, TopologyKey};
@@ -343,7 +343,11 @@ impl Pipelines {
 
     /// Size of all fault records in bytes.
     pub(crate) fn fault_bytes(&self) -> usize {
-        if self.records_faults { self.effects.len() * RECORDS as usize * size_of::<u32>() } else { 0 }
+        if self.records_faults {
+            self.effects.len() * RECORDS_PER_EFFECT as usize * size_of::<u32>()
+        } else {
+            0
+        }
     }
 
     /// Effects that plans may name.
@@ -462,7 +466,7 @@ impl Pipelines {
 
 /// Index of an effect's first fault record.
 fn first_fault_record(effects: &[Effect], name: &str) -> u32 {
-    effects.iter().take_while(|e| e.manifest().name != name).count() as u32 * RECORDS
+    effects.iter().take_while(|e| e.manifest().name != name).count() as u32 * RECORDS_PER_EFFECT
 }
 
 fn entry_stages(vertex: &'static str, fragment: &'static str) -> [(&'static str, ShaderStage); 2] {

@@ -99,7 +99,7 @@ impl PreskinBuffers {
                 let first = end as u32;
                 jobs.push(Job { relative_from_mesh, first_joint, first_morph, morph_count, first });
                 self.vertex_ranges.extend(body.instances.iter().map(|i| (*i, [first, vertices])));
-                end += u64::from(vertices) * variant.numbers();
+                end += u64::from(vertices) * variant.floats_per_vertex();
             }
         }
         let bytes: &[u8] = bytemuck::cast_slice(&jobs);

@@ -251,7 +251,7 @@ impl Resources {
         let chains: Vec<_> = wanted
             .par_iter()
             .map(|t| {
-                let texture = resources.textures[*t as usize].whole()?;
+                let texture = resources.textures[*t as usize].with_loaded_pixels()?;
                 let chain = match texture.mipmaps {
                     true => mipmap::levels_below(&texture.image, texture.srgb),
                     false => Vec::new(),

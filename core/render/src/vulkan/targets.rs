@@ -74,7 +74,7 @@ impl TargetNeeds {
                     needs.shadow = Some(*image)
                 }
                 Command::BeginPeel { .. } => needs.layers = true,
-                Command::BeginGeometry => needs.gbuffer = true,
+                Command::BeginGBuffer => needs.gbuffer = true,
                 Command::BeginInputs { motion } => needs.inputs = 1 + usize::from(*motion),
                 Command::CopySceneColor { levels, .. } => needs.scene_color_copy = Some(*levels),
                 Command::BeginPass { target, samples, depth, .. } => {

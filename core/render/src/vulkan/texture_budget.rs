@@ -2,7 +2,7 @@
 
 use super::VulkanRenderer;
 use super::descriptors::images_beside_material;
-use crate::commands::textures_beyond;
+use crate::commands::textures_beyond_limit;
 use crate::scene_resources::material::MaterialResource;
 
 impl VulkanRenderer {
@@ -19,7 +19,7 @@ impl VulkanRenderer {
     pub(super) fn textures_left_out(&self) -> Vec<String> {
         let most = self.textures();
         let line = |m: &MaterialResource| {
-            let out = textures_beyond(m, most);
+            let out = textures_beyond_limit(m, most);
             let text = "this device binds at most";
             (!out.is_empty()).then(|| {
                 let name = &m.material.name;

@@ -49,12 +49,12 @@ impl VulkanRenderer {
             let before =
                 plan.history.iter().map(|part| self.linear_tiles(part)).collect::<Result<Vec<_>, _>>()?;
             let inputs = self.inputs_on_host(plan)?;
-            let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
-            let scene = inputs.of(plan);
-            image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
+            let passes = image_passes::resolve_passes(&plan.post, plan.size, self.pipelines.effects())?;
+            let scene = inputs.effect_inputs(plan);
+            image_passes::run_to_bytes(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         }
         if let Some(layers) = &plan.layers_in_front {
-            layers.over(&mut frame);
+            layers.blend_over(&mut frame);
         }
         Ok(frame)
     }

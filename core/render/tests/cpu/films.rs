@@ -15,18 +15,18 @@ fn wall(material: Material) -> Scene {
     scene
 }
 
-fn middle(scene: &Scene) -> [f64; 3] {
+fn middle_color(scene: &Scene) -> [f64; 3] {
     let p = pixel(&draw_at(scene, [5, 5], 1), 2, 2);
     [p[0], p[1], p[2]].map(decode)
 }
 
 /// GGX distribution times visibility at N = V = L, times π: α⁴ … = 1 / (4 α²).
-fn straight_on(roughness: f64) -> f64 {
+fn ggx_at_normal_incidence(roughness: f64) -> f64 {
     0.25 / roughness.powi(4)
 }
 
 /// Response of the eye's receptors (Wyman, Sloan & Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions", 2013).
-fn receptors(nm: f64) -> [f64; 3] {
+fn eye_response(nm: f64) -> [f64; 3] {
     let lobe = |height: f64, at: f64, below: f64, above: f64| {
         let t = (nm - at) * if nm < at { below } else { above };
         height * (-0.5 * t * t).exp()
@@ -49,12 +49,12 @@ fn airy(film: f64, base: f64, phase: f64) -> f64 {
 }
 
 /// Perceived reflectance of the film in linear sRGB: the mean over all phases, plus the deviation weighted by the receptors.
-fn seen(film: f64, base: f64, nanometres: f64) -> [f64; 3] {
+fn perceived_reflectance(film: f64, base: f64, nanometres: f64) -> [f64; 3] {
     let mean = (0..720).map(|i| airy(film, base, f64::from(i) * PI / 360.0)).sum::<f64>() / 720.0;
     let (mut xyz, mut whole) = ([0.0; 3], 0.0);
     for nm in (360..=830).map(f64::from) {
         let rest = airy(film, base, 4.0 * PI * film * nanometres / nm) - mean;
-        let weights = receptors(nm);
+        let weights = eye_response(nm);
         for (sum, w) in xyz.iter_mut().zip(weights) {
             *sum += rest * w;
         }
@@ -69,7 +69,7 @@ fn seen(film: f64, base: f64, nanometres: f64) -> [f64; 3] {
 }
 
 /// Color of a film on a black surface, lit so that it shows the reflectance times `gain`.
-fn film_on(base_f0: f32, ior: f32, nanometres: f32, gain: f64) -> [f64; 3] {
+fn rendered_film_color(base_f0: f32, ior: f32, nanometres: f32, gain: f64) -> [f64; 3] {
     let layers = MaterialLayers {
         iridescence: 1.0,
         iridescence_ior: ior,
@@ -82,8 +82,8 @@ fn film_on(base_f0: f32, ior: f32, nanometres: f32, gain: f64) -> [f64; 3] {
         ..matte(Vec4::new(0.0, 0.0, 0.0, 1.0))
     };
     let mut scene = wall(layered(layers, black));
-    scene.sun(Vec3::NEG_Z, Vec3::ONE, (gain / straight_on(0.7)) as f32);
-    middle(&scene).map(|c| c / gain)
+    scene.sun(Vec3::NEG_Z, Vec3::ONE, (gain / ggx_at_normal_incidence(0.7)) as f32);
+    middle_color(&scene).map(|c| c / gain)
 }
 
 #[test]
@@ -94,8 +94,8 @@ fn thin_film_colors_match_the_spectral_integral() {
         let base = (1.0 + root) / (1.0 - root);
         for nanometres in [120.0, 200.0, 300.0, 400.0, 550.0, 800.0] {
             let gain = 1.2;
-            let got = film_on(f0 as f32, ior as f32, nanometres as f32, gain);
-            for (got, expected) in got.iter().zip(seen(ior, base, nanometres)) {
+            let got = rendered_film_color(f0 as f32, ior as f32, nanometres as f32, gain);
+            for (got, expected) in got.iter().zip(perceived_reflectance(ior, base, nanometres)) {
                 // Reflectances outside of the display range are clamped in both.
                 let expected = expected.clamp(0.0, 1.0 / gain);
                 worst = worst.max((got - expected).abs());
@@ -105,21 +105,21 @@ fn thin_film_colors_match_the_spectral_integral() {
     }
     println!("films: worst reflectance error {worst:.4}");
     // The colors are not gray, so the comparison is meaningful.
-    let [r, _, b] = film_on(0.2, 1.33, 200.0, 1.2);
-    let [r2, _, b2] = film_on(0.2, 1.33, 300.0, 1.2);
+    let [r, _, b] = rendered_film_color(0.2, 1.33, 200.0, 1.2);
+    let [r2, _, b2] = rendered_film_color(0.2, 1.33, 300.0, 1.2);
     assert!((r - b) * (r2 - b2) < 0.0, "{r} {b} {r2} {b2}");
 }
 
 #[test]
 fn a_film_of_zero_thickness_changes_nothing() {
     for f0 in [0.04, 0.3] {
-        let got = film_on(f0, 1.8, 0.0, 1.5);
+        let got = rendered_film_color(f0, 1.8, 0.0, 1.5);
         got.iter().for_each(|g| assert!((g - f64::from(f0)).abs() < 0.006, "{f0}: {g}"));
     }
 }
 
 /// Distribution and masking in the form of PBRT (4th ed., eq. 9.16, 9.22): slopes and Λ, not the extension's vectors. Times π.
-fn brushed(alpha: [f64; 2], l: DVec3) -> f64 {
+fn anisotropic_ggx(alpha: [f64; 2], l: DVec3) -> f64 {
     let h = (l + DVec3::Z).normalize();
     let (cos2, sin2) = (h.z * h.z, 1.0 - h.z * h.z);
     let (c, s) = if sin2 > 0.0 { (h.x * h.x / sin2, h.y * h.y / sin2) } else { (1.0, 0.0) };
@@ -153,11 +153,11 @@ fn anisotropy_stretches_highlights() {
                 // Axes of the highlight.
                 let (sr, cr) = f64::from(rotation).sin_cos();
                 let own = DVec3::new(l.x * cr + l.y * sr, l.y * cr - l.x * sr, l.z);
-                let expected = brushed([along, across], own) * l.z;
+                let expected = anisotropic_ggx([along, across], own) * l.z;
                 let gain = 0.7 / expected.max(0.05);
                 let mut scene = brushed_wall(strength, rotation, roughness);
                 scene.sun(-l.as_vec3(), Vec3::ONE, gain as f32);
-                let got = middle(&scene)[0];
+                let got = middle_color(&scene)[0];
                 let what = format!("{strength} {rotation} {roughness} at {degrees}°, {around}°");
                 assert!((got - expected * gain).abs() < 0.006, "{what}: {got} {}", expected * gain);
             }
@@ -166,7 +166,7 @@ fn anisotropy_stretches_highlights() {
 }
 
 /// Share of a uniform sky that a white surface reflects in one bounce, by the formulas of PBRT.
-fn energy(alpha: [f64; 2]) -> f64 {
+fn reflected_energy(alpha: [f64; 2]) -> f64 {
     let (rings, sectors) = (400, 400);
     let mut sum = 0.0;
     for i in 0..rings {
@@ -174,7 +174,7 @@ fn energy(alpha: [f64; 2]) -> f64 {
         for j in 0..sectors {
             let (s, c) = ((f64::from(j) + 0.5) / f64::from(sectors) * 2.0 * PI).sin_cos();
             let r = (1.0 - z * z).sqrt();
-            sum += brushed(alpha, DVec3::new(r * c, r * s, z)) * z;
+            sum += anisotropic_ggx(alpha, DVec3::new(r * c, r * s, z)) * z;
         }
     }
     2.0 * sum / f64::from(rings * sectors)
@@ -194,9 +194,9 @@ fn anisotropic_metal_reflects_no_more_light_than_it_gets() {
             // Each stands for 2π / count of solid angle; π is in the convention of the light.
             scene.sun(-l.as_vec3(), Vec3::ONE, 2.0 / count as f32);
         }
-        let got = middle(&scene)[0];
+        let got = middle_color(&scene)[0];
         let across = roughness.powi(2);
-        let expected = energy([across + (1.0 - across) * strength * strength, across]);
+        let expected = reflected_energy([across + (1.0 - across) * strength * strength, across]);
         assert!(expected <= 1.0 && (got - expected).abs() < 0.01, "{strength} {roughness}: {got} {expected}");
     }
 }
@@ -213,7 +213,7 @@ fn diffuse_transmission_shows_light_from_behind() {
             let mut scene = wall(layered(layers, Material { roughness: 1.0, ..matte(Vec4::ONE) }));
             let (s, c) = degrees.to_radians().sin_cos();
             scene.sun(Vec3::new(s as f32, 0.0, c as f32), Vec3::ONE, 0.9);
-            for (got, color) in middle(&scene).into_iter().zip([0.25, 1.0, 0.5]) {
+            for (got, color) in middle_color(&scene).into_iter().zip([0.25, 1.0, 0.5]) {
                 // At N = V, 4 % are reflected.
                 let expected = 0.9 * c * color * f64::from(share) * 0.96;
                 assert!((got - expected).abs() < 0.005, "{share} {degrees}° {color}: {got} {expected}");

@@ -2,7 +2,7 @@
 
 use crate::common::layered::{bulge, layered, layered_scene};
 use crate::common::*;
-use crate::wall::{middle, wall};
+use crate::wall::{middle_pixel, wall};
 use choreo_asset::*;
 use choreo_render::plan::{Features, Glass};
 use choreo_render::{CpuRenderer, PlanOptions, Renderer};
@@ -25,7 +25,7 @@ fn dielectric(base: f64, roughness: f64, l: DVec3) -> f64 {
     base * (1.0 - f) + f * ggx(roughness, l)
 }
 
-fn to_light(degrees: f64) -> DVec3 {
+fn light_direction(degrees: f64) -> DVec3 {
     let (s, c) = degrees.to_radians().sin_cos();
     DVec3::new(s, 0.0, c)
 }
@@ -41,13 +41,17 @@ fn clearcoat_matches_its_formula() {
             };
             let mut scene =
                 wall(layered(layers, Material { roughness: 0.8, ..matte(Vec4::new(0.4, 0.4, 0.4, 1.0)) }));
-            let l = to_light(degrees);
+            let l = light_direction(degrees);
             scene.sun(-l.as_vec3(), Vec3::ONE, 0.6);
             // KHR_materials_clearcoat: mix(base, coat, clearcoat · Schlick(0.04, N·V)), at N = V 4 %.
             let share = coat * 0.04;
             let base = dielectric(0.4, 0.8, l);
             let expected = 0.6 * l.z * (base * (1.0 - share) + ggx(roughness, l) * share);
-            assert_color(middle(&scene), [expected; 3], &format!("coat {coat} {roughness} at {degrees}°"));
+            assert_color(
+                middle_pixel(&scene),
+                [expected; 3],
+                &format!("coat {coat} {roughness} at {degrees}°"),
+            );
         }
     }
 }
@@ -90,11 +94,11 @@ fn sheen_matches_its_formula() {
             };
             let mut scene =
                 wall(layered(layers, Material { roughness: 1.0, ..matte(Vec4::new(0.2, 0.2, 0.2, 1.0)) }));
-            let l = to_light(degrees);
+            let l = light_direction(degrees);
             scene.sun(-l.as_vec3(), Vec3::ONE, 0.9);
             let base = dielectric(0.2, 1.0, l);
             let expected = 0.9 * l.z * (base * (1.0 - albedo) + sheen(roughness, DVec3::Z, DVec3::Z, l));
-            let got = decode(middle(&scene)[0]);
+            let got = decode(middle_pixel(&scene)[0]);
             // The fitted albedo may be off by 0.07, which scales this dark surface.
             let bound = 0.9 * l.z * base * 0.07 + 0.004;
             assert!((got - expected).abs() < bound, "{roughness} {degrees}°: {got} {expected} ± {bound}");
@@ -119,7 +123,7 @@ fn the_fitted_sheen_albedo_is_near_its_integral() {
             scene.add(&a, glam::DAffine3::from_rotation_y(degrees.to_radians()));
             scene.snapshot.ambient_up = Vec3::ONE;
             scene.snapshot.ambient_down = Vec3::ONE;
-            let got = decode(middle(&scene)[0]);
+            let got = decode(middle_pixel(&scene)[0]);
             let expected = sheen_albedo(roughness, degrees.to_radians().cos());
             worst = worst.max((got - expected).abs());
         }
@@ -130,7 +134,7 @@ fn the_fitted_sheen_albedo_is_near_its_integral() {
 }
 
 /// Karis' fit of the environment BRDF at N = V for F0 0.04: what a dielectric reflects of the sky.
-fn reflected(roughness: f64) -> f64 {
+fn environment_reflectance(roughness: f64) -> f64 {
     let r = [-1.0, -0.0275, -0.572, 0.022].map(|k| k * roughness);
     let r = [r[0] + 1.0, r[1] + 0.0425, r[2] + 1.04, r[3] - 0.04];
     let a = (r[0] * r[0]).min((-9.28f64).exp2()) * r[0] + r[1];
@@ -158,11 +162,12 @@ fn thin_glass_multiplies_its_background_and_adds_reflections() {
         scene.snapshot.actors[0].world_from_model = glam::DAffine3::from_scale(DVec3::splat(2.0));
         let behind = [0.5, 0.6, 0.7];
         let taken = [0.25f64, 0.5, 0.81].map(|c| c.powf(2.0 * thickness));
-        let clear =
-            transmission * (1.0 - reflected(f64::max(roughness, 0.045))) * (1.0 - roughness * roughness);
+        let clear = transmission
+            * (1.0 - environment_reflectance(f64::max(roughness, 0.045)))
+            * (1.0 - roughness * roughness);
         let expected: [f64; 3] = std::array::from_fn(|c| behind[c] * base[c] * taken[c] * clear);
         assert_color(
-            middle(&scene),
+            middle_pixel(&scene),
             expected,
             &format!("{transmission} {roughness} {thickness} m in the dark"),
         );
@@ -175,7 +180,7 @@ fn thin_glass_multiplies_its_background_and_adds_reflections() {
             // The results of both draws are rounded to 8 bits.
             expected[c] + 0.3 * (base[c] * diffuse + highlight)
         });
-        let got = middle(&scene);
+        let got = middle_pixel(&scene);
         for c in 0..3 {
             let e = encode(lit[c]);
             assert!((f64::from(got[c]) - e).abs() <= 2.0, "{transmission} {roughness}: {got:?} {e}");

@@ -2,7 +2,7 @@
 
 use crate::common;
 use crate::common::*;
-use crate::wall::{middle, wall};
+use crate::wall::{middle_pixel, wall};
 use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_render::{CpuRenderer, PlanOptions, Renderer};
@@ -42,7 +42,7 @@ fn metallic_roughness_matches_its_formula_under_one_sun() {
             scene.sun(-to_light.as_vec3(), Vec3::ONE, 0.8);
             // 1 − max F equals 1 − F of a channel only if F is gray or that channel has the largest F.
             let expected = base.map(|b| 0.8 * metallic_roughness(b, metallic, roughness, specular, to_light));
-            let got = middle(&scene);
+            let got = middle_pixel(&scene);
             if metallic == 0.0 {
                 assert_color(got, expected, &format!("roughness {roughness}, {degrees}°"));
             } else {
@@ -57,7 +57,7 @@ fn a_white_diffuse_wall_facing_light_one_is_white() {
     // Without specular reflection only Lambertian shading remains.
     let mut scene = wall(Material { specular: 0.0, ..matte(Vec4::ONE) });
     scene.sun(-Vec3::Z, Vec3::new(1.0, 0.5, 0.25), 1.0);
-    assert_color(middle(&scene), [1.0, 0.5, 0.25], "lux times color");
+    assert_color(middle_pixel(&scene), [1.0, 0.5, 0.25], "lux times color");
     // The planted fault, a light a tenth weaker, is found.
     let a = draw_at(&scene, [5, 5], 1);
     scene.snapshot.lights[0].light.intensity = 0.9;
@@ -82,7 +82,7 @@ fn point_and_spot_light_falloff_matches_closed_forms() {
         (LightKind::Spot { inner: 0.2, outer: 0.5 }, None, 0.75),
     ] {
         scene.snapshot.lights = vec![light(kind, range)];
-        assert_color(middle(&scene), [expected; 3], &format!("{kind:?} {range:?}"));
+        assert_color(middle_pixel(&scene), [expected; 3], &format!("{kind:?} {range:?}"));
     }
     // 0.3 rad off the axis, between the inner and the outer cone. The center pixel shows x = 0.
     let mut spot = light(LightKind::Spot { inner: 0.2, outer: 0.5 }, None);
@@ -91,7 +91,7 @@ fn point_and_spot_light_falloff_matches_closed_forms() {
     scene.snapshot.lights = vec![spot];
     let (cos, d2) = (0.3f64.cos(), 4.0 + x * x);
     let cone = ((cos - 0.5f64.cos()) / (0.2f64.cos() - 0.5f64.cos())).powi(2);
-    assert_color(middle(&scene), [3.0 / d2 * cos * cone; 3], "between the cones");
+    assert_color(middle_pixel(&scene), [3.0 / d2 * cos * cone; 3], "between the cones");
 }
 
 #[test]
@@ -107,12 +107,12 @@ fn blinn_phong_and_ambient_light_match_closed_forms() {
     scene.sun(-to_light.as_vec3(), Vec3::ONE, 1.0);
     let nh = (to_light + DVec3::Z).normalize().z;
     let highlight = 0.05 * 28.0 / 8.0 * nh.powi(20);
-    assert_color(middle(&scene), [0.5, 0.25, 0.125].map(|b| (b + highlight) * 0.8), "Blinn–Phong");
+    assert_color(middle_pixel(&scene), [0.5, 0.25, 0.125].map(|b| (b + highlight) * 0.8), "Blinn–Phong");
     // A wall's normal is horizontal, so it gets the mean of the upper and the lower ambient light.
     let mut scene = wall(material);
     scene.snapshot.ambient_up = Vec3::new(1.0, 0.5, 0.0);
     scene.snapshot.ambient_down = Vec3::new(0.0, 0.5, 1.0);
-    assert_color(middle(&scene), [0.25, 0.125, 0.0625], "hemisphere");
+    assert_color(middle_pixel(&scene), [0.25, 0.125, 0.0625], "hemisphere");
 }
 
 #[test]
@@ -124,10 +124,10 @@ fn ambient_of_metallic_roughness_is_the_fitted_brdf() {
     let (x, y) = (1.0 - r, 0.0425 - 0.0275 * r);
     let a = (x * x).min((-9.28f64).exp2()) * x + y;
     let (scale, bias) = (-1.04 * a + 1.04 - 0.572 * r, 1.04 * a + 0.022 * r - 0.04);
-    assert_color(middle(&scene), [0.9, 0.6, 0.3].map(|f0| 0.8 * (f0 * scale + bias)), "Karis 2014");
+    assert_color(middle_pixel(&scene), [0.9, 0.6, 0.3].map(|f0| 0.8 * (f0 * scale + bias)), "Karis 2014");
 }
 
-fn textured(material: Material, image: Arc<Image>, half: f32, height: f32) -> Scene {
+fn textured_wall(material: Material, image: Arc<Image>, half: f32, height: f32) -> Scene {
     let mut scene = Scene::ortho(height);
     let material =
         Material { base_color_texture: material.base_color_texture.or(Some(texture(0))), ..material };
@@ -139,24 +139,24 @@ fn textured(material: Material, image: Arc<Image>, half: f32, height: f32) -> Sc
 fn the_first_texel_is_top_left() {
     let colors = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255, 255, 0, 255]];
     let image = image(2, 2, |x, y| colors[(y * 2 + x) as usize]);
-    let f = draw_at(&textured(unlit(Vec4::ONE), image.clone(), 1.0, 2.0), [2, 2], 1);
+    let f = draw_at(&textured_wall(unlit(Vec4::ONE), image.clone(), 1.0, 2.0), [2, 2], 1);
     assert_eq!([pixel(&f, 0, 0), pixel(&f, 1, 0), pixel(&f, 0, 1), pixel(&f, 1, 1)], colors);
     // KHR_texture_transform: an offset of half a texture to the right.
     let moved = TextureRef { uv_transform: Affine2::from_translation(Vec2::new(0.5, 0.0)), ..texture(0) };
     let m = Material { base_color_texture: Some(moved), ..unlit(Vec4::ONE) };
-    let f = draw_at(&textured(m, image, 1.0, 2.0), [2, 2], 1);
+    let f = draw_at(&textured_wall(m, image, 1.0, 2.0), [2, 2], 1);
     assert_eq!([pixel(&f, 0, 0), pixel(&f, 1, 0)], [colors[1], colors[0]]);
 }
 
 #[test]
-fn a_distant_chequerboard_is_grey_in_linear_light() {
+fn distant_checkerboard_is_gray_in_linear_light() {
     let board = image(64, 64, |x, y| if (x + y) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] });
-    let f = draw_at(&textured(unlit(Vec4::ONE), board.clone(), 1.0, 2.0), [8, 8], 1);
+    let f = draw_at(&textured_wall(unlit(Vec4::ONE), board.clone(), 1.0, 2.0), [8, 8], 1);
     assert!(f.rgba.chunks_exact(4).all(|p| p == [188, 188, 188, 255]), "{:?}", pixel(&f, 3, 3));
     // Without mipmaps the texture is not filtered to the mean.
     let sampler = Sampler { mip_linear: None, min_linear: false, mag_linear: false, ..Sampler::default() };
     let m = Material { base_color_texture: Some(TextureRef { sampler, ..texture(0) }), ..unlit(Vec4::ONE) };
-    let f = draw_at(&textured(m, board, 1.0, 2.0), [8, 8], 1);
+    let f = draw_at(&textured_wall(m, board, 1.0, 2.0), [8, 8], 1);
     assert!(f.rgba.chunks_exact(4).all(|p| p[0] == 0 || p[0] == 255));
 }
 
@@ -164,7 +164,7 @@ fn a_distant_chequerboard_is_grey_in_linear_light() {
 fn alpha_masks_cut_holes_that_show_the_background() {
     let image = image(2, 1, |x, _| [255, 255, 255, if x == 0 { 100 } else { 200 }]);
     let m = Material { alpha_mode: AlphaMode::Mask(0.5), ..unlit(Vec4::ONE) };
-    let mut scene = textured(m, image, 1.0, 2.0);
+    let mut scene = textured_wall(m, image, 1.0, 2.0);
     let red = asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::new(1.0, 0.0, 0.0, 1.0))], vec![]);
     scene.at(&red, 0.0, 0.0, -1.0);
     // With four samples, smooth cut-outs (cutouts.rs) keep single samples.
@@ -188,7 +188,7 @@ fn normal_maps_change_the_shading_normal() {
     scene.at(&asset(vec![p], vec![m], vec![image]), 0.0, 0.0, 0.0);
     let to_light = DVec3::new(0.3, 0.4, 0.866).normalize();
     scene.sun(-to_light.as_vec3(), Vec3::ONE, 1.0);
-    assert_color(middle(&scene), [n.normalize().dot(to_light); 3], "Lambert with the map's normal");
+    assert_color(middle_pixel(&scene), [n.normalize().dot(to_light); 3], "Lambert with the map's normal");
 }
 
 #[test]
@@ -285,23 +285,27 @@ fn an_effect_changes_each_pixel_by_its_function() {
 }
 
 #[test]
-fn misuse_is_an_error_with_a_message() {
+fn misuse_of_the_renderer_is_an_error_with_a_message() {
     let scene = wall(unlit(Vec4::ONE));
     let (resources, plan) = scene.plan(&PlanOptions::new([4, 4], 1));
     let mut r = CpuRenderer::new(&[]);
-    let said = |e: Result<(), choreo_render::RenderError>| e.unwrap_err().to_string();
+    let error_text = |e: Result<(), choreo_render::RenderError>| e.unwrap_err().to_string();
     assert_eq!(
-        said(r.submit(plan.clone())),
-        "the plan was made from other scene resources than the loaded ones"
+        error_text(r.submit(plan.clone())),
+        "the plan belongs to scene resources that are not loaded: load them before you submit it"
     );
     r.load(resources).unwrap();
-    assert_eq!(r.collect(None).unwrap_err().to_string(), "no frame is submitted: nothing to collect");
+    assert_eq!(
+        r.collect(None).unwrap_err().to_string(),
+        "no frame is submitted: submit a plan before you collect a frame"
+    );
     let wide = choreo_render::Plan { size: [16385, 4], ..plan.clone() };
-    assert_eq!(said(r.submit(wide)), "image width is 16385, the limit of this device is 16384");
+    assert_eq!(error_text(r.submit(wide)), "image width is 16385, the limit of this device is 16384");
     assert!(
-        said(r.submit(choreo_render::Plan { samples: 2, ..plan.clone() })).starts_with("samples a pixel")
+        error_text(r.submit(choreo_render::Plan { samples: 2, ..plan.clone() }))
+            .starts_with("number of samples (1 or 4) is 2")
     );
     r.submit(plan.clone()).unwrap();
     r.submit(plan.clone()).unwrap();
-    assert_eq!(said(r.submit(plan)), "two frames are submitted: collect one first");
+    assert_eq!(error_text(r.submit(plan)), "two frames are already submitted: collect one first");
 }

@@ -16,7 +16,7 @@ fn scene(x: f64) -> Scene {
     scene
 }
 
-fn stages(scene: &Scene) -> Vec<Frame> {
+fn draw_stages(scene: &Scene) -> Vec<Frame> {
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let mut renderer = CpuRenderer::new(&[]);
     renderer.load(resources).unwrap();
@@ -24,20 +24,20 @@ fn stages(scene: &Scene) -> Vec<Frame> {
 }
 
 /// Whether each pixel differs from the first one, which shows the background.
-fn drawn(frame: &Frame) -> Vec<bool> {
+fn differs_from_background(frame: &Frame) -> Vec<bool> {
     let pixels = frame.rgba.as_chunks::<4>().0;
     pixels.iter().map(|p| p[..3] != pixels[0][..3]).collect()
 }
 
 #[test]
 fn coverage_depth_and_shading_stages_agree_on_the_pixels() {
-    let pictures = stages(&scene(-1.3));
+    let pictures = draw_stages(&scene(-1.3));
     assert_eq!(pictures.len(), STAGES.len());
     for (picture, name) in pictures.iter().zip(STAGES) {
         assert_eq!([picture.width, picture.height], SIZE, "{name}");
-        assert!(drawn(picture).iter().any(|d| *d), "{name} shows nothing");
+        assert!(differs_from_background(picture).iter().any(|d| *d), "{name} shows nothing");
     }
-    let [raster, depth, shade] = [3, 4, 5].map(|i| drawn(&pictures[i]));
+    let [raster, depth, shade] = [3, 4, 5].map(|i| differs_from_background(&pictures[i]));
     assert!(shade.iter().filter(|d| **d).count() > 500);
     assert_eq!(raster, shade);
     assert_eq!(depth, shade);
@@ -49,14 +49,14 @@ fn coverage_depth_and_shading_stages_agree_on_the_pixels() {
         pictures[4].rgba.chunks_exact(4).zip(&depth).filter(|(_, d)| **d).map(|(p, _)| p[0]).collect();
     assert_eq!(greys.into_iter().collect::<Vec<_>>(), [40, 255], "two planes that face the camera");
     // The planted fault: the stages of another scene.
-    assert_ne!(drawn(&stages(&scene(-1.2))[3]), shade);
+    assert_ne!(differs_from_background(&draw_stages(&scene(-1.2))[3]), shade);
 }
 
 #[test]
 fn an_empty_view_is_no_error() {
     let mut scene = Scene::perspective(0.9, 6.0);
-    assert_eq!(stages(&scene).len(), STAGES.len());
+    assert_eq!(draw_stages(&scene).len(), STAGES.len());
     scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 1e30);
     scene.snapshot.camera.world_from_view.translation = DVec3::splat(1e7);
-    assert_eq!(stages(&scene).len(), STAGES.len());
+    assert_eq!(draw_stages(&scene).len(), STAGES.len());
 }

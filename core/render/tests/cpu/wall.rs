@@ -10,6 +10,6 @@ pub fn wall(material: Material) -> Scene {
     scene
 }
 
-pub fn middle(scene: &Scene) -> [u8; 4] {
+pub fn middle_pixel(scene: &Scene) -> [u8; 4] {
     pixel(&draw_at(scene, [5, 5], 1), 2, 2)
 }

@@ -45,7 +45,7 @@ const CASES: &[Case] = &[
         "// hook: vertex\n// reach: 0.4",
         VERTEX,
         "return vec3(sqrt(-vertex.world.x), 0.0, 0.0);",
-        "the result at a vertex is NaN or infinite; such vertices stay in their places",
+        "the result at a vertex is NaN or infinite; such vertices are not moved",
     ),
     ("endless", "", PIXEL, "loop { if uv.x < 0.6 || uv.x > 0.62 { break; } }\nreturn color;", ENDLESS),
     (
@@ -173,7 +173,7 @@ const PARTS: &[PartCase] = &[
         "// hook: outline",
         "fn effect(p: array<f32, 8>) -> InvertedHull",
         "return InvertedHull(9.0, vec3(1.0, 0.0, sqrt(-p[0])), 0.0);",
-        "the result for the outline is NaN or infinite; none is drawn",
+        "the result for the outline is NaN or infinite; no outline is drawn",
         true,
     ),
     (
@@ -189,7 +189,7 @@ const PARTS: &[PartCase] = &[
         "// hook: outline",
         "fn effect(p: array<f32, 8>) -> InvertedHull",
         "return InvertedHull(9.0 + sqrt(-p[0]), vec3(1.0, 0.0, 0.0), 0.0);",
-        "the result for the outline is NaN or infinite; none is drawn",
+        "the result for the outline is NaN or infinite; no outline is drawn",
         true,
     ),
     (
@@ -197,7 +197,7 @@ const PARTS: &[PartCase] = &[
         "// hook: outline",
         "fn effect(p: array<f32, 8>) -> Wireframe",
         "return Wireframe(vec3(1.0, sqrt(-p[0]), 0.0));",
-        "the result for the edges is NaN or infinite; none are drawn",
+        "the result for the wireframe is NaN or infinite; no wireframe is drawn",
         true,
     ),
     (
@@ -229,7 +229,7 @@ const PARTS: &[PartCase] = &[
         "// hook: outline",
         "fn effect(p: array<f32, 8>) -> InvertedHull",
         "var x = 0.0; loop { x += 1.0; if x > 3.0 && abs(p[0] - 0.5) > 0.2 { break; } }\nreturn InvertedHull(9.0, vec3(x, 0.0, 0.0), 0.0);",
-        "this loop takes more than 100000 steps for the outline; none is drawn",
+        "this loop takes more than 100000 steps for the outline; no outline is drawn",
         true,
     ),
 ];

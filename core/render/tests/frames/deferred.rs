@@ -334,7 +334,7 @@ fn deferred_shading_is_left_out_with_a_reason() {
     let scene = scene_with_shadows();
     let (plan, recording) = plan_and_recording(&scene, 1);
     assert!(plan.deferred.is_none() && plan.draws.iter().all(|d| !d.deferred));
-    assert!(!recording.commands.contains(&Command::BeginGeometry));
+    assert!(!recording.commands.contains(&Command::BeginGBuffer));
     // Few lights and little overdraw: the reason gives the numbers.
     assert!(
         reason_against_deferred(&plan).contains("lights per surface"),

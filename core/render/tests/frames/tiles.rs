@@ -5,7 +5,7 @@ use crate::common::*;
 use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_plugin::{Effect, Frame};
-use choreo_render::plan::tiles::{MOST, tiles};
+use choreo_render::plan::tiles::{MAX_TILED_SIDE, tiles};
 use choreo_render::*;
 use choreo_stage::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
@@ -148,7 +148,10 @@ fn features_that_tiles_do_not_support_are_reported() {
         said.starts_with("an image of 200×150 is drawn in tiles") && said.contains("refraction"),
         "{said}"
     );
-    let (_, plan) = scene.plan(&PlanOptions::new([MOST + 1, 8], 1));
+    let (_, plan) = scene.plan(&PlanOptions::new([MAX_TILED_SIDE + 1, 8], 1));
     let said = tiled.submit(plan).unwrap_err().to_string();
-    assert_eq!(said, format!("image width is {}, the limit of this device is {MOST}", MOST + 1));
+    assert_eq!(
+        said,
+        format!("image width is {}, the limit of this device is {MAX_TILED_SIDE}", MAX_TILED_SIDE + 1)
+    );
 }

@@ -148,7 +148,7 @@ fn levels_of_detail_are_made_only_where_they_pay() {
     assert_eq!(levels(&off), 0);
     // Resources built after others reuse their levels.
     let first = scene.resources();
-    let next = SceneResources::after(&first, &scene.stage);
+    let next = SceneResources::new_reusing(&first, &scene.stage);
     assert_eq!(first.assets[0].levels, next.assets[0].levels);
     let level = first.assets[0].levels[0].primitives[0][0].unwrap() as usize;
     assert!(Arc::ptr_eq(&first.primitives[level].mesh, &next.primitives[level].mesh));

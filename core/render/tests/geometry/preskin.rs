@@ -229,16 +229,16 @@ fn only_meshes_drawn_several_times_are_pre_skinned() {
     // Without shadows there is one pass.
     let (_, plan, recording) = of(SkinOnce::Auto, 0, gpu);
     assert_eq!((recording.counts().preskinned, recording.preskinned.len()), (0, 0));
-    assert!(recording.left_out(&plan).unwrap().why.starts_with("no mesh is drawn often enough"));
+    assert!(recording.preskinning_left_out(&plan).unwrap().why.starts_with("no mesh is drawn often enough"));
     // A sun adds passes, but too few for pre-skinning to pay.
     let (_, plan, recording) = of(SkinOnce::Auto, 1, gpu);
     assert_eq!(recording.counts().preskinned, 0);
-    assert!(recording.left_out(&plan).is_some());
+    assert!(recording.preskinning_left_out(&plan).is_some());
     // Six suns with shadow maps.
     assert_eq!(of(SkinOnce::Auto, 6, gpu).2.counts().preskinned, 3);
     let (resources, plan, recording) = of(SkinOnce::Always, 1, gpu);
     assert_eq!(recording.counts().preskinned, 3);
-    assert_eq!(recording.left_out(&plan), None);
+    assert_eq!(recording.preskinning_left_out(&plan), None);
     let vertices = resources.primitives[0].primitive().positions.len() as u64;
     assert_eq!(recording.preskinned_vertices(&resources), (3, 3 * vertices));
     // Position, normal, tangent.
@@ -253,7 +253,7 @@ fn only_meshes_drawn_several_times_are_pre_skinned() {
     {
         let (_, plan, recording) = of(once, 1, device);
         assert_eq!(recording.counts().preskinned, 0);
-        assert!(recording.left_out(&plan).is_some());
+        assert!(recording.preskinning_left_out(&plan).is_some());
         assert!(recording.reads().joints);
     }
 }

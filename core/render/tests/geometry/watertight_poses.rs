@@ -1,7 +1,7 @@
 //! Skinned watertight meshes in folded, twisted and self-intersecting poses: culling their back faces opens no hole.
 
 use crate::common::*;
-use crate::holes::lost;
+use crate::holes::count_holes;
 use choreo_asset::*;
 use choreo_plugin::Frame;
 use choreo_render::{GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
@@ -89,7 +89,7 @@ fn self_intersecting_poses_open_no_hole() {
         let (front, closed) = draw_with_watertight_indices(&mut renderer, &scene, |closed| closed);
         assert_eq!(closed as usize, body.indices.len(), "{pose}");
         let (both, _) = draw_with_watertight_indices(&mut renderer, &scene, |_| 0);
-        let [covered, lost, other] = lost(&front, &both);
+        let [covered, lost, other] = count_holes(&front, &both);
         println!("{pose}: of {covered} pixels {lost} lost, {other} beyond 2 steps");
         assert!(covered > 800, "{pose}: {covered}");
         // Where an edge passes through a pixel's center, the face behind it may win.
@@ -108,6 +108,6 @@ fn self_intersecting_poses_open_no_hole() {
     let (both, closed) = draw_with_watertight_indices(&mut renderer, &scene, |closed| closed);
     assert_eq!(closed as usize, body.indices.len());
     let (front, _) = draw_with_watertight_indices(&mut renderer, &scene, |_| u32::MAX);
-    let [_, lost, _] = lost(&front, &both);
+    let [_, lost, _] = count_holes(&front, &both);
     assert!(lost > 300, "{lost} pixels");
 }

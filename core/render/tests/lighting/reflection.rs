@@ -86,7 +86,7 @@ fn a_mirror_shows_the_panorama_in_the_mirrored_direction() {
 #[test]
 fn reflection_replaces_the_base_color_by_its_share() {
     let (up, down) = (Vec3::new(0.2, 0.9, 0.6), Vec3::new(0.8, 0.1, 0.4));
-    let grey = image(1, 1, |_, _| [188, 188, 188, 255]);
+    let gray = image(1, 1, |_, _| [188, 188, 188, 255]);
     let normal = DVec3::new(0.0, 0.5, 0.75f64.sqrt());
     // The mirrored direction is (0, 0.866, 0.5).
     let hemisphere = |y: f64, c: usize| {
@@ -95,7 +95,7 @@ fn reflection_replaces_the_base_color_by_its_share() {
     };
     for (map, factor) in [(None, 1.0), (Some(0), decode(188))] {
         for share in [Vec3::splat(0.25), Vec3::new(1.0, 0.5, 0.0), Vec3::ONE] {
-            let scene = wall(reflective_material(share, 40.0, map, None), vec![grey.clone()], normal);
+            let scene = wall(reflective_material(share, 40.0, map, None), vec![gray.clone()], normal);
             let expected: [f64; 3] = std::array::from_fn(|c| {
                 let (base, r) = ([0.5, 0.25, 0.125][c], f64::from(share[c]) * factor);
                 base * (1.0 - r) * hemisphere(0.5, c) + r * hemisphere(0.75f64.sqrt(), c)

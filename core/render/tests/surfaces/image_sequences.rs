@@ -17,7 +17,7 @@ struct Greys {
     broken: bool,
 }
 
-fn grey(i: usize) -> [u8; 4] {
+fn gray(i: usize) -> [u8; 4] {
     [5 + 6 * i as u8; 3].iter().copied().chain([255]).collect::<Vec<u8>>().try_into().unwrap()
 }
 
@@ -30,7 +30,7 @@ impl ImageSource for Greys {
                 what: "its data ends early".into(),
             });
         }
-        Ok(image(4, 4, |_, _| grey(index)))
+        Ok(image(4, 4, |_, _| gray(index)))
     }
 }
 
@@ -44,7 +44,7 @@ fn scene(greys: &Arc<Greys>, once: bool) -> Scene {
         ..unlit(Vec4::ONE)
     };
     let mut scene = Scene::ortho(1.0);
-    scene.at(&asset(vec![quad(1.0, 1.0)], vec![shown], vec![image(4, 4, |_, _| grey(0))]), 0.0, 0.0, 0.0);
+    scene.at(&asset(vec![quad(1.0, 1.0)], vec![shown], vec![image(4, 4, |_, _| gray(0))]), 0.0, 0.0, 0.0);
     scene
 }
 
@@ -63,7 +63,7 @@ fn frames(
         renderer.submit(plan).unwrap();
         let drawn = renderer.collect(None).unwrap();
         let expected = if once { frame.min(COUNT - 1) } else { frame % COUNT };
-        assert_eq!(pixel(&drawn, 3, 3), grey(expected), "frame {frame}");
+        assert_eq!(pixel(&drawn, 3, 3), gray(expected), "frame {frame}");
     }
 }
 

@@ -6,7 +6,7 @@ use crate::common::{draw as draw_cpu, *};
 use choreo_asset::*;
 use choreo_image_diff::{Comparison, compare};
 use choreo_plugin::{Effect, Frame};
-use choreo_render::commands::{Counts, RecordOptions, Recording};
+use choreo_render::commands::{CommandCounts, RecordOptions, Recording};
 use choreo_render::*;
 use choreo_stage::*;
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
@@ -205,7 +205,7 @@ fn recordings_have_only_the_commands_that_a_scene_needs() {
     let scene = wall(unlit(Vec4::ONE));
     let (_, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
     let recording = record(&plan);
-    let counts = Counts {
+    let counts = CommandCounts {
         passes: 1,
         pipeline_binds: 1,
         distinct_pipelines: 1,

@@ -23,7 +23,7 @@ pub fn make(snapshots: &mut SnapshotCache, options: &PlanOptions, time: Time) ->
     (plan.subframes, plan.history, plan.dissolve) = (Vec::new(), Vec::new(), None);
     let triangles = |primitive: u32| resources.primitives[primitive as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
-    plan.left_out.extend(recording.left_out(&plan));
+    plan.left_out.extend(recording.preskinning_left_out(&plan));
     Ok(plan)
 }
 

@@ -151,7 +151,7 @@ fn a_planted_block_of_pixels_is_found_where_it_is() {
     assert!(check.by.starts_with("visible side by side, in a part of the image: "), "{}", check.by);
     assert!(
         check.by.contains(
-            "12 of 5184 pixels (0.231 %: a spot, or edges) more than 4 steps off within 4x3 at (40, 20)"
+            "12 of 5184 pixels (0.231 %: a spot or edges) more than 4 steps off within 4x3 at (40, 20)"
         ),
         "{}",
         check.by
@@ -172,7 +172,7 @@ fn what_nobody_sees_passes_and_what_is_allowed_can_be_said() {
     bench.plant(|x, y, p| p[1] = p[1].saturating_add(((x + y) % 2) as u8));
     let check = bench.check();
     assert!(check.passed, "{}", check.by);
-    assert!(check.by.starts_with("not visible, even when the two alternate: "), "{}", check.by);
+    assert!(check.by.starts_with("not visible, even when the two images alternate: "), "{}", check.by);
     let default = std::mem::replace(&mut bench.wanted.limits, limits(&[("visible", 0.0)]));
     assert!(!bench.check().passed);
     bench.wanted.limits = default;

@@ -52,7 +52,7 @@ fn words_follow_what_a_person_sees() {
             "not visible, even",
         ),
         ("all one step brighter", changed(|_, _, p| brighter(p, 1)), "not visible"),
-        ("all 4 steps brighter", changed(|_, _, p| brighter(p, 4)), "visible when the two alternate"),
+        ("all 4 steps brighter", changed(|_, _, p| brighter(p, 4)), "visible when the two images alternate"),
         ("all 16 steps brighter", changed(|_, _, p| brighter(p, 16)), "visible at first sight"),
         ("one pixel 8 steps brighter", block(1, 8), "not visible, even"),
         ("one pixel 64 steps brighter", block(1, 64), "visible"),

@@ -266,7 +266,7 @@ fn preview_scene(
     let actor = stage.cast("preview", on);
     stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(Arc::new(bound)) });
     let stage = Arc::new(stage);
-    let resources = Arc::new(SceneResources::after(&SceneResources::default(), &stage));
+    let resources = Arc::new(SceneResources::new_reusing(&SceneResources::default(), &stage));
     let scene = Scene {
         number: 1,
         evaluator: Evaluator::new(stage.clone()),

@@ -75,7 +75,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
         svg::write(path, &byte_bars(&title, &inside.amounts()), &scene.inputs)?;
     }
-    plan.left_out.extend(recording.left_out(&plan));
+    plan.left_out.extend(recording.preskinning_left_out(&plan));
     plan.left_out.extend(unread(&scene.places));
     let mut facts = facts(stage, &resources, &plan, at.as_secs());
     facts["cpu"] = cpu;

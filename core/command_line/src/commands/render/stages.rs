@@ -49,7 +49,7 @@ pub fn label(picture: &mut Frame, text: &str, height: f32) {
         let label = ScreenLabel { at, text: text.into(), size: height, beside: 0.6 * height, color };
         let [_, over] = compose_layers(&Stage::default(), &Snapshot::default(), &[label], size);
         if let Some(over) = over {
-            over.over(picture);
+            over.blend_over(picture);
         }
     }
 }

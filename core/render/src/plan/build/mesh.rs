@@ -8,7 +8,7 @@ use crate::plan::build::shadow_casters::ShadowCaster;
 use crate::plan::build::shadow_volumes::CasterBounds;
 use crate::plan::features::{DrawNeeds, features};
 use crate::plan::{ActiveMorph, Features, Glass, Instance, PipelineKey, TopologyKey, alpha_blends, is_lit};
-use crate::scene_resources::bounds::{is_before, outside, transformed};
+use crate::scene_resources::bounds::{is_beyond_near_plane, is_outside_frustum, transformed};
 use crate::scene_resources::{PrimitiveEntry, PrimitiveResource, thick_lines};
 use choreo_asset::{Aabb, AlphaMode, Asset, LineStyle, MeshInstance};
 use choreo_stage::ActorState;
@@ -98,7 +98,7 @@ impl<'a> Planner<'a> {
         mesh: &MeshContext<'a>,
     ) -> Option<PrimitiveContext<'a>> {
         let (asset, state) = (mesh.asset, mesh.state);
-        let entry = self.resources.showing(entry, self.time);
+        let entry = self.resources.with_sequence_image_at(entry, self.time);
         let primitive = &self.resources.primitives[entry.primitive as usize];
         let (info, shape) = (&primitive.info, primitive.primitive());
         let material_override = self.material_override(&entry, state);
@@ -189,8 +189,8 @@ impl<'a> Planner<'a> {
                 &relative_from_mesh,
                 p.morph_offset,
             ),
-            Some(s) => info.skinned(&s.matrices, p.morph_offset),
-            None => info.rigid(&relative_from_mesh, p.morph_offset),
+            Some(s) => info.skinned_bounds(&s.matrices, p.morph_offset),
+            None => info.rigid_bounds(&relative_from_mesh, p.morph_offset),
         };
         let bounds = grown(bounds, p.effects.reach);
         let (outline_meters, outline_share) = self.outline_width(&p.entry, p.material_override, mesh.actor);
@@ -199,7 +199,8 @@ impl<'a> Planner<'a> {
         let line_share = if p.line_style.is_some() { (0.5 * width + 1.0) / size[1] as f32 } else { 0.0 };
         let drawn_margin = outline_share.max(line_share);
         let margin = Vec2::new(drawn_margin * size[1] as f32 / size[0].max(1) as f32, drawn_margin) * 2.0;
-        let culled = !self.options.no_culling && outside(drawn_bounds, &self.view.clip_from_relative, margin);
+        let culled = !self.options.no_culling
+            && is_outside_frustum(drawn_bounds, &self.view.clip_from_relative, margin);
         self.facts.culled += usize::from(culled);
         let copy =
             CopyContext { number, relative_from_mesh, width, bounds, drawn_bounds, drawn_margin, culled };
@@ -248,7 +249,7 @@ impl<'a> Planner<'a> {
         if copy.culled {
             return;
         }
-        let outside = is_before(copy.bounds, &self.view.clip_from_relative);
+        let outside = is_beyond_near_plane(copy.bounds, &self.view.clip_from_relative);
         let phase = match p.alpha_mode {
             _ if key.blend || transmits => DrawPhase::Transparent,
             AlphaMode::Mask(_) => DrawPhase::AlphaTested,
@@ -383,7 +384,7 @@ pub(super) fn copy_transform(
 /// Center and half axes of a copy that is a filled rectangle or box.
 fn filled_box(p: &PrimitiveContext, copy: &CopyContext, key: &PipelineKey) -> Option<[DVec3; 4]> {
     let rigid = p.skin.is_none() && p.morph_count == 0 && key.displaced == 0;
-    if !(p.primitive.info.fills_bounds && rigid && !matches!(p.alpha_mode, AlphaMode::Mask(_))) {
+    if !(p.primitive.info.covers_bounding_box && rigid && !matches!(p.alpha_mode, AlphaMode::Mask(_))) {
         return None;
     }
     let Aabb { min, max } = p.primitive.info.bounds;

@@ -7,7 +7,7 @@
 use crate::plan::build::shadow_volumes::{CasterBounds, ShadowVolume, shadow_volumes};
 use crate::plan::shadow_maps::MAX_PENUMBRA;
 use crate::plan::{PlanLight, View};
-use crate::scene_resources::bounds::outside;
+use crate::scene_resources::bounds::is_outside_frustum;
 use choreo_asset::Aabb;
 use choreo_stage::{SUN_ANGLE, Shadow};
 use glam::{DMat4, DVec3, DVec4, Mat4, Vec2};
@@ -359,7 +359,7 @@ fn perspective_maps(
         let depth = DVec4::new(0.0, 0.0, 0.0, NEAR_PLANE_METRES);
         let rows = [row(axes.right) / tan, -row(axes.up) / tan, depth, row(axes.forward)];
         let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
-        let seen = |b: &Aabb| reaches(b) && !outside(*b, &clip, Vec2::ZERO);
+        let seen = |b: &Aabb| reaches(b) && !is_outside_frustum(*b, &clip, Vec2::ZERO);
         let casters: Vec<usize> =
             (0..region.casters.len()).filter(|i| seen(&region.casters[*i].bounds)).collect();
         if casters.is_empty() || !region.receivers.iter().any(seen) {

@@ -6,7 +6,7 @@ use crate::plan::build::shadow_cascades::{FittedMap, MAX_VIEWS, ShadowRegion, fi
 use crate::plan::build::shadow_volumes::CasterBounds;
 use crate::plan::{Draw, Features, Instance, PipelineKey, PlanLight, ShadowMaps, ShadowView};
 use crate::scene_resources::PrimitiveEntry;
-use crate::scene_resources::bounds::is_before;
+use crate::scene_resources::bounds::is_beyond_near_plane;
 use choreo_stage::Shadow;
 use glam::Vec4;
 
@@ -84,7 +84,7 @@ impl Planner<'_> {
                 // Depth depends on a material only if that cuts holes.
                 let cut_out = c.key.features.has(Features::ALPHA_MASK);
                 let material = if cut_out { (c.entry.material, c.material_override) } else { (0, None) };
-                let outside = is_before(c.bounds.bounds, &map.clip_from_relative);
+                let outside = is_beyond_near_plane(c.bounds.bounds, &map.clip_from_relative);
                 (c.key, material, c.entry.primitive, if outside { c.watertight } else { 0 })
             };
             let mut drawn: Vec<&ShadowCaster> = map.casters.iter().map(|i| &casters[*i]).collect();

@@ -5,7 +5,7 @@
 
 use crate::plan::View;
 use crate::plan::build::shadow_cascades::{Axes, ShadowRegion, Span};
-use crate::scene_resources::bounds::outside;
+use crate::scene_resources::bounds::is_outside_frustum;
 use choreo_asset::Aabb;
 use glam::{DVec2, DVec3, DVec4, Vec2};
 use std::ops::{Add, Mul, Sub};
@@ -14,7 +14,7 @@ use std::ops::{Add, Mul, Sub};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct CasterBounds {
     pub bounds: Aabb,
-    /// Center and half axes, if it is a filled rectangle or box (`PrimitiveInfo::fills_bounds`).
+    /// Center and half axes, if it is a filled rectangle or box (`PrimitiveInfo::covers_bounding_box`).
     pub filled: Option<[DVec3; 4]>,
 }
 
@@ -102,7 +102,7 @@ pub(crate) fn near_depth(view: &View) -> f64 {
 
 /// Depths between which a box is in view, and whether it reaches the near plane; `None` if it is outside the view.
 fn visible_depths(b: &Aabb, view: &View) -> Option<(Span, bool)> {
-    if outside(*b, &view.clip_from_relative, Vec2::ZERO) {
+    if is_outside_frustum(*b, &view.clip_from_relative, Vec2::ZERO) {
         return None;
     }
     let near = near_depth(view);

@@ -53,7 +53,7 @@ impl SkinMatrices {
         let info = &primitive.info;
         let same = || Affine3x4::from_affine(DAffine3::IDENTITY);
         self.placed.then(|| match self.dual_quaternions.is_empty() {
-            true => info.skinned(&self.matrices, morph_offset),
+            true => info.skinned_bounds(&self.matrices, morph_offset),
             false => info.dual_skinned(primitive.primitive(), &self.dual_quaternions, &same(), morph_offset),
         })
     }
