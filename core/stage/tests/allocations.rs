@@ -77,7 +77,7 @@ fn some(counts: &[usize]) -> usize {
 
 /// A frame in which a layer or a constraint is first at work makes their buffers; no other frame allocates.
 #[test]
-fn clips_layers_and_goals_allocate_where_they_begin_and_nowhere_else() {
+fn clips_layers_and_constraints_allocate_only_in_their_first_frame() {
     for (name, stage, begin) in [("clips", clips(), 2), ("goals", constraints(), 3)] {
         let [first, second] = counts(stage);
         assert!(some(&first) <= begin && first.iter().sum::<usize>() <= 8, "{name}: {first:?}");
@@ -87,7 +87,7 @@ fn clips_layers_and_goals_allocate_where_they_begin_and_nowhere_else() {
 
 /// One state in 16 steps is kept on the way, for seeks, in bounded memory; what is kept already is not kept again.
 #[test]
-fn springs_allocate_what_they_keep_for_seeks() {
+fn springs_allocate_only_their_seek_checkpoints() {
     let [first, second] = counts(springs());
     assert!(some(&first) <= 3 + 120 * 2 / 16 && some(&first) > 10, "{first:?}");
     assert_eq!(some(&second), 0, "{second:?}");

@@ -28,7 +28,7 @@ fn holds(bounds: &Aabb, asset: &Asset, joints: &[Affine3A], weights: &[Vec<f32>]
 }
 
 #[test]
-fn animated_bounds_contain_every_pose() {
+fn animated_bounds_contain_every_random_pose() {
     let mut numbers = Random(7);
     let (mut smaller_fails, mut volumes) = (0, 0.0);
     for asset in [figure(), stick()] {
@@ -56,7 +56,7 @@ fn animated_bounds_contain_every_pose() {
 }
 
 #[test]
-fn rest_bounds_are_tight() {
+fn rest_bounds_equal_the_extent_of_the_rest_mesh() {
     let Aabb { min, max } = figure().rest_bounds();
     close(min.as_dvec3(), v(-0.3, 0.0, -0.15), 1e-6);
     close(max.as_dvec3(), v(0.3, 1.8, 0.15), 1e-6);
@@ -65,14 +65,14 @@ fn rest_bounds_are_tight() {
 }
 
 #[test]
-fn influences_without_weight_do_not_widen() {
+fn skin_influences_of_weight_zero_do_not_widen_bounds() {
     // The lower corners name joint 1 with weight 0: its box holds only the upper four.
     let chest = &figure().instance_bounds()[0].parts[1].reach.clone();
     assert_eq!(chest.min.y, 1.5 - 1.2);
 }
 
 #[test]
-fn broken_assets_have_boxes_too() {
+fn bounds_of_invalid_assets_are_empty_or_finite() {
     let mut asset = (*figure()).clone();
     asset.instances[0].mesh = 99;
     asset.instances[1].joint = 99;
@@ -90,7 +90,7 @@ fn broken_assets_have_boxes_too() {
 }
 
 #[test]
-fn posed_meshes_follow_skin_morphs_and_placement() {
+fn posed_meshes_apply_skin_morph_targets_and_placement() {
     let f = figure();
     let mut stage = Stage::default();
     stage.cast("anna", f.clone());
@@ -123,7 +123,7 @@ fn posed_meshes_follow_skin_morphs_and_placement() {
 /// An actor that is left out of an image is surely not in it, whatever brings the weights of morph targets about; one that is far away is left out, but where a
 /// callback may set any weight.
 #[test]
-fn actors_with_morphs_are_culled_where_no_weight_brings_them_into_view() {
+fn actors_with_morph_targets_are_culled_only_outside_their_morph_range() {
     #[derive(Debug)]
     struct Pull;
     impl FrameHook for Pull {

@@ -25,7 +25,7 @@ fn shot() -> Stage {
 }
 
 #[test]
-fn a_camera_turns_from_target_to_target_and_back() {
+fn camera_looks_blend_from_target_to_target_and_back() {
     let mut stage = shot();
     stage.cameras[0].looks = vec![
         look(Some(v(5.0, 2.0, 0.0)), 1.0, 1.0),
@@ -48,7 +48,7 @@ fn a_camera_turns_from_target_to_target_and_back() {
 }
 
 #[test]
-fn a_pan_keeps_the_horizon_level_and_does_not_jump() {
+fn camera_pan_keeps_the_horizon_level_and_is_continuous() {
     let mut stage = shot();
     // Down to the right, then up to the left: a shortest rotation between them would roll.
     stage.cameras[0].looks =
@@ -73,7 +73,7 @@ fn a_pan_keeps_the_horizon_level_and_does_not_jump() {
 }
 
 #[test]
-fn a_target_that_moves_is_followed_and_may_be_a_joint_of_a_hidden_actor() {
+fn camera_look_follows_a_moving_joint_of_a_hidden_actor() {
     let mut stage = shot();
     let f = figure();
     stage.cast("anna", f.clone());
@@ -107,7 +107,7 @@ fn pan_and_tilt(snapshot: &Snapshot) -> [f64; 2] {
 }
 
 #[test]
-fn a_shake_stays_in_its_bounds_and_is_smooth() {
+fn camera_shake_stays_in_its_amplitude_and_is_smooth() {
     let mut stage = shot();
     stage.cameras[0].shakes = vec![shake()];
     assert_eq!(stage.check().len(), 0);
@@ -142,7 +142,7 @@ fn a_shake_stays_in_its_bounds_and_is_smooth() {
 }
 
 #[test]
-fn shakes_of_other_seeds_differ_and_any_frame_may_come_first() {
+fn camera_shake_depends_on_its_seed_and_not_on_the_frame_order() {
     let mut stage = shot();
     stage.cameras[0].shakes = vec![shake()];
     let late = stage.at(secs(17.3)).unwrap().content_hash();
@@ -172,7 +172,7 @@ impl FrameHook for Edits {
 }
 
 #[test]
-fn callbacks_aim_turn_and_zoom_for_one_frame() {
+fn camera_callbacks_aim_turn_and_zoom_for_one_frame() {
     let edited = |edits: Vec<(usize, CameraEdit)>| {
         let mut stage = shot();
         stage.hooks.push(Arc::new(Edits(edits)));
@@ -198,7 +198,7 @@ fn callbacks_aim_turn_and_zoom_for_one_frame() {
 }
 
 #[test]
-fn a_dissolve_keeps_the_camera_before_until_it_is_over() {
+fn dissolve_holds_the_previous_camera_until_it_ends() {
     let mut stage = shot();
     let rig = Rig::Fixed { position: v(5.0, 0.0, 0.0), rotation: DQuat::IDENTITY, look_at: None };
     stage.shoot(Camera::new("second", rig.clone()));

@@ -35,7 +35,7 @@ fn rotation_is_sound(snapshot: &Snapshot) {
 }
 
 #[test]
-fn straight_down_straight_up_and_at_itself_are_finite() {
+fn look_at_straight_down_up_and_at_its_own_position_is_finite() {
     for (below, picture_up) in [(v(0.0, -3.0, 0.0), v(0.0, 0.0, -1.0)), (v(0.0, 3.0, 0.0), v(0.0, 0.0, 1.0))]
     {
         let position = v(5.0, 0.0, 5.0);
@@ -55,7 +55,7 @@ fn straight_down_straight_up_and_at_itself_are_finite() {
 }
 
 #[test]
-fn the_camera_of_a_file_follows_its_node() {
+fn camera_of_a_file_follows_its_node() {
     let f = figure();
     let mut stage = shot(Rig::File { actor: 0, camera: 0 });
     stage.actors[0].transform =
@@ -72,7 +72,7 @@ fn the_camera_of_a_file_follows_its_node() {
 }
 
 #[test]
-fn a_near_plane_that_is_set_is_kept_by_every_rig() {
+fn near_plane_set_by_the_script_is_kept_by_every_rig() {
     let target = Target::Point(v(0.0, 0.0, 0.0));
     let rigs = [
         Rig::Fixed { position: v(0.0, 0.0, 3.0), rotation: DQuat::IDENTITY, look_at: Some(target) },
@@ -94,7 +94,7 @@ fn a_near_plane_that_is_set_is_kept_by_every_rig() {
 }
 
 #[test]
-fn cuts_keys_and_hooks() {
+fn camera_cuts_keys_and_hooks_apply_at_their_times() {
     let mut stage = shot(Rig::Fixed { position: DVec3::ZERO, rotation: DQuat::IDENTITY, look_at: None });
     let target = Target::Point(DVec3::ZERO);
     stage.shoot(Camera::new(
@@ -166,7 +166,7 @@ fn projected(stage: &Stage, t: f64) -> (DVec3, f64) {
 }
 
 #[test]
-fn a_walker_stays_in_the_picture_and_the_camera_still() {
+fn framing_camera_is_static_and_keeps_a_walking_actor_in_the_frame() {
     let f = figure();
     let mut stage = Stage::default();
     stage.cast("anna", f.clone());
@@ -188,7 +188,7 @@ fn a_walker_stays_in_the_picture_and_the_camera_still() {
 }
 
 #[test]
-fn the_ground_need_not_be_seen_to_its_edges() {
+fn framing_ignores_a_large_ground_beside_other_actors() {
     let mut stage = Stage::default();
     stage.cast("anna", figure());
     let without = stage.at(Time::ZERO).unwrap().camera;
@@ -203,7 +203,7 @@ fn the_ground_need_not_be_seen_to_its_edges() {
 }
 
 #[test]
-fn nothing_to_see_is_framed_too() {
+fn framing_an_empty_stage_gives_a_finite_camera() {
     let mut stage = Stage::default();
     let snapshot = stage.at(Time::ZERO).unwrap();
     assert!(snapshot.camera.world_from_view.is_finite() && snapshot.camera.camera.is_none());
@@ -216,7 +216,7 @@ fn nothing_to_see_is_framed_too() {
 }
 
 #[test]
-fn a_camera_close_to_something_small_does_not_clip_it() {
+fn near_plane_does_not_clip_a_small_close_target() {
     let mut stage = shot(Rig::Follow { target: Target::Actor(0), offset: v(0.0, 0.0, 0.005) });
     stage.actors[0].transform.scale = DVec3::splat(0.001);
     let (reach, nearest) = projected(&stage, 0.0);
@@ -224,7 +224,7 @@ fn a_camera_close_to_something_small_does_not_clip_it() {
 }
 
 #[test]
-fn a_parameter_follows_a_target_in_front_of_each_camera() {
+fn effect_distance_is_the_depth_of_its_target_for_each_camera() {
     let mut stage = Stage::default();
     let anna = stage.cast("anna", figure());
     stage.actors[anna].transform.translation = v(1.0, 0.0, -4.0);

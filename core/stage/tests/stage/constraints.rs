@@ -56,7 +56,7 @@ fn stage_with(constraints: Vec<Constraint>) -> Stage {
 }
 
 #[test]
-fn a_hand_is_where_it_should_be() {
+fn two_bone_reach_puts_the_hand_on_its_target() {
     let mut n = Random(4);
     for _ in 0..100 {
         let shoulder = joint_world(&stage_with(vec![]).at(Time::ZERO).unwrap(), 0, UPPER);
@@ -72,7 +72,7 @@ fn a_hand_is_where_it_should_be() {
 }
 
 #[test]
-fn goals_fade_and_end_and_half_a_weight_goes_half_the_way() {
+fn constraint_weight_fades_in_and_out_and_scales_the_reach() {
     let target = v(3.3, 1.9, -1.8);
     let constraint = Constraint {
         start: secs(1.0),
@@ -103,7 +103,7 @@ fn off_target(snapshot: &Snapshot, prop: usize, center: DVec3) -> f64 {
 
 /// Anna reaches for a point in front of her with a stick in her hand, and looks at the stick.
 #[test]
-fn a_look_at_a_prop_follows_the_hand_that_holds_it_and_reaches() {
+fn look_at_of_a_prop_in_the_own_hand_follows_the_reach_constraint() {
     let center = stick().rest_bounds().center().as_dvec3();
     let target = v(3.35, 1.75, -1.75);
     for (late, name) in [(false, "look"), (true, "aim of the spine, which carries the arm")] {
@@ -146,7 +146,7 @@ fn a_look_at_a_prop_follows_the_hand_that_holds_it_and_reaches() {
 
 /// A stick goes from Anna's reaching hand to Boris's, in a while in which it is in both. Both look at it all the time.
 #[test]
-fn looks_at_a_prop_that_changes_hands_do_not_jump() {
+fn look_at_stays_continuous_while_its_prop_changes_parents() {
     let center = stick().rest_bounds().center().as_dvec3();
     let mut stage = stage_with(vec![]);
     stage.actors[0].transform = Placement::at(0.0, 0.0, 0.0);
@@ -186,7 +186,7 @@ fn looks_at_a_prop_that_changes_hands_do_not_jump() {
 
 /// Boris reaches for a point, holds a stick; anna holds the stick's other end, wherever it goes; a lamp hangs on her hand.
 #[test]
-fn hands_follow_props_in_hands_that_follow() {
+fn reach_for_a_prop_uses_the_solved_hand_that_holds_it() {
     let mut stage = stage_with(vec![]);
     let boris = stage.cast("boris", body());
     let prop = stage.cast("stick", stick());
@@ -212,7 +212,7 @@ fn hands_follow_props_in_hands_that_follow() {
 }
 
 #[test]
-fn who_hangs_on_each_other_is_finite_and_the_same_in_any_order() {
+fn mutual_reach_targets_are_solved_from_the_unconstrained_poses() {
     let mut stage = stage_with(vec![]);
     let boris = stage.cast("boris", body());
     stage.actors[boris].transform = Placement::at(3.4, 0.5, -1.6).turned(3.0);
@@ -245,7 +245,7 @@ fn who_hangs_on_each_other_is_finite_and_the_same_in_any_order() {
 }
 
 #[test]
-fn spine_neck_and_head_share_the_turn() {
+fn aim_distributes_the_rotation_over_spine_neck_and_head() {
     let aim = |joints: Vec<u32>| AimConstraint {
         shares: vec![1.0; joints.len()],
         joints,
@@ -272,7 +272,7 @@ fn spine_neck_and_head_share_the_turn() {
 }
 
 #[test]
-fn limits_hold_against_clips_and_goals() {
+fn joint_limits_clamp_clips_and_constraints() {
     let target = Target::Point(v(3.3, 1.9, -1.8));
     let mut stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(target)))]);
     let free = joint_world(&stage.at(Time::ZERO).unwrap(), 0, PALM);
@@ -334,7 +334,7 @@ fn slid(stage: &Stage, from: f64, to: f64) -> f64 {
 }
 
 #[test]
-fn planted_feet_do_not_slide() {
+fn foot_lock_keeps_planted_feet_from_sliding() {
     let mut stage = sliding();
     assert!(slid(&stage, 1.1, 1.5) > 0.06);
     stage.actors[0].constraints.push(planted(None));
@@ -364,7 +364,7 @@ fn planted_feet_do_not_slide() {
 }
 
 #[test]
-fn feet_stand_on_the_ground_that_is_there() {
+fn foot_lock_raises_feet_to_the_ground_mesh() {
     let mut stage = sliding();
     stage.actors[0].transform = Placement::default();
     let mut steps = Asset { skeleton: skeleton(&[("Steps", None, at(0.0, 0.0, 0.0))]), ..Asset::default() };
@@ -383,7 +383,7 @@ fn feet_stand_on_the_ground_that_is_there() {
 }
 
 #[test]
-fn invalid_targets_are_reported_and_poses_stay_finite() {
+fn invalid_constraint_targets_are_reported_and_poses_stay_finite() {
     for target in
         [Target::Actor(9), Target::Joint { actor: 9, joint: 0 }, Target::Joint { actor: 0, joint: 99 }]
     {
@@ -403,7 +403,7 @@ fn invalid_targets_are_reported_and_poses_stay_finite() {
 }
 
 #[test]
-fn check_names_bad_goals() {
+fn check_reports_each_invalid_constraint_field() {
     let contacts = |change: fn(&mut Actor)| {
         let target = Target::Point(DVec3::ZERO);
         let mut stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(target)))]);

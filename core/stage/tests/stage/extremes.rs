@@ -12,7 +12,7 @@ fn messages(stage: &Stage) -> Vec<String> {
 }
 
 #[test]
-fn ten_thousand_kilometres_away_all_is_as_at_the_origin() {
+fn poses_and_cameras_10000_km_away_equal_those_at_the_origin() {
     let f = figure();
     let near = |origin: DVec3| {
         let mut stage = Stage::default();
@@ -39,7 +39,7 @@ fn ten_thousand_kilometres_away_all_is_as_at_the_origin() {
 }
 
 #[test]
-fn a_hundred_hours_in_a_loop_is_where_it_should_be() {
+fn looped_clip_is_exact_after_100_hours_and_finite_at_extreme_times() {
     let f = figure();
     let mut stage = Stage::default();
     stage.cast("anna", f.clone());
@@ -53,7 +53,7 @@ fn a_hundred_hours_in_a_loop_is_where_it_should_be() {
 }
 
 #[test]
-fn a_scale_of_zero_is_flat_but_finite() {
+fn scale_of_zero_gives_finite_transforms() {
     let mut stage = Stage::default();
     stage.cast("anna", figure());
     stage.cast("sword", stick());
@@ -79,7 +79,7 @@ fn a_scale_of_zero_is_flat_but_finite() {
 }
 
 #[test]
-fn empty_things_are_fine() {
+fn empty_stage_asset_layer_and_clip_are_valid() {
     let mut stage = Stage::default();
     assert!(stage.check().is_empty());
     stage.at(Time::ZERO).unwrap();
@@ -95,7 +95,7 @@ fn empty_things_are_fine() {
 type Fault = fn(&mut Stage);
 
 #[test]
-fn check_names_each_planted_fault_and_at_survives_it() {
+fn check_reports_each_planted_fault_and_evaluation_does_not_panic() {
     let sound = || {
         let f = figure();
         let mut stage = Stage::default();
@@ -229,7 +229,7 @@ fn check_names_each_planted_fault_and_at_survives_it() {
 
 /// Found by the fuzz target `timeline`: the framing camera stood at NaN.
 #[test]
-fn a_framing_camera_stays_finite_whatever_it_frames() {
+fn framing_camera_stays_finite_at_extreme_distances() {
     for far in [1e20, 1e150, 1e300, f64::MAX] {
         let mut stage = Stage::default();
         for (name, x) in [("near", 0.0), ("far", far), ("farther", -far)] {

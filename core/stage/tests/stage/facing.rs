@@ -35,7 +35,7 @@ fn ahead(stage: &Stage, time: f64) -> DVec3 {
 }
 
 #[test]
-fn the_front_is_found_by_feet_eyes_knees_and_sides() {
+fn model_front_is_detected_from_feet_eyes_knees_and_sides() {
     for (name, front) in Front::ALL {
         let asset = person(front);
         let facing = asset.facing();
@@ -54,7 +54,7 @@ fn the_front_is_found_by_feet_eyes_knees_and_sides() {
 }
 
 #[test]
-fn without_feet_and_names_the_travel_of_clips_shows_it_and_contradictions_keep_plus_z() {
+fn model_front_falls_back_to_clip_travel_and_to_plus_z_on_contradiction() {
     // Its hips go along +X: alone they slide, on four limbs they walk.
     let f = figure();
     let along = &f.clips[ALONG_X..=ALONG_X];
@@ -76,7 +76,7 @@ fn without_feet_and_names_the_travel_of_clips_shows_it_and_contradictions_keep_p
 }
 
 #[test]
-fn a_model_that_faces_minus_z_walks_and_looks_forward() {
+fn models_with_any_front_walk_and_look_forward() {
     for (name, front) in Front::ALL {
         let mut stage = Stage::default();
         stage.cast("anna", person(front));

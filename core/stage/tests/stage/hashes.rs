@@ -34,7 +34,7 @@ impl FrameHook for Named {
 }
 
 #[test]
-fn a_stage_built_twice_has_one_hash_and_every_change_another() {
+fn content_hash_of_a_stage_changes_with_every_field() {
     let first = scene().content_hash();
     assert_eq!(first, scene().content_hash());
     let mut warned = scene();
@@ -81,7 +81,7 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
 }
 
 #[test]
-fn equal_geometry_is_equal_whatever_it_is_painted_with() {
+fn content_hash_of_a_primitive_ignores_its_material() {
     let a = box_primitive(Vec3::ZERO, Vec3::ONE);
     let painted = Primitive { material: Some(3), ..a.clone() };
     assert_eq!(a.content_hash(), painted.content_hash());
@@ -99,7 +99,7 @@ fn equal_geometry_is_equal_whatever_it_is_painted_with() {
 }
 
 #[test]
-fn materials_count_by_their_images_and_slots() {
+fn content_hash_of_materials_covers_image_content_and_texture_slots() {
     let image =
         |v: u8| Arc::new(Image { name: format!("{v}"), width: 1, height: 1, rgba: vec![v; 4], file: None });
     let textured = |image: u32| {
@@ -129,7 +129,7 @@ fn materials_count_by_their_images_and_slots() {
 }
 
 #[test]
-fn an_asset_changed_in_a_copy_has_its_own_hash_and_bounds() {
+fn copy_of_an_asset_recomputes_hash_and_bounds_after_a_change() {
     let mut asset = figure();
     let (hash, bounds) = (asset.content_hash(), asset.rest_bounds());
     assert_eq!(hash, figure().content_hash());

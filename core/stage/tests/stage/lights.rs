@@ -21,7 +21,7 @@ fn torch_bearer() -> Arc<Asset> {
 }
 
 #[test]
-fn a_stage_without_light_gets_a_sun_and_one_with_any_does_not() {
+fn default_sun_shines_only_on_a_stage_without_lights() {
     let mut stage = Stage::default();
     assert_eq!(stage.at(Time::ZERO).unwrap().lights, [default_sun()]);
     stage.cast("anna", torch_bearer());
@@ -38,7 +38,7 @@ fn a_stage_without_light_gets_a_sun_and_one_with_any_does_not() {
 }
 
 #[test]
-fn the_default_sun_and_ambient_show_white_as_about_one() {
+fn default_sun_and_ambient_light_white_to_about_one() {
     // A matte surface that faces it, under all of the ambient light from above.
     let LightState { light, direction, .. } = default_sun();
     let lit = light.color * light.intensity / std::f32::consts::PI + Settings::default().ambient_up;
@@ -48,7 +48,7 @@ fn the_default_sun_and_ambient_show_white_as_about_one() {
 }
 
 #[test]
-fn a_light_of_a_file_moves_with_its_joint() {
+fn light_of_a_file_moves_with_its_joint() {
     let asset = torch_bearer();
     let mut stage = Stage::default();
     stage.cast("anna", asset.clone());
@@ -62,7 +62,7 @@ fn a_light_of_a_file_moves_with_its_joint() {
 }
 
 #[test]
-fn parents_keys_and_hooks() {
+fn lights_follow_parents_keys_and_hooks() {
     let mut stage = Stage::default();
     stage.cast("anna", figure());
     stage.actors[0].transform = Placement::at(5.0, 0.0, 0.0).turned(std::f64::consts::FRAC_PI_2);
@@ -110,7 +110,7 @@ fn parents_keys_and_hooks() {
 }
 
 #[test]
-fn lights_of_files_and_of_scripts_have_the_same_units() {
+fn lights_of_files_and_scripts_have_the_same_units() {
     let mut asset = (*torch_bearer()).clone();
     asset.lights[0].light = Light { kind: LightKind::Directional, ..candle(5.0) };
     let mut stage = Stage::default();

@@ -15,7 +15,7 @@ fn one(target: Target) -> Stage {
 }
 
 #[test]
-fn forward_is_the_models_z_however_the_joint_is_turned_at_rest() {
+fn look_at_uses_the_model_forward_axis_whatever_the_rest_rotation() {
     // A head joint whose own axes are permuted, under a joint that stands on its head.
     let rest = |q: glam::Quat| choreo_motion::Transform { rotation: q, ..at(0.0, 1.0, 0.0) };
     let skeleton = skeleton(&[
@@ -35,7 +35,7 @@ fn forward_is_the_models_z_however_the_joint_is_turned_at_rest() {
 }
 
 #[test]
-fn targets_behind_and_inside_stay_finite_and_continuous() {
+fn look_at_targets_behind_and_inside_the_head_stay_finite_and_continuous() {
     let mut last: Option<f64> = None;
     // All the way round, through straight behind.
     for i in 0..=720 {
@@ -57,7 +57,7 @@ fn targets_behind_and_inside_stay_finite_and_continuous() {
 }
 
 #[test]
-fn eyes_make_up_for_what_the_head_leaves() {
+fn eye_bones_turn_by_the_angle_that_the_head_leaves() {
     use choreo_motion::{HumanBone, Humanoid};
     let q = glam::Quat::from_xyzw(0.5, 0.5, 0.5, 0.5);
     // Joints turned at rest, the eyes 6 cm apart.
@@ -117,7 +117,7 @@ fn eyes_make_up_for_what_the_head_leaves() {
 
 /// A head without bones for eyes: pupils are a texture and a morph target, and a smile holds them still.
 #[test]
-fn eyes_that_expressions_move_go_as_far_as_others_let_them() {
+fn gaze_expressions_are_reduced_by_expressions_that_override_gaze() {
     use choreo_motion::{HumanBone, Humanoid};
     use glam::Vec2;
     let skeleton = skeleton(&[("Hips", None, at(0.0, 0.0, 0.0)), ("Head", Some(0), at(0.0, 1.5, 0.0))]);

@@ -73,7 +73,7 @@ fn scaled_skeleton(root: Transform, middle: Transform) -> Arc<Asset> {
 }
 
 #[test]
-fn what_is_attached_keeps_its_size_in_metres_however_its_parent_is_scaled() {
+fn attached_actor_keeps_its_size_whatever_the_scale_of_its_parent() {
     let turned = Quat::from_rotation_x(1.1);
     let cases = [
         (Vec3::splat(0.01), Vec3::ONE),
@@ -109,7 +109,7 @@ fn what_is_attached_keeps_its_size_in_metres_however_its_parent_is_scaled() {
 }
 
 #[test]
-fn a_stick_goes_from_one_moving_hand_to_another_without_a_jump() {
+fn parent_change_between_moving_hands_is_continuous() {
     let mut stage = handover();
     stage.actors[2].parents.push(to_hand(1, 1.0));
     assert!(stage.check().is_empty(), "{:?}", stage.check());
@@ -133,7 +133,7 @@ fn a_stick_goes_from_one_moving_hand_to_another_without_a_jump() {
 }
 
 #[test]
-fn a_blend_has_no_jump_and_ends_on_the_new_parent() {
+fn parent_blend_is_continuous_and_ends_on_the_new_parent() {
     let mut stage = handover();
     for keep in [true, false] {
         stage.actors[2].parents = vec![on_hand(0), Parenting { keep, ..to_hand(1, 0.6) }];
@@ -157,7 +157,7 @@ fn a_blend_has_no_jump_and_ends_on_the_new_parent() {
 }
 
 #[test]
-fn what_is_let_go_stays_in_the_world_and_can_be_taken_again() {
+fn released_actor_stays_in_the_world_until_its_next_parent() {
     let mut stage = handover();
     stage.actors[2].parents.extend([Parenting::from(None, secs(0.5)), to_hand(1, 1.25)]);
     let let_go = world(&stage, 2, secs(0.5));
@@ -180,7 +180,7 @@ fn what_is_let_go_stays_in_the_world_and_can_be_taken_again() {
 }
 
 #[test]
-fn what_carries_and_what_is_carried_may_change_places() {
+fn parent_and_child_may_swap_roles_but_not_overlap() {
     let mut stage = Stage::default();
     let asset = Arc::new(Asset::default());
     let [tray, cup] = ["tray", "cup"].map(|name| stage.cast(name, asset.clone()));
@@ -204,7 +204,7 @@ fn what_carries_and_what_is_carried_may_change_places() {
 }
 
 #[test]
-fn a_chain_of_changes_is_the_same_in_any_order_on_any_thread() {
+fn chained_parent_changes_are_bit_identical_in_any_order_on_any_thread() {
     let mut stage = handover();
     stage.actors[2].parents.extend([to_hand(1, 0.3), to_hand(0, 0.9), Parenting::from(None, secs(1.4))]);
     stage.actors[2].parents[2].blend = secs(0.4);
@@ -229,7 +229,7 @@ fn a_chain_of_changes_is_the_same_in_any_order_on_any_thread() {
 }
 
 #[test]
-fn a_hand_that_reaches_gives_without_a_jump_too() {
+fn parent_change_from_a_reaching_hand_is_continuous() {
     let mut stage = handover();
     for (actor, target) in [(0, v(0.9, 1.9, 0.3)), (1, v(1.2, 1.6, 0.1))] {
         let reach = ReachConstraint {
@@ -266,7 +266,7 @@ impl FrameHook for Hook {
 }
 
 #[test]
-fn a_callback_sets_the_parent_of_its_frame() {
+fn callback_sets_the_parent_of_one_frame() {
     let mut stage = handover();
     stage.hooks.push(Arc::new(Hook(|t, edits| {
         let parent = on_hand(1);
@@ -282,7 +282,7 @@ fn a_callback_sets_the_parent_of_its_frame() {
 }
 
 #[test]
-fn who_carries_is_posed_and_who_is_carried_out_of_view_is_culled_only_there() {
+fn visible_parents_are_posed_and_children_are_culled_after_the_blend() {
     let f = figure();
     let mut stage = Stage::default();
     for (name, x) in [("anna", 0.0), ("boris", 400.0)] {

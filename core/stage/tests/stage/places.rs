@@ -17,7 +17,7 @@ fn facing(snapshot: &Snapshot, actor: usize) -> DVec3 {
 }
 
 #[test]
-fn two_can_face_each_other_and_a_child_faces_in_its_parents_frame() {
+fn actors_face_each_other_also_below_a_rotated_parent() {
     let mut stage = Stage::default();
     let asset = Arc::new(Asset::default());
     let [anna, boris, cart] = ["anna", "boris", "cart"].map(|name| stage.cast(name, asset.clone()));
@@ -46,7 +46,7 @@ fn two_can_face_each_other_and_a_child_faces_in_its_parents_frame() {
 }
 
 #[test]
-fn loops_of_parents_and_of_facing_are_errors() {
+fn cycles_of_parents_and_of_facing_are_errors() {
     let mut stage = Stage::default();
     let asset = Arc::new(Asset::default());
     let [a, b, c] = ["a", "b", "c"].map(|name| stage.cast(name, asset.clone()));
@@ -69,7 +69,7 @@ fn loops_of_parents_and_of_facing_are_errors() {
 }
 
 #[test]
-fn ten_thousand_in_a_chain_are_no_deeper_a_stack() {
+fn parent_chain_of_10000_actors_does_not_overflow_the_stack() {
     let mut stage = Stage::default();
     let asset = Arc::new(Asset::default());
     for i in 0..10_000usize {
@@ -135,7 +135,7 @@ fn keyed_properties_follow_their_closed_forms() {
 }
 
 #[test]
-fn keyed_rotations_go_round_at_an_even_pace_on_the_shortest_way() {
+fn keyed_rotations_turn_at_constant_speed_along_the_shortest_arc() {
     let mut stage = Stage::default();
     let a = stage.cast("a", Arc::new(Asset::default()));
     for (degrees, sign) in [(170.0f64, 1.0), (170.0, -1.0), (90.0, 1.0), (1e-3, 1.0), (1e-7, -1.0)] {
@@ -161,7 +161,7 @@ impl FrameHook for Hook {
 }
 
 #[test]
-fn hooks_edit_after_keys_and_in_order() {
+fn hooks_edit_keyed_values_in_the_order_of_the_hooks() {
     let mut stage = Stage::default();
     let a = stage.cast("a", figure());
     stage.actors[a].channels = vec![keys(

@@ -40,7 +40,7 @@ const FILES: [&str; 6] = [
 ];
 
 #[test]
-fn clips_stay_in_their_boxes_and_in_the_framed_picture() {
+fn vertices_of_sample_files_stay_in_their_bounds_and_in_the_frame() {
     for name in FILES {
         let Some(asset) = load(name) else { continue };
         let (mut widest, mut slack, mut clips) = (0f64, 0f64, 0);
@@ -95,7 +95,7 @@ fn clips_stay_in_their_boxes_and_in_the_framed_picture() {
 }
 
 #[test]
-fn a_real_head_faces_what_it_looks_at() {
+fn look_at_turns_the_head_of_a_sample_file_to_its_target() {
     let Some(asset) = load("Knight.glb") else { return };
     let head = (0..asset.skeleton.len()).find(|j| asset.skeleton.names()[*j].eq_ignore_ascii_case("head"));
     let head = head.expect("the Knight has a head") as u32;
@@ -115,7 +115,7 @@ fn a_real_head_faces_what_it_looks_at() {
 }
 
 #[test]
-fn a_sword_lies_in_the_knights_hand_through_a_clip() {
+fn attached_sword_stays_at_the_hand_joint_of_a_sample_file() {
     let Some(asset) = load("Knight.glb") else { return };
     let named = |name: &str| asset.skeleton.find(name);
     let hand = named("handslot.r").or(named("hand.r")).expect("the Knight has a right hand") as u32;

@@ -48,7 +48,7 @@ fn hips(stage: &Stage, t: f64) -> DVec3 {
 }
 
 #[test]
-fn four_quarter_circles_are_a_circle_and_go_round_for_a_hundred_hours() {
+fn looped_quarter_circle_root_motion_walks_a_circle_for_100_hours() {
     let stage = stage(vec![Cue::new(bend())]);
     let r = 1.0 / FRAC_PI_2;
     let worst = (0..=160)
@@ -69,7 +69,7 @@ fn four_quarter_circles_are_a_circle_and_go_round_for_a_hundred_hours() {
 }
 
 #[test]
-fn a_straight_loop_is_exact_after_a_hundred_hours() {
+fn straight_root_motion_loop_is_exact_after_100_hours() {
     let stage = stage(vec![Cue::new(straight(1.25))]);
     for t in [0.25, 17.5, 360_000.5] {
         assert!((hips(&stage, t).z - 1.25 * t).abs() < 1e-6, "{t}");
@@ -77,7 +77,7 @@ fn a_straight_loop_is_exact_after_a_hundred_hours() {
 }
 
 #[test]
-fn the_first_time_round_a_clip_is_what_it_is_without_root_motion() {
+fn first_loop_with_root_motion_equals_the_plain_clip() {
     let stage = stage(vec![Cue::new(bend())]);
     let mut plain = stage.clone();
     plain.actors[0].layers[0].cues[0].root = None;
@@ -117,7 +117,7 @@ fn integrated(speed: f64, from: f64, fade: f64, until: f64) -> DVec3 {
 }
 
 #[test]
-fn in_a_fade_the_velocities_are_blended() {
+fn crossfade_blends_root_motion_velocities() {
     let (from, fade) = (1.5, 0.8);
     let second = Cue { start: secs(from), fade_in: secs(fade), ..Cue::new(bend()) };
     let stage = stage(vec![Cue::new(straight(2.5)), second]);
@@ -134,7 +134,7 @@ fn in_a_fade_the_velocities_are_blended() {
 }
 
 #[test]
-fn an_inertialized_switch_keeps_the_velocity_and_lets_it_go_to_zero() {
+fn inertialized_switch_keeps_the_velocity_and_decays_it() {
     let switch = |start: f64, duration: f64, clip| Cue {
         start: secs(start),
         inertialization: secs(duration),
@@ -165,7 +165,7 @@ fn an_inertialized_switch_keeps_the_velocity_and_lets_it_go_to_zero() {
 }
 
 #[test]
-fn the_next_starts_where_the_last_one_ended() {
+fn next_clip_with_root_motion_starts_where_the_previous_one_ended() {
     // The second clip's hips begin 3 m to the side: on stage they do not.
     let keys: [(f64, &[f32]); 2] = [(0.0, &[3.0, 0.9, 0.0]), (1.0, &[3.0, 0.9, 1.0])];
     let aside = clip("aside", 5, vec![curve(HIPS, Path::Translation, &keys)]);
@@ -176,7 +176,7 @@ fn the_next_starts_where_the_last_one_ended() {
 }
 
 #[test]
-fn played_backwards_and_back_and_forth_it_comes_home() {
+fn root_motion_follows_backward_ping_pong_and_single_playback() {
     let back = stage(vec![Cue { speed: -2.0, ..Cue::new(straight(1.5)) }]);
     // The clip starts at its end and goes backwards.
     assert!((hips(&back, 4.0).z - (1.5 - 12.0)).abs() < 1e-5, "{}", hips(&back, 4.0));
@@ -188,7 +188,7 @@ fn played_backwards_and_back_and_forth_it_comes_home() {
 }
 
 #[test]
-fn clip_time_goes_by_its_warp_to_the_tick() {
+fn clip_time_follows_the_speed_curve_and_freezes_to_the_tick() {
     let keys = |values: Vec<f64>| Channel {
         property: Property::Speed,
         interpolation: choreo_motion::Interpolation::Linear,

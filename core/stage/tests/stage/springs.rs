@@ -39,7 +39,7 @@ fn stage() -> Stage {
 }
 
 #[test]
-fn frame_4000_alone_is_frame_4000_after_playing() {
+fn springs_of_a_frame_evaluated_alone_equal_those_after_playback() {
     let stage = Arc::new(stage());
     let time = |frame: i64| choreo_motion::FrameRate { num: 30, den: 1 }.time_of(frame);
     let mut player = Evaluator::new(stage.clone());
@@ -57,7 +57,7 @@ fn frame_4000_alone_is_frame_4000_after_playing() {
 }
 
 #[test]
-fn any_rate_any_order_and_any_thread_give_the_same_bits() {
+fn springs_are_bit_identical_at_any_frame_rate_order_and_thread() {
     let stage = Arc::new(stage());
     let times: Vec<Time> = [0.0, 0.1, 1.0 / 3.0, 0.5, 1.25, 2.0, 7.3, 7.31].map(secs).to_vec();
     let alone: Vec<_> = times.iter().map(|t| stage.at(*t).unwrap().content_hash()).collect();
@@ -91,7 +91,7 @@ fn any_rate_any_order_and_any_thread_give_the_same_bits() {
 }
 
 #[test]
-fn the_start_is_settled_and_a_pre_roll_begins_earlier() {
+fn springs_start_at_rest_unless_a_pre_roll_simulates_earlier_time() {
     let mut stage = stage();
     stage.actors[0].layers.clear();
     let tip = |stage: &Stage, t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, 4);
@@ -107,7 +107,7 @@ fn the_start_is_settled_and_a_pre_roll_begins_earlier() {
 }
 
 #[test]
-fn springs_follow_springs_that_carry_them_and_goals_come_first() {
+fn springs_of_a_child_actor_follow_the_springs_of_its_parent() {
     let mut stage = stage();
     let bell = stage.cast("bell", dog());
     stage.actors[bell].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(4) })];
@@ -123,7 +123,7 @@ fn springs_follow_springs_that_carry_them_and_goals_come_first() {
 }
 
 #[test]
-fn wind_blows_and_callbacks_can_change_it() {
+fn wind_moves_springs_and_callbacks_override_it() {
     #[derive(Debug)]
     struct Gust;
     impl FrameHook for Gust {
@@ -146,7 +146,7 @@ fn wind_blows_and_callbacks_can_change_it() {
 }
 
 #[test]
-fn a_hundred_hours_cost_no_more_than_eleven_minutes_and_stretches_join() {
+fn springs_stay_exact_at_100_hours_and_continuous_between_stretches() {
     let stage = Arc::new(stage());
     let tip = |eyes: &mut Evaluator, t: f64| joint_world(&eyes.at(secs(t)).unwrap(), 0, 4);
     let mut eyes = Evaluator::new(stage.clone());
@@ -160,7 +160,7 @@ fn a_hundred_hours_cost_no_more_than_eleven_minutes_and_stretches_join() {
 }
 
 #[test]
-fn an_undamped_spring_swings_on_after_ten_minutes() {
+fn undamped_spring_keeps_its_amplitude_between_stretches() {
     let mut stage = stage();
     let mut undamped = springs();
     undamped.rig.retain(|joint| joint == 1);
@@ -184,7 +184,7 @@ fn an_undamped_spring_swings_on_after_ten_minutes() {
 }
 
 #[test]
-fn without_springs_a_seek_evaluates_a_single_pose() {
+fn seek_evaluates_one_pose_without_springs_and_reuses_checkpoints_with_springs() {
     let mut stage = stage();
     stage.actors[0].springs = None;
     let mut eyes = Evaluator::new(Arc::new(stage.clone()));
@@ -218,7 +218,7 @@ fn seen_and_unseen() -> (Stage, usize) {
 
 /// Only those in the image are simulated; one that comes into it later swings as if it had been simulated all the time.
 #[test]
-fn springs_out_of_view_are_not_simulated_and_catch_up() {
+fn culled_springs_are_not_simulated_and_catch_up_when_visible() {
     let (stage, away) = seen_and_unseen();
     let stage = Arc::new(stage);
     let mut all = Evaluator::new(stage.clone());
@@ -256,7 +256,7 @@ fn springs_out_of_view_are_not_simulated_and_catch_up() {
 
 /// A visible actor on the swinging joint of one that is not seen needs that one's springs, at all times before, too.
 #[test]
-fn springs_that_carry_what_is_seen_are_simulated() {
+fn springs_of_a_culled_parent_are_simulated_for_visible_children() {
     let (mut stage, away) = seen_and_unseen();
     let bell = stage.cast("bell", dog());
     stage.actors[bell].springs = Some(Arc::new(springs()));
@@ -289,7 +289,7 @@ fn springs_that_carry_what_is_seen_are_simulated() {
 
 /// A callback may attach what swings to what swings elsewhere; then all move together.
 #[test]
-fn springs_that_callbacks_attach_are_simulated_together() {
+fn springs_attached_by_callbacks_are_simulated_together() {
     #[derive(Debug)]
     struct Hang(usize);
     impl FrameHook for Hang {
@@ -316,7 +316,7 @@ fn springs_that_callbacks_attach_are_simulated_together() {
 }
 
 #[test]
-fn check_names_bad_springs() {
+fn check_reports_invalid_wind_and_damping_of_springs() {
     let mut stage = stage();
     let mut bad = springs();
     bad.wind = DVec3::NAN;
@@ -333,7 +333,7 @@ fn check_names_bad_springs() {
 }
 
 #[test]
-fn a_joint_that_swings_lets_go_without_a_jump() {
+fn release_from_a_spring_joint_is_continuous() {
     let mut stage = stage();
     let bell = stage.cast("bell", stick());
     let on_tail = Attachment { actor: 0, joint: Some(4) };

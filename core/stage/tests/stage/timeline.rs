@@ -32,13 +32,13 @@ fn layered(base: usize, mask: Option<Vec<f32>>, cues: Vec<Cue>) -> Stage {
 }
 
 #[test]
-fn a_speed_of_zero_stands() {
+fn clip_with_speed_zero_holds_its_first_pose() {
     let stage = playing(vec![Cue { speed: 0.0, ..cue(&figure(), ALONG_X, 1.0, 0.0) }]);
     close(hips(&stage, 9.0), v(0.0, 0.0, 0.0), 1e-6);
 }
 
 #[test]
-fn a_mask_weighs_joints_and_what_the_upper_clip_leaves_alone_stays() {
+fn layer_mask_weights_joints_and_keeps_those_without_curves() {
     let f = figure();
     let mask = vec![0.0, 1.0, 1.0, 0.5, 1.0];
     let stage = layered(ALONG_X, Some(mask), vec![cue(&f, RAISE, 0.0, 0.0)]);
@@ -54,7 +54,7 @@ fn a_mask_weighs_joints_and_what_the_upper_clip_leaves_alone_stays() {
 }
 
 #[test]
-fn a_fused_crossfade_is_the_general_fold() {
+fn fused_crossfade_equals_the_general_blend() {
     // A third layer, empty, takes the general path.
     let f = figure();
     let cues = vec![cue(&f, RAISE, 0.0, 0.0), cue(&f, NOD, 1.0, 1.0)];
@@ -70,7 +70,7 @@ fn a_fused_crossfade_is_the_general_fold() {
 }
 
 #[test]
-fn morph_weights_come_from_rest_clip_script_keys_and_hooks_in_this_order() {
+fn morph_weights_are_overridden_by_clip_script_keys_and_hooks_in_order() {
     let asset = stick();
     let mut stage = Stage::default();
     stage.cast("stick", asset.clone());
