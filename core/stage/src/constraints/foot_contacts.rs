@@ -33,7 +33,7 @@ struct ContactKey {
 }
 
 impl ContactKey {
-    fn is(&self, other: &ContactKey) -> bool {
+    fn is_same_key(&self, other: &ContactKey) -> bool {
         Arc::ptr_eq(&self.asset, &other.asset)
             && Arc::ptr_eq(&self.clip, &other.clip)
             && self.trim == other.trim
@@ -42,9 +42,9 @@ impl ContactKey {
 }
 
 impl ClipContacts {
-    fn of(&self, key: ContactKey) -> FootIntervals {
+    fn intervals_of(&self, key: ContactKey) -> FootIntervals {
         let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, found)) = known().iter().find(|(other, _)| other.is(&key)) {
+        if let Some((_, found)) = known().iter().find(|(other, _)| other.is_same_key(&key)) {
             return found.clone();
         }
         let found = Contacts::find(&key.asset.skeleton, &key.clip, key.trim, &key.feet);
@@ -72,7 +72,7 @@ impl<'a> FootContacts<'a> {
             let (asset, clip) = (actor.asset.clone(), cue.clip.clone());
             ContactKey { asset, clip, trim: cue.trim, feet: feet.clone() }
         };
-        let cues = layer.iter().map(|cue| known.of(key(cue))).collect();
+        let cues = layer.iter().map(|cue| known.intervals_of(key(cue))).collect();
         let across = |constraint: &'a Constraint| {
             let ConstraintKind::Mirror(mirroring) = &constraint.kind else { return None };
             let other = |(own, leg): (usize, &Leg)| {
@@ -86,7 +86,7 @@ impl<'a> FootContacts<'a> {
     }
 
     /// Contacts of the feet of `legs` legs between two times, as touch-down and lift-off times, with a resolution of 1/480 s.
-    pub fn stands(&self, legs: usize, from: Time, to: Time) -> Vec<Vec<(Time, Time)>> {
+    pub fn contact_spans(&self, legs: usize, from: Time, to: Time) -> Vec<Vec<(Time, Time)>> {
         let at = |i: usize| from + Time(i as i64 * STEP.0);
         let count = ((to - from).0 / STEP.0) as usize;
         let mut ratios = vec![Vec::with_capacity(count + 1); legs];
@@ -118,7 +118,7 @@ impl<'a> FootContacts<'a> {
 
     /// Seconds until a leg's foot touches down in the clip that has at least half of the weight at `time`; 0 if the foot stands.
     /// `backwards`: seconds since it lifted off instead. At most `most`.
-    pub(crate) fn lands_secs(&self, leg: usize, time: Time, backwards: bool, most: f64) -> f64 {
+    pub(crate) fn secs_until_landing(&self, leg: usize, time: Time, backwards: bool, most: f64) -> f64 {
         let leg = self.leg_in_clips(leg, time);
         let playing = self.actor.active_clips(time);
         let Some(cue) = playing.iter().rev().find(|c| c.layer == 0 && c.weight >= 0.5).map(|c| c.cue) else {
@@ -128,7 +128,7 @@ impl<'a> FootContacts<'a> {
         let samples = (most / STEP.as_secs()) as i64;
         let down = |i: &i64| {
             let clip_time = self.actor.layers[0].cues[cue].clip_time(time + Time(step.0 * i), false);
-            self.is_down(cue, leg, clip_time)
+            self.is_foot_down(cue, leg, clip_time)
         };
         (0..samples).find(down).map_or(most, |i| i as f64 * STEP.as_secs())
     }
@@ -148,13 +148,13 @@ impl<'a> FootContacts<'a> {
         let mut share = 0.0;
         for active in active_cues {
             let weight = f64::from(active.weight);
-            let down = self.is_down(active.cue, leg, active.clip_time);
+            let down = self.is_foot_down(active.cue, leg, active.clip_time);
             share += (f64::from(u8::from(down)) - share) * weight;
         }
         if share >= 0.5 { 0.0 } else { 2.0 }
     }
 
-    fn is_down(&self, cue: usize, leg: usize, at: Time) -> bool {
+    fn is_foot_down(&self, cue: usize, leg: usize, at: Time) -> bool {
         let Some(trim) = self.actor.layers.first().and_then(|l| l.cues.get(cue)).map(|c| c.trim) else {
             return false;
         };

@@ -2,8 +2,8 @@
 
 use crate::actors::{Scratch, evaluate_actors};
 use crate::constraints::foot_lock_cache::STEP;
-use crate::constraints::footsteps::LEG;
-use crate::constraints::solve::world_place;
+use crate::constraints::footsteps::REFERENCE_LEG;
+use crate::constraints::solve::joint_world_position;
 use crate::snapshot::Snapshot;
 use crate::stage::constraint::FootLock;
 use crate::stage::{Stage, StageError};
@@ -63,7 +63,7 @@ impl FeetInMotion<'_> {
             let state = &snapshot.actors[self.actor];
             let place = |joint: u32| {
                 let place = state.model_from_joint.get(joint as usize);
-                let place = place.map(|m| world_place(&state.world_from_model, m));
+                let place = place.map(|m| joint_world_position(&state.world_from_model, m));
                 place.filter(|p| p.is_finite()).unwrap_or(DVec3::ZERO)
             };
             samples.transforms.push(state.world_from_model);
@@ -93,12 +93,13 @@ impl FeetInMotion<'_> {
 pub(super) fn leg_length(stage: &Stage, actor: usize, foot_lock: &FootLock) -> f64 {
     let a = &stage.actors[actor];
     let rest = a.asset.rest_model_from_joint();
-    let Some(leg) = foot_lock.legs.first() else { return LEG };
-    let place =
-        |joint: u32| rest.get(joint as usize).map_or(DVec3::ZERO, |m| world_place(&DAffine3::IDENTITY, m));
+    let Some(leg) = foot_lock.legs.first() else { return REFERENCE_LEG };
+    let place = |joint: u32| {
+        rest.get(joint as usize).map_or(DVec3::ZERO, |m| joint_world_position(&DAffine3::IDENTITY, m))
+    };
     let (hip, knee, foot) = (place(leg.hip), place(leg.knee), place(leg.foot));
     let length = ((knee - hip).length() + (foot - knee).length()) * a.transform.scale.y.abs();
-    if length.is_finite() && length > 1e-9 { length } else { LEG }
+    if length.is_finite() && length > 1e-9 { length } else { REFERENCE_LEG }
 }
 
 impl FootSamples {

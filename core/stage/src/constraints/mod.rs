@@ -60,5 +60,12 @@ pub(crate) fn evaluate_actors(
         Ok((scratch.actors, snapshot))
     })?;
     actors::evaluate_actors(stage, &mut scratch.actors, time, bounds, out)?;
-    solve::run(stage, foot_locks, time, &mut scratch.solve, &mut scratch.actors, &mut out.actors)
+    solve::solve_all_constraints(
+        stage,
+        foot_locks,
+        time,
+        &mut scratch.solve,
+        &mut scratch.actors,
+        &mut out.actors,
+    )
 }

@@ -42,7 +42,7 @@ pub(crate) struct ConstraintScratch {
 }
 
 /// Solves all constraints of all actors. After a round that moves joints which carry other actors, all actors are placed again.
-pub(crate) fn run(
+pub(crate) fn solve_all_constraints(
     stage: &Stage,
     foot_locks: &FootLocks,
     time: Time,
@@ -50,15 +50,15 @@ pub(crate) fn run(
     placing: &mut actors::Scratch,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
-    order::rounds(stage, time, &placing.parents, &mut scratch.order);
+    order::sort_into_rounds(stage, time, &placing.parents, &mut scratch.order);
     if scratch.order.actors.is_empty() {
         return Ok(());
     }
     let motions = placing.motions.clone().unwrap_or_else(|| Arc::new(Motions::new(stage)));
-    let mut begun = 0;
+    let mut round_start = 0;
     for round in 0..scratch.order.ends.len() {
-        let (end, circular) = (scratch.order.ends[round], scratch.order.circular[round]);
-        find_targets(stage, time, scratch, begun..end, actors);
+        let (round_end, circular) = (scratch.order.ends[round], scratch.order.circular[round]);
+        find_targets(stage, time, scratch, round_start..round_end, actors);
         let solver = |index| ActorSolver { stage, foot_locks, motions: &motions, time, index, circular };
         // Actors that are not posed are skipped.
         let is_posed = |actors: &[ActorState], index: usize| {
@@ -66,7 +66,7 @@ pub(crate) fn run(
         };
         if circular {
             scratch.poses.clear();
-            for at in begun..end {
+            for at in round_start..round_end {
                 let index = scratch.order.actors[at];
                 scratch.poses.extend_from_slice(&actors[index].model_from_joint);
                 if is_posed(actors, index) {
@@ -76,7 +76,7 @@ pub(crate) fn run(
             placing.place(stage, actors);
             update_look_targets(stage, scratch, actors);
             let mut from = 0;
-            for at in begun..end {
+            for at in round_start..round_end {
                 let pose = &mut actors[scratch.order.actors[at]].model_from_joint;
                 let end = from + pose.len();
                 pose.copy_from_slice(&scratch.poses[from..end]);
@@ -85,7 +85,7 @@ pub(crate) fn run(
             placing.place(stage, actors);
         }
         let mut carried = false;
-        for at in begun..end {
+        for at in round_start..round_end {
             let index = scratch.order.actors[at];
             if is_posed(actors, index) {
                 solver(index).solve(scratch, placing, actors)?;
@@ -95,7 +95,7 @@ pub(crate) fn run(
         if carried {
             placing.place(stage, actors);
         }
-        begun = end;
+        round_start = round_end;
     }
     Ok(())
 }
@@ -126,7 +126,7 @@ fn find_targets(
     for &index in &scratch.order.actors[round] {
         for (number, constraint) in stage.actors[index].constraints.iter().enumerate() {
             if constraint.share(time) > 0.0
-                && let Some((target, pole)) = places(stage, actors, constraint)
+                && let Some((target, pole)) = current_target_and_pole(stage, actors, constraint)
             {
                 scratch.targets.push((index, number, target, pole));
             }
@@ -136,7 +136,7 @@ fn find_targets(
 }
 
 /// World positions of the target and the pole of a constraint.
-pub(crate) fn places(
+pub(crate) fn current_target_and_pole(
     stage: &Stage,
     actors: &[ActorState],
     constraint: &Constraint,
@@ -248,14 +248,16 @@ impl ActorSolver<'_> {
             }
             let face = (!trial).then(|| &mut placing.expression_weights[self.index]);
             match step.kind {
-                StepKind::Constraint(number) => self.constrain(number, timing, scratch, face, actors)?,
+                StepKind::Constraint(number) => {
+                    self.apply_constraint(number, timing, scratch, face, actors)?
+                }
                 StepKind::Look(number) => self.apply_look_at(number, timing, scratch, face, actors),
             }
         }
         Ok(())
     }
 
-    fn constrain(
+    fn apply_constraint(
         &self,
         number: usize,
         timing: TargetTiming,
@@ -278,17 +280,17 @@ impl ActorSolver<'_> {
                 below: &mut scratch.below,
             };
             let spaces = [&world_from_model, &model_from_world];
-            foot_lock::apply(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
+            foot_lock::apply_foot_lock(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
             return Ok(());
         }
-        let found = target_and_pole(stage, scratch, (index, number), constraint, timing, actors);
+        let found = target_and_pole_for_step(stage, scratch, (index, number), constraint, timing, actors);
         let Some((target, pole)) = found else { return Ok(()) };
         let target = model_from_world.transform_point3(target);
         let pole = pole.map(|p| model_from_world.transform_point3(p));
         let state = &mut actors[index];
         solve_constraint(actor, &constraint.kind, share, (target, pole), &stage.solvers, scratch, state);
         if let (ConstraintKind::Aim(aim), Some(face)) = (&constraint.kind, face) {
-            let gaze = Gaze { actor, joint: last(&aim.joints) as u32, target, share, time };
+            let gaze = Gaze { actor, joint: last_joint_index(&aim.joints) as u32, target, share, time };
             turn_eyes(&gaze, index, scratch, state, face);
         }
         Ok(())
@@ -308,7 +310,7 @@ impl ActorSolver<'_> {
             aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
         }
         let state = &mut actors[index];
-        look_at::turn(stage, &aim, state, &mut scratch.below);
+        look_at::turn_joint_to_target(stage, &aim, state, &mut scratch.below);
         if let Some(face) = face {
             let target = state.world_from_model.inverse().transform_point3(aim.world_target);
             let actor = &stage.actors[index];
@@ -327,7 +329,7 @@ impl ActorSolver<'_> {
                     let constraint = &self.stage.actors[self.index].constraints[number];
                     let of = |t: &&mut (usize, usize, DVec3, _)| (t.0, t.1) == (self.index, number);
                     if let Some(found) = targets.iter_mut().find(of)
-                        && let Some((target, pole)) = places(self.stage, actors, constraint)
+                        && let Some((target, pole)) = current_target_and_pole(self.stage, actors, constraint)
                     {
                         (found.2, found.3) = (target, pole);
                     }
@@ -343,7 +345,7 @@ impl ActorSolver<'_> {
 }
 
 /// World positions of the target and the pole of a constraint. `of`: index of the actor, and index of its constraint.
-fn target_and_pole(
+fn target_and_pole_for_step(
     stage: &Stage,
     scratch: &ConstraintScratch,
     of: (usize, usize),
@@ -356,7 +358,7 @@ fn target_and_pole(
     if timing == TargetTiming::AfterPreviousSteps
         || (timing == TargetTiming::Before && constraint.targets().all(own))
     {
-        return places(stage, actors, constraint);
+        return current_target_and_pole(stage, actors, constraint);
     }
     let found = scratch.targets.iter().find(|(actor, number, ..)| (*actor, *number) == of);
     found.map(|(_, _, target, pole)| (*target, *pole))
@@ -380,7 +382,8 @@ fn solve_constraint(
     };
     match kind {
         ConstraintKind::Aim(aim) => {
-            let forward = look_at::forward_in_joint(&rest[last(&aim.joints)], actor.asset.front());
+            let forward =
+                look_at::forward_in_joint(&rest[last_joint_index(&aim.joints)], actor.asset.front());
             solve_aim(aim, share, target, forward, &mut scratch.aim, &mut scratch.turns, &mut posed);
         }
         ConstraintKind::Reach(reach) => {
@@ -412,7 +415,7 @@ fn turn_eyes(
     gaze.turn_eyes(aimed, state, &mut scratch.below, expression_weights);
 }
 
-fn last(joints: &[u32]) -> usize {
+fn last_joint_index(joints: &[u32]) -> usize {
     joints.last().map_or(0, |j| *j as usize)
 }
 
@@ -432,7 +435,7 @@ fn solve_aim(
     );
     turns.clear();
     turns.resize(joints.len(), DQuat::IDENTITY);
-    let head = &posed.model_from_joint[last(&aim.joints)];
+    let head = &posed.model_from_joint[last_joint_index(&aim.joints)];
     let forward = glam::Vec3::from(head.matrix3 * forward_in_joint).as_dvec3();
     Aim { joints, forward, target, limit: aim.limit, weight: share }.run(turns);
     let mut before = DQuat::IDENTITY;
@@ -564,6 +567,6 @@ pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, posed: &mut PosedS
 }
 
 /// World position of a joint.
-pub(crate) fn world_place(world_from_model: &DAffine3, joint: &glam::Affine3A) -> DVec3 {
+pub(crate) fn joint_world_position(world_from_model: &DAffine3, joint: &glam::Affine3A) -> DVec3 {
     world_from_model.transform_point3(widen(joint).translation)
 }

@@ -1,6 +1,6 @@
 //! Findings about hands that never reach their targets.
 
-use crate::constraints::solve::{places, world_place};
+use crate::constraints::solve::{current_target_and_pole, joint_world_position};
 use crate::snapshot::Snapshot;
 use crate::stage::Stage;
 use crate::stage::actor::Actor;
@@ -90,9 +90,9 @@ fn target_distance(
     {
         return None;
     }
-    let (target, _) = places(stage, &snapshot.actors, constraint)?;
+    let (target, _) = current_target_and_pole(stage, &snapshot.actors, constraint)?;
     let joints = &state.model_from_joint;
-    let end = world_place(&state.world_from_model, joints.get(*reach.joints.last()? as usize)?);
+    let end = joint_world_position(&state.world_from_model, joints.get(*reach.joints.last()? as usize)?);
     let metres = (end - target).length();
     let near = NEAR_SHARE * length(reach, joints, &state.world_from_model) + NEAR_METRES;
     metres.is_finite().then_some(NearestDistance { metres, time, reached: metres <= near })
@@ -100,7 +100,8 @@ fn target_distance(
 
 /// Length of a limb along its joints, metres.
 fn length(reach: &ReachConstraint, joints: &[glam::Affine3A], world_from_model: &DAffine3) -> f64 {
-    let place = |joint: &u32| joints.get(*joint as usize).map(|joint| world_place(world_from_model, joint));
+    let place =
+        |joint: &u32| joints.get(*joint as usize).map(|joint| joint_world_position(world_from_model, joint));
     let bone = |pair: &[u32]| Some((place(&pair[1])? - place(&pair[0])?).length());
     reach.joints.windows(2).filter_map(bone).sum()
 }
