@@ -185,7 +185,7 @@ fn evaluate(
     find_kept_transforms(stage, cache, constrained, time)?;
     constraints::evaluate_actors(stage, constrained, time, foot_locks, bounds, out)?;
     let scratch = &mut constrained.actors;
-    springs::run(stage, foot_locks, springs, simulation, time, scratch, &mut out.actors)?;
+    springs::simulate_springs(stage, foot_locks, springs, simulation, time, scratch, &mut out.actors)?;
     out.time = time;
     out.background = stage.settings.background;
     let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
@@ -219,7 +219,15 @@ fn find_kept_transforms(
         let (mut scratch, mut snapshot) = (ConstrainedScratch::of(actors), Snapshot::default());
         constraints::evaluate_actors(stage, &mut scratch, time, foot_locks, None, &mut snapshot)?;
         let (actors, mut simulation) = (&mut scratch.actors, Simulation::default());
-        springs::run(stage, foot_locks, springs, &mut simulation, time, actors, &mut snapshot.actors)?;
+        springs::simulate_springs(
+            stage,
+            foot_locks,
+            springs,
+            &mut simulation,
+            time,
+            actors,
+            &mut snapshot.actors,
+        )?;
         Ok((scratch.actors, snapshot))
     })
 }

@@ -6,8 +6,8 @@
 use crate::camera::orbit_rotation;
 use crate::constraints::foot_lock_cache::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
-use crate::pose::posed_mesh::posed_body;
 use crate::pose::posed_mesh::posed_meshes;
+use crate::pose::posed_mesh::posed_meshes_in_model_space;
 use crate::snapshot::{ActorState, CameraState, Snapshot};
 use crate::stage::camera::Rig;
 use crate::stage::{Stage, StageError};
@@ -170,7 +170,7 @@ fn add_vertices(
         return;
     }
     let mut one = Aabb::EMPTY;
-    let own = posed_body(asset, state).into_iter().filter(|p| p.instance == instance);
+    let own = posed_meshes_in_model_space(asset, state).into_iter().filter(|p| p.instance == instance);
     own.for_each(|posed| add(posed, &mut |p| one.add(p.as_vec3())));
     bounds.add_box(axes_from_model, &asset.spread(&one));
 }

@@ -14,7 +14,7 @@ impl Stage {
     /// Evaluates the stage at some times without poses: actors have a transform and a visibility, and no joint matrices. Actors attached to
     /// joints are placed as if these were at rest, and a framing camera frames rest poses.
     pub fn placed_at(&self, times: &[Time]) -> Result<Vec<Snapshot>, StageError> {
-        let mut scratch = Scratch::only(Vec::new());
+        let mut scratch = Scratch::for_actors(Vec::new());
         times.iter().map(|time| placed(self, &mut scratch, *time)).collect()
     }
 }

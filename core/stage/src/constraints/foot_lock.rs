@@ -460,7 +460,7 @@ pub(super) fn apply_foot_lock(
         .enumerate()
         .map(|(i, leg)| track.correction(i, time, places(body, leg)) * share)
         .collect();
-    let feet: Vec<DVec3> = foot_lock.legs.iter().map(|leg| body.place(leg.foot)).collect();
+    let feet: Vec<DVec3> = foot_lock.legs.iter().map(|leg| body.position(leg.foot)).collect();
     if let (Some(hips), true) = (foot_lock.hips, !foot_lock.ground.is_empty()) {
         // The hips move as far as the lower foot needs.
         let drop = corrections.iter().map(|c| c.y).fold(f64::INFINITY, f64::min);
@@ -484,7 +484,7 @@ pub(super) fn apply_foot_lock(
 fn shift_hips_and_feet(hips: u32, legs: &[Leg], by: DVec3, body: &mut PosedSkeleton) {
     body.shift(hips, by);
     for leg in legs {
-        if !body.hangs_on(leg.foot, hips) {
+        if !body.is_below(leg.foot, hips) {
             body.shift(leg.foot, by);
         }
     }
@@ -493,12 +493,12 @@ fn shift_hips_and_feet(hips: u32, legs: &[Leg], by: DVec3, body: &mut PosedSkele
 /// Ankle position in model space, and rotation to apply to the foot. If the leg reaches `target`, the ankle is there and the foot is not
 /// rotated; else the heel rises about the ball, as before lift-off. (Tried lowering the hips instead: the head jerks.)
 fn ankle_with_raised_heel(leg: &Leg, target: DVec3, body: &PosedSkeleton) -> (DVec3, DQuat) {
-    let [hip, knee, foot] = [leg.hip, leg.knee, leg.foot].map(|j| body.place(j));
+    let [hip, knee, foot] = [leg.hip, leg.knee, leg.foot].map(|j| body.position(j));
     let reach = ((knee - hip).length() + (foot - knee).length()) * 0.9999;
     let Some(toe) = leg.toe.filter(|_| (target - hip).length() > reach) else {
         return (target, DQuat::IDENTITY);
     };
-    let sole = body.place(toe) - foot;
+    let sole = body.position(toe) - foot;
     let ball = target + sole;
     let way = ball - hip;
     let (far, long) = (way.length(), sole.length());

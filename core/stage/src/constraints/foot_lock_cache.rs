@@ -147,9 +147,12 @@ fn with_sampled_feet<T>(
     // Each sample places all actors of a stage, so a stage with one actor is faster.
     let alone = single_actor_stage(context.stage, context.actor);
     let (stage, actor) = alone.as_ref().map_or((context.stage, context.actor), |alone| (alone, 0));
-    let motions =
-        if alone.is_some() { Arc::new(context.motions.only(context.actor)) } else { context.motions.clone() };
-    let mut scratch = Scratch::only(vec![actor]);
+    let motions = if alone.is_some() {
+        Arc::new(context.motions.for_actor(context.actor))
+    } else {
+        context.motions.clone()
+    };
+    let mut scratch = Scratch::for_actors(vec![actor]);
     scratch.motions = Some(motions);
     run(&mut FeetInMotion { stage, actor, foot_lock: context.foot_lock, scratch })
 }
@@ -309,7 +312,7 @@ impl Planner<'_> {
                     if is_locked_contact(self.foot_lock, *span) { long.split(*span) } else { vec![*span] };
                 let first = plan.contacts_by_leg[index].len();
                 for span in parts {
-                    let ends = [feet.place(index, span.0)?, feet.place(index, span.1)?];
+                    let ends = [feet.foot_position(index, span.0)?, feet.foot_position(index, span.1)?];
                     let span = ContactSpan { span, ends, highest };
                     plan.contacts_by_leg[index].push(self.contact_on_ground(index, &span, &mut plan.raised));
                 }
@@ -342,7 +345,7 @@ impl Planner<'_> {
             {
                 let (to, from) = (before.to - cut(&before), after.from + cut(&after));
                 let (last_offset, first_offset) =
-                    (left - feet.place(index, to)?, reached - feet.place(index, from)?);
+                    (left - feet.foot_position(index, to)?, reached - feet.foot_position(index, from)?);
                 contacts_by_leg[index][i - 1] =
                     Contact { to, last_offset, roll_span: (before.roll_span.0, to), ..before };
                 contacts_by_leg[index][i] =

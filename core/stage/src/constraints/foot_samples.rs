@@ -84,7 +84,7 @@ impl FeetInMotion<'_> {
     }
 
     /// World position of a foot at a time.
-    pub fn place(&mut self, leg: usize, time: Time) -> Result<DVec3, StageError> {
+    pub fn foot_position(&mut self, leg: usize, time: Time) -> Result<DVec3, StageError> {
         Ok(self.sample(time, time)?.feet[leg][0])
     }
 }
@@ -124,7 +124,7 @@ impl FootSamples {
     }
 
     /// World position of a foot at a time, interpolated linearly between two samples.
-    pub fn place(&self, leg: usize, time: Time) -> DVec3 {
+    pub fn foot_position(&self, leg: usize, time: Time) -> DVec3 {
         let (low, share) = self.index_at(time);
         let places = &self.feet[leg];
         places[low].lerp(places[(low + 1).min(places.len() - 1)], share)

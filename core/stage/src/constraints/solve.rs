@@ -431,7 +431,7 @@ fn solve_aim(
     joints.clear();
     let shares = aim.shares.iter().copied().chain(std::iter::repeat(1.0));
     joints.extend(
-        aim.joints.iter().zip(shares).map(|(j, share)| AimJoint { position: posed.place(*j), share }),
+        aim.joints.iter().zip(shares).map(|(j, share)| AimJoint { position: posed.position(*j), share }),
     );
     turns.clear();
     turns.resize(joints.len(), DQuat::IDENTITY);
@@ -460,15 +460,15 @@ fn solve_reach(
     let Some((&end, bones)) = reach.joints.split_last() else { return };
     let before = posed.rotation(end);
     // A partial share moves the hand only part of the way.
-    let target = posed.place(end).lerp(target, share);
+    let target = posed.position(end).lerp(target, share);
     let limited = bones.iter().any(|j| limits.iter().any(|(joint, _)| joint == j));
     if let ([start, middle], false) = (bones, limited) {
         let limb = TwoBone {
-            start: posed.place(*start),
-            middle: posed.place(*middle),
-            end: posed.place(end),
+            start: posed.position(*start),
+            middle: posed.position(*middle),
+            end: posed.position(end),
             target,
-            pole: pole.map(|p| posed.place(*middle).lerp(p, share)),
+            pole: pole.map(|p| posed.position(*middle).lerp(p, share)),
             hint: reach.hint,
             soft: reach.soft * share,
         };
@@ -501,7 +501,7 @@ fn solve_chain(
     let parent_of = |joint: u32| parents[joint as usize];
     let turned = |joint: Option<u32>| joint.map_or(DQuat::IDENTITY, |j| posed.rotation(j));
     let rested = |joint: Option<u32>| joint.map_or(DQuat::IDENTITY, |j| rotation_of(&rest[j as usize]));
-    chain.origin = posed.place(first);
+    chain.origin = posed.position(first);
     chain.parent = turned(parent_of(first));
     chain.bones.clear();
     let mut above = parent_of(first);
@@ -510,7 +510,7 @@ fn solve_chain(
         chain.bones.push(ChainBone {
             rotation: (turned(above).inverse() * rotation).normalize(),
             rest: (rested(above).inverse() * rotation_of(&rest[*bone as usize])).normalize(),
-            offset: rotation.inverse() * (posed.place(*next) - posed.place(*bone)),
+            offset: rotation.inverse() * (posed.position(*next) - posed.position(*bone)),
             limit: limits.iter().find(|(j, _)| j == bone).map_or(Limit::Free, |(_, limit)| *limit),
         });
         above = Some(*bone);
@@ -552,13 +552,13 @@ fn clamp_to_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch,
 /// Bends a leg with two-bone IK so that its foot comes to `target` and keeps its rotation; model space.
 pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, posed: &mut PosedSkeleton) {
     let rotation = posed.rotation(leg.foot);
-    let [start, middle, end] = [leg.hip, leg.knee, leg.foot].map(|j| posed.place(j));
+    let [start, middle, end] = [leg.hip, leg.knee, leg.foot].map(|j| posed.position(j));
     // No softness: the foot must stay in place as long as the leg reaches.
     let limb = TwoBone { start, middle, end, target, pole: None, hint, soft: 0.0 };
     if let Some(turned) = limb.solve() {
         posed.turn(leg.hip, turned.start);
         posed.turn(leg.knee, turned.middle * turned.start.inverse());
-        if !posed.hangs_on(leg.foot, leg.knee) {
+        if !posed.is_below(leg.foot, leg.knee) {
             posed.shift(leg.foot, turned.new_end - end);
         }
         let back = rotation * posed.rotation(leg.foot).inverse();

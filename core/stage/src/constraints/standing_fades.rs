@@ -155,7 +155,7 @@ impl FadeSteps<'_> {
         contact_on_ground: &mut GroundContactFn,
     ) -> Result<FootSides, StageError> {
         let [walking_at, standing_at] = self.walking_and_standing_times();
-        let mut place = |time: Time| feet.place(leg, time);
+        let mut place = |time: Time| feet.foot_position(leg, time);
         let edge = Time(3 * STEP.0);
         let over = |time: Time| contacts.iter().find(|c| c.from - edge <= time && time <= c.to + edge);
         // The part of a contact outside the fade.
@@ -269,7 +269,10 @@ impl FadeSteps<'_> {
                 (last.to, last.position, last.last_offset),
             ];
             let known = known.iter().find(|(of, ..)| *of == time);
-            known.map_or_else(|| self.samples.place(leg, time), |(_, at, off)| at.unwrap_or_default() - *off)
+            known.map_or_else(
+                || self.samples.foot_position(leg, time),
+                |(_, at, off)| at.unwrap_or_default() - *off,
+            )
         };
         let stand = |(from, to, at)| {
             let (first_offset, last_offset) = (at - in_clip(from), at - in_clip(to));

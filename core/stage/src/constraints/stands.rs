@@ -177,7 +177,9 @@ impl HeldFoot<'_> {
         let count = contacts[first..].iter().take_while(|c| overlaps(c)).count();
         let (before, after) = (contacts[first], contacts[first + count - 1]);
         let is_there = |c: &Contact| c.position.is_some_and(|at| (at - self.position).length() < 1e-6);
-        let off = |at: Option<DVec3>, time: Time| at.unwrap_or_default() - self.samples.place(self.leg, time);
+        let off = |at: Option<DVec3>, time: Time| {
+            at.unwrap_or_default() - self.samples.foot_position(self.leg, time)
+        };
         let mut kept = Vec::new();
         if stand.from < self.span.0 {
             from = self.span.0;

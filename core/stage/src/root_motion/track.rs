@@ -19,8 +19,8 @@ use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
 /// Integration steps per second of a fade. The error is 1e-5 m in a fade from a walk to a run with a turn.
-const RATE: f64 = 240.0;
-const MOST_STEPS: f64 = 65_536.0;
+const STEPS_PER_SECOND: f64 = 240.0;
+const MAX_STEPS: f64 = 65_536.0;
 /// Time interval over which a velocity is measured.
 const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 240);
 
@@ -33,12 +33,12 @@ pub struct Displacement {
 }
 
 impl Displacement {
-    fn then(self, next: Displacement) -> Displacement {
+    fn followed_by(self, next: Displacement) -> Displacement {
         Displacement { frame: self.frame.compose(next.frame), forward: self.forward + next.forward }
     }
 
     /// Displacement from this one to another.
-    fn to(self, there: Displacement) -> Displacement {
+    fn displacement_to(self, there: Displacement) -> Displacement {
         Displacement {
             frame: self.frame.inverse().compose(there.frame),
             forward: there.forward - self.forward,
@@ -56,7 +56,7 @@ impl RootMotionTracks {
     }
 
     /// The track of one actor alone.
-    pub fn only(&self, actor: usize) -> RootMotionTracks {
+    pub fn for_actor(&self, actor: usize) -> RootMotionTracks {
         RootMotionTracks(vec![self.0.get(actor).cloned().flatten()])
     }
 
@@ -93,7 +93,7 @@ impl TransitionVelocity {
     }
 
     /// Integral of the remaining share of the velocity between two times, seconds.
-    fn secs(&self, from: Time, to: Time) -> f64 {
+    fn remaining_share_secs(&self, from: Time, to: Time) -> f64 {
         let whole = self.duration.as_secs();
         let until = |time: Time| {
             let s = ((time - self.start).as_secs() / whole).clamp(0.0, 1.0);
@@ -120,7 +120,7 @@ struct Segment {
 
 #[derive(Clone, Debug)]
 enum SegmentKind {
-    Alone(usize),
+    SingleCue(usize),
     /// Several clips with constant weights.
     Mixed,
     /// Steps from the segment's start, evenly spaced up to `end`.
@@ -135,25 +135,28 @@ impl RootMotionTrack {
         let layer = actor.layers.first()?;
         let first = layer.cues.iter().find_map(|cue| cue.root.as_deref().map(|root| (cue, root)))?;
         let anchor = anchor(first.0, first.1);
-        let mut marks: Vec<Time> = Vec::new();
+        let mut boundaries: Vec<Time> = Vec::new();
         for cue in &layer.cues {
-            marks.extend([cue.start, cue.start + cue.fade_in, cue.start + cue.inertialization]);
+            boundaries.extend([cue.start, cue.start + cue.fade_in, cue.start + cue.inertialization]);
             let keys = cue.weight_keys.as_ref().map_or(&[][..], |keys| &keys.times);
-            marks.extend(keys.first().into_iter().chain(keys.last()).filter(|t| **t > cue.start));
+            boundaries.extend(keys.first().into_iter().chain(keys.last()).filter(|t| **t > cue.start));
         }
-        marks.sort_unstable();
-        marks.dedup();
+        boundaries.sort_unstable();
+        boundaries.dedup();
         let start = Planar { translation: anchor, yaw: 0.0 };
         let transitions = vec![None; layer.cues.len()];
         let mut track = RootMotionTrack { anchor, segments: Vec::new(), transitions };
         let mut at = Displacement { frame: start, forward: 0.0 };
         let mut active_cues = Vec::new();
-        for (i, mark) in marks.iter().enumerate() {
-            let end = marks.get(i + 1).copied();
-            track.add_transitions(layer, *mark, &mut active_cues);
+        for (i, boundary) in boundaries.iter().enumerate() {
+            let end = boundaries.get(i + 1).copied();
+            track.add_transitions(layer, *boundary, &mut active_cues);
             let layer_motion = RootMotionLayer { layer, transitions: &track.transitions };
-            let segment =
-                Segment { start: *mark, at, kind: kind(layer_motion, *mark, end, &mut active_cues) };
+            let segment = Segment {
+                start: *boundary,
+                at,
+                kind: segment_kind(layer_motion, *boundary, end, &mut active_cues),
+            };
             if let Some(end) = end {
                 at = segment.at(layer_motion, end, &mut active_cues);
             }
@@ -170,7 +173,11 @@ impl RootMotionTrack {
             }
             let layer_motion = RootMotionLayer { layer, transitions: &self.transitions };
             let before = mean_step(layer_motion, start - INSTANT, start, active_cues);
-            let after = displacement(layer, index, start).to(displacement(layer, index, start + INSTANT));
+            let after = displacement(layer, index, start).displacement_to(displacement(
+                layer,
+                index,
+                start + INSTANT,
+            ));
             let [(velocity, turn), (own_velocity, own_turn)] =
                 [before, after].map(|step| step.frame.velocity());
             let per_second = 1.0 / INSTANT.as_secs();
@@ -184,9 +191,14 @@ impl RootMotionTrack {
     }
 
     /// Accumulated displacement of the actor at a time.
-    fn step(&self, layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
-        let begun = self.segments.partition_point(|segment| segment.start <= time);
-        match begun.checked_sub(1).map(|i| &self.segments[i]) {
+    fn accumulated_displacement(
+        &self,
+        layer: &Layer,
+        time: Time,
+        active_cues: &mut Vec<ActiveCue>,
+    ) -> Displacement {
+        let started_segments = self.segments.partition_point(|segment| segment.start <= time);
+        match started_segments.checked_sub(1).map(|i| &self.segments[i]) {
             Some(segment) => {
                 segment.at(RootMotionLayer { layer, transitions: &self.transitions }, time, active_cues)
             }
@@ -202,7 +214,7 @@ impl RootMotionTrack {
         active_cues: &mut Vec<ActiveCue>,
     ) -> Displacement {
         let Some(layer) = actor.layers.first() else { return Displacement::default() };
-        let Displacement { frame, forward } = self.step(layer, time, active_cues);
+        let Displacement { frame, forward } = self.accumulated_displacement(layer, time, active_cues);
         let back = Planar { translation: -self.anchor, yaw: 0.0 };
         Displacement { frame: frame.compose(back), forward }
     }
@@ -235,7 +247,7 @@ fn anchor(cue: &Cue, root: &CueRootMotion) -> DVec3 {
     }
 }
 
-fn kind(
+fn segment_kind(
     layer_motion: RootMotionLayer,
     start: Time,
     end: Option<Time>,
@@ -247,30 +259,32 @@ fn kind(
         timeline::base_cues(layer, start + Time(span.0 / 8 * share), active_cues);
         active_cues.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
     };
-    let looks: Vec<Vec<(usize, f32)>> = [1, 3, 4, 6, 7].map(|share| within(share, active_cues)).into();
-    let settles = |(cue, _): &(usize, f32)| transitions[*cue].is_some_and(|of| start < of.end());
-    let same = looks.windows(2).all(|pair| pair[0] == pair[1]) && !looks[0].iter().any(settles);
-    match (&looks[0][..], end) {
-        ([(cue, _)], _) if same => SegmentKind::Alone(*cue),
-        (_, Some(end)) if !same => fading(layer_motion, start, end, active_cues),
+    let sampled_weights: Vec<Vec<(usize, f32)>> =
+        [1, 3, 4, 6, 7].map(|share| within(share, active_cues)).into();
+    let is_in_transition = |(cue, _): &(usize, f32)| transitions[*cue].is_some_and(|of| start < of.end());
+    let is_constant = sampled_weights.windows(2).all(|pair| pair[0] == pair[1])
+        && !sampled_weights[0].iter().any(is_in_transition);
+    match (&sampled_weights[0][..], end) {
+        ([(cue, _)], _) if is_constant => SegmentKind::SingleCue(*cue),
+        (_, Some(end)) if !is_constant => fading_segment(layer_motion, start, end, active_cues),
         _ => SegmentKind::Mixed,
     }
 }
 
-fn fading(
+fn fading_segment(
     layer_motion: RootMotionLayer,
     start: Time,
     end: Time,
     active_cues: &mut Vec<ActiveCue>,
 ) -> SegmentKind {
-    let count = libm::ceil((end - start).as_secs() * RATE).clamp(1.0, MOST_STEPS) as i64;
+    let count = libm::ceil((end - start).as_secs() * STEPS_PER_SECOND).clamp(1.0, MAX_STEPS) as i64;
     let mut steps = vec![Displacement::default()];
     let mut at = Displacement::default();
     for i in 0..count {
-        at = at.then(mean_step(
+        at = at.followed_by(mean_step(
             layer_motion,
-            knot(start, end, count, i),
-            knot(start, end, count, i + 1),
+            step_time(start, end, count, i),
+            step_time(start, end, count, i + 1),
             active_cues,
         ));
         steps.push(at);
@@ -278,7 +292,7 @@ fn fading(
     SegmentKind::Fading { end, steps }
 }
 
-fn knot(start: Time, end: Time, count: i64, i: i64) -> Time {
+fn step_time(start: Time, end: Time, count: i64, i: i64) -> Time {
     start + Time((i128::from((end - start).0) * i128::from(i) / i128::from(count)) as i64)
 }
 
@@ -295,13 +309,13 @@ fn mean_step(
     let (mut velocity, mut turn, mut forward) = (DVec3::ZERO, 0.0, 0.0);
     for active in active_cues.iter() {
         let share = f64::from(active.weight);
-        let step = displacement(layer, active.cue, from).to(displacement(layer, active.cue, to));
+        let step = displacement(layer, active.cue, from).displacement_to(displacement(layer, active.cue, to));
         let (v, yaw) = step.frame.velocity();
         velocity += v * share;
         turn += yaw * share;
         forward += step.forward * share;
         if let Some(transition) = &transitions[active.cue] {
-            let secs = transition.secs(from, to) * share;
+            let secs = transition.remaining_share_secs(from, to) * share;
             velocity += transition.velocity.0 * secs;
             turn += transition.velocity.1 * secs;
             forward += transition.forward * secs;
@@ -320,20 +334,24 @@ impl Segment {
         let layer = layer_motion.layer;
         let time = time.max(self.start);
         let since = match &self.kind {
-            SegmentKind::Alone(cue) => {
-                displacement(layer, *cue, self.start).to(displacement(layer, *cue, time))
+            SegmentKind::SingleCue(cue) => {
+                displacement(layer, *cue, self.start).displacement_to(displacement(layer, *cue, time))
             }
             SegmentKind::Mixed => mean_step(layer_motion, self.start, time, active_cues),
             SegmentKind::Fading { end, steps } => {
                 let count = steps.len() as i64 - 1;
                 let into = i128::from((time.min(*end) - self.start).0) * i128::from(count);
                 let i = (into / i128::from((*end - self.start).0.max(1))).clamp(0, i128::from(count)) as i64;
-                let from = knot(self.start, *end, count, i);
+                let from = step_time(self.start, *end, count, i);
                 let step = steps[i as usize];
-                if from < time { step.then(mean_step(layer_motion, from, time, active_cues)) } else { step }
+                if from < time {
+                    step.followed_by(mean_step(layer_motion, from, time, active_cues))
+                } else {
+                    step
+                }
             }
         };
-        self.at.then(since)
+        self.at.followed_by(since)
     }
 }
 
@@ -370,7 +388,7 @@ fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
             let round = within(length);
             let rounds =
                 Displacement { frame: round.frame.power(whole), forward: round.forward * whole as f64 };
-            rounds.then(within(played.rem_euclid(length)))
+            rounds.followed_by(within(played.rem_euclid(length)))
         }
     }
 }

@@ -3,9 +3,9 @@
 //! Boxes are conservative (never smaller than what they hold), so "never in the image" is true where it is reported; something
 //! that hides behind another thing, or whose box alone is in the image, is not found.
 
+mod camera_view;
 mod facts;
 mod reaches;
-mod sight;
 
 use crate::evaluate::Evaluator;
 use crate::snapshot::Snapshot;
@@ -90,7 +90,7 @@ impl Stage {
             }
         }
         let mut findings = facts.findings(self);
-        never_used(self, &mut findings);
+        find_unused_parts(self, &mut findings);
         findings.sort_by_key(|f| f.subject);
         Ok(findings)
     }
@@ -104,7 +104,7 @@ fn bit_reversed_order(count: i64) -> impl Iterator<Item = i64> {
 }
 
 /// Findings from the stage's lists alone, without evaluating a frame.
-fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
+fn find_unused_parts(stage: &Stage, findings: &mut Vec<Finding>) {
     let length = stage.settings.length;
     let warn = |rule, subject, text: String, hint: &str| Finding {
         rule,
@@ -153,9 +153,10 @@ fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
             findings.push(warn("effect_never_on", Subject::Effect(index), text, ""));
         }
     }
-    let late = |channels: &[Channel]| -> Option<String> {
-        let late = |c: &&Channel| c.times.first().is_some_and(|t| *t >= length) && c.times.len() > 1;
-        let first = channels.iter().find(late)?;
+    let late_keys_text = |channels: &[Channel]| -> Option<String> {
+        let starts_after_end =
+            |c: &&Channel| c.times.first().is_some_and(|t| *t >= length) && c.times.len() > 1;
+        let first = channels.iter().find(starts_after_end)?;
         let at = first.times.first().map_or(0.0, |t| t.as_secs());
         Some(format!(
             "all keys of {} come after the end of the stage: the first at {at} s, the end at {} s",
@@ -174,7 +175,7 @@ fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
     let of_sky = stage.sky.iter().map(|sky| (Subject::Stage, &sky_name, sky.channels.as_slice()));
     let lists = lists.map(|(s, n, c)| (s, n, c.as_slice())).chain(of_effects).chain(of_sky);
     for (subject, name, channels) in lists {
-        if let Some(text) = late(channels) {
+        if let Some(text) = late_keys_text(channels) {
             findings.push(warn("keys_after_end", subject, format!("\"{name}\": {text}"), ""));
         }
     }
@@ -229,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_spread_order_holds_each_number_once() {
+    fn bit_reversed_order_holds_each_number_once() {
         for count in [1, 2, 3, 8, 100, 257] {
             let order: Vec<i64> = bit_reversed_order(count).collect();
             let mut sorted = order.clone();

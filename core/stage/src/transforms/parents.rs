@@ -64,19 +64,19 @@ impl ActiveParents {
         let kept = kept.known();
         for actor in &stage.actors {
             let index = self.ends.len();
-            let begun = actor.parents.iter().take_while(|p| p.has_begun(time)).count();
-            let mut first = begun;
+            let started_parents = actor.parents.iter().take_while(|p| p.has_begun(time)).count();
+            let mut first = started_parents;
             // Goes back to the last parent with full weight. Before the first parent there is the world.
-            while first > 0 && (first == begun || share(&actor.parents[first], time) < 1.0) {
+            while first > 0 && (first == started_parents || blend_weight(&actor.parents[first], time) < 1.0) {
                 first -= 1;
             }
-            if begun > 0 && share(&actor.parents[first], time) < 1.0 {
+            if started_parents > 0 && blend_weight(&actor.parents[first], time) < 1.0 {
                 self.all.push(ActiveParent::new(&Parenting::from(None, Time::MIN), DAffine3::IDENTITY, 1.0));
             }
-            for (number, parent) in actor.parents[first..begun].iter().enumerate() {
+            for (number, parent) in actor.parents[first..started_parents].iter().enumerate() {
                 let known = kept.get(&(index, first + number)).filter(|_| parent.keep);
                 let offset = known.copied().unwrap_or(DAffine3::IDENTITY);
-                self.all.push(ActiveParent::new(parent, offset, share(parent, time)));
+                self.all.push(ActiveParent::new(parent, offset, blend_weight(parent, time)));
             }
             self.ends.push(self.all.len());
         }
@@ -121,7 +121,7 @@ impl ActiveParents {
 }
 
 /// Blend weight of a parent over those before it, 0..=1.
-fn share(parent: &Parenting, time: Time) -> f64 {
+fn blend_weight(parent: &Parenting, time: Time) -> f64 {
     f64::from(eased(Ease::Smooth, fraction(time - parent.start, parent.blend)))
 }
 
@@ -155,7 +155,7 @@ impl KeptTransforms {
 }
 
 /// Times at which an actor changes its parent, and one tick after each, sorted; the first is [`Time::MIN`].
-pub(crate) fn times_of_change(stage: &Stage) -> Vec<Time> {
+pub(crate) fn parent_change_times(stage: &Stage) -> Vec<Time> {
     let starts = stage.actors.iter().flat_map(|actor| &actor.parents).map(|parent| parent.start);
     let mut times: Vec<Time> = starts.flat_map(|start| [start, start + Time(1)]).collect();
     times.push(Time::MIN);
@@ -173,15 +173,15 @@ pub(crate) fn world_from_parent(
 ) -> DAffine3 {
     let frame = world_from_attachment(stage, actors, to);
     match scale {
-        ParentScale::Keep => DAffine3 { matrix3: orthogonal(frame.matrix3), ..frame },
+        ParentScale::Keep => DAffine3 { matrix3: nearest_rotation(frame.matrix3), ..frame },
         ParentScale::Inherit => frame,
     }
 }
 
 /// Interpolates two affine transforms after a polar decomposition of each: rotations by slerp, scale and shear linearly.
-pub(crate) fn mixed(a: &DAffine3, b: &DAffine3, share: f64) -> DAffine3 {
+pub(crate) fn interpolate_affine(a: &DAffine3, b: &DAffine3, share: f64) -> DAffine3 {
     let parts = |m: DMat3| {
-        let turned = orthogonal(m) * m.determinant().signum();
+        let turned = nearest_rotation(m) * m.determinant().signum();
         (DQuat::from_mat3(&turned), turned.transpose() * m)
     };
     let ((turn_a, stretch_a), (turn_b, stretch_b)) = (parts(a.matrix3), parts(b.matrix3));
@@ -198,7 +198,7 @@ const ROUNDING: f64 = 1e-5;
 
 /// Nearest rotation to a matrix, or nearest reflection if it mirrors: its polar factor (N. Higham, "Computing the polar decomposition",
 /// 1986), by Newton's method. A singular matrix gives a rotation that follows its non-zero axes.
-fn orthogonal(m: DMat3) -> DMat3 {
+fn nearest_rotation(m: DMat3) -> DMat3 {
     let off = m.transpose() * m - DMat3::IDENTITY;
     let far = |v: DVec3| v.abs().max_element();
     if far(off.x_axis).max(far(off.y_axis)).max(far(off.z_axis)) < ROUNDING {

@@ -116,7 +116,10 @@ fn check_reports_each_planted_fault_and_evaluation_does_not_panic() {
         (|s| s.settings.size[0] = 0, "settings: size is 0 x 720 pixels, each must be 1 to 16384"),
         (|s| s.settings.fps.den = 0, "settings: fps is 30/0, must be positive"),
         (|s| s.settings.samples = Some(2), "settings: samples is 2, must be 1 or 4"),
-        (|s| s.settings.ambient_up.x = f32::NAN, "settings: ambient light is not finite"),
+        (
+            |s| s.settings.ambient_up.x = f32::NAN,
+            "settings: ambient light from above is [NaN, 0.45, 0.45], must be finite",
+        ),
         (
             |s| s.actors[0].transform.translation.x = f64::NAN,
             "actor \"anna\": position is [NaN, 0, 0], must be finite",
