@@ -235,7 +235,7 @@ fn find_pose_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[A
             Rig::File { actor, .. } => Some((*actor, true)),
             Rig::Frame { .. } => None,
         };
-        let looks = camera_moves::targets(camera, index, &scratch.edits, time);
+        let looks = camera_moves::aim_targets(camera, index, &scratch.edits, time);
         for (actor, pose) in
             target.into_iter().chain(looks.filter_map(|target| required_pose_of_target(&target)))
         {

@@ -113,7 +113,7 @@ fn constraint_growth(stage: &Stage, actor: &Actor) -> Option<f64> {
         ConstraintKind::Reach(_) | ConstraintKind::Aim(_) => Some(factor),
         ConstraintKind::FootLock(feet) if feet.hips.is_none() => Some(factor),
         ConstraintKind::FootLock(feet) if feet.ground.is_empty() && steady() => {
-            Some(factor * (1.0 + FootLock::LOWEST))
+            Some(factor * (1.0 + FootLock::MAX_HIP_DROP_SHARE))
         }
         ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,
     })

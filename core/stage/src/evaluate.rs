@@ -34,7 +34,7 @@ impl Stage {
     /// ```
     pub fn at(&self, time: Time) -> Result<Snapshot, StageError> {
         let mut snapshot = Snapshot::default();
-        evaluate(self, &StageCache::new(self), &mut Scratch::default(), time, &mut snapshot)?;
+        evaluate_stage(self, &StageCache::new(self), &mut Scratch::default(), time, &mut snapshot)?;
         Ok(snapshot)
     }
 }
@@ -111,7 +111,7 @@ impl Evaluator {
 
     /// Like [`Evaluator::at`], reusing the memory of a snapshot. After an error the snapshot is incomplete.
     pub fn at_into(&mut self, time: Time, snapshot: &mut Snapshot) -> Result<(), StageError> {
-        evaluate(&self.stage, &self.cache, &mut self.scratch, time, snapshot)
+        evaluate_stage(&self.stage, &self.cache, &mut self.scratch, time, snapshot)
     }
 
     /// Poses hidden actors, too, for tools that need joints instead of images. The images do not change.
@@ -167,7 +167,7 @@ impl Evaluator {
     }
 }
 
-fn evaluate(
+fn evaluate_stage(
     stage: &Stage,
     cache: &StageCache,
     scratch: &mut Scratch,
@@ -190,18 +190,18 @@ fn evaluate(
     out.background = stage.settings.background;
     let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
     (out.ambient_up, out.ambient_down) = scratch.edits.ambient.unwrap_or(ambient);
-    layers_2d::evaluate(stage, &scratch.edits.layers_2d, time, &mut out.layers_2d);
+    layers_2d::evaluate_layers_2d(stage, &scratch.edits.layers_2d, time, &mut out.layers_2d);
     out.sky = stage.sky.as_ref().map(|sky| sky.at(&scratch.edits, time));
-    lights::evaluate(stage, &scratch.edits, time, &out.actors, &mut out.lights);
+    lights::evaluate_lights(stage, &scratch.edits, time, &out.actors, &mut out.lights);
     let frame =
         |index, azimuth, elevation, projection| framings.camera(stage, index, azimuth, elevation, projection);
-    out.camera = camera::evaluate(stage, frame, &scratch.edits, time, camera, &out.actors)?;
-    effects::evaluate(stage, &scratch.edits, time, &out.camera, &out.actors, &mut out.effects);
+    out.camera = camera::evaluate_camera(stage, frame, &scratch.edits, time, camera, &out.actors)?;
+    effects::evaluate_effects(stage, &scratch.edits, time, &out.camera, &out.actors, &mut out.effects);
     out.dissolve = None;
     if let Some((before, share)) = dissolving {
-        let camera = camera::evaluate(stage, frame, &scratch.edits, time, Some(before), &out.actors)?;
+        let camera = camera::evaluate_camera(stage, frame, &scratch.edits, time, Some(before), &out.actors)?;
         let mut effects = Vec::new();
-        effects::evaluate(stage, &scratch.edits, time, &camera, &out.actors, &mut effects);
+        effects::evaluate_effects(stage, &scratch.edits, time, &camera, &out.actors, &mut effects);
         out.dissolve = Some(Dissolve { camera, effects, share });
     }
     Ok(())

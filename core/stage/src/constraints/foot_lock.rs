@@ -281,7 +281,7 @@ pub(super) fn hip_drops(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64
             let next = stands.partition_point(|s| s.to < time);
             let at = stands.get(next).filter(|s| s.from <= time).and_then(|s| s.position)?;
             let limb = limbs[index];
-            Some(hip_drop_to_reach(&limb, at).clamp(0.0, FootLock::LOWEST * limb.reach))
+            Some(hip_drop_to_reach(&limb, at).clamp(0.0, FootLock::MAX_HIP_DROP_SHARE * limb.reach))
         };
         legs.iter().zip(&samples.limbs).filter_map(of_leg).fold(0.0, f64::max)
     };

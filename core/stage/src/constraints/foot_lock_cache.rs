@@ -302,7 +302,7 @@ impl Planner<'_> {
         if self.lowers_hips {
             plan.gait_fades = GaitFade::find_all(self.foot_lock, &self.samples, of_clips);
         }
-        let lowest = if self.lowers_hips { FootLock::LOWEST } else { 0.0 };
+        let lowest = if self.lowers_hips { FootLock::MAX_HIP_DROP_SHARE } else { 0.0 };
         for (index, contacts) in of_clips.iter().enumerate() {
             for span in contacts {
                 let highest = GaitFade::max_contact_height(&plan.gait_fades, index, *span);

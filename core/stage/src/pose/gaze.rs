@@ -95,7 +95,7 @@ impl EyeTurn<'_> {
                 if expression_weights.resolve_again(&asset.expressions, &mut state.morph_weights)
                     && asset.expressions.iter().any(painted)
                 {
-                    material_changes::at(
+                    material_changes::find_changed_materials(
                         actor,
                         &expression_weights.resolved,
                         self.time,

@@ -43,7 +43,7 @@ pub(crate) fn apply_layers(
         scratch
             .active_cues
             .retain(|active| layer.cues[active.cue].clip.joint_count() == asset.skeleton.len());
-        timeline::shares(&mut scratch.active_cues);
+        timeline::convert_weights_to_shares(&mut scratch.active_cues);
         scratch.active.extend(scratch.active_cues.iter().map(|active| (index, *active)));
     }
     override_pose(layers, scratch, pose);

@@ -112,7 +112,12 @@ impl Posing<'_> {
                 expression_weights.resolved.extend_from_slice(scratch.expressions());
             }
             crate::properties::base_colors(actor, self.time, &mut state.base_colors);
-            crate::properties::materials::at(actor, scratch.expressions(), self.time, &mut state.materials);
+            crate::properties::materials::find_changed_materials(
+                actor,
+                scratch.expressions(),
+                self.time,
+                &mut state.materials,
+            );
             gaze::apply_requested_gaze(actor, self.time, state, expression_weights);
         }
     }

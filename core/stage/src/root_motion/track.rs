@@ -305,7 +305,7 @@ fn mean_step(
     active_cues: &mut Vec<ActiveCue>,
 ) -> Displacement {
     timeline::base_cues(layer, from.middle(to), active_cues);
-    timeline::shares(active_cues);
+    timeline::convert_weights_to_shares(active_cues);
     let (mut velocity, mut turn, mut forward) = (DVec3::ZERO, 0.0, 0.0);
     for active in active_cues.iter() {
         let share = f64::from(active.weight);

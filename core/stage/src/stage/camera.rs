@@ -8,7 +8,7 @@ use choreo_asset::Projection;
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
 
-/// Way in which a camera is placed and turned at every time.
+/// Rule that places and turns a camera at every time.
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug, PartialEq)]
 pub enum Rig {
@@ -40,7 +40,7 @@ pub struct RigOption {
 }
 
 /// Allowed azimuths in degrees: any finite number.
-const TURNS: [f64; 2] = [f64::MIN, f64::MAX];
+const AZIMUTHS: [f64; 2] = [f64::MIN, f64::MAX];
 /// Allowed elevations in degrees: at ±90 no direction is up in the image.
 const ELEVATIONS: [f64; 2] = [-89.0, 89.0];
 
@@ -49,12 +49,12 @@ impl Rig {
     pub const ORBIT: [RigOption; 4] = [
         RigOption { name: "distance", unit: "m", default: 4.0, range: [0.001, 1e9] },
         RigOption { name: "elevation", unit: "°", default: 15.0, range: ELEVATIONS },
-        RigOption { name: "azimuth", unit: "° at 0 s", default: 0.0, range: TURNS },
+        RigOption { name: "azimuth", unit: "° at 0 s", default: 0.0, range: AZIMUTHS },
         RigOption { name: "speed", unit: "° a second", default: 20.0, range: [-36_000.0, 36_000.0] },
     ];
     /// Options of `.frame(…)`. By default a little from the side, where a character shows its shape, and a little from above.
     pub const FRAME: [RigOption; 2] = [
-        RigOption { name: "azimuth", unit: "°", default: 25.0, range: TURNS },
+        RigOption { name: "azimuth", unit: "°", default: 25.0, range: AZIMUTHS },
         RigOption { name: "elevation", unit: "°", default: 10.0, range: ELEVATIONS },
     ];
 }

@@ -119,7 +119,7 @@ pub struct StandingFade {
 
 impl FootLock {
     /// Largest lowering of the hips, as a share of the leg's length.
-    pub(crate) const LOWEST: f64 = 0.25;
+    pub(crate) const MAX_HIP_DROP_SHARE: f64 = 0.25;
 }
 
 /// Joints of a leg, from the hip down.
@@ -174,9 +174,10 @@ impl Constraint {
             return 0.0;
         }
         // Foot locks and mirroring that begin with the stage do not fade in.
-        let begun = self.start <= Time::ZERO
+        let is_on_from_start = self.start <= Time::ZERO
             && matches!(self.kind, ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_));
-        let fade_in = if begun { 1.0 } else { eased(Ease::Smooth, fraction(time - self.start, self.fade)) };
+        let fade_in =
+            if is_on_from_start { 1.0 } else { eased(Ease::Smooth, fraction(time - self.start, self.fade)) };
         let fade_out = self.end.map_or(1.0, |end| eased(Ease::Smooth, fraction(end - time, self.fade)));
         f64::from((self.weight * fade_in * fade_out).clamp(0.0, 1.0))
     }

@@ -94,12 +94,12 @@ fn target_distance(
     let joints = &state.model_from_joint;
     let end = joint_world_position(&state.world_from_model, joints.get(*reach.joints.last()? as usize)?);
     let metres = (end - target).length();
-    let near = NEAR_SHARE * length(reach, joints, &state.world_from_model) + NEAR_METRES;
+    let near = NEAR_SHARE * limb_length(reach, joints, &state.world_from_model) + NEAR_METRES;
     metres.is_finite().then_some(NearestDistance { metres, time, reached: metres <= near })
 }
 
 /// Length of a limb along its joints, metres.
-fn length(reach: &ReachConstraint, joints: &[glam::Affine3A], world_from_model: &DAffine3) -> f64 {
+fn limb_length(reach: &ReachConstraint, joints: &[glam::Affine3A], world_from_model: &DAffine3) -> f64 {
     let place =
         |joint: &u32| joints.get(*joint as usize).map(|joint| joint_world_position(world_from_model, joint));
     let bone = |pair: &[u32]| Some((place(&pair[1])? - place(&pair[0])?).length());
