@@ -1,4 +1,4 @@
-//! Heads that turn, where a script cannot say it; the rest is in `tests/suite/looks`.
+//! Look-at in cases that scripts cannot express; other cases are in `tests/suite/looks`.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -6,7 +6,7 @@ use choreo_stage::*;
 use glam::DVec3;
 use std::sync::Arc;
 
-fn one(target: Target) -> Stage {
+fn stage_with_look_at(target: Target) -> Stage {
     let mut stage = Stage::default();
     let anna = stage.cast("anna", figure());
     stage.actors[anna].transform = Placement::at(3.0, 1.0, -2.0).turned(0.5);
@@ -31,7 +31,7 @@ fn look_at_uses_the_model_forward_axis_whatever_the_rest_rotation() {
     let turn = joint_axes(&snapshot.actors[0].model_from_joint[1])
         * joint_axes(&asset.rest_model_from_joint()[1]).inverse();
     let way = (target - joint_world(&snapshot, 0, 1)).normalize();
-    close((turn * DVec3::Z).normalize(), way, 1e-6);
+    assert_close((turn * DVec3::Z).normalize(), way, 1e-6);
 }
 
 #[test]
@@ -40,7 +40,8 @@ fn look_at_targets_behind_and_inside_the_head_stay_finite_and_continuous() {
     // All the way round, through straight behind.
     for i in 0..=720 {
         let angle = (i as f64 / 2.0).to_radians();
-        let mut stage = one(Target::Point(v(0.0, 1.6, 0.0) + v(angle.sin(), 0.0, angle.cos())));
+        let mut stage =
+            stage_with_look_at(Target::Point(v(0.0, 1.6, 0.0) + v(angle.sin(), 0.0, angle.cos())));
         stage.actors[0].transform = Placement::default();
         let snapshot = stage.at(secs(0.0)).unwrap();
         let z = joint_axes(&snapshot.actors[0].model_from_joint[HEAD as usize]) * DVec3::Z;
@@ -49,7 +50,7 @@ fn look_at_targets_behind_and_inside_the_head_stay_finite_and_continuous() {
         assert!(last.is_none_or(|l| (l - yaw).abs() < 0.6), "jumps from {last:?} to {yaw} at {i}");
         last = Some(yaw);
     }
-    let mut inside = one(Target::Point(DVec3::ZERO));
+    let mut inside = stage_with_look_at(Target::Point(DVec3::ZERO));
     inside.actors[0].transform = Placement::default();
     inside.actors[0].look_at[0].target = Target::Joint { actor: 0, joint: HEAD };
     let snapshot = inside.at(secs(0.0)).unwrap();

@@ -1,4 +1,4 @@
-//! Curves through keys: no overshoot, and no worse on smooth motions.
+//! Tangents of keys: limited tangents do not overshoot, and equal Catmull–Rom on smooth motions.
 
 use choreo_motion::Time;
 use choreo_stage::{Path, Tangents};

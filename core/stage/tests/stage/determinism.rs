@@ -6,7 +6,7 @@ use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
 use std::sync::Arc;
 
-/// Something of everything.
+/// A stage with clips, layers, look-ats, parents, keys, cameras and cuts.
 fn scene() -> Stage {
     let f = figure();
     let mut stage = Stage::default();

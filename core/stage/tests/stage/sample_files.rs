@@ -1,4 +1,4 @@
-//! Other people's characters: every clip stays in its boxes and in the framed image, heads turn the right way.
+//! Sample files of other authors: every clip stays in its bounds and in the framed image, and look-at turns the head to its target.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -111,7 +111,7 @@ fn look_at_turns_the_head_of_a_sample_file_to_its_target() {
     let turn = joint_axes(&after.actors[0].model_from_joint[head as usize])
         * joint_axes(&before.actors[0].model_from_joint[head as usize]).inverse();
     let facing = (after.actors[0].world_from_model.matrix3 * turn * DVec3::Z).normalize();
-    close(facing, (target - from).normalize(), 1e-5);
+    assert_close(facing, (target - from).normalize(), 1e-5);
 }
 
 #[test]
@@ -127,6 +127,6 @@ fn attached_sword_stays_at_the_hand_joint_of_a_sample_file() {
     stage.actors[1].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(hand) })];
     for i in 0..20 {
         let snapshot = stage.at(secs(f64::from(i) * 0.13)).unwrap();
-        close(snapshot.actors[1].world_from_model.translation, joint_world(&snapshot, 0, hand), 1e-9);
+        assert_close(snapshot.actors[1].world_from_model.translation, joint_world(&snapshot, 0, hand), 1e-9);
     }
 }
