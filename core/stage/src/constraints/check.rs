@@ -77,7 +77,7 @@ fn kind_problems(stage: &Stage, actor: &Actor, kind: &ConstraintKind) -> Vec<Str
     let chain = match kind {
         ConstraintKind::Reach(reach) => {
             let (count, soft, hint) = (reach.joints.len(), reach.soft, reach.hint);
-            require(count >= 2, &|| format!("the chain has {count} of at least 2 joints"));
+            require(count >= 2, &|| format!("the number of joints is {count}, must be at least 2"));
             require((0.0..=1.0).contains(&soft), &|| format!("soft is {soft}, must be from 0 to 1"));
             require(hint.is_finite(), &|| format!("the hint is {hint}, must be finite"));
             if let Some(offset) = reach.offset {

@@ -434,7 +434,7 @@ fn check_reports_each_invalid_constraint_field() {
     );
     assert_eq!(
         contacts(|a| kind(a).joints = vec![UPPER]),
-        with("actor \"anna\", reach: the chain has 1 of at least 2 joints")
+        with("actor \"anna\", reach: the number of joints is 1, must be at least 2")
     );
     assert_eq!(
         contacts(|a| kind(a).joints = vec![UPPER, 99]),
