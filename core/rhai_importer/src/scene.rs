@@ -222,7 +222,7 @@ fn add_camera(scene: &SharedBuild, map: &Map) -> Result<i64, NativeError> {
     let near = f.number("near")?.unwrap_or(0.05) as f32;
     let far = f.number("far")?.map(|far| far as f32);
     if !(near.is_finite() && near > 0.0 && far.is_none_or(|far| far.is_finite() && far > near)) {
-        let far = far.map_or("none".into(), |far| far.to_string());
+        let far = far.map_or("none".to_string(), |far| far.to_string());
         let message =
             format!("camera: near must be above 0 and far above near, got near {near} and far {far}");
         return Err(native_error(message));
