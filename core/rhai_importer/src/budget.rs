@@ -44,20 +44,20 @@ impl Budget {
     }
 
     /// Takes bytes like [`Budget::charge`], and gives the bytes back when the share is dropped.
-    pub fn share(&self, bytes: usize) -> Result<Share, NativeError> {
+    pub fn reserve(&self, bytes: usize) -> Result<BudgetShare, NativeError> {
         self.charge(bytes)?;
-        Ok(Share { budget: self.clone(), bytes })
+        Ok(BudgetShare { budget: self.clone(), bytes })
     }
 }
 
 /// Bytes of a budget that one array holds.
 #[derive(Debug)]
-pub struct Share {
+pub struct BudgetShare {
     pub budget: Budget,
     bytes: usize,
 }
 
-impl Share {
+impl BudgetShare {
     /// Takes further bytes for the same array before they are allocated. Error: too few are left.
     pub fn grow(&mut self, bytes: usize) -> Result<(), NativeError> {
         self.budget.charge(bytes)?;
@@ -66,7 +66,7 @@ impl Share {
     }
 }
 
-impl Drop for Share {
+impl Drop for BudgetShare {
     fn drop(&mut self) {
         self.budget.remaining.fetch_add(self.bytes as u64, Ordering::Relaxed);
     }

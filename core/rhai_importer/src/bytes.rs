@@ -151,7 +151,7 @@ impl Bytes {
         let span =
             span.ok_or_else(|| native_error(format!("{what}: cannot read {count} rows of {stride} bytes")))?;
         let bytes = self.checked_slice(offset, span, &what)?;
-        let share = self.budget.share(8 * (count * width) as usize)?;
+        let share = self.budget.reserve(8 * (count * width) as usize)?;
         let mut values = Vec::with_capacity((count * width) as usize);
         for row in bytes.chunks(stride as usize) {
             for number in row[..packed as usize].chunks_exact(number_type.size) {

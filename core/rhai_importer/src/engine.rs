@@ -24,7 +24,7 @@ const MAX_MANIFEST_STEPS: u64 = 10_000;
 const MAX_SECONDS: u64 = 60;
 
 /// Makes the engine of one import or export. `steps`: step limit, `None` for the default.
-pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
+pub fn build_engine(budget: &Budget, steps: Option<u64>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     for name in ["eval", "sleep", "timestamp", "import", "export", "**"] {
         engine.disable_symbol(name);
@@ -61,8 +61,8 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
 }
 
 /// The engine for `fn manifest()`, which runs for every listed file: fewer steps, small texts and arrays.
-pub(crate) fn manifest_engine() -> Engine {
-    let mut engine = engine(&Budget::for_file(0), Some(MAX_MANIFEST_STEPS));
+pub(crate) fn build_manifest_engine() -> Engine {
+    let mut engine = build_engine(&Budget::for_file(0), Some(MAX_MANIFEST_STEPS));
     SizeLimits { string: 64 << 10, array: 1000, map: 1000 }.install(&mut engine);
     engine
 }

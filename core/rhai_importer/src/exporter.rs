@@ -1,13 +1,13 @@
 //! `NAME.exporter.rhai`: a script with `fn manifest()` and `fn save(scene)`, which writes a scene for another program.
 
 use crate::budget::{Budget, NativeError, native_error};
-use crate::engine::engine;
+use crate::engine::build_engine;
 use crate::importer::{
     STACK_BYTES, call_manifest, compile_functions, line_of_function, option_to_script_value,
     strip_byte_order_mark,
 };
 use crate::posed;
-use crate::script_error::{KnownNames, Script, ScriptError, script_error};
+use crate::script_error::{KnownNames, ScriptError, ScriptSource, script_error};
 use choreo_plugin::{ExportError, ExportedScene, Manifest, PluginFile, SceneExporter, SceneFiles};
 use rhai::{AST, Array, Dynamic, Engine, Map, Scope};
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ pub struct RhaiExporter {
 impl RhaiExporter {
     /// Compiles the script and asks it for its manifest. `file` is its name in messages.
     pub fn from_text(file: &str, text: &str) -> Result<RhaiExporter, ScriptError> {
-        let script = Script { file, text: strip_byte_order_mark(text) };
+        let script = ScriptSource { file, text: strip_byte_order_mark(text) };
         let needed = [("manifest", 0, "fn manifest()"), ("save", 1, "fn save(scene)")];
         let ast = compile_functions(&script, "an exporter", &needed)?;
         let manifest = call_manifest(&ast, &script)?;
@@ -57,7 +57,7 @@ impl RhaiExporter {
     }
 
     fn run_save(&self, scene: &ExportedScene, output: &Arc<ScriptOutput>) -> Result<(), ScriptError> {
-        let mut engine = engine(&Budget::for_file(0), None);
+        let mut engine = build_engine(&Budget::for_file(0), None);
         posed::register_pose(&mut engine, scene);
         register_output(&mut engine, output);
         let saved = engine.call_fn::<Dynamic>(&mut Scope::new(), &self.ast, "save", (scene_map(scene),));
@@ -65,7 +65,7 @@ impl RhaiExporter {
     }
 
     fn save_error(&self, error: NativeError, known: &KnownNames) -> ScriptError {
-        script_error(&Script { file: &self.file, text: &self.text }, error, known, self.save_line)
+        script_error(&ScriptSource { file: &self.file, text: &self.text }, error, known, self.save_line)
     }
 }
 

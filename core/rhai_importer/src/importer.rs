@@ -2,10 +2,10 @@
 
 use crate::budget::{Budget, native_error};
 use crate::bytes::Bytes;
-use crate::engine::{engine, manifest_engine};
+use crate::engine::{build_engine, build_manifest_engine};
 use crate::manifest;
-use crate::scene::{self, BuildInProgress, Request};
-use crate::script_error::{KnownNames, Script, ScriptError, script_error};
+use crate::scene::{self, BuildInProgress, FileRequest};
+use crate::script_error::{KnownNames, ScriptError, ScriptSource, script_error};
 use choreo_asset::Asset;
 use choreo_plugin::{
     AssetBuilder, Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, OptionValue,
@@ -41,7 +41,7 @@ pub struct RhaiImporter {
 impl RhaiImporter {
     /// Compiles the script and asks it for its manifest. `file` is its name in messages.
     pub fn from_text(file: &str, text: &str) -> Result<RhaiImporter, ScriptError> {
-        let script = Script { file, text: strip_byte_order_mark(text) };
+        let script = ScriptSource { file, text: strip_byte_order_mark(text) };
         let needed = [("manifest", 0, "fn manifest()"), ("load", 1, "fn load(file)")];
         let ast = compile_functions(&script, "an importer", &needed)?;
         let has_claim = has_function(&ast, "claim", 1);
@@ -76,11 +76,11 @@ impl RhaiImporter {
         needs: ImportScope,
         options: &ImportOptions,
         budget: &Budget,
-        file_requests: mpsc::Sender<Request>,
+        file_requests: mpsc::Sender<FileRequest>,
     ) -> Result<AssetBuilder, ScriptError> {
         let scene =
             Arc::new(Mutex::new(BuildInProgress { builder: AssetBuilder::default(), needs, file_requests }));
-        let mut engine = engine(budget, self.steps);
+        let mut engine = build_engine(budget, self.steps);
         scene::register_builders(&mut engine, &scene, budget);
         let file = self.file_map(source, needs, options, budget);
         let loaded = engine.call_fn(&mut Scope::new(), &self.ast, "load", (file,));
@@ -90,7 +90,7 @@ impl RhaiImporter {
     }
 
     fn load_error(&self, error: Box<EvalAltResult>, known: &KnownNames) -> ScriptError {
-        script_error(&Script { file: &self.file, text: &self.text }, error, known, self.load_line)
+        script_error(&ScriptSource { file: &self.file, text: &self.text }, error, known, self.load_line)
     }
 
     fn file_map(&self, source: &Source, needs: ImportScope, options: &ImportOptions, budget: &Budget) -> Map {
@@ -133,7 +133,7 @@ impl Importer for RhaiImporter {
             return plain;
         }
         let budget = Budget::for_file(0);
-        let engine = engine(&budget, Some(MAX_CLAIM_STEPS));
+        let engine = build_engine(&budget, Some(MAX_CLAIM_STEPS));
         let file = self.file_map(source, ImportScope::ALL, &ImportOptions::default(), &budget);
         let answer: Result<Dynamic, _> = engine.call_fn(&mut Scope::new(), &self.ast, "claim", (file,));
         match answer {
@@ -155,7 +155,7 @@ impl Importer for RhaiImporter {
         options: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let budget = Budget::for_file(source.bytes.len());
-        let (file_requests, received_requests) = mpsc::channel::<Request>();
+        let (file_requests, received_requests) = mpsc::channel::<FileRequest>();
         // The script runs on a thread of its own, whose stack is known to hold the deepest calls that the limits allow; the files
         // beside the source are read on this thread, the only one that may use `files`.
         let built = std::thread::scope(|scope| {
@@ -192,12 +192,12 @@ impl Importer for RhaiImporter {
 /// Compiles a plugin's script and keeps its functions. `needed`: name, number of parameters and declaration of each function that
 /// the script must define.
 pub(crate) fn compile_functions(
-    script: &Script,
+    script: &ScriptSource,
     what: &str,
     needed: &[(&str, usize, &str)],
 ) -> Result<AST, ScriptError> {
-    let engine = engine(&Budget::for_file(0), None);
-    let Script { file, text } = *script;
+    let engine = build_engine(&Budget::for_file(0), None);
+    let ScriptSource { file, text } = *script;
     let failed = |e| script_error(script, e, &KnownNames::of(&engine), line_of_function(text, "manifest"));
     let mut ast = engine.compile(text).map_err(|e| failed(e.into()))?;
     if let Some(at) = find_unclosed_comment(&engine, text) {
@@ -225,9 +225,9 @@ fn has_function(ast: &AST, name: &str, parameters: usize) -> bool {
 }
 
 /// The manifest that `fn manifest()` returns.
-pub(crate) fn call_manifest(ast: &AST, script: &Script) -> Result<Manifest, ScriptError> {
+pub(crate) fn call_manifest(ast: &AST, script: &ScriptSource) -> Result<Manifest, ScriptError> {
     let line = line_of_function(script.text, "manifest");
-    let engine = manifest_engine();
+    let engine = build_manifest_engine();
     let called = engine.call_fn(&mut Scope::new(), ast, "manifest", ());
     let value: Dynamic = called.map_err(|e| script_error(script, e, &KnownNames::of(&engine), line))?;
     let wrong = |message| ScriptError::new(script, (line, 1), message);

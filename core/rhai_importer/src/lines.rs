@@ -1,6 +1,6 @@
 //! The lines of a text file as byte ranges: a line becomes a script value only when the script reads it.
 
-use crate::budget::{NativeError, Share, native_error};
+use crate::budget::{BudgetShare, NativeError, native_error};
 use crate::bytes::Bytes;
 use crate::engine::MAX_ARRAY_LEN;
 use crate::numbers::{self, Numbers};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 struct LineRanges {
     ranges: Vec<Range<usize>>,
-    _share: Share,
+    _share: BudgetShare,
 }
 
 /// Lines of a UTF-8 text in order. Copies share the byte ranges.
@@ -39,7 +39,7 @@ impl Lines {
 
     fn new(bytes: &Bytes, lines: impl Iterator<Item = Range<usize>>) -> Result<Lines, NativeError> {
         const BYTES_PER_LINE: usize = size_of::<Range<usize>>();
-        let mut share = bytes.budget.share(0)?;
+        let mut share = bytes.budget.reserve(0)?;
         let mut ranges = Vec::new();
         for place in lines {
             if ranges.len() == ranges.capacity() {
@@ -129,20 +129,20 @@ impl Lines {
 
 impl IntoIterator for Lines {
     type Item = ImmutableString;
-    type IntoIter = Iter;
+    type IntoIter = LinesIter;
 
-    fn into_iter(self) -> Iter {
-        Iter { lines: self, next: 0 }
+    fn into_iter(self) -> LinesIter {
+        LinesIter { lines: self, next: 0 }
     }
 }
 
 /// The lines in order, one script value at a time.
-pub struct Iter {
+pub struct LinesIter {
     lines: Lines,
     next: i64,
 }
 
-impl Iterator for Iter {
+impl Iterator for LinesIter {
     type Item = ImmutableString;
 
     fn next(&mut self) -> Option<ImmutableString> {

@@ -1,20 +1,20 @@
 //! Arrays of numbers that stay in native memory: a mesh goes from the file to the asset without a script value per number.
 
-use crate::budget::{Budget, NativeError, Share, native_error};
+use crate::budget::{Budget, BudgetShare, NativeError, native_error};
 use rhai::{Array, Dynamic, Engine};
 use std::ops::Deref;
 use std::sync::Arc;
 
 /// Values and their share of the import's budget.
 #[derive(Debug)]
-struct Values {
+struct SharedValues {
     values: Vec<f64>,
-    share: Share,
+    share: BudgetShare,
 }
 
 /// An array of f64. Copies share the values. Only `append` changes values; it copies them first if they are shared.
 #[derive(Clone, Debug)]
-pub struct Numbers(Arc<Values>);
+pub struct Numbers(Arc<SharedValues>);
 
 impl Deref for Numbers {
     type Target = [f64];
@@ -26,8 +26,8 @@ impl Deref for Numbers {
 
 impl Numbers {
     /// `share` counts at least 8 bytes of each value.
-    pub(crate) fn new(values: Vec<f64>, share: Share) -> Numbers {
-        Numbers(Arc::new(Values { values, share }))
+    pub(crate) fn new(values: Vec<f64>, share: BudgetShare) -> Numbers {
+        Numbers(Arc::new(SharedValues { values, share }))
     }
 
     fn budget(&self) -> &Budget {
@@ -35,7 +35,7 @@ impl Numbers {
     }
 
     fn map(&self, f: impl Fn(f64) -> f64) -> Result<Numbers, NativeError> {
-        let share = self.budget().share(8 * self.len())?;
+        let share = self.budget().reserve(8 * self.len())?;
         Ok(Numbers::new(self.iter().map(|v| f(*v)).collect(), share))
     }
 
@@ -47,7 +47,7 @@ impl Numbers {
                 other.len()
             )));
         }
-        let share = self.budget().share(8 * self.len())?;
+        let share = self.budget().reserve(8 * self.len())?;
         Ok(Numbers::new(self.iter().zip(other.iter()).map(|(a, b)| f(*a, *b)).collect(), share))
     }
 
@@ -56,14 +56,14 @@ impl Numbers {
         let row = read_numbers(&row.into()).filter(|row| !row.is_empty());
         let row = row.ok_or_else(|| native_error(format!("{what}: an array of numbers is needed")))?;
         self.require_whole_rows(row.len(), what)?;
-        let share = self.budget().share(8 * self.len())?;
+        let share = self.budget().reserve(8 * self.len())?;
         Ok(Numbers::new(self.iter().zip(row.iter().cycle()).map(|(a, b)| f(*a, *b)).collect(), share))
     }
 
     /// Adds numbers at the end, in time proportional to their count.
     pub(crate) fn append(&mut self, more: &[f64]) -> Result<(), NativeError> {
         if Arc::get_mut(&mut self.0).is_none() {
-            let share = self.budget().share(8 * self.len())?;
+            let share = self.budget().reserve(8 * self.len())?;
             *self = Numbers::new(self.to_vec(), share);
         }
         // The values are not shared any more.
@@ -86,7 +86,7 @@ impl Numbers {
         let part = part.ok_or_else(|| {
             native_error(format!("part({start}, {count}) is outside of an array of {} numbers", self.len()))
         })?;
-        let share = self.budget().share(8 * part.len())?;
+        let share = self.budget().reserve(8 * part.len())?;
         Ok(Numbers::new(part.to_vec(), share))
     }
 
@@ -107,7 +107,7 @@ impl Numbers {
         }
         self.require_whole_rows(width, "columns")?;
         let rows = self.len() / width;
-        let share = self.budget().share(8 * rows.saturating_mul(columns.len()))?;
+        let share = self.budget().reserve(8 * rows.saturating_mul(columns.len()))?;
         let rows = self.chunks_exact(width);
         let picked = rows.flat_map(|row| columns.iter().map(|c| row[*c])).collect();
         Ok(Numbers::new(picked, share))
@@ -120,7 +120,7 @@ impl Numbers {
             width.ok_or_else(|| native_error("rows: the width must be a whole number from 1 to 4096"))?;
         self.require_whole_rows(width, "rows")?;
         let count = self.len() / width;
-        let share = self.budget().share(8 * rows.len().saturating_mul(width))?;
+        let share = self.budget().reserve(8 * rows.len().saturating_mul(width))?;
         let mut picked = Vec::with_capacity(rows.len() * width);
         for (i, row) in rows.iter().enumerate() {
             // A fraction or a negative number is not an index.
@@ -162,7 +162,7 @@ fn interleave_columns(columns: &Array, budget: &Budget) -> Result<Numbers, Nativ
             return Ok(numbers.clone());
         }
         let values = read_numbers(value).ok_or_else(wrong)?;
-        let share = budget.share(8 * values.len())?;
+        let share = budget.reserve(8 * values.len())?;
         Ok(Numbers::new(values, share))
     };
     let columns: Vec<Numbers> = columns.iter().map(column).collect::<Result<_, _>>()?;
@@ -173,7 +173,7 @@ fn interleave_columns(columns: &Array, budget: &Budget) -> Result<Numbers, Nativ
             "interleaved: column {at} has {other} numbers, the first one {count}"
         )));
     }
-    let share = budget.share(8 * count.saturating_mul(columns.len()))?;
+    let share = budget.reserve(8 * count.saturating_mul(columns.len()))?;
     let columns = &columns;
     let rows = (0..count).flat_map(|row| columns.iter().map(move |column| column[row]));
     Ok(Numbers::new(rows.collect(), share))
@@ -190,7 +190,7 @@ pub fn read_numbers(value: &Dynamic) -> Option<Vec<f64>> {
 
 /// Parses the numbers of a text. Any character that cannot be part of a number separates: `1 2/3,4e-5`.
 pub fn parse_numbers(text: &str, budget: &Budget) -> Result<Numbers, NativeError> {
-    let mut share = budget.share(0)?;
+    let mut share = budget.reserve(0)?;
     let mut values = Vec::new();
     let is_part = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'-' | b'.');
     let mut rest = text;
@@ -217,7 +217,7 @@ pub fn parse_numbers(text: &str, budget: &Budget) -> Result<Numbers, NativeError
 /// Triangulates polygons, each written as a count and that many vertices as in PLY and OFF, into fans around the first vertex.
 fn triangulate_fans(polygons: &Numbers) -> Result<Numbers, NativeError> {
     let mut triangles = Vec::new();
-    let mut share = polygons.budget().share(0)?;
+    let mut share = polygons.budget().reserve(0)?;
     let mut rest: &[f64] = polygons;
     while let Some((count, after)) = rest.split_first() {
         let whole = Some(*count as usize).filter(|n| *n as f64 == *count && *n <= after.len());
@@ -236,20 +236,20 @@ fn triangulate_fans(polygons: &Numbers) -> Result<Numbers, NativeError> {
 
 impl IntoIterator for Numbers {
     type Item = f64;
-    type IntoIter = Iter;
+    type IntoIter = NumbersIter;
 
-    fn into_iter(self) -> Iter {
-        Iter { numbers: self, next: 0 }
+    fn into_iter(self) -> NumbersIter {
+        NumbersIter { numbers: self, next: 0 }
     }
 }
 
 /// Iterator over the values, which are not copied.
-pub struct Iter {
+pub struct NumbersIter {
     numbers: Numbers,
     next: usize,
 }
 
-impl Iterator for Iter {
+impl Iterator for NumbersIter {
     type Item = f64;
 
     fn next(&mut self) -> Option<f64> {
@@ -295,11 +295,12 @@ pub fn register_numbers(engine: &mut Engine, budget: &Budget) {
     engine.register_fn("+", |a: Numbers, row: Array| a.with_row(row, "+", |a, b| a + b));
     engine.register_fn("*", |a: Numbers, row: Array| a.with_row(row, "*", |a, b| a * b));
     let own_budget = budget.clone();
-    engine
-        .register_fn("numbers", move || Ok::<_, NativeError>(Numbers::new(Vec::new(), own_budget.share(0)?)));
+    engine.register_fn("numbers", move || {
+        Ok::<_, NativeError>(Numbers::new(Vec::new(), own_budget.reserve(0)?))
+    });
     let own_budget = budget.clone();
     engine.register_fn("numbers", move |array: Array| {
-        let share = own_budget.share(8 * array.len())?;
+        let share = own_budget.reserve(8 * array.len())?;
         let values = read_numbers(&array.into())
             .ok_or_else(|| native_error("numbers: an array of numbers is needed"))?;
         Ok::<_, NativeError>(Numbers::new(values, share))

@@ -1,9 +1,9 @@
 //! An importer script whose manifest alone is read at first; the rest is compiled when a file is loaded that the importer might
 //! claim.
 
-use crate::engine::manifest_engine;
+use crate::engine::build_manifest_engine;
 use crate::importer::{RhaiImporter, call_manifest, strip_byte_order_mark};
-use crate::script_error::{Script, ScriptError};
+use crate::script_error::{ScriptError, ScriptSource};
 use choreo_asset::Asset;
 use choreo_plugin::{
     Claim, Files, ImportError, ImportOptions, ImportScope, Importer, LazyPlugin, Manifest, PluginError,
@@ -29,8 +29,8 @@ impl ImporterOnUse {
     ) -> Result<ImporterOnUse, ScriptError> {
         let text = strip_byte_order_mark(text);
         let alone = manifest_function(text).and_then(|function| {
-            let ast = manifest_engine().compile(function).ok()?.clone_functions_only();
-            call_manifest(&ast, &Script { file, text }).ok()
+            let ast = build_manifest_engine().compile(function).ok()?.clone_functions_only();
+            call_manifest(&ast, &ScriptSource { file, text }).ok()
         });
         let manifest = match alone {
             Some(manifest) => manifest,

@@ -10,7 +10,7 @@ use rhai::{Array, Dynamic, Engine};
 struct Rows<const N: usize>(Vec<[f64; N]>);
 
 impl<const N: usize> Rows<N> {
-    fn read(value: &Dynamic, what: &str) -> Result<Rows<N>, NativeError> {
+    fn read_rows(value: &Dynamic, what: &str) -> Result<Rows<N>, NativeError> {
         let numbers = numbers::read_numbers(value);
         let wrong = || native_error(format!("{what}: {N} numbers, or rows of {N} numbers, are needed"));
         let numbers = numbers.filter(|all| !all.is_empty()).ok_or_else(wrong)?;
@@ -42,7 +42,7 @@ fn rows_from_fn<const N: usize>(
     count: usize,
     row: impl Fn(usize) -> [f64; N],
 ) -> Result<Numbers, NativeError> {
-    let share = budget.share(8 * N * count)?;
+    let share = budget.reserve(8 * N * count)?;
     Ok(Numbers::new((0..count).flat_map(row).collect(), share))
 }
 
@@ -55,7 +55,7 @@ fn axis_rotation(axis: DVec3, radians: f64) -> DQuat {
 
 /// Rotation about an axis of any length. Error: the axis is zero, or a number is not finite.
 fn axis_angle_quaternion(budget: &Budget, axis: Array, radians: f64) -> Result<Numbers, NativeError> {
-    let axis = DVec3::from_array(Rows::<3>::read(&axis.into(), "quaternion")?.row(0));
+    let axis = DVec3::from_array(Rows::<3>::read_rows(&axis.into(), "quaternion")?.row(0));
     let length = axis.length();
     if !(length > 0.0 && length.is_finite() && radians.is_finite()) {
         return Err(native_error(
@@ -73,7 +73,7 @@ fn euler_quaternions(budget: &Budget, order: &str, angles: &Dynamic) -> Result<N
     let axes = axes.ok_or_else(|| {
         native_error(format!("quaternions: the order is the letters x, y and z, as \"xyz\", got \"{order}\""))
     })?;
-    let angles = Rows::<3>::read(angles, "quaternions")?;
+    let angles = Rows::<3>::read_rows(angles, "quaternions")?;
     rows_from_fn(budget, angles.0.len(), |number| {
         let row = angles.row(number);
         let turn = axes.iter().fold(DQuat::IDENTITY, |so_far, axis| {
@@ -87,20 +87,20 @@ fn euler_quaternions(budget: &Budget, order: &str, angles: &Dynamic) -> Result<N
 
 /// Quaternion products a · b: rotation `b`, then rotation `a`, such as a joint in its parent's space, then the parent.
 fn quaternion_products(budget: &Budget, a: &Dynamic, b: &Dynamic) -> Result<Numbers, NativeError> {
-    let (a, b) = (Rows::<4>::read(a, "product")?, Rows::<4>::read(b, "product")?);
+    let (a, b) = (Rows::<4>::read_rows(a, "product")?, Rows::<4>::read_rows(b, "product")?);
     let count = row_count(a.0.len(), b.0.len(), "product")?;
     rows_from_fn(budget, count, |number| (a.quaternion(number) * b.quaternion(number)).to_array())
 }
 
 /// Inverses (conjugates) of unit quaternions.
 fn inverse_quaternions(budget: &Budget, turns: &Dynamic) -> Result<Numbers, NativeError> {
-    let turns = Rows::<4>::read(turns, "inverse")?;
+    let turns = Rows::<4>::read_rows(turns, "inverse")?;
     rows_from_fn(budget, turns.0.len(), |number| turns.quaternion(number).conjugate().to_array())
 }
 
 /// Vectors rotated by unit quaternions.
 fn rotate_vectors(budget: &Budget, turns: &Dynamic, vectors: &Dynamic) -> Result<Numbers, NativeError> {
-    let (turns, vectors) = (Rows::<4>::read(turns, "turned")?, Rows::<3>::read(vectors, "turned")?);
+    let (turns, vectors) = (Rows::<4>::read_rows(turns, "turned")?, Rows::<3>::read_rows(vectors, "turned")?);
     let count = row_count(turns.0.len(), vectors.0.len(), "turned")?;
     rows_from_fn(budget, count, |number| {
         (turns.quaternion(number) * DVec3::from_array(vectors.row(number))).to_array()

@@ -21,11 +21,11 @@ pub struct BuildInProgress {
     pub builder: AssetBuilder,
     pub needs: ImportScope,
     /// Requests for files beside the source, which another thread reads.
-    pub file_requests: mpsc::Sender<Request>,
+    pub file_requests: mpsc::Sender<FileRequest>,
 }
 
 /// Name of a requested file, and the channel for its bytes or the error message.
-pub type Request = (String, mpsc::Sender<Result<Arc<Vec<u8>>, String>>);
+pub type FileRequest = (String, mpsc::Sender<Result<Arc<Vec<u8>>, String>>);
 
 pub type SharedBuild = Arc<Mutex<BuildInProgress>>;
 

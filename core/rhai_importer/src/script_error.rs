@@ -27,7 +27,7 @@ pub struct ScriptError {
 }
 
 impl ScriptError {
-    pub(crate) fn new(script: &Script, (line, column): (usize, usize), message: String) -> ScriptError {
+    pub(crate) fn new(script: &ScriptSource, (line, column): (usize, usize), message: String) -> ScriptError {
         let source_line = script.text.lines().nth(line.saturating_sub(1)).unwrap_or_default().to_string();
         ScriptError { file: script.file.to_string(), line, column, message, source_line }
     }
@@ -52,7 +52,7 @@ const MAX_SIGNATURES: usize = 4;
 
 /// A plugin's text, and its name in messages.
 #[derive(Clone, Copy)]
-pub(crate) struct Script<'a> {
+pub(crate) struct ScriptSource<'a> {
     pub file: &'a str,
     pub text: &'a str,
 }
@@ -122,7 +122,7 @@ const MAP_KEYS: [&str; 16] = [
 /// Error with the innermost place and reason. `line` is used for exceeded limits, whose place the interpreter loses when it
 /// leaves the function.
 pub(crate) fn script_error(
-    script: &Script,
+    script: &ScriptSource,
     error: Box<EvalAltResult>,
     known: &KnownNames,
     line: usize,
@@ -137,7 +137,7 @@ pub(crate) fn script_error(
     ScriptError::new(script, at, message)
 }
 
-fn error_message(script: &Script, error: &EvalAltResult, known: &KnownNames, line: usize) -> String {
+fn error_message(script: &ScriptSource, error: &EvalAltResult, known: &KnownNames, line: usize) -> String {
     match error {
         EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
         EvalAltResult::ErrorFunctionNotFound(signature, _) => unknown_function(script, signature, known),
@@ -167,7 +167,7 @@ fn error_message(script: &Script, error: &EvalAltResult, known: &KnownNames, lin
     }
 }
 
-fn unknown_function(script: &Script, signature: &str, known: &KnownNames) -> String {
+fn unknown_function(script: &ScriptSource, signature: &str, known: &KnownNames) -> String {
     if let Some(text) = operator_error(signature) {
         return text;
     }
@@ -188,7 +188,7 @@ fn unknown_function(script: &Script, signature: &str, known: &KnownNames) -> Str
     format!("unknown function {name}{}", did_you_mean(name, names()))
 }
 
-fn unknown_variable(script: &Script, name: &str, known: &KnownNames, line: usize) -> String {
+fn unknown_variable(script: &ScriptSource, name: &str, known: &KnownNames, line: usize) -> String {
     let before = declared_names(script.text, line);
     if before.contains(name) {
         return format!("unknown variable {name}: a function sees its parameters only; pass it as one");
@@ -199,7 +199,7 @@ fn unknown_variable(script: &Script, name: &str, known: &KnownNames, line: usize
     format!("unknown variable {name}{}", did_you_mean(name, before.iter().map(String::as_str)))
 }
 
-fn unknown_property(script: &Script, name: &str, known: &KnownNames) -> String {
+fn unknown_property(script: &ScriptSource, name: &str, known: &KnownNames) -> String {
     let written = property_names(script.text);
     let names = MAP_KEYS.iter().copied().chain(known.properties.iter().chain(&written).map(String::as_str));
     format!("unknown property {name}{}", did_you_mean(name, names.filter(|known| *known != name)))

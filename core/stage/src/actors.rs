@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 /// Reusable buffers and settings for evaluating one stage.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Scratch {
+pub(crate) struct ActorScratch {
     /// Root motion and inertialization of all actors, computed at the first evaluation.
     pub motions: Option<Arc<Motions>>,
     root_motion: RootMotionScratch,
@@ -59,12 +59,12 @@ pub(crate) struct Scratch {
     requested_actors: Option<Vec<usize>>,
 }
 
-impl Scratch {
-    pub fn for_actors(actors: Vec<usize>) -> Scratch {
-        Scratch { requested_actors: Some(actors), ..Scratch::default() }
+impl ActorScratch {
+    pub fn for_actors(actors: Vec<usize>) -> ActorScratch {
+        ActorScratch { requested_actors: Some(actors), ..ActorScratch::default() }
     }
 
-    /// Restricts all further evaluations as [`Scratch::for_actors`] does.
+    /// Restricts all further evaluations as [`ActorScratch::for_actors`] does.
     pub(crate) fn restrict_to(&mut self, actors: &[usize]) {
         let requested_actors = self.requested_actors.get_or_insert_default();
         requested_actors.clear();
@@ -81,7 +81,7 @@ impl Scratch {
 /// culled.
 pub(crate) fn evaluate_actors(
     stage: &Stage,
-    scratch: &mut Scratch,
+    scratch: &mut ActorScratch,
     time: Time,
     bounds: Option<&PoseBounds>,
     out: &mut Snapshot,
@@ -98,7 +98,7 @@ pub(crate) fn evaluate_actors(
         scratch.placements.push(pose::keyed_placement(actor, time, state));
     }
     run_hooks(stage, scratch, time, &mut out.actors)?;
-    scratch.parents.find(stage, time, &scratch.edits.actors, &scratch.kept_transforms);
+    scratch.parents.find_active(stage, time, &scratch.edits.actors, &scratch.kept_transforms);
     order::sort_placement_steps(stage, &scratch.parents, &mut scratch.order)?;
     let motions = scratch.motions.get_or_insert_with(|| Arc::new(Motions::new(stage))).clone();
     apply::apply_root_motion(
@@ -116,9 +116,9 @@ pub(crate) fn evaluate_actors(
             out.actors[a].visible &= out.actors.get(parent.actor).is_none_or(|p| p.visible);
         }
     }
-    cull(stage, scratch, time, bounds, &mut out.actors);
+    cull_actors(stage, scratch, time, bounds, &mut out.actors);
     find_pose_needs(stage, scratch, time, &out.actors);
-    let Scratch { pose, pose_needs, pose_edits, edits, expression_weights, .. } = scratch;
+    let ActorScratch { pose, pose_needs, pose_edits, edits, expression_weights, .. } = scratch;
     let posing = Posing { time, motions: &motions, pose_needs, pose_edits, edits: &edits.actors };
     scratch.poses = posing.run(&stage.actors, &mut out.actors, pose, expression_weights);
     scratch.all_poses += scratch.poses;
@@ -128,7 +128,7 @@ pub(crate) fn evaluate_actors(
 
 fn run_hooks(
     stage: &Stage,
-    scratch: &mut Scratch,
+    scratch: &mut ActorScratch,
     time: Time,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
@@ -164,9 +164,9 @@ fn run_hooks(
     Ok(())
 }
 
-fn cull(
+fn cull_actors(
     stage: &Stage,
-    scratch: &mut Scratch,
+    scratch: &mut ActorScratch,
     time: Time,
     bounds: Option<&PoseBounds>,
     actors: &mut [ActorState],
@@ -181,7 +181,7 @@ fn cull(
     if let (Some(pose_bounds), Some(aspect)) = (bounds, scratch.aspect) {
         // Joints are not posed yet, so actors attached to joints are misplaced here. All other actors already have their final transforms.
         place_actors(stage, scratch, actors);
-        let Scratch { edits, order, parents, view_cameras, .. } = &*scratch;
+        let ActorScratch { edits, order, parents, view_cameras, .. } = &*scratch;
         let camera = camera::state_without_poses(stage, edits, time, view_cameras[0], actors);
         Culling { stage, pose_bounds, camera, aspect, edits, time, order: &order.steps, parents, actors }
             .run(&mut out);
@@ -194,7 +194,7 @@ fn cull(
 
 /// Finds the actors to pose. An invisible actor is posed only if all poses are requested, or if a visible actor, the camera, a light, an
 /// effect or a constraint depends on one of its joints.
-fn find_pose_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorState]) {
+fn find_pose_needs(stage: &Stage, scratch: &mut ActorScratch, time: Time, actors: &[ActorState]) {
     let (pose_needs, work, parents) = (&mut scratch.pose_needs, &mut scratch.work, &scratch.parents);
     pose_needs.clear();
     pose_needs.resize(stage.actors.len(), PoseNeed::default());
@@ -256,13 +256,13 @@ fn find_pose_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[A
             require(work, face, false);
         }
         for look in &actor.look_at {
-            if look.share(time) > 0.0
+            if look.weight_at(time) > 0.0
                 && let Some((actor, pose)) = required_pose_of_target(&look.target)
             {
                 require(work, actor, pose);
             }
         }
-        for constraint in actor.constraints.iter().filter(|g| g.share(time) > 0.0) {
+        for constraint in actor.constraints.iter().filter(|g| g.weight_at(time) > 0.0) {
             for (actor, pose) in constraint.targets().filter_map(|t| required_pose_of_target(&t)) {
                 require(work, actor, pose);
             }
@@ -270,8 +270,8 @@ fn find_pose_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[A
     }
 }
 
-fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState]) {
-    let Scratch { order, parents, placements, root_motion, edits, unscaled, .. } = scratch;
+fn place_actors(stage: &Stage, scratch: &mut ActorScratch, actors: &mut [ActorState]) {
+    let ActorScratch { order, parents, placements, root_motion, edits, unscaled, .. } = scratch;
     unscaled.clear();
     unscaled.resize(actors.len(), DAffine3::IDENTITY);
     for step in &order.steps {
@@ -283,7 +283,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 for parent in parents.of_mut(a) {
                     parent.find_space(stage, actors);
                     space = parent.world_from_parent;
-                    let local = parent.local(own, edits_for_index(&edits.actors, a));
+                    let local = parent.local_placement(own, edits_for_index(&edits.actors, a));
                     position = match space.transform_point3(local.translation) {
                         here if parent.weight >= 1.0 => here,
                         here => position.lerp(here, parent.weight),
@@ -311,7 +311,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 for parent in all {
                     let here = in_space(
                         &parent.world_from_parent,
-                        &parent.local(own, edits_for_index(&edits.actors, a)),
+                        &parent.local_placement(own, edits_for_index(&edits.actors, a)),
                     );
                     placed = if parent.weight >= 1.0 {
                         here
@@ -330,9 +330,9 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
 /// change, for the actors that the passed buffers name.
 pub(crate) fn find_kept_transforms(
     stage: &Stage,
-    scratch: &Scratch,
+    scratch: &ActorScratch,
     time: Time,
-    evaluate: impl Fn(Time, Scratch) -> Result<(Scratch, Snapshot), StageError>,
+    evaluate: impl Fn(Time, ActorScratch) -> Result<(ActorScratch, Snapshot), StageError>,
 ) -> Result<(), StageError> {
     let kept = &scratch.kept_transforms;
     // Earlier changes come first, because the transforms that later parents keep depend on them.
@@ -342,7 +342,8 @@ pub(crate) fn find_kept_transforms(
         let changed_actors =
             changes.iter().map(|(_, a, _)| *a).chain(parents).filter(|a| *a < stage.actors.len());
         let (kept_transforms, motions) = (kept.clone(), scratch.motions.clone());
-        let at_change = Scratch { kept_transforms, motions, ..Scratch::for_actors(changed_actors.collect()) };
+        let at_change =
+            ActorScratch { kept_transforms, motions, ..ActorScratch::for_actors(changed_actors.collect()) };
         let (at_change, snapshot) = evaluate(changes[0].0, at_change)?;
         for (_, actor, number) in changes {
             let parent = parent_of(*actor, *number);

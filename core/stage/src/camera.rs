@@ -8,7 +8,7 @@ use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::Property;
 use crate::stage::channel::{keyed_value, vec3};
 use crate::stage::edits::{CameraEdit, FrameEdits, edits_for_index};
-use crate::stage::fade::fraction;
+use crate::stage::fade::elapsed_fraction;
 use crate::stage::{Stage, StageError};
 use crate::transforms::{target_position, world_from_attachment};
 use choreo_asset::Projection;
@@ -35,7 +35,7 @@ pub(crate) fn dissolving_at(stage: &Stage, time: Time) -> Option<(usize, f32)> {
     let cuts_so_far = stage.cuts.partition_point(|cut| cut.at <= time);
     let cut = stage.cuts[..cuts_so_far].last().filter(|cut| time < cut.at + cut.dissolve)?;
     let before = active_camera_after(stage, cuts_so_far - 1).filter(|before| *before != cut.camera)?;
-    Some((before, 1.0 - fraction(time - cut.at, cut.dissolve)))
+    Some((before, 1.0 - elapsed_fraction(time - cut.at, cut.dissolve)))
 }
 
 /// Evaluates a camera at a time; without a camera, the stage is framed. `frame`: fits everything visible into the image.

@@ -7,7 +7,7 @@ use crate::stage::actor::Target;
 use crate::stage::camera::Camera;
 use crate::stage::camera_moves::{CameraLook, CameraShake};
 use crate::stage::edits::{CameraEdit, FrameEdits, edits_for_index};
-use crate::stage::fade::{eased, fraction};
+use crate::stage::fade::{apply_ease, elapsed_fraction};
 use crate::transforms::target_position;
 use choreo_asset::Projection;
 use choreo_motion::{Ease, Time};
@@ -22,8 +22,8 @@ const MAX_NEAR_SHARE: f64 = 0.01;
 
 impl CameraLook {
     /// Blend weight of the look over the looks before it, 0..=1.
-    fn share(&self, time: Time) -> f64 {
-        f64::from(eased(Ease::Smooth, fraction(time - self.start, self.blend)))
+    fn weight_at(&self, time: Time) -> f64 {
+        f64::from(apply_ease(Ease::Smooth, elapsed_fraction(time - self.start, self.blend)))
     }
 }
 
@@ -33,7 +33,7 @@ impl CameraShake {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
         }
-        let share = |span: Time| f64::from(eased(Ease::Smooth, fraction(span, self.fade)));
+        let share = |span: Time| f64::from(apply_ease(Ease::Smooth, elapsed_fraction(span, self.fade)));
         share(time - self.start) * self.end.map_or(1.0, |end| share(end - time))
     }
 
@@ -53,8 +53,8 @@ impl CameraShake {
 pub(crate) fn active_looks(camera: &Camera, time: Time) -> impl Iterator<Item = (&CameraLook, f64)> {
     let started = camera.looks.partition_point(|look| look.start <= time);
     let started = &camera.looks[..started];
-    let first = started.iter().rposition(|look| look.share(time) >= 1.0).unwrap_or(0);
-    started[first..].iter().map(move |look| (look, look.share(time)))
+    let first = started.iter().rposition(|look| look.weight_at(time) >= 1.0).unwrap_or(0);
+    started[first..].iter().map(move |look| (look, look.weight_at(time)))
 }
 
 /// Targets at which looks and callbacks aim a camera at a time.

@@ -268,7 +268,7 @@ impl Checker<'_> {
     fn check_parents(&mut self) {
         let (mut parents, mut order) = (ActiveParents::default(), PlacementOrder::default());
         for time in parent_change_times(self.stage) {
-            parents.find(self.stage, time, &[], &KeptTransforms::default());
+            parents.find_active(self.stage, time, &[], &KeptTransforms::default());
             let Err(error) = order::sort_placement_steps(self.stage, &parents, &mut order) else { continue };
             self.problems.push(match error {
                 StageError::Cycle(actor, through) if time > Time::MIN => {

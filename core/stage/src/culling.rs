@@ -58,7 +58,8 @@ fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
     }
     let lowered = constraint_growth(stage, actor)?;
     // Largest distance from the parent, and largest scale, by joint; then the distance that additive layers add.
-    let mut far: Vec<f64> = asset.skeleton.rest().iter().map(|t| length(&t.translation.to_array())).collect();
+    let mut far: Vec<f64> =
+        asset.skeleton.rest().iter().map(|t| vector_length(&t.translation.to_array())).collect();
     let mut scale: Vec<f64> = asset.skeleton.rest().iter().map(|t| max_abs(&t.scale.to_array())).collect();
     let mut added = vec![0.0f64; far.len()];
     for layer in &actor.layers {
@@ -136,10 +137,10 @@ fn widen_by_clip(
         }
         let keys = || curve.values.chunks_exact(3);
         if curve.path == Path::Translation {
-            let most = keys().map(length).fold(0.0, f64::max);
+            let most = keys().map(vector_length).fold(0.0, f64::max);
             let away = |key: &[f32]| {
                 let first = &curve.values[..3];
-                length(&[key[0] - first[0], key[1] - first[1], key[2] - first[2]])
+                vector_length(&[key[0] - first[0], key[1] - first[1], key[2] - first[2]])
             };
             let here = match carries {
                 // An additive clip adds the difference of two of its poses.
@@ -159,7 +160,7 @@ fn widen_by_clip(
     Some(())
 }
 
-fn length(v: &[f32]) -> f64 {
+fn vector_length(v: &[f32]) -> f64 {
     v.iter().map(|c| f64::from(*c) * f64::from(*c)).sum::<f64>().sqrt()
 }
 
@@ -177,8 +178,8 @@ impl ViewFrustum {
     /// The view frustum of an image with this aspect ratio; a little wider than exact, since lines and points extend beyond
     /// their boxes.
     fn new(camera: &CameraState, aspect: f64) -> ViewFrustum {
-        const MARGIN: f64 = 1.05;
-        let (x, y) = (aspect * MARGIN, MARGIN);
+        const FRUSTUM_MARGIN: f64 = 1.05;
+        let (x, y) = (aspect * FRUSTUM_MARGIN, FRUSTUM_MARGIN);
         let planes = match camera.projection {
             Projection::Perspective { yfov, .. } => {
                 let half = libm::tan(f64::from(yfov) * 0.5);
@@ -308,7 +309,7 @@ impl Culling<'_> {
         if moved || !actor.channels.is_empty() || actor.path_following.is_some() {
             return None;
         }
-        let local = parent.local(&actor.transform, [].iter());
+        let local = parent.local_placement(&actor.transform, [].iter());
         let distance = parent.offset.transform_point3(local.translation).length();
         Some((distance, norm_bound(&parent.offset.matrix3) * local.scale.abs().max_element()))
     }

@@ -6,10 +6,10 @@
 use crate::constraints::foot_lock_cache::FootLocks;
 use crate::constraints::{self, ConstrainedScratch};
 use crate::culling::{PoseBounds, is_independent_of_poses};
-use crate::framing::Framings;
+use crate::framing::FramingCache;
 use crate::pose::motions::Motions;
 use crate::snapshot::{ActorState, Dissolve, LightState, Snapshot};
-use crate::springs::{self, Simulation, SpringCheckpoints};
+use crate::springs::{self, SpringCheckpoints, SpringSimulation};
 use crate::stage::actor::Actor;
 use crate::stage::edits::FrameEdits;
 use crate::stage::{Stage, StageError};
@@ -62,7 +62,7 @@ pub struct EvaluationCosts {
 /// Cached results about one stage that hold for every time; each is computed when it is first needed.
 #[derive(Debug)]
 struct StageCache {
-    framings: Framings,
+    framings: FramingCache,
     foot_locks: FootLocks,
     springs: SpringCheckpoints,
     pose_bounds: OnceLock<PoseBounds>,
@@ -72,7 +72,7 @@ impl StageCache {
     fn new(stage: &Stage) -> StageCache {
         let (foot_locks, springs) = (FootLocks::default(), SpringCheckpoints::default());
         StageCache {
-            framings: Framings::new(stage, foot_locks.clone()),
+            framings: FramingCache::new(stage, foot_locks.clone()),
             foot_locks,
             springs,
             pose_bounds: OnceLock::new(),
@@ -84,7 +84,7 @@ impl StageCache {
 #[derive(Clone, Debug, Default)]
 struct Scratch {
     constrained: ConstrainedScratch,
-    simulation: Simulation,
+    simulation: SpringSimulation,
 }
 
 impl Evaluator {
@@ -151,11 +151,11 @@ impl Evaluator {
         let posed = |(actor, state): &(&Actor, &ActorState)| {
             !state.model_from_joint.is_empty() && state.model_from_joint.len() == actor.asset.skeleton.len()
         };
-        let spring_bones = self.scratch.simulation.bones();
+        let spring_bones = self.scratch.simulation.bone_count();
         let mut costs = EvaluationCosts { poses: self.poses(), constraints: 0, spring_bones };
         for (actor, _) in self.stage.actors.iter().zip(&snapshot.actors).filter(posed) {
-            let solved = actor.constraints.iter().filter(|c| c.share(snapshot.time) > 0.0).count();
-            let looks = actor.look_at.iter().filter(|look| look.share(snapshot.time) > 0.0).count();
+            let solved = actor.constraints.iter().filter(|c| c.weight_at(snapshot.time) > 0.0).count();
+            let looks = actor.look_at.iter().filter(|look| look.weight_at(snapshot.time) > 0.0).count();
             costs.constraints += solved + looks;
         }
         costs
@@ -163,7 +163,7 @@ impl Evaluator {
 
     /// Number of poses that this evaluator has computed so far, including poses at earlier times for springs.
     pub fn total_poses(&self) -> usize {
-        self.scratch.constrained.actors.all_poses + self.scratch.simulation.poses()
+        self.scratch.constrained.actors.all_poses + self.scratch.simulation.pose_count()
     }
 }
 
@@ -193,8 +193,9 @@ fn evaluate_stage(
     layers_2d::evaluate_layers_2d(stage, &scratch.edits.layers_2d, time, &mut out.layers_2d);
     out.sky = stage.sky.as_ref().map(|sky| sky.at(&scratch.edits, time));
     lights::evaluate_lights(stage, &scratch.edits, time, &out.actors, &mut out.lights);
-    let frame =
-        |index, azimuth, elevation, projection| framings.camera(stage, index, azimuth, elevation, projection);
+    let frame = |index, azimuth, elevation, projection| {
+        framings.frame_camera(stage, index, azimuth, elevation, projection)
+    };
     out.camera = camera::evaluate_camera(stage, frame, &scratch.edits, time, camera, &out.actors)?;
     effects::evaluate_effects(stage, &scratch.edits, time, &out.camera, &out.actors, &mut out.effects);
     out.dissolve = None;
@@ -218,7 +219,7 @@ fn find_kept_transforms(
     actors::find_kept_transforms(stage, &scratch.actors, time, |time, actors| {
         let (mut scratch, mut snapshot) = (ConstrainedScratch::of(actors), Snapshot::default());
         constraints::evaluate_actors(stage, &mut scratch, time, foot_locks, None, &mut snapshot)?;
-        let (actors, mut simulation) = (&mut scratch.actors, Simulation::default());
+        let (actors, mut simulation) = (&mut scratch.actors, SpringSimulation::default());
         springs::simulate_springs(
             stage,
             foot_locks,

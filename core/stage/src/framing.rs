@@ -24,7 +24,7 @@ const INTERVALS: std::ops::RangeInclusive<usize> = 6..=48;
 /// Largest ratio of height to width of flat ground, whose edges need not be in the image.
 const MAX_FLAT_RATIO: f32 = 0.01;
 /// Margin on each side, as a share of half of the image.
-const MARGIN: f64 = 0.06;
+const FRAME_MARGIN: f64 = 0.06;
 /// Bounds that frame an empty scene: the space of one standing person.
 const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
 
@@ -35,7 +35,7 @@ const MAX_VIEWS: usize = 16;
 
 /// Bounds that the cameras of one stage frame, computed once.
 #[derive(Debug)]
-pub(crate) struct Framings {
+pub(crate) struct FramingCache {
     /// One entry per camera; the last is for a stage without cameras.
     boxes: Vec<OnceLock<FramedBoxes>>,
     /// Cached bounds of views that callbacks ask for, by the bits of azimuth and elevation.
@@ -43,14 +43,14 @@ pub(crate) struct Framings {
     foot_locks: FootLocks,
 }
 
-impl Framings {
-    pub fn new(stage: &Stage, foot_locks: FootLocks) -> Framings {
+impl FramingCache {
+    pub fn new(stage: &Stage, foot_locks: FootLocks) -> FramingCache {
         let boxes = (0..=stage.cameras.len()).map(|_| OnceLock::new()).collect();
-        Framings { boxes, views: Mutex::default(), foot_locks }
+        FramingCache { boxes, views: Mutex::default(), foot_locks }
     }
 
     /// State of a camera that frames the stage from an azimuth and elevation in radians.
-    pub fn camera(
+    pub fn frame_camera(
         &self,
         stage: &Stage,
         index: Option<usize>,
@@ -213,8 +213,8 @@ pub(crate) fn fit_camera(boxes: &[DAabb], aspect: f64, projection: Projection) -
     let size = (all.max - all.min).length().max(1e-6);
     match projection {
         Projection::Perspective { yfov, .. } => {
-            let ty = libm::tan(f64::from(yfov) / 2.0) * (1.0 - MARGIN);
-            let tx = libm::tan(f64::from(yfov) / 2.0) * aspect * (1.0 - MARGIN);
+            let ty = libm::tan(f64::from(yfov) / 2.0) * (1.0 - FRAME_MARGIN);
+            let tx = libm::tan(f64::from(yfov) / 2.0) * aspect * (1.0 - FRAME_MARGIN);
             let mut right = f64::NEG_INFINITY;
             let (mut left, mut up, mut down) = (right, right, right);
             for b in boxes {
@@ -233,7 +233,7 @@ pub(crate) fn fit_camera(boxes: &[DAabb], aspect: f64, projection: Projection) -
         Projection::Orthographic { .. } => {
             let middle = (all.min + all.max) * 0.5;
             let extent = all.max - all.min;
-            let height = extent.y.max(extent.x / aspect).max(1e-6) / (1.0 - MARGIN);
+            let height = extent.y.max(extent.x / aspect).max(1e-6) / (1.0 - FRAME_MARGIN);
             let position = DVec3::new(middle.x, middle.y, all.max.z + size);
             let far = extent.z + 2.0 * size;
             (position, Projection::Orthographic { height: height as f32, near: 0.0, far: far as f32 })

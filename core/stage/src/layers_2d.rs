@@ -30,7 +30,7 @@ pub(crate) fn evaluate_layers_2d(
             }
         }
         // Splines overshoot.
-        let opacity = (opacity * layer_2d.presence(time)).clamp(0.0, 1.0) as f32;
+        let opacity = (opacity * layer_2d.opacity_factor(time)).clamp(0.0, 1.0) as f32;
         if opacity > 0.0 && scale > 0.0 && at.is_finite() && scale.is_finite() {
             out.push(Layer2dState { layer_2d: index, at, opacity, scale, words });
         }

@@ -1,6 +1,6 @@
 //! Transforms of actors and the camera at a time, without poses: for estimates of what images will show.
 
-use crate::actors::{Scratch, evaluate_actors};
+use crate::actors::{ActorScratch, evaluate_actors};
 use crate::camera;
 use crate::camera::orbit_rotation;
 use crate::framing::fit_camera;
@@ -14,12 +14,16 @@ impl Stage {
     /// Evaluates the stage at some times without poses: actors have a transform and a visibility, and no joint matrices. Actors attached to
     /// joints are placed as if these were at rest, and a framing camera frames rest poses.
     pub fn placed_at(&self, times: &[Time]) -> Result<Vec<Snapshot>, StageError> {
-        let mut scratch = Scratch::for_actors(Vec::new());
+        let mut scratch = ActorScratch::for_actors(Vec::new());
         times.iter().map(|time| snapshot_without_poses(self, &mut scratch, *time)).collect()
     }
 }
 
-fn snapshot_without_poses(stage: &Stage, scratch: &mut Scratch, time: Time) -> Result<Snapshot, StageError> {
+fn snapshot_without_poses(
+    stage: &Stage,
+    scratch: &mut ActorScratch,
+    time: Time,
+) -> Result<Snapshot, StageError> {
     let mut out = Snapshot { time, ..Snapshot::default() };
     let index = camera::active_camera_at(stage, time);
     scratch.view_cameras = [index, None];

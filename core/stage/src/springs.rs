@@ -6,7 +6,7 @@
 //! seek continues from the nearest checkpoint before it; checkpoints change the run time and nothing else.
 //!
 //! **Which actors.** Only actors whose joints the snapshot needs, with all actors that they can be attached to or can face, at any time:
-//! such a group ([`Group`]) is simulated as a whole. A group that was not needed stays at its last state, and catches up from there or from
+//! such a group ([`SpringGroup`]) is simulated as a whole. A group that was not needed stays at its last state, and catches up from there or from
 //! a checkpoint; its state at a grid point is the same either way. If a callback attaches actors of two groups, all actors become one
 //! group.
 //!
@@ -42,9 +42,9 @@ const MAX_STRIDE: i64 = 36_000;
 const MAX_BYTES: usize = 32 << 20;
 
 /// Grid point: (stretch, step).
-type Key = (i64, i64);
+type GridPoint = (i64, i64);
 /// Spring states, one per actor of a group.
-type States = Vec<SpringState>;
+type GroupStates = Vec<SpringState>;
 
 /// Checkpoints of the simulation, shared by all evaluators of a stage.
 #[derive(Debug, Default)]
@@ -55,7 +55,7 @@ struct Checkpoints {
     /// Number of steps between checkpoints; doubled whenever they take too much memory.
     stride: i64,
     /// Checkpoints of each group.
-    groups: Vec<BTreeMap<Key, Arc<States>>>,
+    groups: Vec<BTreeMap<GridPoint, Arc<GroupStates>>>,
     /// Whether all actors are one group, because a callback attaches some.
     joined: bool,
     bytes: usize,
@@ -77,16 +77,16 @@ impl SpringCheckpoints {
         &self,
         joined: bool,
         number: usize,
-        until: Key,
+        until: GridPoint,
         first: i64,
-    ) -> Option<(i64, Arc<States>)> {
+    ) -> Option<(i64, Arc<GroupStates>)> {
         let kept = self.lock();
         let states = kept.groups.get(number).filter(|_| kept.joined == joined)?;
         let ((_, step), states) = states.range((until.0, first)..=until).next_back()?;
         Some((*step, states.clone()))
     }
 
-    fn store(&self, joined: bool, number: usize, key: Key, states: &States) {
+    fn store(&self, joined: bool, number: usize, key: GridPoint, states: &GroupStates) {
         let mut kept = self.lock();
         if joined != kept.joined || key.1.rem_euclid(kept.stride) != 0 {
             return;
@@ -96,7 +96,7 @@ impl SpringCheckpoints {
         if kept.groups[number].contains_key(&key) {
             return;
         }
-        let size = |states: &States| states.iter().map(SpringState::size).sum::<usize>() + 128;
+        let size = |states: &GroupStates| states.iter().map(SpringState::size).sum::<usize>() + 128;
         kept.bytes += size(states);
         kept.groups[number].insert(key, Arc::new(states.clone()));
         while kept.bytes > MAX_BYTES && kept.stride < MAX_STRIDE {
@@ -109,7 +109,8 @@ impl SpringCheckpoints {
         }
         // If that is not enough, the checkpoints of the earliest stretches are dropped.
         while kept.bytes > MAX_BYTES {
-            let first = |group: &BTreeMap<Key, Arc<States>>| group.first_key_value().map(|(key, _)| *key);
+            let first =
+                |group: &BTreeMap<GridPoint, Arc<GroupStates>>| group.first_key_value().map(|(key, _)| *key);
             let oldest = kept.groups.iter_mut().filter(|group| !group.is_empty()).min_by_key(|g| first(g));
             let Some((_, gone)) = oldest.and_then(BTreeMap::pop_first) else { break };
             kept.bytes -= size(&gone);
@@ -128,13 +129,13 @@ impl SpringCheckpoints {
 /// Actors with springs that can be attached to each other, or face each other, at some time: they are simulated together. Springs of other
 /// actors do not affect them.
 #[derive(Clone, Debug, Default)]
-struct Group {
+struct SpringGroup {
     actors: Vec<usize>,
     /// Grid point of `states`; `None`: the states are not valid.
-    at: Option<Key>,
-    states: States,
+    at: Option<GridPoint>,
+    states: GroupStates,
     /// Copies of `states`, advanced to the time of the frame.
-    frame_states: States,
+    frame_states: GroupStates,
     /// Whether the snapshot needs the group.
     is_needed: bool,
     /// The next step to simulate.
@@ -143,8 +144,8 @@ struct Group {
 
 /// The groups of a stage.
 #[derive(Clone, Debug, Default)]
-struct Groups {
-    all: Vec<Group>,
+struct SpringGroups {
+    all: Vec<SpringGroup>,
     /// Index of the group of each actor with springs, and index of the actor in that group.
     places: Vec<Option<(usize, usize)>>,
     /// Set of each actor, with or without springs: the actor that represents the actors that belong together.
@@ -152,8 +153,8 @@ struct Groups {
     joined: bool,
 }
 
-impl Groups {
-    fn new(stage: &Stage, joined: bool) -> Groups {
+impl SpringGroups {
+    fn new(stage: &Stage, joined: bool) -> SpringGroups {
         let count = stage.actors.len();
         let mut sets: Vec<usize> = (0..count).collect();
         let mut merge_sets = |a: usize, b: usize| {
@@ -170,11 +171,11 @@ impl Groups {
             }
         }
         (0..count).for_each(|actor| sets[actor] = representative(&mut sets, actor));
-        let mut groups = Groups { sets, joined, places: vec![None; count], all: Vec::new() };
+        let mut groups = SpringGroups { sets, joined, places: vec![None; count], all: Vec::new() };
         let mut numbers = vec![None; count];
         for actor in (0..count).filter(|actor| has_springs(stage, *actor)) {
             let number = *numbers[groups.sets[actor]].get_or_insert(groups.all.len());
-            groups.all.resize_with(groups.all.len().max(number + 1), Group::default);
+            groups.all.resize_with(groups.all.len().max(number + 1), SpringGroup::default);
             groups.places[actor] = Some((number, groups.all[number].actors.len()));
             groups.all[number].actors.push(actor);
         }
@@ -192,7 +193,7 @@ impl Groups {
         })
     }
 
-    fn needed_groups_mut(&mut self) -> impl Iterator<Item = &mut Group> {
+    fn needed_groups_mut(&mut self) -> impl Iterator<Item = &mut SpringGroup> {
         self.all.iter_mut().filter(|group| group.is_needed)
     }
 }
@@ -212,8 +213,8 @@ fn has_springs(stage: &Stage, actor: usize) -> bool {
 
 /// State of the simulation of one evaluator, and buffers.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Simulation {
-    groups: Groups,
+pub(crate) struct SpringSimulation {
+    groups: SpringGroups,
     /// Actors of the groups that make a step.
     moving: Vec<usize>,
     scratch: Option<Box<ConstrainedScratch>>,
@@ -222,14 +223,14 @@ pub(crate) struct Simulation {
     bones: usize,
 }
 
-impl Simulation {
+impl SpringSimulation {
     /// Number of poses computed for steps of the grid.
-    pub fn poses(&self) -> usize {
+    pub fn pose_count(&self) -> usize {
         self.scratch.as_ref().map_or(0, |s| s.actors.all_poses)
     }
 
     /// Spring bones simulated for the last snapshot.
-    pub fn bones(&self) -> usize {
+    pub fn bone_count(&self) -> usize {
         self.bones
     }
 }
@@ -260,9 +261,9 @@ pub(crate) fn simulate_springs(
     stage: &Stage,
     foot_locks: &FootLocks,
     checkpoints: &SpringCheckpoints,
-    simulation: &mut Simulation,
+    simulation: &mut SpringSimulation,
     time: Time,
-    scratch: &mut actors::Scratch,
+    scratch: &mut actors::ActorScratch,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
     simulation.bones = 0;
@@ -273,7 +274,7 @@ pub(crate) fn simulate_springs(
     loop {
         let joined = checkpoints.lock().joined;
         if simulation.groups.all.is_empty() || simulation.groups.joined != joined {
-            simulation.groups = Groups::new(stage, joined);
+            simulation.groups = SpringGroups::new(stage, joined);
         }
         for group in &mut simulation.groups.all {
             group.is_needed = group.actors.iter().any(|actor| is_posed(stage, *actor, &actors[*actor]));
@@ -283,7 +284,7 @@ pub(crate) fn simulate_springs(
         }
     }
     let remaining_time = Time(time.0 - time_of_step(stage, step).0);
-    let Simulation { groups, buffers, bones, .. } = simulation;
+    let SpringSimulation { groups, buffers, bones, .. } = simulation;
     for group in groups.needed_groups_mut() {
         group.frame_states.resize_with(group.states.len(), SpringState::default);
         for (copy, state) in group.frame_states.iter_mut().zip(&group.states) {
@@ -307,9 +308,9 @@ fn advance_groups(
     stage: &Stage,
     foot_locks: &FootLocks,
     checkpoints: &SpringCheckpoints,
-    simulation: &mut Simulation,
+    simulation: &mut SpringSimulation,
     step: i64,
-    shared: &actors::Scratch,
+    shared: &actors::ActorScratch,
 ) -> Result<bool, StageError> {
     let (stretch, first) = stretch_of_step(stage, step);
     let joined = simulation.groups.joined;
@@ -321,7 +322,7 @@ fn advance_groups(
         };
         let group = &mut simulation.groups.all[number];
         if group.is_needed {
-            group.seek((stretch, step), first, kept_at);
+            group.seek_checkpoint((stretch, step), first, kept_at);
             from = from.min(group.next);
         }
     }
@@ -329,7 +330,7 @@ fn advance_groups(
     scratch.actors.kept_transforms = shared.kept_transforms.clone();
     while from <= step {
         let moved = MovedStates::Grid(from);
-        let Simulation { groups, moving, buffers, snapshot, .. } = simulation;
+        let SpringSimulation { groups, moving, buffers, snapshot, .. } = simulation;
         moving.clear();
         moving.extend(groups.all.iter().filter(|g| g.is_moved_by(moved)).flat_map(|g| &g.actors));
         scratch.actors.restrict_to(moving);
@@ -363,14 +364,14 @@ enum MovedStates {
     FrameCopy,
 }
 
-impl Group {
+impl SpringGroup {
     /// Finds the nearest state from which a grid point can be reached. `at` stays `None` until the group is there, in case a callback
     /// fails. `kept_after`: the latest checkpoint, if it is after a step.
-    fn seek(
+    fn seek_checkpoint(
         &mut self,
-        (stretch, step): Key,
+        (stretch, step): GridPoint,
         first: i64,
-        kept_after: impl Fn(i64) -> Option<(i64, Arc<States>)>,
+        kept_after: impl Fn(i64) -> Option<(i64, Arc<GroupStates>)>,
     ) {
         let here = self.at.take().filter(|at| at.0 == stretch && (first..=step).contains(&at.1));
         let mut at = here.map(|(_, at)| at);
@@ -401,10 +402,10 @@ impl Group {
 /// Simulates one step of the springs of all groups that move, parents before the actors attached to them.
 fn step_springs(
     stage: &Stage,
-    (groups, moved): (&mut Groups, MovedStates),
+    (groups, moved): (&mut SpringGroups, MovedStates),
     buffers: &mut SpringScratch,
     by: Time,
-    scratch: &mut actors::Scratch,
+    scratch: &mut actors::ActorScratch,
     actors: &mut [ActorState],
 ) {
     for step in 0..scratch.order.steps.len() {

@@ -5,7 +5,7 @@
 //! because the mean of two strides slides. During a contact the ball of the foot stays at one point. Between two contacts the corrections
 //! of both are interpolated, so that the foot does not jump.
 
-use crate::constraints::foot_lock_cache::{LONGEST_GAP, STEP};
+use crate::constraints::foot_lock_cache::{LONGEST_GAP, SAMPLE_INTERVAL};
 use crate::constraints::foot_samples::{FootSamples, Limb};
 use crate::constraints::footsteps::Footstep;
 use crate::constraints::gait_fades::{FADE_MARGIN, GaitFade, is_gait_fade};
@@ -42,7 +42,7 @@ const ROLL_HEIGHT_LEGS: f64 = 0.02;
 const ROLL_DISTANCE_LEGS: f64 = 0.25;
 /// Ground clearance of a foot in the air near the contacts before and after, in metres, and its upper limit in leg lengths. A lower foot
 /// looks dragged, however small the character is.
-const CLEARANCE: f64 = 0.015;
+const CLEARANCE_METRES: f64 = 0.015;
 const CLEARANCE_LEGS: f64 = 0.05;
 /// Largest raise of a foot, in multiples of the clearance: the feet of two clips differ in height.
 const HIGHEST_RAISE: f64 = 3.0;
@@ -116,7 +116,7 @@ pub(super) fn motion_ratios(samples: &FootSamples, places: &[DVec3], leg_length:
 /// Velocity by central differences, metres per second, so that touch-down counts as equally fast before and after it.
 fn velocity_at_sample(places: &[DVec3], i: usize) -> DVec3 {
     let (before, after) = (i.saturating_sub(1), (i + 1).min(places.len() - 1));
-    (places[after] - places[before]) / (STEP.as_secs() * (after - before).max(1) as f64)
+    (places[after] - places[before]) / (SAMPLE_INTERVAL.as_secs() * (after - before).max(1) as f64)
 }
 
 /// A ground contact of a foot in its clips.
@@ -161,12 +161,12 @@ pub(super) fn contact_on_ground(
             by_step: false,
         };
     }
-    let (first, last) = samples.between((from, to));
+    let (first, last) = samples.samples_between((from, to));
     let mut at = reachable_position(samples, leg, (first, last), highest);
     let lowered = reachable_position(samples, leg, (first, last), f64::INFINITY).y - at.y;
     if !ground.is_empty() {
         // The foot has the same height above the ground as above the floor of its clips.
-        let floor = samples.floor((first + last) / 2);
+        let floor = samples.floor_height((first + last) / 2);
         let heights = ground.iter().filter_map(|g| g.height(at, at.y + *raised + HIGHEST_STEP));
         *raised = heights.reduce(f64::max).unwrap_or(floor) - floor;
         at.y += *raised;
@@ -212,20 +212,22 @@ pub(super) fn extend_rolls(
         let (Some(at), true) = (contact.position, contact.from < contact.to) else { continue };
         let before = i.checked_sub(1).map_or(samples.from, |i| gap(&contacts[i], &contact).1);
         let after = contacts.get(i + 1).map_or(Time::MAX, |next| gap(&contact, next).0);
-        let rolls = |sample: usize, offset: DVec3| contact.holds(offset, places[sample], leg_length);
-        let on_grid = |time: Time| ((time - samples.from).0.max(0) as u64).div_ceil(STEP.0 as u64) as usize;
+        let rolls = |sample: usize, offset: DVec3| contact.keeps_position(offset, places[sample], leg_length);
+        let on_grid =
+            |time: Time| ((time - samples.from).0.max(0) as u64).div_ceil(SAMPLE_INTERVAL.0 as u64) as usize;
         if !steps.iter().any(|step| step.from == contact.to) {
-            let leaving = (on_grid(contact.to)..places.len()).take_while(|s| samples.time(*s) <= after);
+            let leaving =
+                (on_grid(contact.to)..places.len()).take_while(|s| samples.time_of_sample(*s) <= after);
             if let Some(last) = leaving.take_while(|s| rolls(*s, contact.last_offset)).last() {
-                contacts[i].roll_span.1 = samples.time(last);
+                contacts[i].roll_span.1 = samples.time_of_sample(last);
                 contacts[i].last_offset = (at - places[last]).with_y(contact.last_offset.y);
             }
         }
         if !steps.iter().any(|step| step.to == contact.from) {
             let coming = (0..on_grid(contact.from).min(places.len())).rev();
-            let coming = coming.take_while(|s| samples.time(*s) >= before);
+            let coming = coming.take_while(|s| samples.time_of_sample(*s) >= before);
             if let Some(first) = coming.take_while(|s| rolls(*s, contact.first_offset)).last() {
-                contacts[i].roll_span.0 = samples.time(first);
+                contacts[i].roll_span.0 = samples.time_of_sample(first);
                 contacts[i].first_offset = (at - places[first]).with_y(contact.first_offset.y);
             }
         }
@@ -276,7 +278,7 @@ pub(super) fn hip_drop_to_reach(limb: &Limb, at: DVec3) -> f64 {
 /// over time. (Tried without smoothing: the head jerks.)
 pub(super) fn hip_drops(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
     let need = |index: usize| {
-        let time = samples.time(index);
+        let time = samples.time_of_sample(index);
         let of_leg = |(stands, limbs): (&Vec<Contact>, &Vec<Limb>)| {
             let next = stands.partition_point(|s| s.to < time);
             let at = stands.get(next).filter(|s| s.from <= time).and_then(|s| s.position)?;
@@ -308,7 +310,7 @@ impl Contact {
 
     /// Whether a foot with the animated position `place` is low and near enough to keep its contact. `offset`: `first_offset` or
     /// `last_offset` of the contact.
-    pub fn holds(&self, offset: DVec3, place: DVec3, leg_length: f64) -> bool {
+    pub fn keeps_position(&self, offset: DVec3, place: DVec3, leg_length: f64) -> bool {
         self.position.is_some_and(|at| {
             let off = at - place;
             offset.y - off.y < ROLL_HEIGHT_LEGS * leg_length
@@ -332,7 +334,7 @@ impl Contact {
 
 /// Ground clearance in metres of a foot in the air near its contacts. `leg_length`: metres.
 pub(super) fn ground_clearance(leg_length: f64) -> f64 {
-    CLEARANCE.min(CLEARANCE_LEGS * leg_length)
+    CLEARANCE_METRES.min(CLEARANCE_LEGS * leg_length)
 }
 
 /// Smoothstep from 0 to 1; `w` is clamped.
@@ -346,7 +348,7 @@ impl FootLockTrack {
         if time < self.span.0 {
             return 0.0;
         }
-        let at = (time - self.span.0).0 as f64 / STEP.0 as f64;
+        let at = (time - self.span.0).0 as f64 / SAMPLE_INTERVAL.0 as f64;
         let (low, share) = (at as usize, at - libm::floor(at));
         let drop = |i: usize| self.hip_drops.get(i).copied().unwrap_or(0.0);
         drop(low) + (drop(low + 1) - drop(low)) * share
@@ -367,7 +369,7 @@ impl FootLockTrack {
         if let Some(step) = self.steps[leg].iter().find(|step| step.from < time && time < step.to) {
             let foot = step.at(time);
             // A step may begin in the air, and the feet of two clips differ in height, so the lower end is taken as the ground.
-            let [start, end] = step.ends();
+            let [start, end] = step.start_and_end();
             let ground = start.y.min(end.y);
             return self.with_clearance(time, leg, foot, [start, end].map(|end| Some(end.with_y(ground))))
                 - place;

@@ -1,6 +1,6 @@
 //! Cache of foot-lock tracks: each is planned once, for the time span around the first frame that needs it.
 
-use crate::actors::Scratch;
+use crate::actors::ActorScratch;
 use crate::constraints::foot_contacts::{ClipContacts, FootContacts};
 use crate::constraints::foot_lock::{
     Contact, ContactSpan, FADE_SECS, FootLockTrack, RollInputs, contact_on_ground, extend_rolls, hip_drops,
@@ -12,7 +12,7 @@ use crate::constraints::gait_fades::GaitFade;
 use crate::constraints::ground::Ground;
 use crate::constraints::long_contacts::LongContacts;
 use crate::constraints::standing_fades::FadeSteps;
-use crate::constraints::stands::{HeldFoot, Stand, find_stands};
+use crate::constraints::stands::{HeldFoot, StandingSpan, find_stands};
 use crate::pose::motions::Motions;
 use crate::stage::constraint::FootLock;
 use crate::stage::{Stage, StageError};
@@ -23,7 +23,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Sampling interval of feet.
-pub(super) const STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
+pub(super) const SAMPLE_INTERVAL: Time = Time(Time::TICKS_PER_SECOND / 60);
 /// Largest number of samples of feet: one hour. Beyond it, and outside the stage's length, feet are not locked.
 const MAX_SAMPLES: i64 = 60 * 3600;
 /// Longest gap between two contacts across which corrections are interpolated; in a longer gap the horizontal correction fades out.
@@ -39,8 +39,8 @@ type WindowsByConstraint = BTreeMap<(usize, usize), Arc<ConstraintWindows>>;
 /// Windows of a constraint (its sampled spans in order of time, then the stands between them), and its stands.
 #[derive(Debug)]
 struct ConstraintWindows {
-    windows: Vec<Window>,
-    stands: Vec<Stand>,
+    windows: Vec<PlanningWindow>,
+    stands: Vec<StandingSpan>,
 }
 
 #[derive(Debug, Default)]
@@ -51,7 +51,7 @@ struct FootLockCache {
 
 /// Time span whose contacts are planned independently of other windows.
 #[derive(Debug)]
-struct Window {
+struct PlanningWindow {
     from: Time,
     to: Time,
     /// Whether the stage begins, and ends, in the window.
@@ -63,10 +63,10 @@ struct Window {
     track: OnceLock<Arc<FootLockTrack>>,
 }
 
-impl Window {
+impl PlanningWindow {
     /// Fades the lowering of the hips to zero on sides where a stand continues outside this window.
     fn taper_hip_drops(&self, drops: &mut [f64]) {
-        let fading = (FADE_SECS / STEP.as_secs()) as usize;
+        let fading = (FADE_SECS / SAMPLE_INTERVAL.as_secs()) as usize;
         let count = drops.len();
         for (i, drop) in drops.iter_mut().enumerate() {
             for (side, left) in [i, count - 1 - i].into_iter().enumerate() {
@@ -104,7 +104,7 @@ pub(crate) struct FootLockContext<'a> {
 impl FootLocks {
     /// The track that applies at a time, if any. The result does not depend on which thread asks first; two threads that ask at once may
     /// both plan it.
-    pub fn track(
+    pub fn track_at(
         &self,
         context: FootLockContext,
         time: Time,
@@ -152,7 +152,7 @@ fn with_sampled_feet<T>(
     } else {
         context.motions.clone()
     };
-    let mut scratch = Scratch::for_actors(vec![actor]);
+    let mut scratch = ActorScratch::for_actors(vec![actor]);
     scratch.motions = Some(motions);
     run(&mut FeetInMotion { stage, actor, foot_lock: context.foot_lock, scratch })
 }
@@ -160,8 +160,8 @@ fn with_sampled_feet<T>(
 /// The track of a stand; `None` if the stand is not held.
 fn track_of_stand(
     context: &FootLockContext,
-    stand: &Stand,
-    window: &Window,
+    stand: &StandingSpan,
+    window: &PlanningWindow,
 ) -> Result<Option<FootLockTrack>, StageError> {
     let leg_length = leg_length(context.stage, context.actor, context.foot_lock);
     let places = with_sampled_feet(context, |feet| {
@@ -170,7 +170,7 @@ fn track_of_stand(
     let front = context.stage.actors[context.actor].asset.front();
     Ok(places.map(|places| FootLockTrack {
         steps: vec![Vec::new(); places.len()],
-        contacts_by_leg: places.into_iter().map(|at| vec![stand.contact(at)]).collect(),
+        contacts_by_leg: places.into_iter().map(|at| vec![stand.contact_at(at)]).collect(),
         span: (window.from, window.to),
         open_ends: [0, 1].map(|side| window.open_ends[side] || window.continues_on_side(side)),
         hip_drops: Vec::new(),
@@ -183,8 +183,8 @@ fn track_of_stand(
 fn plan_track(
     context: &FootLockContext,
     clips: &ClipContacts,
-    stands: &[Stand],
-    window: &Window,
+    stands: &[StandingSpan],
+    window: &PlanningWindow,
 ) -> Result<FootLockTrack, StageError> {
     with_sampled_feet(context, |feet| plan_track_with_feet(context, clips, stands, window, feet))
 }
@@ -192,20 +192,20 @@ fn plan_track(
 fn plan_track_with_feet(
     context: &FootLockContext,
     clips: &ClipContacts,
-    stands: &[Stand],
-    window: &Window,
+    stands: &[StandingSpan],
+    window: &PlanningWindow,
     feet: &mut FeetInMotion,
 ) -> Result<FootLockTrack, StageError> {
     let FootLockContext { stage, actor, foot_lock, .. } = *context;
-    let &Window { from, to, open_ends, .. } = window;
+    let &PlanningWindow { from, to, open_ends, .. } = window;
     let ground: Vec<Ground> =
         foot_lock.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
     let leg_length = leg_length(stage, actor, foot_lock);
-    let samples = feet.sample(from, to)?;
+    let samples = feet.sample_feet(from, to)?;
     let by_clips = !foot_lock.only.is_empty() || !foot_lock.standing_fades.is_empty();
     let by_clips = by_clips.then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs, clips));
     let lowers_hips = ground.is_empty() && foot_lock.hips.is_some();
-    let planner = Planner { foot_lock, stands, window, ground, leg_length, samples, lowers_hips };
+    let planner = ContactPlanner { foot_lock, stands, window, ground, leg_length, samples, lowers_hips };
     let count = foot_lock.legs.len();
     let mut plan = ContactPlan {
         contacts_by_leg: vec![Vec::new(); count],
@@ -259,10 +259,10 @@ struct ContactPlan {
 }
 
 /// Finds the contacts of a constraint in a window.
-struct Planner<'a> {
+struct ContactPlanner<'a> {
     foot_lock: &'a FootLock,
-    stands: &'a [Stand],
-    window: &'a Window,
+    stands: &'a [StandingSpan],
+    window: &'a PlanningWindow,
     ground: Vec<Ground>,
     /// Length of a leg, metres.
     leg_length: f64,
@@ -271,7 +271,7 @@ struct Planner<'a> {
     lowers_hips: bool,
 }
 
-impl Planner<'_> {
+impl ContactPlanner<'_> {
     fn contact_on_ground(&self, leg: usize, span: &ContactSpan, raised: &mut [f64]) -> Contact {
         contact_on_ground(&self.samples, span, leg, self.foot_lock, &self.ground, &mut raised[leg])
     }
@@ -281,10 +281,12 @@ impl Planner<'_> {
         let samples = &self.samples;
         for (index, found) in plan.contacts_by_leg.iter_mut().enumerate() {
             let places = &samples.feet[index];
-            for (first, last) in
-                still_intervals(&motion_ratios(samples, places, self.leg_length), STEP.as_secs(), false)
-            {
-                let span = (samples.time(first), samples.time(last));
+            for (first, last) in still_intervals(
+                &motion_ratios(samples, places, self.leg_length),
+                SAMPLE_INTERVAL.as_secs(),
+                false,
+            ) {
+                let span = (samples.time_of_sample(first), samples.time_of_sample(last));
                 let ends = [places[first], places[last]];
                 let span = ContactSpan { span, ends, highest: f64::INFINITY };
                 found.push(self.contact_on_ground(index, &span, &mut plan.raised));
@@ -308,8 +310,11 @@ impl Planner<'_> {
                 let highest = GaitFade::max_contact_height(&plan.gait_fades, index, *span);
                 let (samples, leg_length) = (&self.samples, self.leg_length);
                 let long = LongContacts { samples, leg: index, leg_length, lowest, highest };
-                let parts =
-                    if is_locked_contact(self.foot_lock, *span) { long.split(*span) } else { vec![*span] };
+                let parts = if is_locked_contact(self.foot_lock, *span) {
+                    long.split_contact(*span)
+                } else {
+                    vec![*span]
+                };
                 let first = plan.contacts_by_leg[index].len();
                 for span in parts {
                     let ends = [feet.foot_position(index, span.0)?, feet.foot_position(index, span.1)?];
@@ -357,7 +362,7 @@ impl Planner<'_> {
 
     /// World positions of the feet in each stand; `None` if the stand does not touch the window or is not held.
     fn stand_positions(&self, feet: &mut FeetInMotion) -> Result<Vec<Option<Vec<DVec3>>>, StageError> {
-        let of_stand = |held: &Stand| {
+        let of_stand = |held: &StandingSpan| {
             let counts = held.from <= self.window.to && held.to >= self.window.from;
             let found = if counts { held.foot_positions(feet, self.leg_length)? } else { None };
             Ok(found.map(<[DVec3]>::to_vec))
@@ -373,7 +378,7 @@ impl Planner<'_> {
         places: &mut [Option<Vec<DVec3>>],
         plan: &mut ContactPlan,
     ) -> Result<(), StageError> {
-        let &Window { from, to, open_ends, .. } = self.window;
+        let &PlanningWindow { from, to, open_ends, .. } = self.window;
         let fades = &self.foot_lock.standing_fades;
         let ContactPlan { contacts_by_leg, steps, raised, .. } = plan;
         for (i, fade) in fades.iter().enumerate().filter(|(_, f)| from <= f.from && f.to <= to) {
@@ -440,7 +445,7 @@ fn sampled_spans(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
     // The stage may end during a step, whose end must be known: on a slope a foot lands lower than it stood.
     let last_steps = foot_lock.standing_fades.last().map_or(Time::ZERO, |fade| fade.to);
     let length = stage.settings.length.max(last_steps) + LONGEST_GAP;
-    let length = length.min(Time(MAX_SAMPLES * STEP.0));
+    let length = length.min(Time(MAX_SAMPLES * SAMPLE_INTERVAL.0));
     let around = |(from, to): &(Time, Time)| (*from - LONGEST_GAP, *to + LONGEST_GAP);
     let mut all: Vec<(Time, Time)> = match foot_lock.only.is_empty() {
         true => vec![(Time::ZERO, length)],
@@ -464,9 +469,17 @@ impl ConstraintWindows {
     fn of(stage: &Stage, actor: usize, foot_lock: &FootLock) -> ConstraintWindows {
         let window = |(from, to): (Time, Time)| {
             let open_ends = [from <= Time::ZERO, to >= stage.settings.length];
-            Window { from, to, open_ends, stands: [None; 2], stand_only: None, track: OnceLock::new() }
+            PlanningWindow {
+                from,
+                to,
+                open_ends,
+                stands: [None; 2],
+                stand_only: None,
+                track: OnceLock::new(),
+            }
         };
-        let mut windows: Vec<Window> = sampled_spans(stage, foot_lock).into_iter().map(window).collect();
+        let mut windows: Vec<PlanningWindow> =
+            sampled_spans(stage, foot_lock).into_iter().map(window).collect();
         let stands = find_stands(&stage.actors[actor], foot_lock);
         let planned = windows.len();
         for (number, stand) in stands.iter().enumerate() {
@@ -488,7 +501,7 @@ impl ConstraintWindows {
             }
             let open_ends = [from <= Time::ZERO, to == Time::MAX];
             let stand_only = Some((number, beside));
-            windows.push(Window {
+            windows.push(PlanningWindow {
                 from,
                 to,
                 open_ends,

@@ -1,7 +1,7 @@
 //! Samples the motion of an actor's feet without foot locking, at 60 Hz.
 
-use crate::actors::{Scratch, evaluate_actors};
-use crate::constraints::foot_lock_cache::STEP;
+use crate::actors::{ActorScratch, evaluate_actors};
+use crate::constraints::foot_lock_cache::SAMPLE_INTERVAL;
 use crate::constraints::footsteps::REFERENCE_LEG;
 use crate::constraints::solve::joint_world_position;
 use crate::snapshot::Snapshot;
@@ -37,12 +37,12 @@ pub(super) struct FeetInMotion<'a> {
     pub stage: &'a Stage,
     pub actor: usize,
     pub foot_lock: &'a FootLock,
-    pub scratch: Scratch,
+    pub scratch: ActorScratch,
 }
 
 impl FeetInMotion<'_> {
     /// Samples the feet from one time to another, both included.
-    pub fn sample(&mut self, from: Time, to: Time) -> Result<FootSamples, StageError> {
+    pub fn sample_feet(&mut self, from: Time, to: Time) -> Result<FootSamples, StageError> {
         let mut snapshot = Snapshot::default();
         let foot_lock = self.foot_lock;
         let count = foot_lock.legs.len();
@@ -52,11 +52,11 @@ impl FeetInMotion<'_> {
             limbs: vec![Vec::new(); count],
             transforms: vec![],
         };
-        for sample in 0..=(to - from).0 / STEP.0 {
+        for sample in 0..=(to - from).0 / SAMPLE_INTERVAL.0 {
             evaluate_actors(
                 self.stage,
                 &mut self.scratch,
-                from + Time(sample * STEP.0),
+                from + Time(sample * SAMPLE_INTERVAL.0),
                 None,
                 &mut snapshot,
             )?;
@@ -85,7 +85,7 @@ impl FeetInMotion<'_> {
 
     /// World position of a foot at a time.
     pub fn foot_position(&mut self, leg: usize, time: Time) -> Result<DVec3, StageError> {
-        Ok(self.sample(time, time)?.feet[leg][0])
+        Ok(self.sample_feet(time, time)?.feet[leg][0])
     }
 }
 
@@ -103,24 +103,24 @@ pub(super) fn leg_length(stage: &Stage, actor: usize, foot_lock: &FootLock) -> f
 }
 
 impl FootSamples {
-    pub fn time(&self, index: usize) -> Time {
-        self.from + Time(index as i64 * STEP.0)
+    pub fn time_of_sample(&self, index: usize) -> Time {
+        self.from + Time(index as i64 * SAMPLE_INTERVAL.0)
     }
 
     /// Index of the last sample at or before a time, and the share of the way to the next one, 0..=1.
     pub(crate) fn index_at(&self, time: Time) -> (usize, f64) {
         let last = self.transforms.len() - 1;
-        let at = ((time - self.from).0 as f64 / STEP.0 as f64).clamp(0.0, last as f64);
+        let at = ((time - self.from).0 as f64 / SAMPLE_INTERVAL.0 as f64).clamp(0.0, last as f64);
         let low = (at as usize).min(last.saturating_sub(1));
         (low, at - low as f64)
     }
 
     /// Indices of the first and the last sample within a time span, or of the nearest sample if there is none.
-    pub fn between(&self, (from, to): (Time, Time)) -> (usize, usize) {
+    pub fn samples_between(&self, (from, to): (Time, Time)) -> (usize, usize) {
         let count = self.transforms.len();
-        let first = ((from - self.from).0 as u64).div_ceil(STEP.0 as u64) as usize;
+        let first = ((from - self.from).0 as u64).div_ceil(SAMPLE_INTERVAL.0 as u64) as usize;
         let first = first.min(count - 1);
-        (first, (((to - self.from).0 / STEP.0) as usize).clamp(first, count - 1))
+        (first, (((to - self.from).0 / SAMPLE_INTERVAL.0) as usize).clamp(first, count - 1))
     }
 
     /// World position of a foot at a time, interpolated linearly between two samples.
@@ -131,7 +131,7 @@ impl FootSamples {
     }
 
     /// World height of the floor at a sample: that of the actor's origin.
-    pub fn floor(&self, index: usize) -> f64 {
+    pub fn floor_height(&self, index: usize) -> f64 {
         self.transforms[index].translation.y
     }
 }

@@ -205,7 +205,7 @@ impl Footstep {
     }
 
     /// Positions of the foot before and after the step, in the order of time.
-    pub fn ends(&self) -> [DVec3; 2] {
+    pub fn start_and_end(&self) -> [DVec3; 2] {
         let PlannedStep { start, end, .. } = self.step;
         if self.backwards { [end, start] } else { [start, end] }
     }
@@ -285,7 +285,7 @@ mod tests {
             let air = FootState { velocity: DVec3::Z * 5.8, lands_secs, ..standing(-0.1, z) };
             let steps = plan([standing(0.1, 0.0), air], 0.0, 0.5);
             let step = Footstep::new(steps[1][0], Time::ZERO, false);
-            assert!(step.to.as_secs() <= 0.35 && step.ends()[1].z.abs() < 1e-9, "{step:?}");
+            assert!(step.to.as_secs() <= 0.35 && step.start_and_end()[1].z.abs() < 1e-9, "{step:?}");
             let farthest = |step: &Footstep| {
                 let at = |i: i32| step.at(step.to.scaled(f64::from(i) / 200.0)).z;
                 (0..=200).map(at).fold(f64::NEG_INFINITY, f64::max)
@@ -310,7 +310,7 @@ mod tests {
         assert!((fast.at(fast.to) - end).length() < 1e-12);
         // Backwards it leads back to where the foot came from.
         let back = Footstep::new(step(DVec3::ZERO), begin, true);
-        assert!(back.to == begin && back.ends() == [end, start]);
+        assert!(back.to == begin && back.start_and_end() == [end, start]);
         assert!((back.at(back.from) - end).length() < 1e-12 && back.at(back.to).length() < 1e-12);
         let slow = Footstep::new(step(DVec3::ZERO), begin, false);
         let low = (0..=350).map(|i| slow.at(secs(f64::from(i) * 1e-3)));

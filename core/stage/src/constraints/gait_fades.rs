@@ -35,7 +35,7 @@ impl GaitFade {
     ) -> Vec<GaitFade> {
         let of_leg = |span: (Time, Time), leg: usize| {
             let height = |(from, to): &(Time, Time)| {
-                let (first, last) = samples.between((*from, *to));
+                let (first, last) = samples.samples_between((*from, *to));
                 let places = &samples.feet[leg][first..=last];
                 places.iter().map(|place| place.y).sum::<f64>() / places.len() as f64
             };

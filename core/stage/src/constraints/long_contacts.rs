@@ -31,7 +31,7 @@ pub(super) struct LongContacts<'a> {
 impl LongContacts<'_> {
     /// Splits a contact into the time spans in which the foot stands: the whole contact if the leg reaches that far, else the parts between
     /// as few steps as let it reach, or bring it nearest.
-    pub fn split(&self, span: (Time, Time)) -> Vec<(Time, Time)> {
+    pub fn split_contact(&self, span: (Time, Time)) -> Vec<(Time, Time)> {
         let mut best = (self.overreach(span), vec![span]);
         for parts in (1..=MAX_STEPS).filter_map(|count| self.split_evenly(span, count)) {
             if best.0 <= 0.0 {
@@ -71,7 +71,7 @@ impl LongContacts<'_> {
 
     /// Largest distance in metres by which the leg would miss the foot's position if the foot stood all the time.
     fn overreach(&self, span: (Time, Time)) -> f64 {
-        let (first, last) = self.samples.between(span);
+        let (first, last) = self.samples.samples_between(span);
         let limbs = &self.samples.limbs[self.leg][first..=last];
         let at = reachable_position(self.samples, self.leg, (first, last), self.highest);
         let overreach = |limb: &Limb| {

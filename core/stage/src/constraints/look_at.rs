@@ -15,7 +15,7 @@ pub(crate) const LOOK_AT_LIMIT_RAD: f64 = 80.0 * std::f64::consts::PI / 180.0;
 /// An active look-at. Characters that look at each other's heads use the head positions after one trial of all turns ([`super::solve`]). A
 /// target on the actor itself is updated after the actor has moved it ([`super::steps`]).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Aim {
+pub(crate) struct ActiveLookAt {
     pub actor: usize,
     pub joint: u32,
     pub target: Target,
@@ -29,24 +29,29 @@ pub(crate) fn find_aims_of(
     time: Time,
     actors: &[ActorState],
     index: usize,
-    aims: &mut Vec<Aim>,
+    aims: &mut Vec<ActiveLookAt>,
 ) {
     let (actor, state) = (&stage.actors[index], &actors[index]);
     for look in &actor.look_at {
-        let share = look.share(time);
+        let share = look.weight_at(time);
         // The test of the joint also skips actors that are not posed.
         if share > 0.0
             && (look.joint as usize) < state.model_from_joint.len()
             && let Some(world_target) = target_position(stage, actors, &look.target)
         {
             let (joint, target) = (look.joint, look.target);
-            aims.push(Aim { actor: index, joint, target, world_target, share: share.into() });
+            aims.push(ActiveLookAt { actor: index, joint, target, world_target, share: share.into() });
         }
     }
 }
 
 /// Turns a joint, with all joints below it, about its position towards a target.
-pub(crate) fn turn_joint_to_target(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mut Vec<bool>) {
+pub(crate) fn turn_joint_to_target(
+    stage: &Stage,
+    aim: &ActiveLookAt,
+    state: &mut ActorState,
+    turned: &mut Vec<bool>,
+) {
     let skeleton = &stage.actors[aim.actor].asset.skeleton;
     let rest = stage.actors[aim.actor].asset.rest_model_from_joint();
     let joint = aim.joint as usize;

@@ -35,12 +35,12 @@ use choreo_motion::Time;
 /// Reusable buffers of [`evaluate_actors`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConstrainedScratch {
-    pub actors: actors::Scratch,
+    pub actors: actors::ActorScratch,
     solve: ConstraintScratch,
 }
 
 impl ConstrainedScratch {
-    pub fn of(actors: actors::Scratch) -> ConstrainedScratch {
+    pub fn of(actors: actors::ActorScratch) -> ConstrainedScratch {
         ConstrainedScratch { actors, ..ConstrainedScratch::default() }
     }
 }

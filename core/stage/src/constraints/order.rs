@@ -46,8 +46,8 @@ pub(crate) fn sort_into_rounds(
     waiting.iter().for_each(|a| done[*a] = false);
     for &actor in waiting.iter() {
         let a = &stage.actors[actor];
-        let constraints = a.constraints.iter().filter(|g| g.share(time) > 0.0).flat_map(|g| g.targets());
-        let looks = a.look_at.iter().filter(|l| l.share(time) > 0.0).map(|l| l.target);
+        let constraints = a.constraints.iter().filter(|g| g.weight_at(time) > 0.0).flat_map(|g| g.targets());
+        let looks = a.look_at.iter().filter(|l| l.weight_at(time) > 0.0).map(|l| l.target);
         for target in constraints.chain(looks) {
             for_each_carrier_joint(stage, parents, target, carriers, |other, _| {
                 if other != actor && !done[other] {
@@ -88,8 +88,8 @@ pub(crate) fn sort_into_rounds(
 fn has_active_constraints(stage: &Stage, actor: usize, time: Time) -> bool {
     let a = &stage.actors[actor];
     !a.limits.is_empty()
-        || a.constraints.iter().any(|g| g.share(time) > 0.0)
-        || a.look_at.iter().any(|l| l.share(time) > 0.0)
+        || a.constraints.iter().any(|g| g.weight_at(time) > 0.0)
+        || a.look_at.iter().any(|l| l.weight_at(time) > 0.0)
 }
 
 /// Calls `found` with each joint (actor, joint) that carries a target, directly or through parents.

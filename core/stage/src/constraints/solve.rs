@@ -3,7 +3,7 @@
 use crate::actors;
 use crate::constraints::foot_lock_cache::{FootLockContext, FootLocks};
 use crate::constraints::gaze::Gaze;
-use crate::constraints::steps::{StepKind, Steps, TargetTiming};
+use crate::constraints::steps::{ConstraintSteps, StepKind, TargetTiming};
 use crate::constraints::{foot_lock, look_at, order};
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::joints::{PosedSkeleton, rotation_of};
@@ -34,8 +34,8 @@ pub(crate) struct ConstraintScratch {
     chain: Chain,
     aim: Vec<AimJoint>,
     turns: Vec<DQuat>,
-    aims: Vec<look_at::Aim>,
-    steps: Steps,
+    aims: Vec<look_at::ActiveLookAt>,
+    steps: ConstraintSteps,
     /// An actor's pose before its constraints, and the poses of a circle of actors.
     pose: Vec<glam::Affine3A>,
     poses: Vec<glam::Affine3A>,
@@ -47,7 +47,7 @@ pub(crate) fn solve_all_constraints(
     foot_locks: &FootLocks,
     time: Time,
     scratch: &mut ConstraintScratch,
-    placing: &mut actors::Scratch,
+    placing: &mut actors::ActorScratch,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
     order::sort_into_rounds(stage, time, &placing.parents, &mut scratch.order);
@@ -125,7 +125,7 @@ fn find_targets(
     scratch.aims.clear();
     for &index in &scratch.order.actors[round] {
         for (number, constraint) in stage.actors[index].constraints.iter().enumerate() {
-            if constraint.share(time) > 0.0
+            if constraint.weight_at(time) > 0.0
                 && let Some((target, pole)) = current_target_and_pole(stage, actors, constraint)
             {
                 scratch.targets.push((index, number, target, pole));
@@ -177,7 +177,7 @@ fn target_with_offset(
 
 /// Number of trials for an actor whose own steps depend on each other in a circle. A spine that takes a quarter of an aim leaves an error
 /// of 4° after one trial and 0.1° after three.
-const TRIALS: usize = 3;
+const TARGET_TRIALS: usize = 3;
 
 /// An actor whose constraints are solved.
 struct ActorSolver<'a> {
@@ -195,33 +195,33 @@ impl ActorSolver<'_> {
     fn run_trial_steps(
         &self,
         scratch: &mut ConstraintScratch,
-        placing: &mut actors::Scratch,
+        placing: &mut actors::ActorScratch,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
         if !actors[self.index].world_from_model.inverse().is_finite() {
             return Ok(());
         }
-        scratch.steps.find(self.stage, &placing.parents, self.time, self.index, &scratch.aims);
+        scratch.steps.find_and_sort(self.stage, &placing.parents, self.time, self.index, &scratch.aims);
         self.run_steps(true, scratch, placing, actors)
     }
 
     fn solve(
         &self,
         scratch: &mut ConstraintScratch,
-        placing: &mut actors::Scratch,
+        placing: &mut actors::ActorScratch,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
         let ActorSolver { stage, time, index, .. } = *self;
         if !actors[index].world_from_model.inverse().is_finite() {
             return Ok(());
         }
-        scratch.steps.find(stage, &placing.parents, time, index, &scratch.aims);
+        scratch.steps.find_and_sort(stage, &placing.parents, time, index, &scratch.aims);
         if !self.circular
             && scratch.steps.ordered.iter().any(|step| step.target == TargetTiming::AfterAllSteps)
         {
             // The effect of the steps on the targets is found by executing them, without the eyes and the face.
             scratch.pose.clone_from(&actors[index].model_from_joint);
-            for _ in 0..TRIALS {
+            for _ in 0..TARGET_TRIALS {
                 self.run_steps(true, scratch, placing, actors)?;
                 placing.place(stage, actors);
                 self.find_late_targets(scratch, actors);
@@ -237,7 +237,7 @@ impl ActorSolver<'_> {
         &self,
         trial: bool,
         scratch: &mut ConstraintScratch,
-        placing: &mut actors::Scratch,
+        placing: &mut actors::ActorScratch,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
         for at in 0..scratch.steps.ordered.len() {
@@ -268,12 +268,12 @@ impl ActorSolver<'_> {
         let ActorSolver { stage, foot_locks, motions, time, index, .. } = *self;
         let actor = &stage.actors[index];
         let constraint = &actor.constraints[number];
-        let share = constraint.share(time);
+        let share = constraint.weight_at(time);
         let world_from_model = actors[index].world_from_model;
         let model_from_world = world_from_model.inverse();
         if let ConstraintKind::FootLock(foot_lock) = &constraint.kind {
-            let of = FootLockContext { stage, motions, actor: index, constraint: number, foot_lock };
-            let Some(track) = foot_locks.track(of, time)? else { return Ok(()) };
+            let context = FootLockContext { stage, motions, actor: index, constraint: number, foot_lock };
+            let Some(track) = foot_locks.track_at(context, time)? else { return Ok(()) };
             let mut posed = PosedSkeleton {
                 skeleton: &actor.asset.skeleton,
                 model_from_joint: &mut actors[index].model_from_joint,

@@ -2,7 +2,7 @@
 
 use crate::constraints::foot_contacts::FootContacts;
 use crate::constraints::foot_lock::{Contact, ContactSpan, ground_clearance};
-use crate::constraints::foot_lock_cache::{LONGEST_GAP, STEP};
+use crate::constraints::foot_lock_cache::{LONGEST_GAP, SAMPLE_INTERVAL};
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
 use crate::constraints::footsteps::{FootState, Footstep, FootstepPlan};
 use crate::stage::StageError;
@@ -19,7 +19,7 @@ const HEEL_REACH: f64 = 0.2;
 /// A standing foot within this distance of where the walk begins, in leg lengths, stands there from the beginning.
 const START_SNAP_LEGS: f64 = 0.08;
 /// Time interval over which a velocity is measured.
-const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 480);
+const VELOCITY_INTERVAL: Time = Time(Time::TICKS_PER_SECOND / 480);
 
 /// Function that computes the contact of a leg's foot over a span.
 pub(super) type GroundContactFn<'a> = dyn FnMut(usize, &ContactSpan) -> Contact + 'a;
@@ -34,7 +34,7 @@ struct FootSides {
 
 impl FootSides {
     /// The times at which the first contact begins and the last one ends.
-    fn span(&self, backwards: bool) -> [Time; 2] {
+    fn replaced_span(&self, backwards: bool) -> [Time; 2] {
         match backwards {
             true => [self.standing.from, self.walking.to],
             false => [self.walking.from, self.standing.to],
@@ -78,7 +78,7 @@ impl FadeSteps<'_> {
         }
         let Some(planned) = self.plan_steps(&sides) else { return Ok(()) };
         for (leg, (side, planned)) in sides.iter().zip(planned).enumerate() {
-            let [from, to] = side.span(backwards);
+            let [from, to] = side.replaced_span(backwards);
             // Removes earlier steps within the contacts that are replaced.
             steps[leg].retain(|step| step.to <= from || step.from >= to);
             self.replace_contacts(&mut contacts[leg], leg, side, &planned);
@@ -156,7 +156,7 @@ impl FadeSteps<'_> {
     ) -> Result<FootSides, StageError> {
         let [walking_at, standing_at] = self.walking_and_standing_times();
         let mut place = |time: Time| feet.foot_position(leg, time);
-        let edge = Time(3 * STEP.0);
+        let edge = Time(3 * SAMPLE_INTERVAL.0);
         let over = |time: Time| contacts.iter().find(|c| c.from - edge <= time && time <= c.to + edge);
         // The part of a contact outside the fade.
         let mut contact_outside = |at: Time, before: bool| {
@@ -208,8 +208,8 @@ impl FadeSteps<'_> {
         };
         let here = place(walking_at)?;
         let mut carried = near.map_or(DVec3::ZERO, |(_, offset)| offset);
-        let beside = if backwards { walking_at + INSTANT } else { walking_at - INSTANT };
-        let mut velocity = (here - place(beside)?) / INSTANT.as_secs();
+        let beside = if backwards { walking_at + VELOCITY_INTERVAL } else { walking_at - VELOCITY_INTERVAL };
+        let mut velocity = (here - place(beside)?) / VELOCITY_INTERVAL.as_secs();
         // A foot that is almost on the ground steps from its contact.
         if let Some((contact, offset)) = near
             && let Some(at) = contact.position.filter(|_| self.holds_until(leg, contact, offset, walking_at))
@@ -243,7 +243,7 @@ impl FadeSteps<'_> {
         let (from, to) = if time < contact.from { (time, contact.from) } else { (contact.to, time) };
         let [(first, _), (last, _)] = [from, to].map(|time| self.samples.index_at(time));
         let places = &self.samples.feet[leg][first..=(last + 1).min(self.samples.transforms.len() - 1)];
-        places.iter().all(|place| contact.holds(offset, *place, self.leg_length))
+        places.iter().all(|place| contact.keeps_position(offset, *place, self.leg_length))
     }
 
     /// Replaces a leg's contacts in the fade: the foot stands before, between and after its steps.
@@ -260,7 +260,7 @@ impl FadeSteps<'_> {
         let (mut from, mut at) = (first.from, first.position.unwrap_or_default());
         for step in steps {
             stands.push((from, step.from.max(from), at));
-            (from, at) = (step.to, step.ends()[1]);
+            (from, at) = (step.to, step.start_and_end()[1]);
         }
         stands.push((from, last.to.max(from), at));
         let in_clip = |time: Time| {

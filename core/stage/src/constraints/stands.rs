@@ -28,7 +28,7 @@ const MAX_HEIGHT_DRIFT_LEGS: f64 = 0.05;
 
 /// Time span in which a standing clip plays alone.
 #[derive(Debug)]
-pub(super) struct Stand {
+pub(super) struct StandingSpan {
     pub from: Time,
     pub to: Time,
     /// Stage time of one loop of the clip.
@@ -38,7 +38,7 @@ pub(super) struct Stand {
 
 /// The stands between the standing fades of a constraint, sorted. Empty if the constraint locks feet everywhere, or on other actors'
 /// ground.
-pub(super) fn find_stands(actor: &Actor, foot_lock: &FootLock) -> Vec<Stand> {
+pub(super) fn find_stands(actor: &Actor, foot_lock: &FootLock) -> Vec<StandingSpan> {
     let cues = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
     let fades = &foot_lock.standing_fades;
     let mut all = Vec::new();
@@ -62,13 +62,13 @@ pub(super) fn find_stands(actor: &Actor, foot_lock: &FootLock) -> Vec<Stand> {
         };
         let loop_duration = (cue.trim.1 - cue.trim.0).scaled(1.0 / cue.speed.abs().max(1e-3)).min(MAX_LOOP);
         if from.max(Time::ZERO) < to {
-            all.push(Stand { from: from.max(Time::ZERO), to, loop_duration, places: OnceLock::new() });
+            all.push(StandingSpan { from: from.max(Time::ZERO), to, loop_duration, places: OnceLock::new() });
         }
     }
     all
 }
 
-impl Stand {
+impl StandingSpan {
     /// World position of each foot; `None` if the clip or the actor moves a foot away. `leg_length`: metres.
     pub fn foot_positions(
         &self,
@@ -97,7 +97,7 @@ impl Stand {
         let also = self.extra_sample_times(feet.stage, feet.actor);
         let mut places_by_time = Vec::new();
         for time in within.chain(later).chain(also) {
-            let samples = feet.sample(time, time)?;
+            let samples = feet.sample_feet(time, time)?;
             places_by_time.push(samples.feet.iter().map(|places| places[0]).collect::<Vec<_>>());
         }
         let count = feet.foot_lock.legs.len();
@@ -134,7 +134,7 @@ impl Stand {
     }
 
     /// The contact of a foot for the whole stand.
-    pub fn contact(&self, at: DVec3) -> Contact {
+    pub fn contact_at(&self, at: DVec3) -> Contact {
         let (from, to) = (self.from, self.to);
         let zero = DVec3::ZERO;
         Contact {
@@ -163,7 +163,7 @@ pub(super) struct HeldFoot<'a> {
 impl HeldFoot<'_> {
     /// Keeps the foot in place from its last step before the stand, or the start of the span, to its first step after the stand, or the end
     /// of the span. A foot that stood elsewhere and took no step moves to its position within [`FADE_SECS`]; it is off by millimetres.
-    pub fn hold(&self, stand: &Stand, contacts: &mut Vec<Contact>) {
+    pub fn hold(&self, stand: &StandingSpan, contacts: &mut Vec<Contact>) {
         let (mut from, mut to) = (stand.from.max(self.span.0), stand.to.min(self.span.1));
         for step in self.steps {
             match step.leads_to_walk() {
@@ -215,7 +215,7 @@ impl HeldFoot<'_> {
             first_offset,
             last_offset,
             roll_span: (from, to),
-            ..stand.contact(self.position)
+            ..stand.contact_at(self.position)
         });
         kept.extend(late);
         contacts.splice(first..first + count, kept);

@@ -29,15 +29,15 @@ pub(super) enum TargetTiming {
 }
 
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Step {
+pub(super) struct ConstraintStep {
     pub kind: StepKind,
     pub target: TargetTiming,
 }
 
-/// The ordered steps of one actor, and buffers of [`Steps::find`].
+/// The ordered steps of one actor, and buffers of [`ConstraintSteps::find_and_sort`].
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Steps {
-    pub(super) ordered: Vec<Step>,
+pub(crate) struct ConstraintSteps {
+    pub(super) ordered: Vec<ConstraintStep>,
     default_order: Vec<StepKind>,
     waiting: Vec<usize>,
     /// (step, the step that moves its target), by index in `default_order`.
@@ -48,13 +48,20 @@ pub(crate) struct Steps {
 /// Most simultaneous constraints of an actor that are reordered. Larger numbers keep the default order, because sorting takes cubic time.
 const MAX_REORDERED: usize = 256;
 
-impl Steps {
+impl ConstraintSteps {
     /// Fills `ordered` with the active constraints and look-ats of an actor. The default order: foot locks, aims, looks, reaches, each in the
     /// order of the script. A step whose target is moved by another step comes after that step, unless that step hangs on it.
-    pub fn find(&mut self, stage: &Stage, parents: &ActiveParents, time: Time, index: usize, aims: &[Aim]) {
+    pub fn find_and_sort(
+        &mut self,
+        stage: &Stage,
+        parents: &ActiveParents,
+        time: Time,
+        index: usize,
+        aims: &[ActiveLookAt],
+    ) {
         let actor = &stage.actors[index];
         let active = |(_, c): &(usize, &Constraint)| {
-            c.share(time) > 0.0 && (c.last_joint() as usize) < actor.asset.skeleton.len()
+            c.weight_at(time) > 0.0 && (c.last_joint() as usize) < actor.asset.skeleton.len()
         };
         let default_order = &mut self.default_order;
         default_order.clear();
@@ -72,8 +79,14 @@ impl Steps {
     }
 
     /// Finds the steps that move the targets of other steps.
-    fn find_dependencies(&mut self, stage: &Stage, parents: &ActiveParents, index: usize, aims: &[Aim]) {
-        let Steps { default_order, dependencies, carriers, .. } = self;
+    fn find_dependencies(
+        &mut self,
+        stage: &Stage,
+        parents: &ActiveParents,
+        index: usize,
+        aims: &[ActiveLookAt],
+    ) {
+        let ConstraintSteps { default_order, dependencies, carriers, .. } = self;
         dependencies.clear();
         if default_order.len() < 2 || default_order.len() > MAX_REORDERED {
             return;
@@ -100,12 +113,13 @@ impl Steps {
         }
     }
 
-    fn sort_by_dependencies(&mut self, actor: &Actor, aims: &[Aim]) {
-        let Steps { ordered, default_order, waiting, dependencies, .. } = self;
+    fn sort_by_dependencies(&mut self, actor: &Actor, aims: &[ActiveLookAt]) {
+        let ConstraintSteps { ordered, default_order, waiting, dependencies, .. } = self;
         ordered.clear();
         if dependencies.is_empty() {
-            ordered
-                .extend(default_order.iter().map(|kind| Step { kind: *kind, target: TargetTiming::Before }));
+            ordered.extend(
+                default_order.iter().map(|kind| ConstraintStep { kind: *kind, target: TargetTiming::Before }),
+            );
             return;
         }
         let dependencies_of =
@@ -131,7 +145,7 @@ impl Steps {
             } else {
                 TargetTiming::Before
             };
-            ordered.push(Step { kind: default_order[step], target });
+            ordered.push(ConstraintStep { kind: default_order[step], target });
         }
     }
 }
@@ -147,7 +161,11 @@ fn phase_of(kind: &ConstraintKind) -> Option<usize> {
 }
 
 /// The uppermost joints that a step moves; all below them move along.
-fn moved_joints<'a>(actor: &'a Actor, aims: &[Aim], step: StepKind) -> impl Iterator<Item = u32> + use<'a> {
+fn moved_joints<'a>(
+    actor: &'a Actor,
+    aims: &[ActiveLookAt],
+    step: StepKind,
+) -> impl Iterator<Item = u32> + use<'a> {
     let (first_joint, legs) = match step {
         StepKind::Look(number) => (Some(aims[number].joint), &[][..]),
         StepKind::Constraint(number) => match &actor.constraints[number].kind {
@@ -161,7 +179,7 @@ fn moved_joints<'a>(actor: &'a Actor, aims: &[Aim], step: StepKind) -> impl Iter
 }
 
 /// The joint at the end of a step's chain; foot locks have none and hang on nothing.
-fn last_joint(actor: &Actor, aims: &[Aim], step: StepKind) -> Option<u32> {
+fn last_joint(actor: &Actor, aims: &[ActiveLookAt], step: StepKind) -> Option<u32> {
     match step {
         StepKind::Look(number) => Some(aims[number].joint),
         StepKind::Constraint(number) => match &actor.constraints[number].kind {

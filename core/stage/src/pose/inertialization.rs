@@ -10,7 +10,7 @@ use crate::timeline::active_clips::ActiveCue;
 use choreo_motion::{BlendOnto, Inertialization, Pose, Time, WeightInertialization};
 
 /// Time between the two poses whose difference gives a velocity.
-const STEP: Time = Time(Time::TICKS_PER_SECOND / 240);
+const VELOCITY_INTERVAL: Time = Time(Time::TICKS_PER_SECOND / 240);
 
 /// The inertialization offsets that one transition leaves.
 #[derive(Clone, Debug, Default)]
@@ -51,9 +51,9 @@ impl Inertializations {
             }
             let before = Layer { cues: layer.cues[..index].to_vec(), ..Layer::default() };
             let [old, source, target, after] = &mut poses;
-            old.pose_base_layer(actor, &before, cue.start - STEP, track, &found);
+            old.pose_base_layer(actor, &before, cue.start - VELOCITY_INTERVAL, track, &found);
             source.pose_base_layer(actor, &before, cue.start, track, &found);
-            for (body, time) in [(&mut *target, cue.start), (&mut *after, cue.start + STEP)] {
+            for (body, time) in [(&mut *target, cue.start), (&mut *after, cue.start + VELOCITY_INTERVAL)] {
                 let active = ActiveCue { cue: index, clip_time: cue.clip_time(time, false), weight: 1.0 };
                 body.pose_cues(actor, layer, &[active], time, track, None);
             }
@@ -64,11 +64,13 @@ impl Inertializations {
 }
 
 fn inertialization_between(from: [&BasePose; 2], to: [&BasePose; 2], duration: Time) -> CueInertialization {
-    let weights = |from: [&[f32]; 2], to: [&[f32]; 2]| WeightInertialization::new(from, to, STEP, duration);
+    let weights = |from: [&[f32]; 2], to: [&[f32]; 2]| {
+        WeightInertialization::new(from, to, VELOCITY_INTERVAL, duration)
+    };
     let morphs = |i: usize| weights(from.map(|b| &b.morphs[i][..]), to.map(|b| &b.morphs[i][..]));
     let face = |i: usize| weights(from.map(|b| &b.expressions[i..=i]), to.map(|b| &b.expressions[i..=i]));
     CueInertialization {
-        joints: Inertialization::new(from.map(|b| &b.pose), to.map(|b| &b.pose), STEP, duration),
+        joints: Inertialization::new(from.map(|b| &b.pose), to.map(|b| &b.pose), VELOCITY_INTERVAL, duration),
         morphs: (0..from[0].morphs.len()).map(morphs).collect(),
         expressions: (0..from[0].expressions.len()).map(face).collect(),
     }

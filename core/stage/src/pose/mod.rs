@@ -50,13 +50,13 @@ impl PoseScratch {
         self.pose.copy_from(asset.rest_pose());
     }
 
-    /// Settled weights of the expressions of the actor that was posed last.
-    pub fn expressions(&self) -> &[f32] {
+    /// Resolved weights of the expressions of the actor that was posed last.
+    pub fn resolved_expressions(&self) -> &[f32] {
         &self.expressions
     }
 
     /// Requested expression weights of the actor that was posed last, before they are resolved.
-    pub fn requested(&self) -> &[f32] {
+    pub fn requested_expressions(&self) -> &[f32] {
         &self.requested
     }
 }
@@ -79,8 +79,10 @@ pub(crate) fn pose_actor<'e>(
     reset_morph_weights(asset, morph_weights);
     scratch.reset_to_rest(asset);
     let turned = edits.clone().any(|edit| matches!(edit, ActorEdit::TurnJoint { .. }));
-    let mirrored =
-        actor.constraints.iter().any(|g| matches!(g.kind, ConstraintKind::Mirror(_)) && g.share(time) > 0.0);
+    let mirrored = actor
+        .constraints
+        .iter()
+        .any(|g| matches!(g.kind, ConstraintKind::Mirror(_)) && g.weight_at(time) > 0.0);
     let mut in_model_space = false;
     let mut next = 0;
     while next < actor.layers.len() {
@@ -178,7 +180,7 @@ fn apply_edits<'e>(
     let asset = &*actor.asset;
     for constraint in actor.constraints.iter().filter(|_| mirrored) {
         if let (ConstraintKind::Mirror(mirroring), share @ f64::MIN_POSITIVE..) =
-            (&constraint.kind, constraint.share(time))
+            (&constraint.kind, constraint.weight_at(time))
         {
             let PoseScratch { pose, mirror, expressions, .. } = &mut *scratch;
             mirroring.apply(share as f32, mirror, pose, morph_weights, expressions);

@@ -107,14 +107,14 @@ impl Posing<'_> {
             pose::pose_actor(actor, self.time, self.motions.of(index), edits, scratch, joints, weights);
             if actor.asset.eyes.is_some() {
                 expression_weights.requested.clear();
-                expression_weights.requested.extend_from_slice(scratch.requested());
+                expression_weights.requested.extend_from_slice(scratch.requested_expressions());
                 expression_weights.resolved.clear();
-                expression_weights.resolved.extend_from_slice(scratch.expressions());
+                expression_weights.resolved.extend_from_slice(scratch.resolved_expressions());
             }
             crate::properties::base_colors(actor, self.time, &mut state.base_colors);
             crate::properties::materials::find_changed_materials(
                 actor,
-                scratch.expressions(),
+                scratch.resolved_expressions(),
                 self.time,
                 &mut state.materials,
             );

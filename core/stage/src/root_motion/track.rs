@@ -22,7 +22,7 @@ use std::sync::Arc;
 const STEPS_PER_SECOND: f64 = 240.0;
 const MAX_STEPS: f64 = 65_536.0;
 /// Time interval over which a velocity is measured.
-const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 240);
+const VELOCITY_INTERVAL: Time = Time(Time::TICKS_PER_SECOND / 240);
 
 /// Accumulated root motion of an actor: its frame, and the distance that it went forwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -69,7 +69,7 @@ impl RootMotionTracks {
 pub(crate) struct RootMotionTrack {
     /// Position of the root on the floor in model space: taken from the first clip, and used for all clips.
     anchor: DVec3,
-    segments: Vec<Segment>,
+    segments: Vec<MotionSegment>,
     /// Velocities that cues take over from the motion before them, by cue.
     transitions: Vec<Option<TransitionVelocity>>,
 }
@@ -112,7 +112,7 @@ struct RootMotionLayer<'a> {
 }
 
 #[derive(Clone, Debug)]
-struct Segment {
+struct MotionSegment {
     start: Time,
     at: Displacement,
     kind: SegmentKind,
@@ -134,7 +134,7 @@ impl RootMotionTrack {
     fn of(actor: &Actor) -> Option<RootMotionTrack> {
         let layer = actor.layers.first()?;
         let first = layer.cues.iter().find_map(|cue| cue.root.as_deref().map(|root| (cue, root)))?;
-        let anchor = anchor(first.0, first.1);
+        let anchor = anchor_of_cue(first.0, first.1);
         let mut boundaries: Vec<Time> = Vec::new();
         for cue in &layer.cues {
             boundaries.extend([cue.start, cue.start + cue.fade_in, cue.start + cue.inertialization]);
@@ -152,7 +152,7 @@ impl RootMotionTrack {
             let end = boundaries.get(i + 1).copied();
             track.add_transitions(layer, *boundary, &mut active_cues);
             let layer_motion = RootMotionLayer { layer, transitions: &track.transitions };
-            let segment = Segment {
+            let segment = MotionSegment {
                 start: *boundary,
                 at,
                 kind: segment_kind(layer_motion, *boundary, end, &mut active_cues),
@@ -172,15 +172,15 @@ impl RootMotionTrack {
                 continue;
             }
             let layer_motion = RootMotionLayer { layer, transitions: &self.transitions };
-            let before = mean_step(layer_motion, start - INSTANT, start, active_cues);
-            let after = displacement(layer, index, start).displacement_to(displacement(
+            let before = mean_step(layer_motion, start - VELOCITY_INTERVAL, start, active_cues);
+            let after = cue_displacement(layer, index, start).displacement_to(cue_displacement(
                 layer,
                 index,
-                start + INSTANT,
+                start + VELOCITY_INTERVAL,
             ));
             let [(velocity, turn), (own_velocity, own_turn)] =
                 [before, after].map(|step| step.frame.velocity());
-            let per_second = 1.0 / INSTANT.as_secs();
+            let per_second = 1.0 / VELOCITY_INTERVAL.as_secs();
             self.transitions[index] = Some(TransitionVelocity {
                 start,
                 duration: cue.inertialization,
@@ -229,21 +229,21 @@ impl RootMotionTrack {
         if root.motion.treadmill.is_some() {
             return None;
         }
-        let first = root.motion.frame(first_time(cue));
+        let first = root.motion.frame(first_clip_time(cue));
         let now = root.motion.frame(clip_time);
         let now = Planar { yaw: now.yaw - first.yaw, ..now };
         Some(Planar { translation: self.anchor, yaw: 0.0 }.compose(now.inverse()))
     }
 }
 
-fn first_time(cue: &Cue) -> Time {
+fn first_clip_time(cue: &Cue) -> Time {
     if cue.speed < 0.0 { cue.trim.1 } else { cue.trim.0 }
 }
 
-fn anchor(cue: &Cue, root: &CueRootMotion) -> DVec3 {
+fn anchor_of_cue(cue: &Cue, root: &CueRootMotion) -> DVec3 {
     match root.motion.treadmill {
         Some(_) => DVec3::ZERO,
-        None => root.motion.frame(first_time(cue)).translation.with_y(0.0),
+        None => root.motion.frame(first_clip_time(cue)).translation.with_y(0.0),
     }
 }
 
@@ -309,7 +309,8 @@ fn mean_step(
     let (mut velocity, mut turn, mut forward) = (DVec3::ZERO, 0.0, 0.0);
     for active in active_cues.iter() {
         let share = f64::from(active.weight);
-        let step = displacement(layer, active.cue, from).displacement_to(displacement(layer, active.cue, to));
+        let step = cue_displacement(layer, active.cue, from)
+            .displacement_to(cue_displacement(layer, active.cue, to));
         let (v, yaw) = step.frame.velocity();
         velocity += v * share;
         turn += yaw * share;
@@ -324,7 +325,7 @@ fn mean_step(
     Displacement { frame: Planar::from_velocity((velocity, turn)), forward }
 }
 
-impl Segment {
+impl MotionSegment {
     fn at(
         &self,
         layer_motion: RootMotionLayer,
@@ -335,7 +336,7 @@ impl Segment {
         let time = time.max(self.start);
         let since = match &self.kind {
             SegmentKind::SingleCue(cue) => {
-                displacement(layer, *cue, self.start).displacement_to(displacement(layer, *cue, time))
+                cue_displacement(layer, *cue, self.start).displacement_to(cue_displacement(layer, *cue, time))
             }
             SegmentKind::Mixed => mean_step(layer_motion, self.start, time, active_cues),
             SegmentKind::Fading { end, steps } => {
@@ -356,7 +357,7 @@ impl Segment {
 }
 
 /// How far a cue of a base layer has carried its actor since its start.
-fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
+fn cue_displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     let cue = &layer.cues[index];
     let Some(root) = cue.root.as_deref().filter(|root| root.carries) else { return Displacement::default() };
     let (until, _) = plays_until(layer, index, time);
@@ -368,7 +369,7 @@ fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     let frame = |at: Time| root.motion.frame(at);
     let (start, end) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
     let first = frame(start);
-    let way = direction(first.inverse().compose(frame(end)).translation);
+    let way = horizontal_direction(first.inverse().compose(frame(end)).translation);
     let step = |there: Planar| {
         let frame = first.inverse().compose(there);
         Displacement { frame, forward: frame.translation.with_y(0.0).dot(way) }
@@ -394,7 +395,7 @@ fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
 }
 
 /// Horizontal unit direction of a vector; +Z, forwards, if it has no horizontal part.
-fn direction(way: DVec3) -> DVec3 {
+fn horizontal_direction(way: DVec3) -> DVec3 {
     way.with_y(0.0).try_normalize().unwrap_or(DVec3::Z)
 }
 

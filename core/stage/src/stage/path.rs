@@ -131,10 +131,10 @@ impl Path {
     }
 
     fn piece_length(&self, segment: usize, from: f64, to: f64) -> f64 {
-        const NODE: f64 = 0.774_596_669_241_483_4;
+        const GAUSS_NODE: f64 = 0.774_596_669_241_483_4;
         let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
         let speed = |x: f64| self.segment_derivative(segment, middle + half * x).length();
-        half * (5.0 * speed(-NODE) + 8.0 * speed(0.0) + 5.0 * speed(NODE)) / 9.0
+        half * (5.0 * speed(-GAUSS_NODE) + 8.0 * speed(0.0) + 5.0 * speed(GAUSS_NODE)) / 9.0
     }
 
     /// Position and tangent (not normalized) after this many metres. An open path ends at its last point, a closed one goes round again.

@@ -45,7 +45,7 @@ impl CameraView {
     }
 
     /// Bounds of a posed actor in view axes (right, up, back); empty if it has no meshes or is not posed.
-    pub fn bounds(&self, asset: &Asset, state: &ActorState) -> DAabb {
+    pub fn actor_bounds(&self, asset: &Asset, state: &ActorState) -> DAabb {
         let mut bounds = DAabb::EMPTY;
         let view_from_model = self.view_from_world * state.world_from_model;
         for index in 0..asset.instances.len() {

@@ -12,7 +12,7 @@ use crate::stage::edits::{ActorEdit, FrameEdits};
 use crate::stage::light::StageLight;
 use crate::survey::camera_view::CameraView;
 use crate::survey::camera_view::OutOfView;
-use crate::survey::reaches::Reaches;
+use crate::survey::reaches::ReachDistances;
 use crate::survey::{Finding, Subject, active_durations};
 use crate::transforms::target_position;
 use choreo_asset::{Asset, DAabb};
@@ -55,10 +55,10 @@ struct CameraFacts {
 }
 
 #[derive(Debug)]
-pub struct Facts {
+pub struct SurveyFacts {
     actors: Vec<ActorFacts>,
     looks: Vec<Vec<LookFacts>>,
-    reaches: Reaches,
+    reaches: ReachDistances,
     lights: Vec<LightFacts>,
     /// One entry per camera; the last is for the framing camera of a stage without cameras.
     cameras: Vec<CameraFacts>,
@@ -68,12 +68,12 @@ pub struct Facts {
     pub gave_up: bool,
 }
 
-impl Facts {
-    pub fn new(stage: &Stage) -> Facts {
-        Facts {
+impl SurveyFacts {
+    pub fn new(stage: &Stage) -> SurveyFacts {
+        SurveyFacts {
             actors: vec![ActorFacts::default(); stage.actors.len()],
             looks: stage.actors.iter().map(|a| vec![LookFacts::default(); a.look_at.len()]).collect(),
-            reaches: Reaches::new(stage),
+            reaches: ReachDistances::new(stage),
             lights: vec![LightFacts::default(); stage.lights.len()],
             cameras: vec![CameraFacts::default(); stage.cameras.len() + 1],
             active_durations: active_durations(stage),
@@ -94,7 +94,7 @@ impl Facts {
             }
             let facts = &mut self.actors[index];
             facts.visible = true;
-            let bounds = view.bounds(&actor.asset, state);
+            let bounds = view.actor_bounds(&actor.asset, state);
             if bounds.is_empty() {
                 continue;
             }
@@ -139,7 +139,7 @@ impl Facts {
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
             for (look, facts) in actor.look_at.iter().zip(&mut self.looks[index]) {
                 // The look is off, or still fading.
-                if look.share(time) < 0.999 {
+                if look.weight_at(time) < 0.999 {
                     continue;
                 }
                 facts.counted = true;

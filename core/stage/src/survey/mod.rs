@@ -12,7 +12,7 @@ use crate::snapshot::Snapshot;
 use crate::stage::channel::{Channel, Property};
 use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
-use facts::Facts;
+use facts::SurveyFacts;
 
 /// The subject of a finding; indices into the stage's lists.
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
@@ -69,7 +69,7 @@ impl Stage {
     ) -> Result<Vec<Finding>, StageError> {
         let mut evaluator = Evaluator::new(self.clone());
         let mut snapshot = Snapshot::default();
-        let mut facts = Facts::new(self);
+        let mut facts = SurveyFacts::new(self);
         let rate = self.settings.fps;
         let frames = rate.frames_in(self.settings.length).max(1);
         let mut cost = 0;

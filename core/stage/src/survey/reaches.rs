@@ -23,11 +23,11 @@ struct NearestDistance {
 
 /// Nearest approach of all constraints, by actor; `None` for a constraint that was never fully active, or is no reach.
 #[derive(Debug)]
-pub(super) struct Reaches(Vec<Vec<Option<NearestDistance>>>);
+pub(super) struct ReachDistances(Vec<Vec<Option<NearestDistance>>>);
 
-impl Reaches {
-    pub fn new(stage: &Stage) -> Reaches {
-        Reaches(stage.actors.iter().map(|actor| vec![None; actor.constraints.len()]).collect())
+impl ReachDistances {
+    pub fn new(stage: &Stage) -> ReachDistances {
+        ReachDistances(stage.actors.iter().map(|actor| vec![None; actor.constraints.len()]).collect())
     }
 
     pub fn record(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
@@ -85,7 +85,7 @@ fn target_distance(
 ) -> Option<NearestDistance> {
     let ConstraintKind::Reach(reach) = &constraint.kind else { return None };
     let state = &snapshot.actors[index];
-    if constraint.share(time) < f64::from(FULL_WEIGHT)
+    if constraint.weight_at(time) < f64::from(FULL_WEIGHT)
         || state.model_from_joint.len() != actor.asset.skeleton.len()
     {
         return None;

@@ -2,8 +2,8 @@
 
 use crate::stage::actor::Actor;
 use crate::stage::clips::{Cue, Layer, LayerMode};
-use crate::stage::fade::eased;
-use crate::stage::fade::fraction;
+use crate::stage::fade::apply_ease;
+use crate::stage::fade::elapsed_fraction;
 use crate::timeline::clip_time::plays_until;
 use choreo_motion::Time;
 
@@ -108,7 +108,7 @@ pub(crate) fn upper_cues(layer: &Layer, time: Time, active_cues: &mut Vec<Active
             if time >= end {
                 continue;
             }
-            weight *= eased(cue.ease, fraction(end - time, cue.fade_out));
+            weight *= apply_ease(cue.ease, elapsed_fraction(end - time, cue.fade_out));
         }
         if weight > 0.0 {
             let clip_time = cue.clip_time(time, false);
@@ -156,7 +156,7 @@ fn fade_in_weight(cue: &Cue, time: Time) -> f32 {
     if cue.inertialization > Time::ZERO {
         return 1.0;
     }
-    eased(cue.ease, fraction(time - cue.start, cue.fade_in))
+    apply_ease(cue.ease, elapsed_fraction(time - cue.start, cue.fade_in))
 }
 
 #[cfg(test)]
