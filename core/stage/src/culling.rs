@@ -4,7 +4,7 @@
 //! is the radius of a bounding sphere about the actor's origin that holds every vertex in every pose of its layers. An actor needs neither
 //! a pose nor a draw if its sphere, and everything that its shadow could fall on, is outside the view frustum. Constraints and springs turn
 //! joints within the sphere and are not solved without a pose; foot locking can lower the hips, by a known share of a leg. If this cannot
-//! be decided (feet on uneven ground, mirrored poses, splines, cameras that hang on joints …), the actors concerned count as visible. An
+//! be decided (feet on uneven ground, mirrored poses, splines, cameras attached to joints …), the actors concerned count as visible. An
 //! effect that can need actors outside the image states which ones are kept ([`OffScreenActors`]).
 //!
 //! [`OffScreenActors`]: crate::OffScreenActors

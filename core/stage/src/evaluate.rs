@@ -109,7 +109,7 @@ impl Evaluator {
         Ok(snapshot)
     }
 
-    /// Like [`Evaluator::at`], reusing the memory of a snapshot. After an error the snapshot is incomplete.
+    /// Evaluates the stage as [`Evaluator::at`] does, reusing the memory of a snapshot. After an error the snapshot is incomplete.
     pub fn at_into(&mut self, time: Time, snapshot: &mut Snapshot) -> Result<(), StageError> {
         evaluate_stage(&self.stage, &self.cache, &mut self.scratch, time, snapshot)
     }

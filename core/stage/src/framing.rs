@@ -1,6 +1,6 @@
 //! Framing camera: fits everything visible into the image.
 //!
-//! The camera stands still for the whole length of the stage, so that a character that walks is in the image from the first step to the
+//! The camera is static for the whole length of the stage, so that a character that walks is in the image from the first step to the
 //! last. Bounds of all visible actors are computed once, at a number of times; a camera is then fitted to them at little cost.
 
 use crate::camera::orbit_rotation;

@@ -94,7 +94,7 @@ pub(super) fn motion_ratios(samples: &FootSamples, places: &[DVec3], leg_length:
     let above: Vec<f64> =
         places.iter().zip(&samples.transforms).map(|(p, transform)| p.y - transform.translation.y).collect();
     let lowest = above.iter().copied().fold(f64::INFINITY, f64::min);
-    // The first leg's hip stands for the position of the body.
+    // The hip of the first leg gives the position of the character.
     let body: Vec<DVec3> =
         samples.limbs.first().map_or(&[][..], |limbs| limbs).iter().map(|l| l.hip).collect();
     let at = |i: usize| {
@@ -265,7 +265,7 @@ pub(super) fn reachable_position(
     best.1
 }
 
-/// How far in metres the hips must be lowered for a leg to reach a position with the heel raised. A position that is too far away
+/// Distance in metres by which the hips must be lowered so that a leg reaches a position with the heel raised. A position that is too far away
 /// horizontally is out of reach even then.
 pub(super) fn hip_drop_to_reach(limb: &Limb, at: DVec3) -> f64 {
     let far = (limb.reach + DROP_HEEL_REACH * limb.sole) * 0.998;

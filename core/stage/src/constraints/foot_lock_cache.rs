@@ -36,7 +36,7 @@ pub(crate) struct FootLocks(Arc<FootLockCache>);
 /// Windows of each constraint, by actor index and constraint index.
 type WindowsByConstraint = BTreeMap<(usize, usize), Arc<ConstraintWindows>>;
 
-/// Windows of a constraint (its sampled spans in order of time, then the stands between them), and its stands.
+/// Windows of a constraint (its sampled spans in order of time, then the standing spans between them), and its standing spans.
 #[derive(Debug)]
 struct ConstraintWindows {
     windows: Vec<PlanningWindow>,
@@ -56,15 +56,15 @@ struct PlanningWindow {
     to: Time,
     /// Whether the stage begins, and ends, in the window.
     open_ends: [bool; 2],
-    /// Indices of the stands that continue before and after the window.
+    /// Indices of the standing spans that continue before and after the window.
     stands: [Option<usize>; 2],
-    /// Set if the window only covers a stand: the index of the stand, and the windows before and after.
+    /// Set if the window only covers a standing span: the index of that span, and the windows before and after.
     stand_only: Option<(usize, [Option<usize>; 2])>,
     track: OnceLock<Arc<FootLockTrack>>,
 }
 
 impl PlanningWindow {
-    /// Fades the lowering of the hips to zero on sides where a stand continues outside this window.
+    /// Fades the lowering of the hips to zero on sides where a standing span continues outside this window.
     fn taper_hip_drops(&self, drops: &mut [f64]) {
         let fading = (FADE_SECS / SAMPLE_INTERVAL.as_secs()) as usize;
         let count = drops.len();
@@ -122,7 +122,7 @@ impl FootLocks {
             if let Some(held) = track_of_stand(&context, &spans.stands[stand], window)? {
                 window.track.get_or_init(|| Arc::new(held));
             } else {
-                // A stand that is not held: the neighboring windows fade out as they would without it.
+                // The feet are not held in this standing span: the neighboring windows fade out as they would without it.
                 let fade = Time::from_secs(FADE_SECS);
                 let near = [time - window.from < fade, window.to - time < fade];
                 let Some(other) = [0, 1].into_iter().find_map(|i| beside[i].filter(|_| near[i])) else {
@@ -157,7 +157,7 @@ fn with_sampled_feet<T>(
     run(&mut FeetInMotion { stage, actor, foot_lock: context.foot_lock, scratch })
 }
 
-/// The track of a stand; `None` if the stand is not held.
+/// The track of a standing span; `None` if its feet are not held.
 fn track_of_stand(
     context: &FootLockContext,
     stand: &StandingSpan,
@@ -254,7 +254,8 @@ struct ContactPlan {
     /// Height of the ground above the clips' floor at the last contact of each leg, metres.
     raised: Vec<f64>,
     gait_fades: Vec<GaitFade>,
-    /// Whether corrections hold beyond the start and the end of the window: the stage begins or ends in it, or a held stand continues.
+    /// Whether corrections hold beyond the start and the end of the window: the stage begins or ends in it, or a standing span with held
+    /// feet continues.
     open_ends: [bool; 2],
 }
 
@@ -360,7 +361,7 @@ impl ContactPlanner<'_> {
         Ok(())
     }
 
-    /// World positions of the feet in each stand; `None` if the stand does not touch the window or is not held.
+    /// World positions of the feet in each standing span; `None` if the span does not touch the window or its feet are not held.
     fn stand_positions(&self, feet: &mut FeetInMotion) -> Result<Vec<Option<Vec<DVec3>>>, StageError> {
         let of_stand = |held: &StandingSpan| {
             let counts = held.from <= self.window.to && held.to >= self.window.from;
@@ -410,7 +411,7 @@ impl ContactPlanner<'_> {
         Ok(())
     }
 
-    /// Keeps the feet at their positions during stands.
+    /// Keeps the feet at their positions during standing spans.
     fn hold_feet_in_stands(&self, places: &[Option<Vec<DVec3>>], plan: &mut ContactPlan) {
         let (from, to) = (self.window.from, self.window.to);
         for (number, (stand, places)) in self.stands.iter().zip(places).enumerate() {

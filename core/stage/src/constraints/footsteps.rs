@@ -1,8 +1,8 @@
-//! Footstep planner for fades between a walk and a stand: which foot steps, when, and where to.
+//! Footstep planner for fades between walking and standing: plans which foot steps, when, and where to.
 //!
 //! A plain fade averages the feet of both clips, which drags them over the ground. Here each foot stays in place until it is lifted, and
 //! lands where the standing clip will have it. A foot that is in the air moves first, then the foot that is farthest from its target. A
-//! long fade, in which the body keeps moving, takes several steps. A fade from a stand to a walk is planned backwards in time. Nothing is
+//! long fade, in which the body keeps moving, takes several steps. A fade from standing to walking is planned backwards in time. Nothing is
 //! stored from frame to frame: a step is a function of the time.
 
 use choreo_motion::Time;
@@ -20,7 +20,7 @@ const MAX_LIFT_LEGS: f64 = 0.1;
 const MIN_LIFT_LEGS: f64 = 0.04;
 /// Shares of a step's duration before which the foot only rises, and after which it only descends.
 const VERTICAL_SHARES: [f64; 2] = [0.1, 0.85];
-/// How far a step leads ahead of the body: the time after landing at which the body is over the foot, in step durations. The value is the
+/// Lead of a step ahead of the hips: the time from the landing until the hips are over the foot, in step durations. The value is the
 /// middle of the contact that follows.
 const LEAD_STEPS: f64 = 0.7;
 /// Number of fractions of [`LEAD_STEPS`] that are tried until the leg reaches.
@@ -199,7 +199,7 @@ impl Footstep {
         Footstep { from: a.min(b), to: a.max(b), step, backwards }
     }
 
-    /// Whether the step leads from a stand to a walk.
+    /// Whether the step leads from standing to walking.
     pub(crate) fn leads_to_walk(&self) -> bool {
         self.backwards
     }
@@ -234,7 +234,7 @@ impl Footstep {
 mod tests {
     use super::*;
 
-    /// A body that comes from −z and stops at 0 after `fade` seconds, with feet 0.1 m to either side.
+    /// Steps of a character that comes from −z and stops at 0 after `fade` seconds, with feet 0.1 m to either side.
     fn plan(feet: [FootState; 2], speed: f64, fade: f64) -> Vec<Vec<PlannedStep>> {
         let body = move |t: f64| -speed * (fade - t.min(fade)).powi(2) / (2.0 * fade);
         let stance = move |leg: usize, t: f64| DVec3::new(0.1 - 0.2 * leg as f64, 0.0, body(t));
@@ -265,7 +265,7 @@ mod tests {
                 }
                 all.sort_by(|a, b| a.1.from.total_cmp(&b.1.from));
                 assert_eq!(all[0].0, first, "{fade}: {all:?}");
-                // One foot is on the ground at any time, and both in turns.
+                // At any time one foot is on the ground, and the feet step alternately.
                 for pair in all.windows(2) {
                     assert!(
                         pair[1].1.from >= pair[0].1.to - 1e-9 && pair[0].0 != pair[1].0,
@@ -308,7 +308,7 @@ mod tests {
         let velocity = (fast.at(secs(h)) - fast.at(secs(0.0))) / h;
         assert!((velocity - DVec3::new(0.3, 0.1, 2.0)).length() < 1e-2, "{velocity}");
         assert!((fast.at(fast.to) - end).length() < 1e-12);
-        // Backwards it leads back to where the foot came from.
+        // A step planned backwards in time leads from its end to its start.
         let back = Footstep::new(step(DVec3::ZERO), begin, true);
         assert!(back.to == begin && back.start_and_end() == [end, start]);
         assert!((back.at(back.from) - end).length() < 1e-12 && back.at(back.to).length() < 1e-12);

@@ -2,7 +2,7 @@
 //!
 //! Order, after all actors have been posed and placed: foot locks, aims, look-ats and reaches, each in the order of the script; then joint
 //! limits. Springs run after all constraints ([`crate::springs`]). Actors are solved one by one, and an actor that others reach for comes
-//! before them ([`order`]), so that a hand stays on a prop in another actor's moving hand. If actors depend on each other in a circle,
+//! before them ([`order`]), so that a hand stays on a prop in another actor's moving hand. If actors depend on each other in a cycle,
 //! hands reach for the positions from before the round, and looks use the positions after one trial of all steps. Within one actor, a look
 //! at a prop in its own hand comes after the reach that moves the hand ([`steps`]).
 

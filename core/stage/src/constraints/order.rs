@@ -12,7 +12,7 @@ pub(crate) struct ConstraintOrder {
     pub actors: Vec<usize>,
     /// Ends of the rounds within `actors`.
     pub ends: Vec<usize>,
-    /// Whether each round is a circle of actors that need each other.
+    /// Whether each round is a cycle of actors that need each other.
     pub circular: Vec<bool>,
     waiting: Vec<usize>,
     /// (actor, the actor that it needs), sorted.
@@ -23,8 +23,8 @@ pub(crate) struct ConstraintOrder {
     carriers: Vec<usize>,
 }
 
-/// Sorts the actors with active constraints into rounds: each round depends only on earlier rounds. Actors that depend on each other in a
-/// circle are a round of their own.
+/// Sorts the actors with active constraints into rounds, which are solved one after the other: each round depends only on earlier ones.
+/// Actors that depend on each other in a cycle are a round of their own.
 pub(crate) fn sort_into_rounds(
     stage: &Stage,
     time: Time,
@@ -67,7 +67,7 @@ pub(crate) fn sort_into_rounds(
         actors.extend(waiting.iter().copied().filter(|a| dependencies_of(*a).all(|b| done[b])));
         circular.push(actors.len() == round_start);
         if actors.len() == round_start {
-            // Follows the dependencies until an actor comes up again, which closes a circle.
+            // Follows the dependencies until an actor comes up again, which closes a cycle.
             path.clear();
             let mut at = waiting[0];
             while !path.contains(&at) {

@@ -36,7 +36,7 @@ pub(crate) struct ConstraintScratch {
     turns: Vec<DQuat>,
     aims: Vec<look_at::ActiveLookAt>,
     steps: ConstraintSteps,
-    /// An actor's pose before its constraints, and the poses of a circle of actors.
+    /// An actor's pose before its constraints, and the poses of a cycle of actors.
     pose: Vec<glam::Affine3A>,
     poses: Vec<glam::Affine3A>,
 }
@@ -100,7 +100,7 @@ pub(crate) fn solve_all_constraints(
     Ok(())
 }
 
-/// Updates the targets of looks and aims in a circle of actors, after a trial has moved all of them. Reaches keep their targets: two hands
+/// Updates the targets of looks and aims in a cycle of actors, after a trial has moved all of them. Reaches keep their targets: two hands
 /// that reach for each other would return to where they were.
 fn update_look_targets(stage: &Stage, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
     for aim in &mut scratch.aims {
@@ -175,7 +175,7 @@ fn target_with_offset(
     Some(world_from_parent(stage, actors, &at, scale).transform_point3(offset))
 }
 
-/// Number of trials for an actor whose own steps depend on each other in a circle. A spine that takes a quarter of an aim leaves an error
+/// Number of trials for an actor whose own steps depend on each other in a cycle. A spine that takes a quarter of an aim leaves an error
 /// of 4° after one trial and 0.1° after three.
 const TARGET_TRIALS: usize = 3;
 
@@ -186,7 +186,7 @@ struct ActorSolver<'a> {
     motions: &'a Arc<Motions>,
     time: Time,
     index: usize,
-    /// Whether the actor belongs to a circle of actors that depend on each other; its look targets then come from a trial.
+    /// Whether the actor belongs to a cycle of actors that depend on each other; its look targets then come from a trial.
     circular: bool,
 }
 

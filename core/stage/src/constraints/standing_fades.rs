@@ -1,4 +1,4 @@
-//! Foot locking in fades between a walk and a stand: footsteps lead from the contacts before the fade to the contacts after it.
+//! Foot locking in fades between walking and standing: footsteps lead from the contacts before the fade to the contacts after it.
 
 use crate::constraints::foot_contacts::FootContacts;
 use crate::constraints::foot_lock::{Contact, ContactSpan, ground_clearance};
@@ -51,13 +51,13 @@ pub(super) struct FadeSteps<'a> {
     pub leg_length: f64,
     pub samples: &'a FootSamples,
     pub clips: &'a FootContacts<'a>,
-    /// Whether no other fade depends on where the feet stand.
+    /// Whether no other fade depends on the positions of the standing feet.
     pub is_free_stand: bool,
 }
 
 impl FadeSteps<'_> {
     /// Replaces the contacts of all legs in the fade and adds its footsteps. If the feet cannot reach their targets in time, the contacts
-    /// stay. `places`: if the stand is held, the positions of the feet while the standing clip plays alone; updated.
+    /// stay. `places`: if the feet are held in the standing span, the positions of the feet while the standing clip plays alone; updated.
     pub fn run(
         &self,
         feet: &mut FeetInMotion,

@@ -1,4 +1,4 @@
-//! Stands of a character before or after walking: each foot keeps one position for as long as the standing clip plays.
+//! Standing spans of a character before or after walking: each foot keeps one position for as long as the standing clip plays.
 //!
 //! A standing clip made for another character shifts the feet by centimetres as the weight shifts, above all if the legs have other
 //! proportions. The position of a foot is the mean over one loop of the clip, so that all fades get the same position.
@@ -13,7 +13,7 @@ use choreo_motion::{Repeat, Time};
 use glam::DVec3;
 use std::sync::OnceLock;
 
-/// Number of samples in the first loop of the clip, and in the rest of the stand.
+/// Number of samples in the first loop of the clip, and in the rest of the standing span.
 const LOOP_SAMPLES: u32 = 24;
 const LATER_SAMPLES: u32 = 8;
 /// Seconds between samples of a clip on an upper layer, and the largest number of these samples.
@@ -21,8 +21,8 @@ const LAYER_SAMPLE_SECS: f64 = 0.1;
 const MAX_LAYER_SAMPLES: f64 = 64.0;
 /// Longest part of a loop that is sampled.
 const MAX_LOOP: Time = Time(20 * Time::TICKS_PER_SECOND);
-/// Largest horizontal and vertical distance of a foot from its mean position, in leg lengths. A foot that is farther away travels, and the
-/// stand is not held.
+/// Largest horizontal and vertical distance of a foot from its mean position, in leg lengths. A foot that is farther away travels, and
+/// the feet are not held in this span.
 const MAX_DRIFT_LEGS: f64 = 0.15;
 const MAX_HEIGHT_DRIFT_LEGS: f64 = 0.05;
 
@@ -36,8 +36,8 @@ pub(super) struct StandingSpan {
     places: OnceLock<Option<Vec<DVec3>>>,
 }
 
-/// The stands between the standing fades of a constraint, sorted. Empty if the constraint locks feet everywhere, or on other actors'
-/// ground.
+/// The standing spans between the standing fades of a constraint, sorted. Empty if the constraint locks feet everywhere, or on the ground
+/// of other actors.
 pub(super) fn find_stands(actor: &Actor, foot_lock: &FootLock) -> Vec<StandingSpan> {
     let cues = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
     let fades = &foot_lock.standing_fades;
@@ -133,7 +133,7 @@ impl StandingSpan {
         all
     }
 
-    /// The contact of a foot for the whole stand.
+    /// The contact of a foot for the whole standing span.
     pub fn contact_at(&self, at: DVec3) -> Contact {
         let (from, to) = (self.from, self.to);
         let zero = DVec3::ZERO;
@@ -153,7 +153,7 @@ impl StandingSpan {
 /// A foot in a span of time in which contacts are planned.
 pub(super) struct HeldFoot<'a> {
     pub leg: usize,
-    /// World position of the foot in the stand.
+    /// World position of the foot in the standing span.
     pub position: DVec3,
     pub samples: &'a FootSamples,
     pub span: (Time, Time),
@@ -161,8 +161,8 @@ pub(super) struct HeldFoot<'a> {
 }
 
 impl HeldFoot<'_> {
-    /// Keeps the foot in place from its last step before the stand, or the start of the span, to its first step after the stand, or the end
-    /// of the span. A foot that stood elsewhere and took no step moves to its position within [`FADE_SECS`]; it is off by millimetres.
+    /// Keeps the foot in place from its last step before the standing span, or the start of `span`, to its first step after the standing
+    /// span, or the end of `span`. A foot that stood elsewhere and took no step moves to its position within [`FADE_SECS`]; it is off by millimetres.
     pub fn hold(&self, stand: &StandingSpan, contacts: &mut Vec<Contact>) {
         let (mut from, mut to) = (stand.from.max(self.span.0), stand.to.min(self.span.1));
         for step in self.steps {

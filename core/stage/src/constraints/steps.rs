@@ -1,4 +1,5 @@
-//! The order of one actor's own constraints: a constraint whose target hangs on the actor's own hand runs after the constraint that moves the hand.
+//! The order of one actor's own constraints: a constraint whose target is attached to the actor's own hand runs after the constraint that
+//! moves the hand.
 
 use crate::constraints::look_at::Aim;
 use crate::constraints::order::for_each_carrier_joint;
@@ -45,12 +46,13 @@ pub(crate) struct ConstraintSteps {
     carriers: Vec<usize>,
 }
 
-/// Most simultaneous constraints of an actor that are reordered. Larger numbers keep the default order, because sorting takes cubic time.
+/// Largest number of simultaneous constraints of an actor that are reordered. Larger numbers keep the default order, because sorting
+/// takes cubic time.
 const MAX_REORDERED: usize = 256;
 
 impl ConstraintSteps {
     /// Fills `ordered` with the active constraints and look-ats of an actor. The default order: foot locks, aims, looks, reaches, each in the
-    /// order of the script. A step whose target is moved by another step comes after that step, unless that step hangs on it.
+    /// order of the script. A step whose target is moved by another step comes after that step, unless that step depends on it.
     pub fn find_and_sort(
         &mut self,
         stage: &Stage,
@@ -124,7 +126,7 @@ impl ConstraintSteps {
         }
         let dependencies_of =
             |step: usize| dependencies.iter().filter(move |(a, _)| *a == step).map(|(_, b)| *b);
-        let hangs = |step: usize, on: usize| {
+        let depends_on = |step: usize, on: usize| {
             let last = last_joint(actor, aims, default_order[step]);
             let below = |m| last.is_some_and(|last| is_at_or_below(&actor.asset.skeleton, last, m));
             moved_joints(actor, aims, default_order[on]).any(below)
@@ -134,9 +136,9 @@ impl ConstraintSteps {
         while !waiting.is_empty() {
             let free = (0..waiting.len()).find(|at| {
                 let waits = dependencies_of(waiting[*at]).any(|other| waiting.contains(&other));
-                !waits && !waiting[..*at].iter().any(|before| hangs(waiting[*at], *before))
+                !waits && !waiting[..*at].iter().any(|before| depends_on(waiting[*at], *before))
             });
-            // The first step of the default order begins a circle.
+            // The first step of the default order begins a cycle.
             let step = waiting.remove(free.unwrap_or(0));
             let target = if dependencies_of(step).any(|other| waiting.contains(&other)) {
                 TargetTiming::AfterAllSteps
@@ -178,7 +180,7 @@ fn moved_joints<'a>(
     first_joint.into_iter().chain(legs.iter().map(|leg| leg.hip))
 }
 
-/// The joint at the end of a step's chain; foot locks have none and hang on nothing.
+/// The joint at the end of a step's chain; foot locks have none and depend on no other step.
 fn last_joint(actor: &Actor, aims: &[ActiveLookAt], step: StepKind) -> Option<u32> {
     match step {
         StepKind::Look(number) => Some(aims[number].joint),

@@ -238,7 +238,7 @@ pub(crate) fn inertialization<'a>(
     Some((switch, time - layer.cues[active.cue].start))
 }
 
-/// Moves the root joint, and all that hangs on it, in model space.
+/// Moves the root joint, and all joints below it, in model space.
 fn move_root(actor: &Actor, root: &CueRootMotion, rotation: DQuat, translation: DVec3, pose: &mut Pose) {
     let parents = actor.asset.skeleton.parents();
     let joint = root.motion.joint() as usize;

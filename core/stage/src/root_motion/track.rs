@@ -1,4 +1,4 @@
-//! Root motion over a timeline: where an actor's clips have carried it, at any time.
+//! Root motion over a timeline: the displacement by which an actor's clips have moved it, at any time.
 //!
 //! A single clip carries its actor in closed form: k whole loops are the k-th power of one loop's motion
 //! ([`choreo_motion::Planar::power`]), so that a time of 100 h costs as much as the first second and drifts no more. During fades the actor
@@ -356,7 +356,7 @@ impl MotionSegment {
     }
 }
 
-/// How far a cue of a base layer has carried its actor since its start.
+/// Displacement by which a cue of a base layer has moved its actor since its start.
 fn cue_displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     let cue = &layer.cues[index];
     let Some(root) = cue.root.as_deref().filter(|root| root.carries) else { return Displacement::default() };

@@ -28,7 +28,7 @@ described! {
     ) {
         /// Placement in the parent's space, else in the world, without keys.
         transform: Placement = Placement::default();
-        /// Parents over time, sorted by start; before the first one the actor stands in the world.
+        /// Parents over time, sorted by start; before the first one the actor is in world space.
         parents: Vec<Parenting> = Vec::new(), hash |w: &mut Writer, parents: &[Parenting]| {
             // An actor without parents is written as when there was at most one parent.
             for parent in parents {
@@ -183,7 +183,7 @@ pub enum Target {
 }
 
 impl Actor {
-    /// The parent at a time, callbacks aside; `None`: it stands in the world.
+    /// The parent at a time, without the edits of callbacks; `None`: the actor is in world space.
     pub fn parent_at(&self, time: Time) -> Option<&Parenting> {
         self.parents.iter().rev().find(|parent| parent.has_begun(time))
     }

@@ -12,16 +12,16 @@ use glam::{DQuat, DVec3};
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug, PartialEq)]
 pub enum Rig {
-    /// Stands at `position`; looks at the target, else along −Z of `rotation`.
+    /// Stays at `position`; looks at the target, else along −Z of `rotation`.
     Fixed { position: DVec3, rotation: DQuat, look_at: Option<Target> },
-    /// Stands at target + offset (world axes) and looks at the target.
+    /// Stays at target + offset (world axes) and looks at the target.
     Follow { target: Target, offset: DVec3 },
-    /// Circles the target: angles in radians at time 0, radians a second. Azimuth 0 stands at +Z (before a glTF
+    /// Circles the target: angles in radians at time 0, radians a second. Azimuth 0 is at +Z (before a glTF
     /// character's face), π/2 at +X; elevation π/2 looks straight down.
     Orbit { target: Target, distance: f64, elevation: f64, azimuth: f64, speed: f64 },
     /// The camera of an actor's file.
     File { actor: usize, camera: u32 },
-    /// Stands still and fits everything that is visible at some time of the stage's length, from an azimuth and
+    /// Stays still and fits everything that is visible at some time of the stage's length, from an azimuth and
     /// elevation in radians, as `Orbit` counts them. Flat ground is left out where there is anything else.
     Frame { azimuth: f64, elevation: f64 },
 }

@@ -177,7 +177,7 @@ fn format_numbers(numbers: &[f64]) -> String {
     format!("[{}]", numbers.iter().map(|n| format_number(*n)).collect::<Vec<_>>().join(", "))
 }
 
-/// How a member holds the value of a field.
+/// Conversion between a member of a stage type and the value of its field.
 pub trait FieldStorage {
     fn value(&self) -> FieldValue;
     /// Values of another type are ignored: the type of the field has been checked.
@@ -241,7 +241,7 @@ impl<T: FieldStorage + Default> FieldStorage for Option<T> {
 /// described! {
 ///     /// A light of the stage.
 ///     pub struct StageLight(name: String => str, light: Light) {
-///         /// Where it stands.
+///         /// Position in the world, metres.
 ///         position: DVec3 = DVec3::ZERO;
 ///     }
 ///     fields {

@@ -36,12 +36,12 @@ pub struct EffectUse {
 /// Actors outside the image whose poses an effect can need, so that they are not culled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OffScreenActors {
-    /// All of them: the effect reads the whole stage.
+    /// Every actor: the effect reads the whole stage.
     #[default]
     All,
     /// Actors to which the effect applies: it draws beyond their meshes.
     Affected,
-    /// None: the effect changes the color of what is in the image.
+    /// No actor: the effect changes the color of what is in the image.
     None,
 }
 
@@ -63,9 +63,9 @@ pub struct EffectDistance {
     pub parameter: String,
     /// Place whose distance is measured.
     pub target: Target,
-    /// Least that the effect allows, metres.
+    /// Smallest value that the effect allows, metres.
     pub least: f64,
-    /// Most that the effect allows, metres.
+    /// Largest value that the effect allows, metres.
     pub most: f64,
 }
 

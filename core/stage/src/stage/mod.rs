@@ -217,7 +217,7 @@ pub trait FrameHook: Send + Sync + std::fmt::Debug {
     }
 }
 
-/// Why a stage cannot be evaluated at a time.
+/// Reason why a stage cannot be evaluated at a time.
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug)]
 pub enum StageError {

@@ -7,7 +7,7 @@ use choreo_motion::Time;
 /// the step, instead of 0.44 with 3.
 const MAX_TANGENT_RATIO: f64 = 2.0;
 
-/// How the tangents of keys are chosen.
+/// Method by which the tangents of keys are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tangents {
     /// Zero: the value rests at each key.

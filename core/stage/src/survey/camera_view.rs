@@ -4,7 +4,7 @@ use crate::snapshot::{ActorState, CameraState};
 use choreo_asset::{Aabb, Asset, DAabb, Projection};
 use glam::DAffine3;
 
-/// Why something is not in the image.
+/// Reason why an actor is not in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum OutOfView {
     Behind,
@@ -131,7 +131,7 @@ mod tests {
         assert_eq!(at(-21.6, 0.0, -10.0), Err(OutOfView::Left));
         assert_eq!(at(0.0, 11.1, -10.0), Err(OutOfView::Above));
         assert_eq!(at(0.0, -11.1, -10.0), Err(OutOfView::Below));
-        // The camera stands in it.
+        // The camera is inside the box.
         assert!(at(0.0, 0.0, 0.0).is_ok_and(|pixels| pixels > 90.0));
         let s = camera_view(Projection::Orthographic { height: 2.0, near: -5.0, far: 5.0 });
         let cube = |x: f64| {

@@ -1,4 +1,4 @@
-//! The survey of a stage: things that never show over its length, found by evaluating it at some times, without drawing.
+//! The survey of a stage: finds parts of it that have no visible effect, by evaluating it at some times, without drawing.
 //!
 //! Boxes are conservative (never smaller than what they hold), so "never in the image" is true where it is reported; something
 //! that hides behind another thing, or whose box alone is in the image, is not found.
@@ -56,13 +56,13 @@ const MAX_COST: usize = 3000;
 const HOOK_COST: usize = 20;
 
 impl Stage {
-    /// Finds everything that never shows, in the order of the stage. Evaluates frames spread over the whole length until each thing has
-    /// been seen, or until `MAX_COST` is reached. Fails if a frame cannot be evaluated.
+    /// Finds all parts of the stage that have no visible effect, in the order of the stage. Evaluates frames spread over the whole length
+    /// until each part has been visible, or until `MAX_COST` is reached. Fails if a frame cannot be evaluated.
     pub fn survey(self: &std::sync::Arc<Stage>) -> Result<Vec<Finding>, StageError> {
         self.survey_while(&|| true)
     }
 
-    /// Like [`Stage::survey`], but stops, without findings, once `goes_on` returns false.
+    /// Surveys the stage as [`Stage::survey`] does, but stops, without findings, once `goes_on` returns false.
     pub fn survey_while(
         self: &std::sync::Arc<Stage>,
         goes_on: &dyn Fn() -> bool,
@@ -96,7 +96,7 @@ impl Stage {
     }
 }
 
-/// All numbers of `0..count`, each once, in bit-reversed order: 0, then always the middles of the largest gaps.
+/// The numbers of `0..count`, each once, in bit-reversed order: 0, then always the middles of the largest gaps.
 fn bit_reversed_order(count: i64) -> impl Iterator<Item = i64> {
     let bits = (count as u64).next_power_of_two().trailing_zeros();
     let reversed = move |i: u64| if bits == 0 { 0 } else { (i.reverse_bits() >> (64 - bits)) as i64 };
@@ -207,7 +207,7 @@ fn property_name(property: Property) -> &'static str {
     }
 }
 
-/// How long each camera is active within the stage's length.
+/// Time for which each camera is active within the stage's length.
 fn active_durations(stage: &Stage) -> Vec<Time> {
     let length = stage.settings.length;
     let mut on = vec![Time::ZERO; stage.cameras.len()];

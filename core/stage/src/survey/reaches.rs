@@ -75,7 +75,7 @@ impl ReachDistances {
 /// A constraint with a weight above this counts as fully active.
 const FULL_WEIGHT: f32 = 0.999;
 
-/// How far the end of a reach is from its target; `None` if the constraint is not fully active, or one of the positions is unknown.
+/// Distance from the end of a reach to its target; `None` if the constraint is not fully active, or one of the positions is unknown.
 fn target_distance(
     stage: &Stage,
     snapshot: &Snapshot,

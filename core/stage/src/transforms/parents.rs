@@ -108,7 +108,7 @@ impl ActiveParents {
         actor.checked_sub(1).map_or(0, |before| self.ends[before])..*end
     }
 
-    /// The active parents of an actor, the newest last; empty where it stands in the world.
+    /// The active parents of an actor, the newest last; empty if it is in world space.
     pub fn of(&self, actor: usize) -> &[ActiveParent] {
         &self.all[self.range_of_actor(actor)]
     }
