@@ -66,7 +66,7 @@ pub(crate) fn evaluate_camera(
         Rig::File { actor, camera } => {
             let of_file = stage.actors.get(*actor).and_then(|a| a.asset.cameras.get(*camera as usize));
             let Some(of_file) = of_file else {
-                return Err(StageError::Bad {
+                return Err(StageError::Invalid {
                     place: format!("camera \"{}\"", stage.cameras[index].name),
                     what: format!("actor {actor} has no camera {camera} in its file"),
                 });
@@ -143,7 +143,7 @@ fn check_edited_planes(
         Projection::Orthographic { near, far, .. } => (near, Some(far)),
     };
     match far.filter(|far| *far <= near && edits.cameras.iter().any(sets_plane)) {
-        Some(far) => Err(StageError::Bad {
+        Some(far) => Err(StageError::Invalid {
             place: format!("camera \"{}\" at {} s", camera.name, time.as_secs()),
             what: format!("far must be more than near, got {far} and {near} from on_frame"),
         }),

@@ -72,7 +72,7 @@ impl Stage {
 impl Checker<'_> {
     fn require(&mut self, fine: bool, place: &str, what: impl FnOnce() -> String) {
         if !fine {
-            self.problems.push(StageError::Bad { place: place.to_string(), what: what() });
+            self.problems.push(StageError::Invalid { place: place.to_string(), what: what() });
         }
     }
 

@@ -13,7 +13,7 @@ use glam::{DAffine3, DQuat};
 impl Stage {
     /// Evaluates the stage at some times without poses: actors have a transform and a visibility, and no joint matrices. Actors attached to
     /// joints are placed as if these were at rest, and a framing camera frames rest poses.
-    pub fn placed_at(&self, times: &[Time]) -> Result<Vec<Snapshot>, StageError> {
+    pub fn evaluate_placements(&self, times: &[Time]) -> Result<Vec<Snapshot>, StageError> {
         let mut scratch = ActorScratch::for_actors(Vec::new());
         times.iter().map(|time| snapshot_without_poses(self, &mut scratch, *time)).collect()
     }

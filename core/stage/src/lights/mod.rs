@@ -36,7 +36,7 @@ pub fn default_sun() -> LightState {
 
 impl Stage {
     /// Replaces the ambient light by the brightest one of the actors' files, component by component, if any file has ambient light.
-    pub fn take_ambient_of_files(&mut self) {
+    pub fn use_ambient_light_of_files(&mut self) {
         let shining = self.actors.iter().filter(|actor| actor.file_lights);
         let brightest = shining.fold(Vec3::ZERO, |most, actor| most.max(actor.asset.ambient));
         if brightest != Vec3::ZERO {

@@ -58,7 +58,8 @@ pub(crate) fn apply_root_motion(
             let anchor = track.map_or(DVec3::ZERO, RootMotionTrack::anchor);
             placements[index] = path_following.placed(placement, metres, anchor, actor.asset.front());
         } else if let Some(track) = track {
-            placements[index] = placement.moved_by(track.displacement_at(actor, time, active_cues).frame);
+            placements[index] =
+                placement.moved_by_root_motion(track.displacement_at(actor, time, active_cues).frame);
         }
     }
 }

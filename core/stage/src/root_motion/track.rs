@@ -401,7 +401,7 @@ fn horizontal_direction(way: DVec3) -> DVec3 {
 
 impl Placement {
     /// The placement moved by root motion in its own space.
-    pub fn moved_by(self, by: Planar) -> Placement {
+    pub fn moved_by_root_motion(self, by: Planar) -> Placement {
         let Placement { translation, rotation, scale } = self;
         // A left turn becomes a right turn in a mirrored space.
         let mirrored = if scale.x * scale.z < 0.0 { -1.0 } else { 1.0 };

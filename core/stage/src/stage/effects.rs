@@ -91,7 +91,7 @@ pub struct EffectEdit {
 
 impl EffectTarget {
     /// Whether targets include the surfaces of an actor with a material. An empty list includes everything.
-    pub fn among(targets: &[EffectTarget], actor: usize, material: Option<u32>) -> bool {
+    pub fn targets_include(targets: &[EffectTarget], actor: usize, material: Option<u32>) -> bool {
         let covers = |t: &EffectTarget| t.actor == actor && (t.material.is_none() || t.material == material);
         targets.is_empty() || targets.iter().any(covers)
     }

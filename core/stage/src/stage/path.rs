@@ -57,7 +57,7 @@ pub enum Pace {
     /// Metres a second.
     Constant(f64),
     /// The speed of the root motion of its clips.
-    OfClips,
+    FromRootMotion,
 }
 
 impl Path {
@@ -186,7 +186,7 @@ impl PathFollowing {
         let time = time.max(self.start);
         match self.pace {
             Pace::Constant(speed) => speed * (time - self.start).as_secs(),
-            Pace::OfClips => forward(time) - forward(self.start),
+            Pace::FromRootMotion => forward(time) - forward(self.start),
         }
     }
 }

@@ -12,21 +12,21 @@ use choreo_plugin::{
 use rhai::{Engine, Position, Token};
 
 /// An importer that is compiled at its first use.
-pub struct ImporterOnUse {
+pub struct LazyImporter {
     manifest: Manifest,
     /// The text may define `fn claim(file)`, which is called for every file.
     may_have_claim: bool,
     importer: LazyPlugin<RhaiImporter>,
 }
 
-impl ImporterOnUse {
+impl LazyImporter {
     /// Compiles and runs `fn manifest()` of the text alone, or compiles the whole text if that fails, for example because the
     /// function calls others. `file` is the name in messages; `make` reads the file again and compiles all of it.
     pub fn new(
         file: &str,
         text: &str,
         make: impl FnOnce() -> Result<RhaiImporter, PluginError> + Send + 'static,
-    ) -> Result<ImporterOnUse, ScriptError> {
+    ) -> Result<LazyImporter, ScriptError> {
         let text = strip_byte_order_mark(text);
         let alone = manifest_function(text).and_then(|function| {
             let ast = build_manifest_engine().compile(function).ok()?.clone_functions_only();
@@ -37,7 +37,7 @@ impl ImporterOnUse {
             None => RhaiImporter::from_text(file, text)?.manifest().clone(),
         };
         let may_have_claim = text.contains("claim");
-        Ok(ImporterOnUse { manifest, may_have_claim, importer: LazyPlugin::new(make) })
+        Ok(LazyImporter { manifest, may_have_claim, importer: LazyPlugin::new(make) })
     }
 
     /// The importer, compiled now unless it is compiled already. Other threads that need it wait.
@@ -46,7 +46,7 @@ impl ImporterOnUse {
     }
 }
 
-impl Importer for ImporterOnUse {
+impl Importer for LazyImporter {
     fn manifest(&self) -> &Manifest {
         &self.manifest
     }
@@ -138,7 +138,7 @@ mod tests {
     }
 
     /// The importer, and the number of times it was compiled.
-    fn counting_importer(text: &str) -> (Result<ImporterOnUse, ScriptError>, Arc<AtomicUsize>) {
+    fn counting_importer(text: &str) -> (Result<LazyImporter, ScriptError>, Arc<AtomicUsize>) {
         let made = Arc::new(AtomicUsize::new(0));
         let (count, all) = (made.clone(), text.to_string());
         let make = move || {
@@ -146,7 +146,7 @@ mod tests {
             let fault = |e: ScriptError| PluginError { text: e.to_string(), files: Vec::new() };
             RhaiImporter::from_text("d.importer.rhai", &all).map_err(fault)
         };
-        (ImporterOnUse::new("d.importer.rhai", text, make), made)
+        (LazyImporter::new("d.importer.rhai", text, make), made)
     }
 
     #[test]
