@@ -156,7 +156,7 @@ impl Checker<'_> {
             if let Some(mask) = &layer.mask {
                 let place = format!("{place}, layer {l}");
                 self.require(mask.len() == joints, &place, || {
-                    format!("the mask has {} weights, the skeleton {joints} joints", mask.len())
+                    format!("the number of mask weights is {}, must be that of joints, {joints}", mask.len())
                 });
                 let invalid = mask.iter().enumerate().find(|(_, weight)| !(0.0..=1.0).contains(*weight));
                 if let Some((joint, weight)) = invalid {
@@ -315,10 +315,14 @@ impl Checker<'_> {
         let tangents = if channel.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         let wanted = channel.times.len() * channel.property.width() * tangents;
         self.require(channel.values.len() == wanted, &place, || {
-            format!("{} keys need {wanted} numbers, there are {}", channel.times.len(), channel.values.len())
+            format!(
+                "the number of values is {}, must be {wanted} for the number of keys, {}",
+                channel.values.len(),
+                channel.times.len()
+            )
         });
         self.require(channel.values.iter().all(|v| v.is_finite()), &place, || {
-            "a key holds a number that is not finite".to_string()
+            "a key has a value that is not finite".to_string()
         });
     }
 

@@ -140,7 +140,7 @@ fn check_reports_each_planted_fault_and_evaluation_does_not_panic() {
         (|s| s.actors[0].face = Some(4), "actor \"anna\": faced actor 4 does not exist, there are 1"),
         (
             |s| s.actors[0].layers[0].mask = Some(Arc::new(vec![1.0])),
-            "actor \"anna\", layer 0: the mask has 1 weights, the skeleton 5 joints",
+            "actor \"anna\", layer 0: the number of mask weights is 1, must be that of joints, 5",
         ),
         (
             |s| s.actors[0].layers[0].cues[0].speed = f64::NAN,
@@ -183,13 +183,13 @@ fn check_reports_each_planted_fault_and_evaluation_does_not_panic() {
         ),
         (
             |s| s.actors[0].channels[0].values[1] = f64::NAN,
-            "actor \"anna\", keys of Translation: a key holds a number that is not finite",
+            "actor \"anna\", keys of Translation: a key has a value that is not finite",
         ),
         (
             |s| {
                 s.actors[0].channels[0].values.pop();
             },
-            "actor \"anna\", keys of Translation: 2 keys need 6 numbers, there are 5",
+            "actor \"anna\", keys of Translation: the number of values is 5, must be 6 for the number of keys, 2",
         ),
         (
             |s| s.actors[0].channels[0].times[1] = secs(0.0),
