@@ -46,8 +46,11 @@ pub(crate) struct ActorScratch {
     pub edits: FrameEdits,
     /// Expression weights, one entry per actor, filled for actors whose file states how their eyes move.
     pub expression_weights: Vec<ExpressionWeights>,
-    pub poses: usize,
-    pub all_poses: usize,
+    /// Number of actors posed by the last evaluation.
+    pub pose_count: usize,
+    /// Number of actors posed by all evaluations.
+    pub total_pose_count: usize,
+    /// Whether hidden actors are posed, too.
     pub pose_hidden: bool,
     /// The active camera and, during a dissolve, the camera before the cut. The poses of their targets are needed.
     pub view_cameras: [Option<usize>; 2],
@@ -120,8 +123,8 @@ pub(crate) fn evaluate_actors(
     find_pose_needs(stage, scratch, time, &out.actors);
     let ActorScratch { pose, pose_needs, pose_edits, edits, expression_weights, .. } = scratch;
     let posing = Posing { time, motions: &motions, pose_needs, pose_edits, edits: &edits.actors };
-    scratch.poses = posing.run(&stage.actors, &mut out.actors, pose, expression_weights);
-    scratch.all_poses += scratch.poses;
+    scratch.pose_count = posing.run(&stage.actors, &mut out.actors, pose, expression_weights);
+    scratch.total_pose_count += scratch.pose_count;
     place_actors(stage, scratch, &mut out.actors);
     Ok(())
 }

@@ -143,7 +143,7 @@ impl Evaluator {
 
     /// Number of poses that the last evaluation computed.
     pub fn poses(&self) -> usize {
-        self.scratch.constrained.actors.poses
+        self.scratch.constrained.actors.pose_count
     }
 
     /// CPU work for a snapshot of this evaluator's stage; `poses` and `spring_bones` are those of the last evaluation.
@@ -163,7 +163,7 @@ impl Evaluator {
 
     /// Number of poses that this evaluator has computed so far, including poses at earlier times for springs.
     pub fn total_poses(&self) -> usize {
-        self.scratch.constrained.actors.all_poses + self.scratch.simulation.pose_count()
+        self.scratch.constrained.actors.total_pose_count + self.scratch.simulation.pose_count()
     }
 }
 

@@ -57,13 +57,13 @@ struct Checkpoints {
     /// Checkpoints of each group.
     groups: Vec<BTreeMap<GridPoint, Arc<GroupStates>>>,
     /// Whether all actors are one group, because a callback attaches some.
-    joined: bool,
+    is_merged: bool,
     bytes: usize,
 }
 
 impl Default for Checkpoints {
     fn default() -> Self {
-        Checkpoints { stride: 16, groups: Vec::new(), joined: false, bytes: 0 }
+        Checkpoints { stride: 16, groups: Vec::new(), is_merged: false, bytes: 0 }
     }
 }
 
@@ -75,20 +75,20 @@ impl SpringCheckpoints {
     /// The latest checkpoint of a group in a stretch, at the step `until` or before, but not before the step `first`.
     fn latest_before(
         &self,
-        joined: bool,
+        is_merged: bool,
         number: usize,
         until: GridPoint,
         first: i64,
     ) -> Option<(i64, Arc<GroupStates>)> {
         let kept = self.lock();
-        let states = kept.groups.get(number).filter(|_| kept.joined == joined)?;
+        let states = kept.groups.get(number).filter(|_| kept.is_merged == is_merged)?;
         let ((_, step), states) = states.range((until.0, first)..=until).next_back()?;
         Some((*step, states.clone()))
     }
 
-    fn store(&self, joined: bool, number: usize, key: GridPoint, states: &GroupStates) {
+    fn store(&self, is_merged: bool, number: usize, key: GridPoint, states: &GroupStates) {
         let mut kept = self.lock();
-        if joined != kept.joined || key.1.rem_euclid(kept.stride) != 0 {
+        if is_merged != kept.is_merged || key.1.rem_euclid(kept.stride) != 0 {
             return;
         }
         let groups = kept.groups.len().max(number + 1);
@@ -120,8 +120,8 @@ impl SpringCheckpoints {
     /// Makes all actors one group and drops the checkpoints of separate groups.
     fn merge_groups(&self) {
         let mut kept = self.lock();
-        if !kept.joined {
-            *kept = Checkpoints { joined: true, ..Checkpoints::default() };
+        if !kept.is_merged {
+            *kept = Checkpoints { is_merged: true, ..Checkpoints::default() };
         }
     }
 }
@@ -150,11 +150,11 @@ struct SpringGroups {
     places: Vec<Option<(usize, usize)>>,
     /// Set of each actor, with or without springs: the actor that represents the actors that belong together.
     sets: Vec<usize>,
-    joined: bool,
+    is_merged: bool,
 }
 
 impl SpringGroups {
-    fn new(stage: &Stage, joined: bool) -> SpringGroups {
+    fn new(stage: &Stage, is_merged: bool) -> SpringGroups {
         let count = stage.actors.len();
         let mut sets: Vec<usize> = (0..count).collect();
         let mut merge_sets = |a: usize, b: usize| {
@@ -166,12 +166,12 @@ impl SpringGroups {
         for (index, actor) in stage.actors.iter().enumerate() {
             let parents = actor.parents.iter().filter_map(|parent| Some(parent.to?.actor));
             parents.chain(actor.face).for_each(|other| merge_sets(index, other));
-            if joined {
+            if is_merged {
                 merge_sets(index, 0);
             }
         }
         (0..count).for_each(|actor| sets[actor] = representative(&mut sets, actor));
-        let mut groups = SpringGroups { sets, joined, places: vec![None; count], all: Vec::new() };
+        let mut groups = SpringGroups { sets, is_merged, places: vec![None; count], all: Vec::new() };
         let mut numbers = vec![None; count];
         for actor in (0..count).filter(|actor| has_springs(stage, *actor)) {
             let number = *numbers[groups.sets[actor]].get_or_insert(groups.all.len());
@@ -220,18 +220,18 @@ pub(crate) struct SpringSimulation {
     scratch: Option<Box<ConstrainedScratch>>,
     snapshot: Snapshot,
     buffers: SpringScratch,
-    bones: usize,
+    bone_count: usize,
 }
 
 impl SpringSimulation {
     /// Number of poses computed for steps of the grid.
     pub fn pose_count(&self) -> usize {
-        self.scratch.as_ref().map_or(0, |s| s.actors.all_poses)
+        self.scratch.as_ref().map_or(0, |s| s.actors.total_pose_count)
     }
 
     /// Spring bones simulated for the last snapshot.
     pub fn bone_count(&self) -> usize {
-        self.bones
+        self.bone_count
     }
 }
 
@@ -266,15 +266,15 @@ pub(crate) fn simulate_springs(
     scratch: &mut actors::ActorScratch,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
-    simulation.bones = 0;
+    simulation.bone_count = 0;
     if !(0..stage.actors.len()).any(|actor| has_springs(stage, actor)) {
         return Ok(());
     }
     let step = time.0.div_euclid(stage.solvers.spring_step().0);
     loop {
-        let joined = checkpoints.lock().joined;
-        if simulation.groups.all.is_empty() || simulation.groups.joined != joined {
-            simulation.groups = SpringGroups::new(stage, joined);
+        let is_merged = checkpoints.lock().is_merged;
+        if simulation.groups.all.is_empty() || simulation.groups.is_merged != is_merged {
+            simulation.groups = SpringGroups::new(stage, is_merged);
         }
         for group in &mut simulation.groups.all {
             group.is_needed = group.actors.iter().any(|actor| is_posed(stage, *actor, &actors[*actor]));
@@ -284,14 +284,14 @@ pub(crate) fn simulate_springs(
         }
     }
     let remaining_time = Time(time.0 - time_of_step(stage, step).0);
-    let SpringSimulation { groups, buffers, bones, .. } = simulation;
+    let SpringSimulation { groups, buffers, bone_count, .. } = simulation;
     for group in groups.needed_groups_mut() {
         group.frame_states.resize_with(group.states.len(), SpringState::default);
         for (copy, state) in group.frame_states.iter_mut().zip(&group.states) {
             copy.copy_from(state);
         }
         let rigs = group.actors.iter().filter_map(|actor| stage.actors[*actor].springs.as_ref());
-        *bones += rigs.map(|springs| springs.rig.len()).sum::<usize>();
+        *bone_count += rigs.map(|springs| springs.rig.len()).sum::<usize>();
     }
     step_springs(stage, (groups, MovedStates::FrameCopy), buffers, remaining_time, scratch, actors);
     Ok(())
@@ -313,11 +313,11 @@ fn advance_groups(
     shared: &actors::ActorScratch,
 ) -> Result<bool, StageError> {
     let (stretch, first) = stretch_of_step(stage, step);
-    let joined = simulation.groups.joined;
+    let is_merged = simulation.groups.is_merged;
     let mut from = step + 1;
     for number in 0..simulation.groups.all.len() {
         let kept_at = |at: i64| {
-            let found = checkpoints.latest_before(joined, number, (stretch, step), first);
+            let found = checkpoints.latest_before(is_merged, number, (stretch, step), first);
             found.filter(|(kept_at, _)| at < *kept_at)
         };
         let group = &mut simulation.groups.all[number];
@@ -344,7 +344,7 @@ fn advance_groups(
         let by = stage.solvers.spring_step();
         step_springs(stage, (groups, moved), buffers, by, scratch_of_actors, &mut snapshot.actors);
         for (number, group) in groups.all.iter().enumerate().filter(|(_, g)| g.is_moved_by(moved)) {
-            checkpoints.store(joined, number, (stretch, from), &group.states);
+            checkpoints.store(is_merged, number, (stretch, from), &group.states);
         }
         from += 1;
     }

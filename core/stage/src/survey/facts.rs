@@ -26,32 +26,32 @@ const PLAUSIBLE_METRES: std::ops::RangeInclusive<f64> = 0.05..=30.0;
 
 #[derive(Clone, Debug, Default)]
 struct ActorFacts {
-    visible: bool,
-    posed_by_hook: bool,
-    in_image: bool,
+    was_visible: bool,
+    was_posed_by_hook: bool,
+    was_in_image: bool,
     /// Longer side of its largest area in the image so far, pixels.
-    largest: f64,
+    max_pixels: f64,
     /// Side of the image on which it was missed: `Some(None)` once that differs from time to time.
-    miss: Option<Option<OutOfView>>,
+    out_of_view: Option<Option<OutOfView>>,
 }
 
 #[derive(Clone, Debug, Default)]
 struct LookFacts {
-    counted: bool,
-    reached: bool,
+    was_active: bool,
+    was_reached: bool,
 }
 
 #[derive(Clone, Debug, Default)]
 struct LightFacts {
-    shines: bool,
-    reaches: bool,
+    has_shone: bool,
+    has_reached_actor: bool,
 }
 
 #[derive(Clone, Debug, Default)]
 struct CameraFacts {
-    active: bool,
-    sees: bool,
-    in_its_target: bool,
+    was_active: bool,
+    has_seen_actor: bool,
+    was_at_target: bool,
 }
 
 #[derive(Debug)]
@@ -65,7 +65,7 @@ pub struct SurveyFacts {
     active_durations: Vec<Time>,
     pub times: usize,
     /// Whether the survey stopped before it had evaluated all frames.
-    pub gave_up: bool,
+    pub stopped_early: bool,
 }
 
 impl SurveyFacts {
@@ -78,7 +78,7 @@ impl SurveyFacts {
             cameras: vec![CameraFacts::default(); stage.cameras.len() + 1],
             active_durations: active_durations(stage),
             times: 0,
-            gave_up: false,
+            stopped_early: false,
         }
     }
 
@@ -93,35 +93,35 @@ impl SurveyFacts {
                 continue;
             }
             let facts = &mut self.actors[index];
-            facts.visible = true;
+            facts.was_visible = true;
             let bounds = view.actor_bounds(&actor.asset, state);
             if bounds.is_empty() {
                 continue;
             }
             match view.covered_pixels(&bounds) {
                 Ok(pixels) => {
-                    facts.in_image = true;
-                    facts.largest = facts.largest.max(pixels);
-                    self.cameras[camera].sees = true;
+                    facts.was_in_image = true;
+                    facts.max_pixels = facts.max_pixels.max(pixels);
+                    self.cameras[camera].has_seen_actor = true;
                 }
                 Err(miss) => {
-                    let same = facts.miss.is_none_or(|before| before == Some(miss));
-                    facts.miss = Some(same.then_some(miss));
+                    let same = facts.out_of_view.is_none_or(|before| before == Some(miss));
+                    facts.out_of_view = Some(same.then_some(miss));
                 }
             }
             boxes.push(bounds);
         }
-        self.cameras[camera].active = true;
+        self.cameras[camera].was_active = true;
         if let Some(Rig::Fixed { look_at: Some(target), .. }) = stage.cameras.get(camera).map(|c| &c.rig) {
             let at = target_position(stage, &snapshot.actors, target);
             let from = snapshot.camera.world_from_view.translation;
-            self.cameras[camera].in_its_target |= at.is_some_and(|at| (at - from).length() < 1e-6);
+            self.cameras[camera].was_at_target |= at.is_some_and(|at| (at - from).length() < 1e-6);
         }
         for (actor, edit) in &edits.actors {
             if let ActorEdit::TurnJoint { .. } = edit
                 && let Some(facts) = self.actors.get_mut(*actor)
             {
-                facts.posed_by_hook = true;
+                facts.was_posed_by_hook = true;
             }
         }
         self.record_look_ats(stage, snapshot, time);
@@ -129,8 +129,8 @@ impl SurveyFacts {
         for (index, light) in stage.lights.iter().enumerate() {
             let state = lights::stage_light(stage, light, index, edits, time, &snapshot.actors);
             if let Some(state) = state {
-                self.lights[index].shines = true;
-                self.lights[index].reaches |= boxes.iter().any(|b| light_reaches(&state, &view, b));
+                self.lights[index].has_shone = true;
+                self.lights[index].has_reached_actor |= boxes.iter().any(|b| light_reaches(&state, &view, b));
             }
         }
     }
@@ -142,11 +142,11 @@ impl SurveyFacts {
                 if look.weight_at(time) < 0.999 {
                     continue;
                 }
-                facts.counted = true;
+                facts.was_active = true;
                 let joint = look.joint as usize;
                 let rest = actor.asset.rest_model_from_joint();
                 let (Some(posed), Some(rest)) = (state.model_from_joint.get(joint), rest.get(joint)) else {
-                    facts.reached = true;
+                    facts.was_reached = true;
                     continue;
                 };
                 let Some(target) = target_position(stage, &snapshot.actors, &look.target) else { continue };
@@ -155,7 +155,7 @@ impl SurveyFacts {
                 let ahead = Vec3::from(posed.matrix3 * forward_in_joint(rest, actor.asset.front()))
                     .as_dvec3()
                     .try_normalize();
-                facts.reached |= match (way, ahead) {
+                facts.was_reached |= match (way, ahead) {
                     (Some(way), Some(ahead)) => libm::acos(way.dot(ahead).clamp(-1.0, 1.0)) < REACHED_RAD,
                     // The target is in the joint.
                     _ => true,
@@ -166,26 +166,31 @@ impl SurveyFacts {
 
     /// Whether another time could still remove a finding.
     pub fn may_change(&self, stage: &Stage) -> bool {
-        let is_unseen =
-            |(actor, f): (&Actor, &ActorFacts)| has_meshes(&actor.asset) && (!f.in_image || f.largest < 1.0);
+        let is_unseen = |(actor, f): (&Actor, &ActorFacts)| {
+            has_meshes(&actor.asset) && (!f.was_in_image || f.max_pixels < 1.0)
+        };
         let hooked = !stage.hooks.is_empty();
         stage.actors.iter().zip(&self.actors).any(is_unseen)
-            || self.actors.iter().any(|f| !f.visible)
+            || self.actors.iter().any(|f| !f.was_visible)
             || hooked
-                && stage.actors.iter().zip(&self.actors).any(|(a, f)| plays_no_clip(a) && !f.posed_by_hook)
-            || self.looks.iter().flatten().any(|f| !f.counted || !f.reached)
+                && stage
+                    .actors
+                    .iter()
+                    .zip(&self.actors)
+                    .any(|(a, f)| plays_no_clip(a) && !f.was_posed_by_hook)
+            || self.looks.iter().flatten().any(|f| !f.was_active || !f.was_reached)
             || self.reaches.may_change(stage)
-            || self.lights.iter().any(|f| !f.shines || !f.reaches)
+            || self.lights.iter().any(|f| !f.has_shone || !f.has_reached_actor)
             || stage
                 .cameras
                 .iter()
                 .zip(&self.cameras)
-                .any(|(c, f)| may_pass_its_target(c) && !f.in_its_target)
+                .any(|(c, f)| may_pass_its_target(c) && !f.was_at_target)
             || self
                 .active_durations
                 .iter()
                 .zip(&self.cameras)
-                .any(|(on, f)| *on > Time::ZERO && !(f.active && f.sees))
+                .any(|(on, f)| *on > Time::ZERO && !(f.was_active && f.has_seen_actor))
     }
 
     pub fn findings(&self, stage: &Stage) -> Vec<Finding> {
@@ -201,13 +206,16 @@ impl SurveyFacts {
                 let hint = (!hint.is_empty()).then(|| hint.to_string());
                 findings.push(Finding { rule, note: false, subject: Subject::Camera(index), text, hint });
             };
-            if facts.in_its_target {
+            if facts.was_at_target {
                 add(
                     "camera_in_target",
                     format!("camera \"{}\" is at the point that it looks at", camera.name),
                     "move it away: .at(x, y, z)",
                 );
-            } else if facts.active && !facts.sees && stage.actors.iter().any(|a| has_meshes(&a.asset)) {
+            } else if facts.was_active
+                && !facts.has_seen_actor
+                && stage.actors.iter().any(|a| has_meshes(&a.asset))
+            {
                 add(
                     "camera_sees_nothing",
                     format!(
@@ -227,7 +235,7 @@ impl SurveyFacts {
 
     /// The number of surveyed times, in words; empty if every frame was surveyed.
     fn times_note(&self) -> String {
-        match self.gave_up {
+        match self.stopped_early {
             true => format!(" (checked at {} times)", self.times),
             false => String::new(),
         }
@@ -249,7 +257,7 @@ impl SurveyFacts {
             }
             return found;
         }
-        if !facts.visible {
+        if !facts.was_visible {
             if let Some(hidden) = hidden_parent(stage, &self.actors, index) {
                 let text =
                     format!("\"{name}\" is never seen: it is attached to \"{hidden}\", which is hidden");
@@ -264,16 +272,19 @@ impl SurveyFacts {
             }
             return found;
         }
-        if !facts.in_image {
-            let place = match facts.miss {
+        if !facts.was_in_image {
+            let place = match facts.out_of_view {
                 Some(Some(miss)) => format!(": it is {}", miss.description()),
                 _ => String::new(),
             };
             let text = format!("\"{name}\" is never in the image{place}{}", self.times_note());
             add("never_in_picture", false, text, "");
-        } else if facts.largest < 1.0 {
-            let text =
-                format!("\"{name}\" is never larger than {:.2} pixels{}", facts.largest, self.times_note());
+        } else if facts.max_pixels < 1.0 {
+            let text = format!(
+                "\"{name}\" is never larger than {:.2} pixels{}",
+                facts.max_pixels,
+                self.times_note()
+            );
             add(
                 "smaller_than_a_pixel",
                 false,
@@ -281,14 +292,14 @@ impl SurveyFacts {
                 "is its file in other units? .scale(100.0) makes metres of centimetres",
             );
         }
-        if plays_no_clip(actor) && !facts.posed_by_hook && facts.in_image {
+        if plays_no_clip(actor) && !facts.was_posed_by_hook && facts.was_in_image {
             let text = format!("\"{name}\" plays no clip: it stands in its rest pose");
             let clips = actor.asset.clips.iter().map(|c| format!("\"{}\"", c.name)).take(6);
             let clips: Vec<String> = clips.collect();
             let more = if actor.asset.clips.len() > clips.len() { ", …" } else { "" };
             add("no_clip", false, text, &format!("its file has {}{more}", clips.join(", ")));
         }
-        if !actor.asset.skins.is_empty() && facts.in_image {
+        if !actor.asset.skins.is_empty() && facts.was_in_image {
             let bounds = actor.asset.rest_bounds();
             let high = f64::from((bounds.max - bounds.min).max_element())
                 * actor.transform.scale.abs().max_element();
@@ -317,7 +328,7 @@ impl SurveyFacts {
     fn look_findings(&self, stage: &Stage, index: usize) -> Vec<Finding> {
         let actor = &stage.actors[index];
         let mut found = Vec::new();
-        if !self.actors[index].visible {
+        if !self.actors[index].was_visible {
             return found;
         }
         for (number, (look, facts)) in actor.look_at.iter().zip(&self.looks[index]).enumerate() {
@@ -337,7 +348,7 @@ impl SurveyFacts {
                     ),
                 };
                 add("look_never", format!("\"{}\" never looks at its target: {why}", actor.name));
-            } else if facts.counted && !facts.reached {
+            } else if facts.was_active && !facts.was_reached {
                 add(
                     "look_out_of_reach",
                     format!(
@@ -357,7 +368,7 @@ impl SurveyFacts {
         let facts = &self.lights[index];
         let name = &light.name;
         let subject = Subject::Light(index);
-        if !facts.shines {
+        if !facts.has_shone {
             let why = if light.light.color == Vec3::ZERO {
                 "its color is black"
             } else if light.light.intensity > 0.0 {
@@ -368,8 +379,8 @@ impl SurveyFacts {
             let text = format!("light \"{name}\" never shines: {why}{}", self.times_note());
             return Some(Finding { rule: "light_never_shines", note: false, subject, text, hint: None });
         }
-        if facts.reaches
-            || !stage.actors.iter().zip(&self.actors).any(|(a, f)| f.visible && has_meshes(&a.asset))
+        if facts.has_reached_actor
+            || !stage.actors.iter().zip(&self.actors).any(|(a, f)| f.was_visible && has_meshes(&a.asset))
         {
             return None;
         }
@@ -425,7 +436,7 @@ fn hidden_parent<'a>(stage: &'a Stage, facts: &[ActorFacts], index: usize) -> Op
         return None;
     }
     let mut parents = stage.actors[index].parents.iter().filter_map(|parent| Some(parent.to?.actor));
-    let hidden = parents.find(|parent| facts.get(*parent).is_some_and(|f| !f.visible))?;
+    let hidden = parents.find(|parent| facts.get(*parent).is_some_and(|f| !f.was_visible))?;
     Some(stage.actors[hidden].name.as_str())
 }
 

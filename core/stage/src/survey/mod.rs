@@ -85,7 +85,7 @@ impl Stage {
                 break;
             }
             if cost > MAX_COST {
-                facts.gave_up = facts.times < frames as usize;
+                facts.stopped_early = facts.times < frames as usize;
                 break;
             }
         }
