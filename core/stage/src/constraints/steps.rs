@@ -1,7 +1,7 @@
 //! The order of one actor's own constraints: a constraint whose target is attached to the actor's own hand runs after the constraint that
 //! moves the hand.
 
-use crate::constraints::look_at::Aim;
+use crate::constraints::look_at::ActiveLookAt;
 use crate::constraints::order::for_each_carrier_joint;
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Target};

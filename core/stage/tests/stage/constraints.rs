@@ -202,7 +202,7 @@ fn reach_for_a_prop_uses_the_solved_hand_that_holds_it() {
     let offset = Some(v(0.0, 1.0, 0.0));
     stage.actors[0].constraints.push(Constraint::new(ConstraintKind::Reach(ReachConstraint {
         offset,
-        ..reach(Target::Actor(prop))
+        ..reach_constraint(Target::Actor(prop))
     })));
     assert!(stage.check().is_empty(), "{:?}", stage.check());
     let snapshot = stage.at(Time::ZERO).unwrap();
@@ -389,7 +389,8 @@ fn invalid_constraint_targets_are_reported_and_poses_stay_finite() {
         [Target::Actor(9), Target::Joint { actor: 9, joint: 0 }, Target::Joint { actor: 0, joint: 99 }]
     {
         let aim = AimConstraint { joints: vec![SPINE, NECK], shares: vec![1.0, 1.0], target, limit: 1.0 };
-        let poled = ReachConstraint { pole: Some(target), ..reach(Target::Point(v(3.0, 1.0, -2.0))) };
+        let poled =
+            ReachConstraint { pole: Some(target), ..reach_constraint(Target::Point(v(3.0, 1.0, -2.0))) };
         let mut stage = stage_with(vec![
             Constraint::new(ConstraintKind::Reach(reach_constraint(target))),
             Constraint::new(ConstraintKind::Reach(poled)),

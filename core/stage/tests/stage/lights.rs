@@ -13,7 +13,7 @@ fn point_light(intensity: f32) -> Light {
 
 /// A figure whose file has a spot light in the hand.
 fn torch_bearer() -> Arc<Asset> {
-    let light = Light { kind: LightKind::Spot { inner: 0.1, outer: 0.3 }, ..candle(5.0) };
+    let light = Light { kind: LightKind::Spot { inner: 0.1, outer: 0.3 }, ..point_light(5.0) };
     Arc::new(Asset {
         lights: vec![AssetLight { name: "torch".into(), joint: HAND, light }],
         ..(*figure()).clone()
@@ -112,10 +112,10 @@ fn lights_follow_parents_keys_and_hooks() {
 #[test]
 fn lights_of_files_and_scripts_have_the_same_units() {
     let mut asset = (*torch_bearer()).clone();
-    asset.lights[0].light = Light { kind: LightKind::Directional, ..candle(5.0) };
+    asset.lights[0].light = Light { kind: LightKind::Directional, ..point_light(5.0) };
     let mut stage = Stage::default();
     stage.cast("anna", Arc::new(asset));
-    stage.lights.push(StageLight::new("mine", Light { kind: LightKind::Directional, ..candle(5.0) }));
+    stage.lights.push(StageLight::new("mine", Light { kind: LightKind::Directional, ..point_light(5.0) }));
     let intensities: Vec<f32> =
         stage.at(Time::ZERO).unwrap().lights.iter().map(|l| l.light.intensity).collect();
     assert_eq!(intensities, [5.0, 5.0]);

@@ -154,7 +154,8 @@ fn parent_change_between_moving_hands_is_continuous() {
 fn parent_blend_is_continuous_and_ends_on_the_new_parent() {
     let mut stage = handover();
     for keep in [true, false] {
-        stage.actors[2].parents = vec![parenting_on_hand(0), Parenting { keep, ..to_hand(1, 0.6) }];
+        stage.actors[2].parents =
+            vec![parenting_on_hand(0), Parenting { keep, ..parenting_to_hand_at(1, 0.6) }];
         let sharp = stage.clone();
         stage.actors[2].parents[1].blend = secs(0.8);
         let mut evaluator = Evaluator::new(Arc::new(stage.clone()));
@@ -349,7 +350,7 @@ fn visible_parents_are_posed_and_children_are_culled_after_the_blend() {
     let placed = Placement::at(0.0, 0.1, 0.0);
     stage.actors[2].parents = vec![
         parenting_on_hand(0),
-        Parenting { keep: false, placement: Some(placed), blend: secs(0.5), ..to_hand(1, 1.0) },
+        Parenting { keep: false, placement: Some(placed), blend: secs(0.5), ..parenting_to_hand_at(1, 1.0) },
     ];
     let rig = Rig::Fixed { position: v(0.0, 1.0, 5.0), rotation: DQuat::IDENTITY, look_at: None };
     stage.shoot(Camera::new("c", rig));

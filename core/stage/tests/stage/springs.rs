@@ -102,7 +102,7 @@ fn springs_start_at_rest_unless_a_pre_roll_simulates_earlier_time() {
     let dog = dog_asset();
     stage.play(0, Cue { start: secs(-3.0), ..Cue::new(dog.clips[0].clone()) });
     let settled = tip(&stage, 0.0);
-    stage.actors[0].springs = Some(Arc::new(ActorSprings { pre_roll: secs(2.0), ..springs() }));
+    stage.actors[0].springs = Some(Arc::new(ActorSprings { pre_roll: secs(2.0), ..tail_springs() }));
     assert!((tip(&stage, 0.0) - settled).length() > 0.01);
 }
 
@@ -141,7 +141,7 @@ fn wind_moves_springs_and_callbacks_override_it() {
     stage.hooks.push(Arc::new(Gust));
     assert!(x(&stage, 0.9).abs() < 1e-6 && x(&stage, 3.0) > 0.05);
     stage.hooks.clear();
-    stage.actors[0].springs = Some(Arc::new(ActorSprings { wind: DVec3::X * 10.0, ..springs() }));
+    stage.actors[0].springs = Some(Arc::new(ActorSprings { wind: DVec3::X * 10.0, ..tail_springs() }));
     assert!((x(&stage, 0.0) - x(&stage, 3.0)).abs() < 1e-6 && x(&stage, 0.0) > 0.05);
 }
 
