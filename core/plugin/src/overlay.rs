@@ -48,8 +48,9 @@ impl<'a> EffectScene<'a> {
     pub fn instances(&self) -> impl Iterator<Item = ActorInstance<'a>> + use<'a> {
         let (on, stage) = (self.on, self.stage);
         let actors = stage.actors.iter().zip(&self.snapshot.actors).enumerate();
-        let seen =
-            actors.filter(move |(index, (_, state))| state.visible && EffectTarget::among(on, *index, None));
+        let seen = actors.filter(move |(index, (_, state))| {
+            state.visible && EffectTarget::targets_include(on, *index, None)
+        });
         seen.flat_map(|(index, (actor, state))| {
             actor.asset.first_placements(state.copies).map(move |place| {
                 let place = DAffine3::from_cols(

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::Instant;
 
-const BINARY: &str = r#"
+const BINARY_IMPORTER: &str = r#"
 fn manifest() { #{ name: "grid" } }
 
 fn load(file) {
@@ -24,7 +24,7 @@ fn load(file) {
 }
 "#;
 
-const ASCII_PLY: &str = r#"
+const ASCII_PLY_IMPORTER: &str = r#"
 fn manifest() { #{ name: "ascii_ply", extensions: "ply", magic: "ply" } }
 
 fn load(file) {
@@ -49,16 +49,16 @@ fn load(file) {
 }
 "#;
 
-struct None;
+struct NoFiles;
 
-impl Files for None {
+impl Files for NoFiles {
     fn read(&self, name: &str) -> Result<Arc<Vec<u8>>, String> {
         Err(format!("no file {name}"))
     }
 }
 
 /// Vertex indices of the triangles of a square grid, two per cell.
-fn triangles(side: u32) -> impl Iterator<Item = [u32; 3]> {
+fn grid_triangles(side: u32) -> impl Iterator<Item = [u32; 3]> {
     (0..side - 1).flat_map(move |z| {
         (0..side - 1).flat_map(move |x| {
             let a = z * side + x;
@@ -67,7 +67,7 @@ fn triangles(side: u32) -> impl Iterator<Item = [u32; 3]> {
     })
 }
 
-fn binary(side: u32) -> Vec<u8> {
+fn binary_grid(side: u32) -> Vec<u8> {
     let mut bytes = (side * side).to_le_bytes().to_vec();
     let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     for i in 0..side * side {
@@ -76,11 +76,11 @@ fn binary(side: u32) -> Vec<u8> {
     for i in 0..side * side {
         bytes.extend(floats(&[(i % side) as f32 / side as f32, (i / side) as f32 / side as f32]));
     }
-    bytes.extend(triangles(side).flatten().flat_map(u32::to_le_bytes));
+    bytes.extend(grid_triangles(side).flatten().flat_map(u32::to_le_bytes));
     bytes
 }
 
-fn ascii_ply(side: u32) -> Vec<u8> {
+fn ascii_ply_grid(side: u32) -> Vec<u8> {
     let (vertices, faces) = (side * side, 2 * (side - 1) * (side - 1));
     let mut text = format!(
         "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n\
@@ -91,13 +91,13 @@ fn ascii_ply(side: u32) -> Vec<u8> {
         let (x, z) = (f64::from(i % side) * 0.01, f64::from(i / side) * 0.01);
         let _ = writeln!(text, "{x:.4} {:.6} {z:.4} 0 1 0", libm::sin(x) * libm::cos(z));
     }
-    for [a, b, c] in triangles(side) {
+    for [a, b, c] in grid_triangles(side) {
         let _ = writeln!(text, "3 {a} {b} {c}");
     }
     text.into_bytes()
 }
 
-fn measure(name: &str, importer: &str, bytes: Vec<u8>, vertices: u32) {
+fn measure_import(name: &str, importer: &str, bytes: Vec<u8>, vertices: u32) {
     let size = bytes.len();
     let source = Source { name: name.into(), bytes: Arc::new(bytes) };
     let importer = RhaiImporter::from_text("my.importer.rhai", importer).unwrap_or_else(|e| panic!("{e}"));
@@ -105,7 +105,7 @@ fn measure(name: &str, importer: &str, bytes: Vec<u8>, vertices: u32) {
         .map(|_| {
             let start = Instant::now();
             let asset = importer
-                .import(&source, &None, ImportScope::ALL, &ImportOptions::default())
+                .import(&source, &NoFiles, ImportScope::ALL, &ImportOptions::default())
                 .unwrap_or_else(|e| panic!("{e}"));
             assert_eq!(asset.meshes[0].primitives[0].positions.len(), vertices as usize);
             start.elapsed().as_secs_f64() * 1e3
@@ -131,6 +131,6 @@ fn peak_mb() -> u64 {
 }
 
 fn main() {
-    measure("grid.bin", BINARY, binary(300), 300 * 300);
-    measure("grid.ply", ASCII_PLY, ascii_ply(1000), 1000 * 1000);
+    measure_import("grid.bin", BINARY_IMPORTER, binary_grid(300), 300 * 300);
+    measure_import("grid.ply", ASCII_PLY_IMPORTER, ascii_ply_grid(1000), 1000 * 1000);
 }

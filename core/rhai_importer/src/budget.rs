@@ -6,68 +6,68 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Bytes that the arrays of an import may take in addition to 16 times the size of the file.
-const BASE: u64 = 64 << 20;
+const BASE_BYTES: u64 = 64 << 20;
 
 /// Bytes that one import may still allocate for arrays. Clones share the count.
 #[derive(Clone, Debug)]
 pub struct Budget {
-    left: Arc<AtomicU64>,
-    all: u64,
+    remaining: Arc<AtomicU64>,
+    total: u64,
 }
 
 /// Error of a native function that a script calls.
-pub type Refused = Box<EvalAltResult>;
+pub type NativeError = Box<EvalAltResult>;
 
 /// An error of a native function: the interpreter adds the place of the call.
-pub fn refuse(text: impl Into<String>) -> Refused {
+pub fn native_error(text: impl Into<String>) -> NativeError {
     Box::new(EvalAltResult::ErrorRuntime(text.into().into(), Position::NONE))
 }
 
 impl Budget {
     /// Budget for a source file of this size in bytes: 64 MiB plus 16 times the size.
     pub fn for_file(bytes: usize) -> Budget {
-        let all = BASE + 16 * bytes as u64;
-        Budget { left: Arc::new(AtomicU64::new(all)), all }
+        let total = BASE_BYTES + 16 * bytes as u64;
+        Budget { remaining: Arc::new(AtomicU64::new(total)), total }
     }
 
     /// Takes bytes from the budget for the rest of the import, before they are allocated. Error: too few are left.
-    pub fn take(&self, bytes: usize) -> Result<(), Refused> {
+    pub fn charge(&self, bytes: usize) -> Result<(), NativeError> {
         let taken = self
-            .left
+            .remaining
             .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes as u64));
         taken.map(drop).map_err(|_| {
-            refuse(format!(
+            native_error(format!(
                 "too much memory: all arrays together may take {} MB, 64 MB plus 16 times the file's size",
-                self.all >> 20
+                self.total >> 20
             ))
         })
     }
 
-    /// Takes bytes like [`Budget::take`], and gives the bytes back when the share is dropped.
-    pub fn share(&self, bytes: usize) -> Result<Share, Refused> {
-        self.take(bytes)?;
-        Ok(Share { budget: self.clone(), bytes })
+    /// Takes bytes like [`Budget::charge`], and gives the bytes back when the share is dropped.
+    pub fn reserve(&self, bytes: usize) -> Result<BudgetShare, NativeError> {
+        self.charge(bytes)?;
+        Ok(BudgetShare { budget: self.clone(), bytes })
     }
 }
 
 /// Bytes of a budget that one array holds.
 #[derive(Debug)]
-pub struct Share {
+pub struct BudgetShare {
     pub budget: Budget,
     bytes: usize,
 }
 
-impl Share {
+impl BudgetShare {
     /// Takes further bytes for the same array before they are allocated. Error: too few are left.
-    pub fn grow(&mut self, bytes: usize) -> Result<(), Refused> {
-        self.budget.take(bytes)?;
+    pub fn grow(&mut self, bytes: usize) -> Result<(), NativeError> {
+        self.budget.charge(bytes)?;
         self.bytes += bytes;
         Ok(())
     }
 }
 
-impl Drop for Share {
+impl Drop for BudgetShare {
     fn drop(&mut self) {
-        self.budget.left.fetch_add(self.bytes as u64, Ordering::Relaxed);
+        self.budget.remaining.fetch_add(self.bytes as u64, Ordering::Relaxed);
     }
 }

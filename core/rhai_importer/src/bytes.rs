@@ -1,7 +1,7 @@
 //! The bytes of a file as the script sees them: checked reads of single numbers and of whole arrays.
 
-use crate::budget::{Budget, Refused, refuse};
-use crate::engine::MOST_IN_ARRAY;
+use crate::budget::{Budget, NativeError, native_error};
+use crate::engine::MAX_ARRAY_LEN;
 use crate::lines::{self, Lines};
 use crate::numbers::{self, Numbers};
 use choreo_plugin::suggest::{did_you_mean, list};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// A file or a part of one. Numbers are little-endian, or big-endian where [`Bytes::big`] was requested.
 #[derive(Clone, Debug)]
 pub struct Bytes {
-    pub all: Arc<Vec<u8>>,
+    pub file: Arc<Vec<u8>>,
     pub range: Range<usize>,
     big: bool,
     pub budget: Budget,
@@ -25,12 +25,12 @@ struct NumberType {
     size: usize,
     read: fn([u8; 8]) -> f64,
     /// Integer that stands for 1.0 in normalized integers; 0 for floats.
-    one: f64,
+    unit_value: f64,
 }
 
 /// `read` receives eight bytes that begin with the number in little-endian order.
-macro_rules! kind {
-    ($name:literal, $type:ty, $one:expr) => {
+macro_rules! number_type {
+    ($name:literal, $type:ty, $unit_value:expr) => {
         NumberType {
             name: $name,
             size: size_of::<$type>(),
@@ -39,61 +39,61 @@ macro_rules! kind {
                 bytes.copy_from_slice(&b[..size_of::<$type>()]);
                 <$type>::from_le_bytes(bytes) as f64
             },
-            one: $one,
+            unit_value: $unit_value,
         }
     };
 }
 
 const NUMBER_TYPES: [NumberType; 10] = [
-    kind!("u8", u8, 255.0),
-    kind!("i8", i8, 127.0),
-    kind!("u16", u16, 65535.0),
-    kind!("i16", i16, 32767.0),
-    kind!("u32", u32, 4_294_967_295.0),
-    kind!("i32", i32, 2_147_483_647.0),
-    kind!("u64", u64, 0.0),
-    kind!("i64", i64, 0.0),
-    kind!("f32", f32, 0.0),
-    kind!("f64", f64, 0.0),
+    number_type!("u8", u8, 255.0),
+    number_type!("i8", i8, 127.0),
+    number_type!("u16", u16, 65535.0),
+    number_type!("i16", i16, 32767.0),
+    number_type!("u32", u32, 4_294_967_295.0),
+    number_type!("i32", i32, 2_147_483_647.0),
+    number_type!("u64", u64, 0.0),
+    number_type!("i64", i64, 0.0),
+    number_type!("f32", f32, 0.0),
+    number_type!("f64", f64, 0.0),
 ];
 
 impl Bytes {
-    pub fn new(all: Arc<Vec<u8>>, budget: &Budget) -> Bytes {
-        Bytes { range: 0..all.len(), all, big: false, budget: budget.clone() }
+    pub fn new(file: Arc<Vec<u8>>, budget: &Budget) -> Bytes {
+        Bytes { range: 0..file.len(), file, big: false, budget: budget.clone() }
     }
 
     pub fn slice(&self) -> &[u8] {
-        &self.all[self.range.clone()]
+        &self.file[self.range.clone()]
     }
 
     /// The bytes `offset..offset + count` of this part. The error states offsets from the start of the file.
-    fn take(&self, offset: i64, count: i64, what: &str) -> Result<&[u8], Refused> {
+    fn checked_slice(&self, offset: i64, count: i64, what: &str) -> Result<&[u8], NativeError> {
         let range = usize::try_from(offset).ok().zip(usize::try_from(count).ok());
         let range = range.and_then(|(o, c)| Some(o..o.checked_add(c)?));
         range.and_then(|r| self.slice().get(r)).ok_or_else(|| {
             let first = i128::from(offset) + self.range.start as i128;
             let end = first + i128::from(count);
-            let part = match self.range == (0..self.all.len()) {
-                true => format!("the file has {}", self.all.len()),
+            let part = match self.range == (0..self.file.len()) {
+                true => format!("the file has {}", self.file.len()),
                 false => format!("this part is {}..{}", self.range.start, self.range.end),
             };
-            refuse(format!("{what}: needs the bytes {first}..{end}, {part}"))
+            native_error(format!("{what}: needs the bytes {first}..{end}, {part}"))
         })
     }
 
-    pub fn part(&self, offset: i64, count: i64) -> Result<Bytes, Refused> {
-        self.take(offset, count, "part")?;
-        // `take` has checked both numbers.
+    pub fn part(&self, offset: i64, count: i64) -> Result<Bytes, NativeError> {
+        self.checked_slice(offset, count, "part")?;
+        // `checked_slice` has checked both numbers.
         let start = self.range.start + offset as usize;
         Ok(Bytes { range: start..start + count as usize, ..self.clone() })
     }
 
-    fn number_at(&self, kind: NumberType, offset: i64) -> Result<f64, Refused> {
-        let bytes = self.take(offset, kind.size as i64, kind.name)?;
-        Ok((kind.read)(self.little_endian(bytes)))
+    fn read_number(&self, number_type: NumberType, offset: i64) -> Result<f64, NativeError> {
+        let bytes = self.checked_slice(offset, number_type.size as i64, number_type.name)?;
+        Ok((number_type.read)(self.to_little_endian(bytes)))
     }
 
-    fn little_endian(&self, bytes: &[u8]) -> [u8; 8] {
+    fn to_little_endian(&self, bytes: &[u8]) -> [u8; 8] {
         let mut little = [0; 8];
         little[..bytes.len()].copy_from_slice(bytes);
         if self.big {
@@ -103,12 +103,18 @@ impl Bytes {
     }
 
     /// `count` rows of `width` numbers, a row starting every `stride` bytes.
-    fn many(&self, kind: NumberType, offset: i64, count: i64, options: &Map) -> Result<Numbers, Refused> {
-        let what = format!("{}s", kind.name);
+    fn read_rows(
+        &self,
+        number_type: NumberType,
+        offset: i64,
+        count: i64,
+        options: &Map,
+    ) -> Result<Numbers, NativeError> {
+        let what = format!("{}s", number_type.name);
         let known = ["width", "stride", "normalized"];
         if let Some(key) = options.keys().find(|k| !known.contains(&k.as_str())) {
             let hint = list(known, 3);
-            return Err(refuse(format!(
+            return Err(native_error(format!(
                 "{what}: unknown option \"{key}\"{}; options: {hint}",
                 did_you_mean(key, known)
             )));
@@ -116,23 +122,23 @@ impl Bytes {
         let whole = |name: &str, default: i64| match options.get(name) {
             None => Ok(default),
             Some(v) => v.as_int().ok().filter(|v| (1..=1 << 20).contains(v)).ok_or_else(|| {
-                refuse(format!("{what}: {name} must be a whole number from 1 to 1048576, got {v}"))
+                native_error(format!("{what}: {name} must be a whole number from 1 to 1048576, got {v}"))
             }),
         };
         let width = whole("width", 1)?;
-        let packed = width * kind.size as i64;
+        let packed = width * number_type.size as i64;
         let stride = whole("stride", packed)?;
         if stride < packed {
-            return Err(refuse(format!(
+            return Err(native_error(format!(
                 "{what}: a stride of {stride} is less than the {packed} bytes of a row"
             )));
         }
         let scale = match options.get("normalized").map(Dynamic::as_bool) {
             None | Some(Ok(false)) => 1.0,
-            Some(Ok(true)) if kind.one > 0.0 => 1.0 / kind.one,
+            Some(Ok(true)) if number_type.unit_value > 0.0 => 1.0 / number_type.unit_value,
             _ => {
-                return Err(refuse(format!(
-                    "{what}: normalized is true or false, and for integers up to 32 bits"
+                return Err(native_error(format!(
+                    "{what}: normalized must be true or false; true needs an integer type of at most 32 bits"
                 )));
             }
         };
@@ -142,35 +148,37 @@ impl Bytes {
             0 => Some(0),
             _ => None,
         };
-        let span = span.ok_or_else(|| refuse(format!("{what}: {count} rows of {stride} bytes")))?;
-        let bytes = self.take(offset, span, &what)?;
-        let share = self.budget.share(8 * (count * width) as usize)?;
+        let span =
+            span.ok_or_else(|| native_error(format!("{what}: cannot read {count} rows of {stride} bytes")))?;
+        let bytes = self.checked_slice(offset, span, &what)?;
+        let share = self.budget.reserve(8 * (count * width) as usize)?;
         let mut values = Vec::with_capacity((count * width) as usize);
         for row in bytes.chunks(stride as usize) {
-            for number in row[..packed as usize].chunks_exact(kind.size) {
-                let value = (kind.read)(self.little_endian(number));
+            for number in row[..packed as usize].chunks_exact(number_type.size) {
+                let value = (number_type.read)(self.to_little_endian(number));
                 values.push(if scale == 1.0 { value } else { (value * scale).max(-1.0) });
             }
         }
         Ok(Numbers::new(values, share))
     }
 
-    pub fn text(&self) -> Result<&str, Refused> {
-        std::str::from_utf8(self.slice())
-            .map_err(|e| refuse(format!("byte {} is no UTF-8 text", self.range.start + e.valid_up_to())))
+    pub fn text(&self) -> Result<&str, NativeError> {
+        std::str::from_utf8(self.slice()).map_err(|e| {
+            native_error(format!("byte {} is not UTF-8 text", self.range.start + e.valid_up_to()))
+        })
     }
 
     /// Text of at most `count` bytes that ends at the first zero byte, such as a name in a field of fixed size.
-    fn name(&self, offset: i64, count: i64) -> Result<String, Refused> {
-        let bytes = self.take(offset, count, "text")?;
+    fn fixed_size_text(&self, offset: i64, count: i64) -> Result<String, NativeError> {
+        let bytes = self.checked_slice(offset, count, "text")?;
         let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
-        self.budget.take(end)?;
+        self.budget.charge(end)?;
         Ok(String::from_utf8_lossy(&bytes[..end]).into_owned())
     }
 
-    fn whole_text(&self) -> Result<ImmutableString, Refused> {
+    fn whole_text(&self) -> Result<ImmutableString, NativeError> {
         let text = self.text()?;
-        self.budget.take(text.len())?;
+        self.budget.charge(text.len())?;
         Ok(text.strip_prefix('\u{feff}').unwrap_or(text).into())
     }
 
@@ -184,18 +192,18 @@ impl Bytes {
         }
     }
 
-    fn json(&self) -> Result<Dynamic, Refused> {
-        self.budget.take(8 * self.slice().len())?;
+    fn parse_json(&self) -> Result<Dynamic, NativeError> {
+        self.budget.charge(8 * self.slice().len())?;
         let bytes = self.slice();
         let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
         let value: serde_json::Value =
-            serde_json::from_slice(bytes).map_err(|e| refuse(format!("json: {e}")))?;
-        script_value(value)
+            serde_json::from_slice(bytes).map_err(|e| native_error(format!("json: {e}")))?;
+        json_to_script_value(value)
     }
 }
 
 /// Converts a JSON value to a script value. `serde_json` refuses more than 128 levels, so the recursion cannot run out of stack.
-fn script_value(value: serde_json::Value) -> Result<Dynamic, Refused> {
+fn json_to_script_value(value: serde_json::Value) -> Result<Dynamic, NativeError> {
     use serde_json::Value;
     Ok(match value {
         Value::Null => Dynamic::UNIT,
@@ -205,55 +213,57 @@ fn script_value(value: serde_json::Value) -> Result<Dynamic, Refused> {
             None => n.as_f64().unwrap_or(f64::NAN).into(),
         },
         Value::String(s) => s.into(),
-        Value::Array(a) if a.len() > MOST_IN_ARRAY => {
-            return Err(refuse(format!(
-                "json: an array has {} elements, at most {MOST_IN_ARRAY} are allowed",
+        Value::Array(a) if a.len() > MAX_ARRAY_LEN => {
+            return Err(native_error(format!(
+                "json: an array has {} elements, at most {MAX_ARRAY_LEN} are allowed",
                 a.len()
             )));
         }
-        Value::Array(a) => a.into_iter().map(script_value).collect::<Result<Array, _>>()?.into(),
+        Value::Array(a) => a.into_iter().map(json_to_script_value).collect::<Result<Array, _>>()?.into(),
         Value::Object(o) => {
-            let entries = o.into_iter().map(|(k, v)| Ok((k.into(), script_value(v)?)));
-            entries.collect::<Result<Map, Refused>>()?.into()
+            let entries = o.into_iter().map(|(k, v)| Ok((k.into(), json_to_script_value(v)?)));
+            entries.collect::<Result<Map, NativeError>>()?.into()
         }
     })
 }
 
-pub fn register(engine: &mut Engine) {
+pub fn register_bytes(engine: &mut Engine) {
     engine.register_type_with_name::<Bytes>("Bytes");
     engine.register_fn("len", |b: &mut Bytes| b.slice().len() as i64);
     engine.register_get("len", |b: &mut Bytes| b.slice().len() as i64);
     engine.register_fn("part", |b: &mut Bytes, offset: i64, count: i64| b.part(offset, count));
     engine.register_fn("big", |b: &mut Bytes| Bytes { big: true, ..b.clone() });
     engine.register_fn("text", |b: &mut Bytes| b.whole_text());
-    engine.register_fn("text", |b: &mut Bytes, offset: i64, count: i64| b.name(offset, count));
+    engine.register_fn("text", |b: &mut Bytes, offset: i64, count: i64| b.fixed_size_text(offset, count));
     engine.register_fn("lines", |b: &mut Bytes| Lines::of(b));
-    engine.register_fn("json", |b: &mut Bytes| b.json());
-    engine.register_fn("numbers", |b: &mut Bytes| numbers::parse(b.text()?, &b.budget));
+    engine.register_fn("json", |b: &mut Bytes| b.parse_json());
+    engine.register_fn("numbers", |b: &mut Bytes| numbers::parse_numbers(b.text()?, &b.budget));
     engine.register_fn("find", |b: &mut Bytes, wanted: &str, from: i64| b.find(wanted, from));
     engine.register_fn("find", |b: &mut Bytes, wanted: &str| b.find(wanted, 0));
     engine.register_fn("starts_with", |b: &mut Bytes, wanted: &str| b.slice().starts_with(wanted.as_bytes()));
-    lines::register(engine);
+    lines::register_lines(engine);
     engine.register_fn("words", |text: &str| -> Array {
         text.split_whitespace().map(|w| Dynamic::from(ImmutableString::from(w))).collect()
     });
-    for kind in NUMBER_TYPES {
-        match kind.name {
+    for number_type in NUMBER_TYPES {
+        match number_type.name {
             "f32" | "f64" => {
-                engine.register_fn(kind.name, move |b: &mut Bytes, offset: i64| b.number_at(kind, offset));
+                engine.register_fn(number_type.name, move |b: &mut Bytes, offset: i64| {
+                    b.read_number(number_type, offset)
+                });
             }
             _ => {
-                engine.register_fn(kind.name, move |b: &mut Bytes, offset: i64| {
-                    b.number_at(kind, offset).map(|v| v as i64)
+                engine.register_fn(number_type.name, move |b: &mut Bytes, offset: i64| {
+                    b.read_number(number_type, offset).map(|v| v as i64)
                 });
             }
         }
-        let many = format!("{}s", kind.name);
-        engine.register_fn(&many, move |b: &mut Bytes, offset: i64, count: i64| {
-            b.many(kind, offset, count, &Map::new())
+        let plural_name = format!("{}s", number_type.name);
+        engine.register_fn(&plural_name, move |b: &mut Bytes, offset: i64, count: i64| {
+            b.read_rows(number_type, offset, count, &Map::new())
         });
-        engine.register_fn(&many, move |b: &mut Bytes, offset: i64, count: i64, options: Map| {
-            b.many(kind, offset, count, &options)
+        engine.register_fn(&plural_name, move |b: &mut Bytes, offset: i64, count: i64, options: Map| {
+            b.read_rows(number_type, offset, count, &options)
         });
     }
 }

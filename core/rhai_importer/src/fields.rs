@@ -1,6 +1,6 @@
 //! Object maps of a script, `#{ positions: …, normals: … }`, as the values that the asset is built from.
 
-use crate::budget::{Refused, refuse};
+use crate::budget::{NativeError, native_error};
 use crate::numbers;
 use choreo_asset::Topology;
 use choreo_plugin::suggest::{did_you_mean, list};
@@ -34,14 +34,14 @@ impl From<&str> for FieldError {
     }
 }
 
-impl From<FieldError> for Refused {
-    fn from(error: FieldError) -> Refused {
-        refuse(error.0)
+impl From<FieldError> for NativeError {
+    fn from(error: FieldError) -> NativeError {
+        native_error(error.0)
     }
 }
 
 /// A value as messages show it: a number or flag itself, any other value by its type.
-fn shown(value: &Dynamic) -> String {
+fn value_or_type_name(value: &Dynamic) -> String {
     match value.is_int() || value.is_float() || value.is_bool() {
         true => value.to_string(),
         false => type_word(value.type_name()).to_string(),
@@ -61,8 +61,8 @@ impl<'a> Fields<'a> {
         }
     }
 
-    fn wrong<T>(&self, name: &str, expected: &str, got: &Dynamic) -> Result<T> {
-        Err(format!("{}: {name} must be {expected}, got {}", self.what, shown(got)).into())
+    fn wrong_type<T>(&self, name: &str, expected: &str, got: &Dynamic) -> Result<T> {
+        Err(format!("{}: {name} must be {expected}, got {}", self.what, value_or_type_name(got)).into())
     }
 
     /// Value of a field; `None` if it is missing or `()`.
@@ -75,7 +75,7 @@ impl<'a> Fields<'a> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.clone().into_string() {
             Ok(text) => Ok(Some(text)),
-            Err(_) => self.wrong(name, "a text", value),
+            Err(_) => self.wrong_type(name, "a text", value),
         }
     }
 
@@ -84,14 +84,14 @@ impl<'a> Fields<'a> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.as_float().or_else(|_| value.as_int().map(|i| i as f64)) {
             Ok(number) => Ok(Some(number)),
-            Err(_) => self.wrong(name, "a number", value),
+            Err(_) => self.wrong_type(name, "a number", value),
         }
     }
 
     /// Flag of a field. Error: another type.
     pub fn flag(&self, name: &str) -> Result<Option<bool>> {
         let Some(value) = self.value(name) else { return Ok(None) };
-        value.as_bool().map(Some).or_else(|_| self.wrong(name, "true or false", value))
+        value.as_bool().map(Some).or_else(|_| self.wrong_type(name, "true or false", value))
     }
 
     /// Index of a joint, material or image, as `joint(…)`, `material(…)` or `image(…)` returned it.
@@ -99,12 +99,12 @@ impl<'a> Fields<'a> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.as_int().ok().and_then(|i| u32::try_from(i).ok()) {
             Some(index) => Ok(Some(index)),
-            None => self.wrong(name, "a number that joint(…), material(…) or image(…) returned", value),
+            None => self.wrong_type(name, "a number that joint(…), material(…) or image(…) returned", value),
         }
     }
 
     /// [`Fields::index`] for which a negative number means "none", as many formats write it.
-    pub fn reference(&self, name: &str) -> Result<Option<u32>> {
+    pub fn optional_index(&self, name: &str) -> Result<Option<u32>> {
         match self.value(name).and_then(|value| value.as_int().ok()) {
             Some(negative) if negative < 0 => Ok(None),
             _ => self.index(name),
@@ -114,15 +114,15 @@ impl<'a> Fields<'a> {
     /// Flat list of the numbers of a `Numbers`, an array of numbers, or an array of arrays of numbers; empty without the field.
     pub fn numbers(&self, name: &str) -> Result<Vec<f64>> {
         let Some(value) = self.value(name) else { return Ok(Vec::new()) };
-        if let Some(numbers) = numbers::read(value) {
+        if let Some(numbers) = numbers::read_numbers(value) {
             return Ok(numbers);
         }
         let rows = value.read_lock::<rhai::Array>();
         let flat: Option<Vec<f64>> = rows.and_then(|rows| {
-            let rows: Option<Vec<Vec<f64>>> = rows.iter().map(numbers::read).collect();
+            let rows: Option<Vec<Vec<f64>>> = rows.iter().map(numbers::read_numbers).collect();
             rows.map(|r| r.concat())
         });
-        flat.ok_or(()).or_else(|()| self.wrong(name, "numbers, or an array of numbers", value))
+        flat.ok_or(()).or_else(|()| self.wrong_type(name, "numbers, or an array of numbers", value))
     }
 
     /// [`Fields::numbers`] as f32.
@@ -163,12 +163,13 @@ impl<'a> Fields<'a> {
     ) -> Result<Vec<T>> {
         let Some(value) = self.value(name) else { return Ok(Vec::new()) };
         let Some(array) = value.read_lock::<rhai::Array>() else {
-            return self.wrong(name, "an array of object maps", value);
+            return self.wrong_type(name, "an array of object maps", value);
         };
         let element = |(at, value): (usize, &Dynamic)| {
             let what = format!("{}: {name}[{at}]", self.what);
             let map = value.read_lock::<Map>();
-            let map = map.ok_or_else(|| format!("{what} must be an object map, got {}", shown(value)))?;
+            let map = map
+                .ok_or_else(|| format!("{what} must be an object map, got {}", value_or_type_name(value)))?;
             read(&Fields::new(&what, &map, known)?)
         };
         array.iter().enumerate().map(element).collect()
@@ -178,12 +179,15 @@ impl<'a> Fields<'a> {
     pub fn vector<const N: usize>(&self, name: &str) -> Result<Option<[f32; N]>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         let numbers = self.floats(name)?;
-        numbers.try_into().map(Some).or_else(|_| self.wrong(name, &format!("an array of {N} numbers"), value))
+        numbers
+            .try_into()
+            .map(Some)
+            .or_else(|_| self.wrong_type(name, &format!("an array of {N} numbers"), value))
     }
 }
 
 /// The options of `mesh(#{ … })`, `lines(#{ … })` and `points(#{ … })`.
-pub(crate) const MESH: &[&str] = &[
+pub(crate) const MESH_FIELDS: &[&str] = &[
     "name",
     "joint",
     "positions",
@@ -204,7 +208,7 @@ pub(crate) fn mesh_data(f: &Fields<'_>, topology: Topology) -> Result<MeshData> 
     Ok(MeshData {
         topology,
         name: f.text("name")?.unwrap_or_default(),
-        joint: f.reference("joint")?,
+        joint: f.optional_index("joint")?,
         positions: f.floats("positions")?,
         indices: f.indices("indices")?,
         normals: f.floats("normals")?,
@@ -213,9 +217,9 @@ pub(crate) fn mesh_data(f: &Fields<'_>, topology: Topology) -> Result<MeshData> 
         joints: f.indices("joints")?,
         weights: f.floats("weights")?,
         inverse_bind: f.floats("inverse_bind")?,
-        material: f.reference("material")?,
+        material: f.optional_index("material")?,
         parts: f.maps("parts", &["indices", "material"], |f| {
-            Ok(MeshPart { indices: f.indices("indices")?, material: f.reference("material")? })
+            Ok(MeshPart { indices: f.indices("indices")?, material: f.optional_index("material")? })
         })?,
         morphs: f.maps("morphs", &["name", "positions", "normals"], |f| {
             let name = f.text("name")?.unwrap_or_default();

@@ -1,11 +1,11 @@
 //! `NAME.importer.rhai`: a script with `fn manifest()`, `fn load(file)` and optionally `fn claim(file)`.
 
-use crate::budget::{Budget, refuse};
+use crate::budget::{Budget, native_error};
 use crate::bytes::Bytes;
-use crate::engine::{engine, manifest_engine};
+use crate::engine::{build_engine, build_manifest_engine};
 use crate::manifest;
-use crate::scene::{self, BuildInProgress, Request};
-use crate::script_error::{Known, Script, ScriptError, script_error};
+use crate::scene::{self, BuildInProgress, FileRequest};
+use crate::script_error::{KnownNames, ScriptError, ScriptSource, script_error};
 use choreo_asset::Asset;
 use choreo_plugin::{
     AssetBuilder, Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, OptionValue,
@@ -18,10 +18,10 @@ use std::sync::{Arc, Mutex, PoisonError, mpsc};
 pub const FILE_ENDING: &str = ".importer.rhai";
 
 /// Stack size in bytes: enough for the nesting of calls and expressions that the engine allows, also in unoptimized builds.
-pub const STACK: usize = 64 << 20;
+pub const STACK_BYTES: usize = 64 << 20;
 
 /// Interpreter steps that `claim` may take: few, because it also runs for files of other formats.
-const FEW_STEPS: u64 = 100_000;
+const MAX_CLAIM_STEPS: u64 = 100_000;
 
 /// An importer read from a script. Every import runs in an interpreter of its own.
 pub struct RhaiImporter {
@@ -41,11 +41,11 @@ pub struct RhaiImporter {
 impl RhaiImporter {
     /// Compiles the script and asks it for its manifest. `file` is its name in messages.
     pub fn from_text(file: &str, text: &str) -> Result<RhaiImporter, ScriptError> {
-        let script = Script { file, text: without_mark(text) };
+        let script = ScriptSource { file, text: strip_byte_order_mark(text) };
         let needed = [("manifest", 0, "fn manifest()"), ("load", 1, "fn load(file)")];
-        let ast = compiled(&script, "an importer", &needed)?;
-        let has_claim = has(&ast, "claim", 1);
-        let manifest = manifest_of(&ast, &script)?;
+        let ast = compile_functions(&script, "an importer", &needed)?;
+        let has_claim = has_function(&ast, "claim", 1);
+        let manifest = call_manifest(&ast, &script)?;
         Ok(RhaiImporter {
             file: file.into(),
             text: script.text.into(),
@@ -53,7 +53,7 @@ impl RhaiImporter {
             manifest,
             has_claim,
             origin: None,
-            load_line: line_of(script.text, "load"),
+            load_line: line_of_function(script.text, "load"),
             steps: None,
         })
     }
@@ -70,30 +70,32 @@ impl RhaiImporter {
         self
     }
 
-    fn run(
+    fn run_load(
         &self,
         source: &Source,
         needs: ImportScope,
         options: &ImportOptions,
         budget: &Budget,
-        ask: mpsc::Sender<Request>,
+        file_requests: mpsc::Sender<FileRequest>,
     ) -> Result<AssetBuilder, ScriptError> {
-        let scene = Arc::new(Mutex::new(BuildInProgress { builder: AssetBuilder::default(), needs, ask }));
-        let mut engine = engine(budget, self.steps);
-        scene::register(&mut engine, &scene, budget);
+        let scene =
+            Arc::new(Mutex::new(BuildInProgress { builder: AssetBuilder::default(), needs, file_requests }));
+        let mut engine = build_engine(budget, self.steps);
+        scene::register_builders(&mut engine, &scene, budget);
         let file = self.file_map(source, needs, options, budget);
         let loaded = engine.call_fn(&mut Scope::new(), &self.ast, "load", (file,));
-        let _: Dynamic = loaded.map_err(|e| self.error(e, &Known::of(&engine)))?;
+        let _: Dynamic = loaded.map_err(|e| self.load_error(e, &KnownNames::of(&engine)))?;
         let mut scene = scene.lock().unwrap_or_else(PoisonError::into_inner);
         Ok(std::mem::take(&mut scene.builder))
     }
 
-    fn error(&self, error: Box<EvalAltResult>, known: &Known) -> ScriptError {
-        script_error(&Script { file: &self.file, text: &self.text }, error, known, self.load_line)
+    fn load_error(&self, error: Box<EvalAltResult>, known: &KnownNames) -> ScriptError {
+        script_error(&ScriptSource { file: &self.file, text: &self.text }, error, known, self.load_line)
     }
 
     fn file_map(&self, source: &Source, needs: ImportScope, options: &ImportOptions, budget: &Budget) -> Map {
-        let options: Map = options.0.iter().map(|(k, v)| (k.as_str().into(), value(v))).collect();
+        let options: Map =
+            options.0.iter().map(|(k, v)| (k.as_str().into(), option_to_script_value(v))).collect();
         [
             ("name".into(), Dynamic::from(source.name.clone())),
             ("bytes".into(), Dynamic::from(Bytes::new(source.bytes.clone(), budget))),
@@ -105,7 +107,7 @@ impl RhaiImporter {
 }
 
 /// An option as a value of a script.
-pub fn value(option: &OptionValue) -> Dynamic {
+pub fn option_to_script_value(option: &OptionValue) -> Dynamic {
     match option {
         OptionValue::Number(v) => Dynamic::from_float(*v),
         OptionValue::Bool(v) => Dynamic::from_bool(*v),
@@ -131,7 +133,7 @@ impl Importer for RhaiImporter {
             return plain;
         }
         let budget = Budget::for_file(0);
-        let engine = engine(&budget, Some(FEW_STEPS));
+        let engine = build_engine(&budget, Some(MAX_CLAIM_STEPS));
         let file = self.file_map(source, ImportScope::ALL, &ImportOptions::default(), &budget);
         let answer: Result<Dynamic, _> = engine.call_fn(&mut Scope::new(), &self.ast, "claim", (file,));
         match answer {
@@ -153,21 +155,23 @@ impl Importer for RhaiImporter {
         options: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let budget = Budget::for_file(source.bytes.len());
-        let (ask, asked) = mpsc::channel::<Request>();
+        let (file_requests, received_requests) = mpsc::channel::<FileRequest>();
         // The script runs on a thread of its own, whose stack is known to hold the deepest calls that the limits allow; the files
         // beside the source are read on this thread, the only one that may use `files`.
         let built = std::thread::scope(|scope| {
-            let worker = std::thread::Builder::new().name("importer".into()).stack_size(STACK);
+            let worker = std::thread::Builder::new().name("importer".into()).stack_size(STACK_BYTES);
             let budget = &budget;
-            let worker = worker.spawn_scoped(scope, move || self.run(source, needs, options, budget, ask));
-            for (name, answer) in asked {
+            let worker = worker
+                .spawn_scoped(scope, move || self.run_load(source, needs, options, budget, file_requests));
+            for (name, reply) in received_requests {
                 // The send fails if the script has ended by now, which is no error.
-                let _ = answer.send(files.read(&name));
+                let _ = reply.send(files.read(&name));
             }
             match worker.map(|w| w.join()) {
                 Ok(Ok(built)) => built,
                 Ok(Err(panic)) => std::panic::resume_unwind(panic),
-                Err(e) => Err(self.error(refuse(format!("cannot start a thread: {e}")), &Known::default())),
+                Err(e) => Err(self
+                    .load_error(native_error(format!("cannot start a thread: {e}")), &KnownNames::default())),
             }
         });
         let place = |error: ScriptError| ImportError {
@@ -187,16 +191,16 @@ impl Importer for RhaiImporter {
 
 /// Compiles a plugin's script and keeps its functions. `needed`: name, number of parameters and declaration of each function that
 /// the script must define.
-pub(crate) fn compiled(
-    script: &Script,
+pub(crate) fn compile_functions(
+    script: &ScriptSource,
     what: &str,
     needed: &[(&str, usize, &str)],
 ) -> Result<AST, ScriptError> {
-    let engine = engine(&Budget::for_file(0), None);
-    let Script { file, text } = *script;
-    let failed = |e| script_error(script, e, &Known::of(&engine), line_of(text, "manifest"));
+    let engine = build_engine(&Budget::for_file(0), None);
+    let ScriptSource { file, text } = *script;
+    let failed = |e| script_error(script, e, &KnownNames::of(&engine), line_of_function(text, "manifest"));
     let mut ast = engine.compile(text).map_err(|e| failed(e.into()))?;
-    if let Some(at) = open_comment(&engine, text) {
+    if let Some(at) = find_unclosed_comment(&engine, text) {
         let before = &text[..at];
         let line = before.matches('\n').count() + 1;
         let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
@@ -204,7 +208,9 @@ pub(crate) fn compiled(
         return Err(ScriptError::new(script, (line, column), message));
     }
     ast.set_source(file);
-    if let Some((_, _, shown)) = needed.iter().find(|(name, parameters, _)| !has(&ast, name, *parameters)) {
+    if let Some((_, _, shown)) =
+        needed.iter().find(|(name, parameters, _)| !has_function(&ast, name, *parameters))
+    {
         let message = format!("{what} needs {shown}");
         // A missing function has no line to show.
         let source_line = String::new();
@@ -214,40 +220,40 @@ pub(crate) fn compiled(
     Ok(ast.clone_functions_only())
 }
 
-fn has(ast: &AST, name: &str, parameters: usize) -> bool {
+fn has_function(ast: &AST, name: &str, parameters: usize) -> bool {
     ast.iter_functions().any(|f| f.name == name && f.params.len() == parameters)
 }
 
 /// The manifest that `fn manifest()` returns.
-pub(crate) fn manifest_of(ast: &AST, script: &Script) -> Result<Manifest, ScriptError> {
-    let line = line_of(script.text, "manifest");
-    let engine = manifest_engine();
+pub(crate) fn call_manifest(ast: &AST, script: &ScriptSource) -> Result<Manifest, ScriptError> {
+    let line = line_of_function(script.text, "manifest");
+    let engine = build_manifest_engine();
     let called = engine.call_fn(&mut Scope::new(), ast, "manifest", ());
-    let value: Dynamic = called.map_err(|e| script_error(script, e, &Known::of(&engine), line))?;
+    let value: Dynamic = called.map_err(|e| script_error(script, e, &KnownNames::of(&engine), line))?;
     let wrong = |message| ScriptError::new(script, (line, 1), message);
-    manifest::read(&value).map_err(|error| wrong(error.to_string()))
+    manifest::read_manifest(&value).map_err(|error| wrong(error.to_string()))
 }
 
 /// A text without the byte order mark that some editors put before it.
-pub fn without_mark(text: &str) -> &str {
+pub fn strip_byte_order_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
 /// Byte offset of an unclosed block comment in a text that compiles: Rhai silently takes such a comment for the end of the
 /// script. To detect it, a closing bracket is appended, which is an error everywhere except inside a comment.
-fn open_comment(engine: &Engine, text: &str) -> Option<usize> {
+fn find_unclosed_comment(engine: &Engine, text: &str) -> Option<usize> {
     /// Maximum number of `/*` that are tried, from the end of the text.
-    const MOST: usize = 64;
+    const MAX_OPENINGS: usize = 64;
     let inside = |text: &str| engine.compile(format!("{text}\n)")).is_ok();
     if !text.contains("/*") || !inside(text) {
         return None;
     }
-    let mut openings = text.rmatch_indices("/*").map(|(at, _)| at).take(MOST);
+    let mut openings = text.rmatch_indices("/*").map(|(at, _)| at).take(MAX_OPENINGS);
     openings.find(|at| !inside(&text[..*at])).or_else(|| text.find("/*"))
 }
 
 /// The line (from 1) on which a function is defined.
-pub fn line_of(text: &str, function: &str) -> usize {
+pub fn line_of_function(text: &str, function: &str) -> usize {
     let starts = |l: &str| {
         let rest =
             l.trim_start().strip_prefix("fn ").map(str::trim_start).and_then(|r| r.strip_prefix(function));

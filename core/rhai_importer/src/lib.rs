@@ -13,10 +13,10 @@ mod engine;
 mod exporter;
 mod fields;
 mod importer;
+mod lazy_importer;
 mod lines;
 mod manifest;
 mod numbers;
-mod on_use;
 mod posed;
 mod quaternions;
 mod scene;
@@ -24,7 +24,7 @@ mod script_error;
 
 pub use exporter::{EXPORTER_ENDING, RhaiExporter};
 pub use importer::{FILE_ENDING, RhaiImporter};
-pub use on_use::ImporterOnUse;
+pub use lazy_importer::LazyImporter;
 pub use script_error::ScriptError;
 
 /// The README of this crate, which is the user documentation.

@@ -1,9 +1,9 @@
 //! `joint`, `mesh`, `lines`, `points`, `material`, `image`, `camera`, `light`, `clip`, `warn` and `read`: the script functions
 //! that build the asset.
 
-use crate::budget::{Budget, Refused, refuse};
+use crate::budget::{Budget, NativeError, native_error};
 use crate::bytes::Bytes;
-use crate::fields::{self, FieldError, Fields, MESH, mesh_data};
+use crate::fields::{self, FieldError, Fields, MESH_FIELDS, mesh_data};
 use choreo_asset::{
     AlphaMode, Image, Light, LightKind, Material, Projection, Sampler, Shading, TextureRef, Topology,
 };
@@ -21,98 +21,106 @@ pub struct BuildInProgress {
     pub builder: AssetBuilder,
     pub needs: ImportScope,
     /// Requests for files beside the source, which another thread reads.
-    pub ask: mpsc::Sender<Request>,
+    pub file_requests: mpsc::Sender<FileRequest>,
 }
 
 /// Name of a requested file, and the channel for its bytes or the error message.
-pub type Request = (String, mpsc::Sender<Result<Arc<Vec<u8>>, String>>);
+pub type FileRequest = (String, mpsc::Sender<Result<Arc<Vec<u8>>, String>>);
 
 pub type SharedBuild = Arc<Mutex<BuildInProgress>>;
 
-fn lock(scene: &SharedBuild) -> MutexGuard<'_, BuildInProgress> {
+fn lock_build(scene: &SharedBuild) -> MutexGuard<'_, BuildInProgress> {
     scene.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Maximum number of warnings kept, so that a loop over vertices cannot fill the memory.
-const MOST_WARNINGS: usize = 1000;
+const MAX_WARNINGS: usize = 1000;
 
-pub fn register(engine: &mut Engine, scene: &SharedBuild, budget: &Budget) {
+pub fn register_builders(engine: &mut Engine, scene: &SharedBuild, budget: &Budget) {
     let s = scene.clone();
-    engine.register_fn("joint", move |name: &str| joint(&s, name, None, &Map::new()));
+    engine.register_fn("joint", move |name: &str| add_joint(&s, name, None, &Map::new()));
     let s = scene.clone();
-    engine.register_fn("joint", move |name: &str, rest: Map| joint(&s, name, None, &rest));
-    let s = scene.clone();
-    engine.register_fn("joint", move |name: &str, parent: i64| joint(&s, name, Some(parent), &Map::new()));
+    engine.register_fn("joint", move |name: &str, rest: Map| add_joint(&s, name, None, &rest));
     let s = scene.clone();
     engine
-        .register_fn("joint", move |name: &str, parent: i64, rest: Map| joint(&s, name, Some(parent), &rest));
+        .register_fn("joint", move |name: &str, parent: i64| add_joint(&s, name, Some(parent), &Map::new()));
+    let s = scene.clone();
+    engine.register_fn("joint", move |name: &str, parent: i64, rest: Map| {
+        add_joint(&s, name, Some(parent), &rest)
+    });
     for (name, topology) in
         [("mesh", Topology::Triangles), ("lines", Topology::Lines), ("points", Topology::Points)]
     {
         let s = scene.clone();
-        engine.register_fn(name, move |map: Map| mesh(&s, name, topology, &map));
+        engine.register_fn(name, move |map: Map| add_mesh(&s, name, topology, &map));
     }
     let s = scene.clone();
-    engine.register_fn("material", move |map: Map| material(&s, &map));
+    engine.register_fn("material", move |map: Map| add_material(&s, &map));
     let (s, b) = (scene.clone(), budget.clone());
-    engine.register_fn("image", move |map: Map| image(&s, &b, &map));
+    engine.register_fn("image", move |map: Map| add_image(&s, &b, &map));
     let (s, b) = (scene.clone(), budget.clone());
     // The same call as in scene scripts.
     engine.register_fn("image", move |width: i64, height: i64, pixels: Dynamic| {
         let fields = [("width", width.into()), ("height", height.into()), ("pixels", pixels)];
-        image(&s, &b, &fields.into_iter().map(|(name, value)| (name.into(), value)).collect())
+        add_image(&s, &b, &fields.into_iter().map(|(name, value)| (name.into(), value)).collect())
     });
     let s = scene.clone();
-    engine.register_fn("camera", move |map: Map| camera(&s, &map));
+    engine.register_fn("camera", move |map: Map| add_camera(&s, &map));
     let s = scene.clone();
-    engine.register_fn("light", move |map: Map| light(&s, &map));
+    engine.register_fn("light", move |map: Map| add_light(&s, &map));
     let s = scene.clone();
-    engine.register_fn("clip", move |name: &str, curves: Array| clip(&s, name, &curves));
+    engine.register_fn("clip", move |name: &str, curves: Array| add_clip(&s, name, &curves));
     let s = scene.clone();
-    engine.register_fn("warn", move |text: &str| warn(&s, "", text));
+    engine.register_fn("warn", move |text: &str| add_warning(&s, "", text));
     let s = scene.clone();
-    engine.register_fn("warn", move |place: &str, text: &str| warn(&s, place, text));
+    engine.register_fn("warn", move |place: &str, text: &str| add_warning(&s, place, text));
     let (s, b) = (scene.clone(), budget.clone());
     engine.register_fn("read", move |name: &str| {
-        let (answer, answered) = mpsc::channel();
-        let sent = lock(&s).ask.send((name.to_string(), answer));
-        let gone = || refuse(format!("read: \"{name}\" cannot be read after the import has ended"));
-        sent.map_err(|_| gone())?;
-        let bytes = answered.recv().map_err(|_| gone())?.map_err(refuse)?;
-        b.take(bytes.len())?;
-        Ok::<_, Refused>(Bytes::new(bytes, &b))
+        let (reply, replies) = mpsc::channel();
+        let sent = lock_build(&s).file_requests.send((name.to_string(), reply));
+        let import_has_ended =
+            || native_error(format!("read: \"{name}\" cannot be read after the import has ended"));
+        sent.map_err(|_| import_has_ended())?;
+        let bytes = replies.recv().map_err(|_| import_has_ended())?.map_err(native_error)?;
+        b.charge(bytes.len())?;
+        Ok::<_, NativeError>(Bytes::new(bytes, &b))
     });
 }
 
-fn warn(scene: &SharedBuild, place: &str, text: &str) {
-    let mut scene = lock(scene);
-    if scene.builder.warnings() < MOST_WARNINGS {
+fn add_warning(scene: &SharedBuild, place: &str, text: &str) {
+    let mut scene = lock_build(scene);
+    if scene.builder.warnings() < MAX_WARNINGS {
         scene.builder.warn(place, text);
     }
 }
 
-fn joint(scene: &SharedBuild, name: &str, parent: Option<i64>, map: &Map) -> Result<i64, Refused> {
+fn add_joint(scene: &SharedBuild, name: &str, parent: Option<i64>, map: &Map) -> Result<i64, NativeError> {
     let parent = match parent {
         // Many formats write -1 for the parent of a root.
         None | Some(-1) => None,
-        Some(p) => {
-            Some(u32::try_from(p).map_err(|_| refuse(format!("joint \"{name}\": no joint has number {p}")))?)
-        }
+        Some(p) => Some(u32::try_from(p).map_err(|_| {
+            native_error(format!(
+                "joint \"{name}\": the parent is {p}, must be the number of a joint, or -1 for none"
+            ))
+        })?),
     };
-    let mut scene = lock(scene);
-    if scene.builder.joints().len() >= crate::engine::MOST_IN_ARRAY {
-        return Err(refuse(format!("too many joints, at most {}", crate::engine::MOST_IN_ARRAY)));
+    let mut scene = lock_build(scene);
+    if scene.builder.joints().len() >= crate::engine::MAX_ARRAY_LEN {
+        return Err(native_error(format!(
+            "joint \"{name}\": too many joints, at most {} are allowed",
+            crate::engine::MAX_ARRAY_LEN
+        )));
     }
-    let rest = rest_transform(&format!("joint \"{name}\""), map)?;
-    scene.builder.joint(name, parent, rest).map(i64::from).map_err(|e| refuse(e.to_string()))
+    let rest = read_rest_transform(&format!("joint \"{name}\""), map)?;
+    scene.builder.joint(name, parent, rest).map(i64::from).map_err(|e| native_error(e.to_string()))
 }
 
-fn rest_transform(what: &str, map: &Map) -> fields::Result<Transform> {
+fn read_rest_transform(what: &str, map: &Map) -> fields::Result<Transform> {
     let f = Fields::new(what, map, &["translation", "rotation", "scale", "matrix"])?;
     if let Some(matrix) = f.vector::<16>("matrix")? {
         let matrix = Mat4::from_cols_array(&matrix);
         if !(matrix.is_finite() && matrix.determinant() != 0.0) {
-            return Err(format!("{what}: the matrix has no inverse").into());
+            return Err(format!("{what}: matrix must be finite and have an inverse").into());
         }
         return Ok(Transform::from_matrix(matrix));
     }
@@ -124,20 +132,20 @@ fn rest_transform(what: &str, map: &Map) -> fields::Result<Transform> {
 }
 
 /// Adds a mesh and returns its index. Without a need for geometry the arrays are not read, and the result is -1.
-fn mesh(scene: &SharedBuild, name: &str, topology: Topology, map: &Map) -> Result<i64, Refused> {
-    let f = Fields::new(name, map, MESH)?;
-    let mut scene = lock(scene);
+fn add_mesh(scene: &SharedBuild, name: &str, topology: Topology, map: &Map) -> Result<i64, NativeError> {
+    let f = Fields::new(name, map, MESH_FIELDS)?;
+    let mut scene = lock_build(scene);
     if !scene.needs.geometry {
         return Ok(-1);
     }
     let data = mesh_data(&f, topology)?;
-    scene.builder.mesh(data).map(i64::from).map_err(|e| refuse(e.to_string()))
+    scene.builder.mesh(data).map(i64::from).map_err(|e| native_error(e.to_string()))
 }
 
-fn material(scene: &SharedBuild, map: &Map) -> Result<i64, Refused> {
-    let mut scene = lock(scene);
+fn add_material(scene: &SharedBuild, map: &Map) -> Result<i64, NativeError> {
+    let mut scene = lock_build(scene);
     let material = read_material(map, scene.needs.textures)?;
-    scene.builder.material(material).map(i64::from).map_err(|e| refuse(e.to_string()))
+    scene.builder.material(material).map(i64::from).map_err(|e| native_error(e.to_string()))
 }
 
 fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
@@ -196,7 +204,7 @@ fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
     };
     let texture = |name: &str| {
         let (sampler, uv_transform) = (Sampler::default(), Affine2::IDENTITY);
-        let image = f.reference(name)?.filter(|_| textures);
+        let image = f.optional_index(name)?.filter(|_| textures);
         Ok::<_, FieldError>(image.map(|image| TextureRef { image, sampler, uv_set: 0, uv_transform }))
     };
     material.base_color_texture = texture("image")?;
@@ -209,20 +217,25 @@ fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
 }
 
 /// Adds a camera: `fov` in degrees, or `height` in metres for an orthographic camera.
-fn camera(scene: &SharedBuild, map: &Map) -> Result<i64, Refused> {
+fn add_camera(scene: &SharedBuild, map: &Map) -> Result<i64, NativeError> {
     let f = Fields::new("camera", map, &["name", "joint", "fov", "height", "near", "far"])?;
     let near = f.number("near")?.unwrap_or(0.05) as f32;
     let far = f.number("far")?.map(|far| far as f32);
     if !(near.is_finite() && near > 0.0 && far.is_none_or(|far| far.is_finite() && far > near)) {
-        return Err(refuse("camera: near must be above 0 and far above near"));
+        let far = far.map_or("none".to_string(), |far| far.to_string());
+        let message =
+            format!("camera: near must be above 0 and far above near, got near {near} and far {far}");
+        return Err(native_error(message));
     }
     let within = |name: &str, value: f64, most: f64| match value > 0.0 && value < most {
         true => Ok(value as f32),
-        false => Err(refuse(format!("camera: {name} must be above 0 and below {most}, got {value}"))),
+        false => Err(native_error(format!("camera: {name} must be above 0 and below {most}, got {value}"))),
     };
     let projection = match (f.number("fov")?, f.number("height")?) {
         (Some(_), Some(_)) => {
-            return Err(refuse("camera: fov is for perspective, height for orthographic ones"));
+            return Err(native_error(
+                "camera: give fov for a perspective camera or height for an orthographic one, not both",
+            ));
         }
         (_, Some(height)) => Projection::Orthographic {
             height: within("height", height, 1e6)?,
@@ -235,12 +248,16 @@ fn camera(scene: &SharedBuild, map: &Map) -> Result<i64, Refused> {
         }
     };
     let name = f.text("name")?.unwrap_or_default();
-    let joint = f.reference("joint")?;
-    lock(scene).builder.camera(&name, joint, projection).map(i64::from).map_err(|e| refuse(e.to_string()))
+    let joint = f.optional_index("joint")?;
+    lock_build(scene)
+        .builder
+        .camera(&name, joint, projection)
+        .map(i64::from)
+        .map_err(|e| native_error(e.to_string()))
 }
 
 /// Adds a light. The cone angles are in degrees from the axis; intensity is in lux for a sun, else in candela.
-fn light(scene: &SharedBuild, map: &Map) -> Result<i64, Refused> {
+fn add_light(scene: &SharedBuild, map: &Map) -> Result<i64, NativeError> {
     let known = ["name", "joint", "kind", "color", "intensity", "range", "inner", "outer"];
     let f = Fields::new("light", map, &known)?;
     let degrees = |name: &str, default: f64| {
@@ -250,7 +267,7 @@ fn light(scene: &SharedBuild, map: &Map) -> Result<i64, Refused> {
         Some("sun") => LightKind::Directional,
         Some("point") => LightKind::Point,
         Some("spot") => LightKind::Spot { inner: degrees("inner", 0.0)?, outer: degrees("outer", 45.0)? },
-        _ => return Err(refuse("light: kind must be \"sun\", \"point\" or \"spot\"")),
+        _ => return Err(native_error("light: kind must be \"sun\", \"point\" or \"spot\"")),
     };
     let light = Light {
         kind,
@@ -259,28 +276,36 @@ fn light(scene: &SharedBuild, map: &Map) -> Result<i64, Refused> {
         range: f.number("range")?.map(|range| range as f32),
     };
     let name = f.text("name")?.unwrap_or_default();
-    let joint = f.reference("joint")?;
-    lock(scene).builder.light(&name, joint, light).map(i64::from).map_err(|e| refuse(e.to_string()))
+    let joint = f.optional_index("joint")?;
+    lock_build(scene)
+        .builder
+        .light(&name, joint, light)
+        .map(i64::from)
+        .map_err(|e| native_error(e.to_string()))
 }
 
 /// Adds an image from pixels (bytes, or numbers from 0 to 255) or from a whole PNG, JPEG or WebP file. Returns its index, 0
 /// without a need for textures.
-fn image(scene: &SharedBuild, budget: &Budget, map: &Map) -> Result<i64, Refused> {
+fn add_image(scene: &SharedBuild, budget: &Budget, map: &Map) -> Result<i64, NativeError> {
     let f = Fields::new("image", map, &["name", "width", "height", "pixels", "file"])?;
-    let mut scene = lock(scene);
+    let mut scene = lock_build(scene);
     if !scene.needs.textures {
         return Ok(0);
     }
     let name = f.text("name")?.unwrap_or_default();
     if let Some(file) = f.value("file").and_then(|v| v.read_lock::<Bytes>()) {
-        let image = decode(&name, file.slice(), scene.needs, budget)?;
+        let image = decode_image(&name, file.slice(), scene.needs, budget)?;
         return Ok(scene.builder.decoded_image(image).into());
     }
     let mut add = |width, height, pixels: &[u8]| {
-        scene.builder.image(&name, width, height, pixels).map(i64::from).map_err(|e| refuse(e.to_string()))
+        scene
+            .builder
+            .image(&name, width, height, pixels)
+            .map(i64::from)
+            .map_err(|e| native_error(e.to_string()))
     };
     let (Some(width), Some(height)) = (f.index("width")?, f.index("height")?) else {
-        return Err(refuse(
+        return Err(native_error(
             "image: give width, height and pixels, or file: the bytes of a PNG, JPEG or WebP",
         ));
     };
@@ -295,16 +320,21 @@ fn image(scene: &SharedBuild, budget: &Budget, map: &Map) -> Result<i64, Refused
 
 /// Decodes a whole PNG, JPEG or WebP file. Its bytes are kept where `needs.image_files` asks for them, so that an export can
 /// write the file unchanged.
-fn decode(name: &str, file: &[u8], needs: ImportScope, budget: &Budget) -> Result<Arc<Image>, Refused> {
-    let refused = |problem: Problem| refuse(format!("image: {}", problem.what));
-    let encoded = Encoded::examine("image".into(), name.into(), file, Formats::Web).map_err(refused)?;
+fn decode_image(
+    name: &str,
+    file: &[u8],
+    needs: ImportScope,
+    budget: &Budget,
+) -> Result<Arc<Image>, NativeError> {
+    let image_error = |problem: Problem| native_error(format!("image: {}", problem.what));
+    let encoded = Encoded::examine("image".into(), name.into(), file, Formats::Web).map_err(image_error)?;
     let kept = if needs.image_files { file.len() } else { 0 };
-    budget.take(4 * encoded.pixels() as usize + kept)?;
-    encoded.decode_for(needs).map_err(refused)
+    budget.charge(4 * encoded.pixels() as usize + kept)?;
+    encoded.decode_for(needs).map_err(image_error)
 }
 
-fn clip(scene: &SharedBuild, name: &str, curves: &Array) -> Result<(), Refused> {
-    let mut scene = lock(scene);
+fn add_clip(scene: &SharedBuild, name: &str, curves: &Array) -> Result<(), NativeError> {
+    let mut scene = lock_build(scene);
     if !scene.needs.clips {
         return Ok(());
     }
@@ -315,9 +345,9 @@ fn clip(scene: &SharedBuild, name: &str, curves: &Array) -> Result<(), Refused> 
         let what = format!("clip \"{name}\", curve {i}");
         let map = value.read_lock::<Map>();
         let map = map.ok_or_else(|| {
-            refuse(format!("{what}: must be #{{ joint: …, path: …, times: …, values: … }}"))
+            native_error(format!("{what}: must be #{{ joint: …, path: …, times: …, values: … }}"))
         })?;
-        let mut curve = curve(&what, &map)?;
+        let mut curve = read_curve(&what, &map)?;
         let key = curve.times.to_vec();
         curve.times = times.entry(key).or_insert(curve.times).clone();
         all.push(curve);
@@ -326,7 +356,7 @@ fn clip(scene: &SharedBuild, name: &str, curves: &Array) -> Result<(), Refused> 
     Ok(())
 }
 
-fn curve(what: &str, map: &Map) -> fields::Result<Curve> {
+fn read_curve(what: &str, map: &Map) -> fields::Result<Curve> {
     let f = Fields::new(what, map, &["joint", "path", "times", "values", "interpolation"])?;
     let interpolation = match f.text("interpolation")?.as_deref() {
         None | Some("linear") => Interpolation::Linear,

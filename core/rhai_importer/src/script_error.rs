@@ -1,6 +1,6 @@
 //! Error messages about a plugin's script, with the place and a suggestion.
 
-use crate::engine::{MOST_CALLS, MOST_IN_ARRAY, MOST_TEXT};
+use crate::engine::{MAX_ARRAY_LEN, MAX_CALL_DEPTH, MAX_TEXT_BYTES};
 use choreo_plugin::excerpt;
 use choreo_plugin::suggest::did_you_mean;
 use choreo_sandbox::{declared_names, operator_error, signature_parts, type_word};
@@ -27,7 +27,7 @@ pub struct ScriptError {
 }
 
 impl ScriptError {
-    pub(crate) fn new(script: &Script, (line, column): (usize, usize), message: String) -> ScriptError {
+    pub(crate) fn new(script: &ScriptSource, (line, column): (usize, usize), message: String) -> ScriptError {
         let source_line = script.text.lines().nth(line.saturating_sub(1)).unwrap_or_default().to_string();
         ScriptError { file: script.file.to_string(), line, column, message, source_line }
     }
@@ -48,34 +48,34 @@ impl fmt::Display for ScriptError {
 impl std::error::Error for ScriptError {}
 
 /// Maximum number of signatures of a function that a message lists.
-const MOST_FORMS: usize = 4;
+const MAX_SIGNATURES: usize = 4;
 
 /// A plugin's text, and its name in messages.
 #[derive(Clone, Copy)]
-pub(crate) struct Script<'a> {
+pub(crate) struct ScriptSource<'a> {
     pub file: &'a str,
     pub text: &'a str,
 }
 
 /// Names for suggestions.
 #[derive(Default)]
-pub(crate) struct Known {
+pub(crate) struct KnownNames {
     /// Argument types of each signature, by function name.
     functions: BTreeMap<String, BTreeSet<String>>,
     /// Properties of native types.
     properties: BTreeSet<String>,
 }
 
-impl Known {
+impl KnownNames {
     /// The functions and properties of an engine.
-    pub fn of(engine: &Engine) -> Known {
-        let mut known = Known::default();
+    pub fn of(engine: &Engine) -> KnownNames {
+        let mut known = KnownNames::default();
         for signature in engine.gen_fn_signatures(true) {
             let name = signature.split('(').next().unwrap_or_default().trim();
             match name.split_once('$') {
                 Some(("get", property)) => drop(known.properties.insert(property.to_string())),
                 None if name.starts_with(|c: char| c.is_alphabetic()) => {
-                    known.functions.entry(name.to_string()).or_default().insert(arguments(&signature));
+                    known.functions.entry(name.to_string()).or_default().insert(argument_types(&signature));
                 }
                 _ => {}
             }
@@ -85,7 +85,7 @@ impl Known {
 }
 
 /// Argument types of a signature by their names in scripts: `Bytes, int` for `u8(_: &mut Bytes, _: i64) -> i64`.
-fn arguments(signature: &str) -> String {
+fn argument_types(signature: &str) -> String {
     let inside = signature.split_once('(').map_or("", |(_, rest)| rest);
     let inside = inside.split(')').next().unwrap_or_default();
     let word = |argument: &str| {
@@ -101,7 +101,7 @@ fn arguments(signature: &str) -> String {
 }
 
 /// Names of properties (after a dot) and keys of object maps (before a colon) in a text.
-fn keys(text: &str) -> BTreeSet<String> {
+fn property_names(text: &str) -> BTreeSet<String> {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let mut names = BTreeSet::new();
     for line in text.lines() {
@@ -114,7 +114,7 @@ fn keys(text: &str) -> BTreeSet<String> {
 }
 
 /// Keys of the object maps that plugins receive.
-const KEYS: [&str; 16] = [
+const MAP_KEYS: [&str; 16] = [
     "bytes", "name", "options", "needs", "geometry", "clips", "textures", "stem", "fps", "times", "actors",
     "cameras", "joints", "parents", "asset", "len",
 ];
@@ -122,9 +122,9 @@ const KEYS: [&str; 16] = [
 /// Error with the innermost place and reason. `line` is used for exceeded limits, whose place the interpreter loses when it
 /// leaves the function.
 pub(crate) fn script_error(
-    script: &Script,
+    script: &ScriptSource,
     error: Box<EvalAltResult>,
-    known: &Known,
+    known: &KnownNames,
     line: usize,
 ) -> ScriptError {
     let mut error = error;
@@ -133,11 +133,11 @@ pub(crate) fn script_error(
     }
     let place = error.take_position();
     let at = (place.line().unwrap_or(line), place.position().unwrap_or(1));
-    let message = message(script, &error, known, at.0);
+    let message = error_message(script, &error, known, at.0);
     ScriptError::new(script, at, message)
 }
 
-fn message(script: &Script, error: &EvalAltResult, known: &Known, line: usize) -> String {
+fn error_message(script: &ScriptSource, error: &EvalAltResult, known: &KnownNames, line: usize) -> String {
     match error {
         EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
         EvalAltResult::ErrorFunctionNotFound(signature, _) => unknown_function(script, signature, known),
@@ -154,31 +154,31 @@ fn message(script: &Script, error: &EvalAltResult, known: &Known, line: usize) -
         EvalAltResult::ErrorTerminated(why, _) => why.to_string(),
         EvalAltResult::ErrorStackOverflow(_) => {
             format!(
-                "more than {MOST_CALLS} nested calls, which is the limit: does a function call itself without end?"
+                "more than {MAX_CALL_DEPTH} nested calls, which is the limit: does a function call itself without end?"
             )
         }
         EvalAltResult::ErrorDataTooLarge(what, _) if what.to_lowercase().contains("string") => {
-            format!("a text of more than {MOST_TEXT} bytes, which is the limit")
+            format!("a text of more than {MAX_TEXT_BYTES} bytes, which is the limit")
         }
         EvalAltResult::ErrorDataTooLarge(..) => format!(
-            "an array or map of more than {MOST_IN_ARRAY} elements, which is the limit; numbers(…) and f32s(…) hold more"
+            "an array or map of more than {MAX_ARRAY_LEN} elements, which is the limit; numbers(…) and f32s(…) hold more"
         ),
         _ => error.to_string(),
     }
 }
 
-fn unknown_function(script: &Script, signature: &str, known: &Known) -> String {
+fn unknown_function(script: &ScriptSource, signature: &str, known: &KnownNames) -> String {
     if let Some(text) = operator_error(signature) {
         return text;
     }
     let (name, types) = signature_parts(signature);
-    let own = own_functions(script.text);
-    let names = || known.functions.keys().chain(&own).map(String::as_str);
+    let defined = defined_functions(script.text);
+    let names = || known.functions.keys().chain(&defined).map(String::as_str);
     if names().any(|known| known == name) {
         let types = types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
         let forms = known.functions.get(name).into_iter().flatten();
         let shown: Vec<String> =
-            forms.clone().take(MOST_FORMS).map(|form| format!("{name}({form})")).collect();
+            forms.clone().take(MAX_SIGNATURES).map(|form| format!("{name}({form})")).collect();
         let there = if shown.is_empty() { String::new() } else { format!("; there is {}", shown.join(", ")) };
         // Elements of native arrays are floats, where an int may be needed.
         let is_rounded = forms.clone().any(|form| *form == types.replace("float", "int"));
@@ -188,25 +188,25 @@ fn unknown_function(script: &Script, signature: &str, known: &Known) -> String {
     format!("unknown function {name}{}", did_you_mean(name, names()))
 }
 
-fn unknown_variable(script: &Script, name: &str, known: &Known, line: usize) -> String {
+fn unknown_variable(script: &ScriptSource, name: &str, known: &KnownNames, line: usize) -> String {
     let before = declared_names(script.text, line);
     if before.contains(name) {
         return format!("unknown variable {name}: a function sees its parameters only; pass it as one");
     }
-    if known.functions.contains_key(name) || own_functions(script.text).contains(name) {
+    if known.functions.contains_key(name) || defined_functions(script.text).contains(name) {
         return format!("unknown variable {name}; {name} is a function: write {name}(…)");
     }
     format!("unknown variable {name}{}", did_you_mean(name, before.iter().map(String::as_str)))
 }
 
-fn unknown_property(script: &Script, name: &str, known: &Known) -> String {
-    let written = keys(script.text);
-    let names = KEYS.iter().copied().chain(known.properties.iter().chain(&written).map(String::as_str));
+fn unknown_property(script: &ScriptSource, name: &str, known: &KnownNames) -> String {
+    let written = property_names(script.text);
+    let names = MAP_KEYS.iter().copied().chain(known.properties.iter().chain(&written).map(String::as_str));
     format!("unknown property {name}{}", did_you_mean(name, names.filter(|known| *known != name)))
 }
 
 /// Names of the functions that a text defines.
-fn own_functions(text: &str) -> BTreeSet<String> {
+fn defined_functions(text: &str) -> BTreeSet<String> {
     let name = |rest: &str| rest.split('(').next().unwrap_or_default().trim().to_string();
     text.split("fn ")
         .skip(1)

@@ -49,7 +49,7 @@ pub fn root(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> 
         .actor
         .path_following
         .as_ref()
-        .is_some_and(|path_following| path_following.pace == Pace::OfClips);
+        .is_some_and(|path_following| path_following.pace == Pace::FromRootMotion);
     let own = RootDraft { joint: None, parts: RootParts::default(), used: RootUse::Carries };
     let asked = draft.root.or(actor.root).or(paced.then_some(own))?;
     let asset = &actor.actor.asset;

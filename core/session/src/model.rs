@@ -56,7 +56,7 @@ pub fn side_by_side(assets: &[(String, Arc<Asset>)]) -> Stage {
 /// Adds an actor and returns its index. The stage becomes as long as the longest clip.
 fn add(stage: &mut Stage, name: &str, asset: Arc<Asset>, clip: Option<Arc<Clip>>) -> usize {
     let actor = stage.cast(name, asset);
-    stage.take_ambient_of_files();
+    stage.use_ambient_light_of_files();
     if let Some(clip) = clip {
         if clip.duration > Time::ZERO {
             let others = if actor == 0 { Time::ZERO } else { stage.settings.length };

@@ -11,7 +11,7 @@ use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_plugin::{
     BesideFile, Effect, Importer, LazyEffect, Manifest, PluginError, PluginFile, Registry, SceneExporter,
 };
-use choreo_rhai_importer::{EXPORTER_ENDING, ImporterOnUse, RhaiExporter, RhaiImporter, ScriptError};
+use choreo_rhai_importer::{EXPORTER_ENDING, LazyImporter, RhaiExporter, RhaiImporter, ScriptError};
 use choreo_wasm_plugin::OnUse;
 use choreo_wgsl_effect::{TextureImage, WgslEffect};
 use std::io::Read;
@@ -79,7 +79,7 @@ struct ReadError(String);
 #[derive(Clone)]
 enum Plugin {
     Effect(Arc<LazyEffect>),
-    Importer(Arc<ImporterOnUse>),
+    Importer(Arc<LazyImporter>),
     WasmImporter(Arc<OnUse<dyn Importer>>),
     WasmExporter(Arc<OnUse<dyn SceneExporter>>),
     /// Compiled when it is found: only `choreo export` and `choreo plugins` list exporters, and their text is short.
@@ -373,7 +373,7 @@ impl Listing {
         } else {
             let make = move || reading().and_then(|(shown, file)| compile_importer(&shown, file));
             let listed = source.text().map_err(|e| e.0).and_then(|text| {
-                ImporterOnUse::new(&source.shown, &text, make).map_err(|e: ScriptError| e.to_string())
+                LazyImporter::new(&source.shown, &text, make).map_err(|e: ScriptError| e.to_string())
             });
             listed.map_or_else(Plugin::Faulty, |importer| Plugin::Importer(Arc::new(importer)))
         };

@@ -16,10 +16,10 @@ use crate::stage::camera::Rig;
 use crate::stage::edits::{ActorEdit, CameraEdit, FrameEdits, edits_for_index};
 use crate::stage::sky::SkyEdit;
 use crate::stage::{Stage, StageError};
-use crate::transforms::facing;
 use crate::transforms::order;
 use crate::transforms::order::{PlacementOrder, PlacementStep};
-use crate::transforms::parents::{ActiveParents, KeptTransforms, mixed, world_from_parent};
+use crate::transforms::parents::{ActiveParents, KeptTransforms, interpolate_affine, world_from_parent};
+use crate::transforms::rotation_to_face;
 use crate::{camera, camera_moves, pose};
 use choreo_motion::Time;
 use glam::DAffine3;
@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 /// Reusable buffers and settings for evaluating one stage.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Scratch {
+pub(crate) struct ActorScratch {
     /// Root motion and inertialization of all actors, computed at the first evaluation.
     pub motions: Option<Arc<Motions>>,
     root_motion: RootMotionScratch,
@@ -39,15 +39,18 @@ pub(crate) struct Scratch {
     pub kept_transforms: KeptTransforms,
     /// World transform of each actor's model, without the actor's own scale.
     unscaled: Vec<DAffine3>,
-    needs: Vec<PoseNeed>,
+    pose_needs: Vec<PoseNeed>,
     work: Vec<usize>,
     /// (actor, index into `edits.actors`) of edits that change poses, sorted.
     pose_edits: Vec<(usize, usize)>,
     pub edits: FrameEdits,
     /// Expression weights, one entry per actor, filled for actors whose file states how their eyes move.
     pub expression_weights: Vec<ExpressionWeights>,
-    pub poses: usize,
-    pub all_poses: usize,
+    /// Number of actors posed by the last evaluation.
+    pub pose_count: usize,
+    /// Number of actors posed by all evaluations.
+    pub total_pose_count: usize,
+    /// Whether hidden actors are posed, too.
     pub pose_hidden: bool,
     /// The active camera and, during a dissolve, the camera before the cut. The poses of their targets are needed.
     pub view_cameras: [Option<usize>; 2],
@@ -56,19 +59,19 @@ pub(crate) struct Scratch {
     /// Whether each actor is out of view.
     culled: Vec<bool>,
     /// If set, only these actors and the actors that they depend on are posed.
-    only: Option<Vec<usize>>,
+    requested_actors: Option<Vec<usize>>,
 }
 
-impl Scratch {
-    pub fn only(actors: Vec<usize>) -> Scratch {
-        Scratch { only: Some(actors), ..Scratch::default() }
+impl ActorScratch {
+    pub fn for_actors(actors: Vec<usize>) -> ActorScratch {
+        ActorScratch { requested_actors: Some(actors), ..ActorScratch::default() }
     }
 
-    /// Restricts all further evaluations as [`Scratch::only`] does.
+    /// Restricts all further evaluations as [`ActorScratch::for_actors`] does.
     pub(crate) fn restrict_to(&mut self, actors: &[usize]) {
-        let only = self.only.get_or_insert_default();
-        only.clear();
-        only.extend_from_slice(actors);
+        let requested_actors = self.requested_actors.get_or_insert_default();
+        requested_actors.clear();
+        requested_actors.extend_from_slice(actors);
     }
 
     /// Recomputes the world transforms of all actors, after joints that carry other actors have moved.
@@ -81,7 +84,7 @@ impl Scratch {
 /// culled.
 pub(crate) fn evaluate_actors(
     stage: &Stage,
-    scratch: &mut Scratch,
+    scratch: &mut ActorScratch,
     time: Time,
     bounds: Option<&PoseBounds>,
     out: &mut Snapshot,
@@ -98,10 +101,16 @@ pub(crate) fn evaluate_actors(
         scratch.placements.push(pose::keyed_placement(actor, time, state));
     }
     run_hooks(stage, scratch, time, &mut out.actors)?;
-    scratch.parents.find(stage, time, &scratch.edits.actors, &scratch.kept_transforms);
-    order::find(stage, &scratch.parents, &mut scratch.order)?;
+    scratch.parents.find_active(stage, time, &scratch.edits.actors, &scratch.kept_transforms);
+    order::sort_placement_steps(stage, &scratch.parents, &mut scratch.order)?;
     let motions = scratch.motions.get_or_insert_with(|| Arc::new(Motions::new(stage))).clone();
-    apply::apply(stage, &motions.root_motion, time, &mut scratch.root_motion, &mut scratch.placements);
+    apply::apply_root_motion(
+        stage,
+        &motions.root_motion,
+        time,
+        &mut scratch.root_motion,
+        &mut scratch.placements,
+    );
     for step in &scratch.order.steps {
         // Parents come first.
         if let PlacementStep::Position(a) = *step
@@ -110,19 +119,19 @@ pub(crate) fn evaluate_actors(
             out.actors[a].visible &= out.actors.get(parent.actor).is_none_or(|p| p.visible);
         }
     }
-    cull(stage, scratch, time, bounds, &mut out.actors);
-    find_needs(stage, scratch, time, &out.actors);
-    let Scratch { pose, needs, pose_edits, edits, expression_weights, .. } = scratch;
-    let posing = Posing { time, motions: &motions, needs, pose_edits, edits: &edits.actors };
-    scratch.poses = posing.run(&stage.actors, &mut out.actors, pose, expression_weights);
-    scratch.all_poses += scratch.poses;
+    cull_actors(stage, scratch, time, bounds, &mut out.actors);
+    find_pose_needs(stage, scratch, time, &out.actors);
+    let ActorScratch { pose, pose_needs, pose_edits, edits, expression_weights, .. } = scratch;
+    let posing = Posing { time, motions: &motions, pose_needs, pose_edits, edits: &edits.actors };
+    scratch.pose_count = posing.run(&stage.actors, &mut out.actors, pose, expression_weights);
+    scratch.total_pose_count += scratch.pose_count;
     place_actors(stage, scratch, &mut out.actors);
     Ok(())
 }
 
 fn run_hooks(
     stage: &Stage,
-    scratch: &mut Scratch,
+    scratch: &mut ActorScratch,
     time: Time,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
@@ -158,9 +167,9 @@ fn run_hooks(
     Ok(())
 }
 
-fn cull(
+fn cull_actors(
     stage: &Stage,
-    scratch: &mut Scratch,
+    scratch: &mut ActorScratch,
     time: Time,
     bounds: Option<&PoseBounds>,
     actors: &mut [ActorState],
@@ -175,7 +184,7 @@ fn cull(
     if let (Some(pose_bounds), Some(aspect)) = (bounds, scratch.aspect) {
         // Joints are not posed yet, so actors attached to joints are misplaced here. All other actors already have their final transforms.
         place_actors(stage, scratch, actors);
-        let Scratch { edits, order, parents, view_cameras, .. } = &*scratch;
+        let ActorScratch { edits, order, parents, view_cameras, .. } = &*scratch;
         let camera = camera::state_without_poses(stage, edits, time, view_cameras[0], actors);
         Culling { stage, pose_bounds, camera, aspect, edits, time, order: &order.steps, parents, actors }
             .run(&mut out);
@@ -188,13 +197,13 @@ fn cull(
 
 /// Finds the actors to pose. An invisible actor is posed only if all poses are requested, or if a visible actor, the camera, a light, an
 /// effect or a constraint depends on one of its joints.
-fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorState]) {
-    let (needs, work, parents) = (&mut scratch.needs, &mut scratch.work, &scratch.parents);
-    needs.clear();
-    needs.resize(stage.actors.len(), PoseNeed::default());
+fn find_pose_needs(stage: &Stage, scratch: &mut ActorScratch, time: Time, actors: &[ActorState]) {
+    let (pose_needs, work, parents) = (&mut scratch.pose_needs, &mut scratch.work, &scratch.parents);
+    pose_needs.clear();
+    pose_needs.resize(stage.actors.len(), PoseNeed::default());
     work.clear();
-    let mut want = |work: &mut Vec<usize>, actor: usize, pose: bool| {
-        if let Some(need) = needs.get_mut(actor) {
+    let mut require = |work: &mut Vec<usize>, actor: usize, pose: bool| {
+        if let Some(need) = pose_needs.get_mut(actor) {
             let before = *need;
             *need = PoseNeed { world: true, pose: need.pose || pose };
             if *need != before {
@@ -202,68 +211,70 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
             }
         }
     };
-    let want_target = |target: &Target| match *target {
+    let required_pose_of_target = |target: &Target| match *target {
         Target::Point(_) => None,
         Target::Actor(actor) => Some((actor, false)),
         Target::Joint { actor, .. } => Some((actor, true)),
     };
-    if let Some(only) = &scratch.only {
-        only.iter().for_each(|actor| want(work, *actor, true));
+    if let Some(requested_actors) = &scratch.requested_actors {
+        requested_actors.iter().for_each(|actor| require(work, *actor, true));
     } else {
         for (index, state) in actors.iter().enumerate() {
             if (state.visible && !state.culled) || scratch.pose_hidden {
-                want(work, index, true);
+                require(work, index, true);
             }
         }
     }
-    let lights = if scratch.only.is_none() { &stage.lights[..] } else { &[] };
+    let lights = if scratch.requested_actors.is_none() { &stage.lights[..] } else { &[] };
     for parent in lights.iter().filter_map(|light| light.parent) {
-        want(work, parent.actor, parent.joint.is_some());
+        require(work, parent.actor, parent.joint.is_some());
     }
     for (index, camera) in
         scratch.view_cameras.iter().flatten().filter_map(|c| Some((*c, stage.cameras.get(*c)?)))
     {
         let target = match scratch.edits.rig_of(index, camera) {
-            Rig::Fixed { look_at, .. } => look_at.as_ref().and_then(want_target),
-            Rig::Follow { target, .. } | Rig::Orbit { target, .. } => want_target(target),
+            Rig::Fixed { look_at, .. } => look_at.as_ref().and_then(required_pose_of_target),
+            Rig::Follow { target, .. } | Rig::Orbit { target, .. } => required_pose_of_target(target),
             Rig::File { actor, .. } => Some((*actor, true)),
             Rig::Frame { .. } => None,
         };
-        let looks = camera_moves::targets(camera, index, &scratch.edits, time);
-        for (actor, pose) in target.into_iter().chain(looks.filter_map(|target| want_target(&target))) {
-            want(work, actor, pose);
+        let looks = camera_moves::aim_targets(camera, index, &scratch.edits, time);
+        for (actor, pose) in
+            target.into_iter().chain(looks.filter_map(|target| required_pose_of_target(&target)))
+        {
+            require(work, actor, pose);
         }
     }
-    let effects = if scratch.only.is_none() { &stage.effects[..] } else { &[] };
+    let effects = if scratch.requested_actors.is_none() { &stage.effects[..] } else { &[] };
     let distances = effects.iter().filter(|used| used.is_active(time)).flat_map(|used| &used.distances);
-    for (actor, pose) in distances.filter_map(|distance| want_target(&distance.target)) {
-        want(work, actor, pose);
+    for (actor, pose) in distances.filter_map(|distance| required_pose_of_target(&distance.target)) {
+        require(work, actor, pose);
     }
     while let Some(index) = work.pop() {
         let actor = &stage.actors[index];
         for parent in parents.carriers(index) {
-            want(work, parent.actor, parent.joint.is_some());
+            require(work, parent.actor, parent.joint.is_some());
         }
         if let Some(face) = actor.face {
-            want(work, face, false);
+            require(work, face, false);
         }
         for look in &actor.look_at {
-            if look.share(time) > 0.0
-                && let Some((actor, pose)) = want_target(&look.target)
+            if look.weight_at(time) > 0.0
+                && let Some((actor, pose)) = required_pose_of_target(&look.target)
             {
-                want(work, actor, pose);
+                require(work, actor, pose);
             }
         }
-        for constraint in actor.constraints.iter().filter(|g| g.share(time) > 0.0) {
-            for (actor, pose) in constraint.targets().filter_map(|t| want_target(&t)) {
-                want(work, actor, pose);
+        for constraint in actor.constraints.iter().filter(|g| g.weight_at(time) > 0.0) {
+            for (actor, pose) in constraint.targets().filter_map(|t| required_pose_of_target(&t)) {
+                require(work, actor, pose);
             }
         }
     }
 }
 
-fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState]) {
-    let Scratch { order, parents, placements, root_motion, edits, unscaled, .. } = scratch;
+fn place_actors(stage: &Stage, scratch: &mut ActorScratch, actors: &mut [ActorState]) {
+    let ActorScratch { order, parents, placements, root_motion, edits, unscaled, .. } = scratch;
     unscaled.clear();
     unscaled.resize(actors.len(), DAffine3::IDENTITY);
     for step in &order.steps {
@@ -275,7 +286,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 for parent in parents.of_mut(a) {
                     parent.find_space(stage, actors);
                     space = parent.world_from_parent;
-                    let local = parent.local(own, edits_for_index(&edits.actors, a));
+                    let local = parent.local_placement(own, edits_for_index(&edits.actors, a));
                     position = match space.transform_point3(local.translation) {
                         here if parent.weight >= 1.0 => here,
                         here => position.lerp(here, parent.weight),
@@ -291,7 +302,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 let way = faced.map(|other| other.world_from_model.translation - at);
                 let own = &placements[a];
                 let turned = |space: &DAffine3, rotation| match way {
-                    Some(way) => facing(space, way, stage.actors[a].asset.front()) * rotation,
+                    Some(way) => rotation_to_face(space, way, stage.actors[a].asset.front()) * rotation,
                     None => rotation,
                 };
                 let in_space = |space: &DAffine3, local: &Placement| {
@@ -303,9 +314,13 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 for parent in all {
                     let here = in_space(
                         &parent.world_from_parent,
-                        &parent.local(own, edits_for_index(&edits.actors, a)),
+                        &parent.local_placement(own, edits_for_index(&edits.actors, a)),
                     );
-                    placed = if parent.weight >= 1.0 { here } else { mixed(&placed, &here, parent.weight) };
+                    placed = if parent.weight >= 1.0 {
+                        here
+                    } else {
+                        interpolate_affine(&placed, &here, parent.weight)
+                    };
                 }
                 unscaled[a] = placed;
                 actors[a].world_from_model = placed * DAffine3::from_scale(own.scale);
@@ -318,18 +333,20 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
 /// change, for the actors that the passed buffers name.
 pub(crate) fn find_kept_transforms(
     stage: &Stage,
-    scratch: &Scratch,
+    scratch: &ActorScratch,
     time: Time,
-    evaluate: impl Fn(Time, Scratch) -> Result<(Scratch, Snapshot), StageError>,
+    evaluate: impl Fn(Time, ActorScratch) -> Result<(ActorScratch, Snapshot), StageError>,
 ) -> Result<(), StageError> {
     let kept = &scratch.kept_transforms;
     // Earlier changes come first, because the transforms that later parents keep depend on them.
     for changes in kept.missing_transforms(stage, time).chunk_by(|a, b| a.0 == b.0) {
         let parent_of = |actor: usize, number: usize| &stage.actors[actor].parents[number];
         let parents = changes.iter().filter_map(|(_, a, n)| Some(parent_of(*a, *n).to?.actor));
-        let only = changes.iter().map(|(_, a, _)| *a).chain(parents).filter(|a| *a < stage.actors.len());
+        let changed_actors =
+            changes.iter().map(|(_, a, _)| *a).chain(parents).filter(|a| *a < stage.actors.len());
         let (kept_transforms, motions) = (kept.clone(), scratch.motions.clone());
-        let at_change = Scratch { kept_transforms, motions, ..Scratch::only(only.collect()) };
+        let at_change =
+            ActorScratch { kept_transforms, motions, ..ActorScratch::for_actors(changed_actors.collect()) };
         let (at_change, snapshot) = evaluate(changes[0].0, at_change)?;
         for (_, actor, number) in changes {
             let parent = parent_of(*actor, *number);

@@ -6,9 +6,9 @@ use crate::snapshot::{ActorState, CameraState};
 use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::Property;
-use crate::stage::channel::{keyed, vec3};
+use crate::stage::channel::{keyed_value, vec3};
 use crate::stage::edits::{CameraEdit, FrameEdits, edits_for_index};
-use crate::stage::fade::fraction;
+use crate::stage::fade::elapsed_fraction;
 use crate::stage::{Stage, StageError};
 use crate::transforms::{target_position, world_from_attachment};
 use choreo_asset::Projection;
@@ -20,8 +20,8 @@ const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
 
 /// Index of the active camera: the target of the last cut so far, else the first camera. `None` if there is no camera.
 pub(crate) fn active_camera_at(stage: &Stage, time: Time) -> Option<usize> {
-    let begun = stage.cuts.partition_point(|cut| cut.at <= time);
-    active_camera_after(stage, begun)
+    let cuts_so_far = stage.cuts.partition_point(|cut| cut.at <= time);
+    active_camera_after(stage, cuts_so_far)
 }
 
 /// Index of the active camera after this number of cuts.
@@ -32,13 +32,14 @@ fn active_camera_after(stage: &Stage, cuts: usize) -> Option<usize> {
 
 /// During a dissolve: the camera before the last cut, and its share of the image, 0..=1.
 pub(crate) fn dissolving_at(stage: &Stage, time: Time) -> Option<(usize, f32)> {
-    let begun = stage.cuts.partition_point(|cut| cut.at <= time);
-    let cut = stage.cuts[..begun].last().filter(|cut| time < cut.at + cut.dissolve)?;
-    let before = active_camera_after(stage, begun - 1).filter(|before| *before != cut.camera)?;
-    Some((before, 1.0 - fraction(time - cut.at, cut.dissolve)))
+    let cuts_so_far = stage.cuts.partition_point(|cut| cut.at <= time);
+    let cut = stage.cuts[..cuts_so_far].last().filter(|cut| time < cut.at + cut.dissolve)?;
+    let before = active_camera_after(stage, cuts_so_far - 1).filter(|before| *before != cut.camera)?;
+    Some((before, 1.0 - elapsed_fraction(time - cut.at, cut.dissolve)))
 }
 
-pub(crate) fn evaluate(
+/// Evaluates a camera at a time; without a camera, the stage is framed. `frame`: fits everything visible into the image.
+pub(crate) fn evaluate_camera(
     stage: &Stage,
     frame: impl Fn(Option<usize>, f64, f64, Projection) -> Result<CameraState, StageError>,
     edits: &FrameEdits,
@@ -51,7 +52,7 @@ pub(crate) fn evaluate(
         return frame(None, azimuth, elevation, Projection::default());
     };
     if let Some(state) = state_without_poses(stage, edits, time, Some(index), actors) {
-        return with_planes_in_order(camera, edits, time, state);
+        return check_edited_planes(camera, edits, time, state);
     }
     let projection = keyed_projection(camera, time);
     let moved_to = edited_position(edits, index);
@@ -65,7 +66,7 @@ pub(crate) fn evaluate(
         Rig::File { actor, camera } => {
             let of_file = stage.actors.get(*actor).and_then(|a| a.asset.cameras.get(*camera as usize));
             let Some(of_file) = of_file else {
-                return Err(StageError::Bad {
+                return Err(StageError::Invalid {
                     place: format!("camera \"{}\"", stage.cameras[index].name),
                     what: format!("actor {actor} has no camera {camera} in its file"),
                 });
@@ -82,25 +83,25 @@ pub(crate) fn evaluate(
                 {
                     Projection::Perspective { yfov, near, far }
                 }
-                (of_file, _) => animated(&stage.actors[*actor], *camera, of_file, time),
+                (of_file, _) => animated_projection(&stage.actors[*actor], *camera, of_file, time),
             };
-            let mut projection = scaled(projection, scale);
+            let mut projection = scaled_projection(projection, scale);
             if stage.cameras[index].lens_is_set && !keys_fov {
                 projection = with_lens(projection, stage.cameras[index].projection);
             }
-            set_planes(&stage.cameras[index], &mut projection);
+            apply_script_planes(&stage.cameras[index], &mut projection);
             state(position, rotation_of(&world_from_camera.matrix3), projection)
         }
         Rig::Frame { azimuth, elevation } => {
             let mut framed = frame(Some(index), *azimuth, *elevation, projection)?;
-            set_planes(camera, &mut framed.projection);
+            apply_script_planes(camera, &mut framed.projection);
             if let Some(position) = moved_to {
                 framed.world_from_view.translation = position;
             }
             framed
         }
     };
-    with_planes_in_order(camera, edits, time, apply_moves(stage, edits, time, index, actors, of_rig))
+    check_edited_planes(camera, edits, time, apply_moves(stage, edits, time, index, actors, of_rig))
 }
 
 /// The clipping planes of one projection with the lens of another.
@@ -118,7 +119,7 @@ fn with_lens(planes: Projection, lens: Projection) -> Projection {
 }
 
 /// Replaces the clipping planes of a framing camera or a file's camera by the planes that the script sets.
-fn set_planes(camera: &Camera, projection: &mut Projection) {
+fn apply_script_planes(camera: &Camera, projection: &mut Projection) {
     let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = projection;
     if camera.near_is_set {
         *near = camera.near();
@@ -129,19 +130,20 @@ fn set_planes(camera: &Camera, projection: &mut Projection) {
 }
 
 /// Returns an error if callbacks set a far plane that is not beyond the near plane.
-fn with_planes_in_order(
+fn check_edited_planes(
     camera: &Camera,
     edits: &FrameEdits,
     time: Time,
     state: CameraState,
 ) -> Result<CameraState, StageError> {
-    let given = |(_, edit): &(usize, CameraEdit)| matches!(edit, CameraEdit::Near(_) | CameraEdit::Far(_));
+    let sets_plane =
+        |(_, edit): &(usize, CameraEdit)| matches!(edit, CameraEdit::Near(_) | CameraEdit::Far(_));
     let (near, far) = match state.projection {
         Projection::Perspective { near, far, .. } => (near, far),
         Projection::Orthographic { near, far, .. } => (near, Some(far)),
     };
-    match far.filter(|far| *far <= near && edits.cameras.iter().any(given)) {
-        Some(far) => Err(StageError::Bad {
+    match far.filter(|far| *far <= near && edits.cameras.iter().any(sets_plane)) {
+        Some(far) => Err(StageError::Invalid {
             place: format!("camera \"{}\" at {} s", camera.name, time.as_secs()),
             what: format!("far must be more than near, got {far} and {near} from on_frame"),
         }),
@@ -171,7 +173,7 @@ pub(crate) fn state_without_poses(
     let moved_to = edited_position(edits, index);
     // Keys belong to the camera's own rig.
     let keys = if edits.rig(index).is_some() { &[][..] } else { &camera.channels };
-    let keyed_position = keyed(keys, Property::Translation, time).map(vec3);
+    let keyed_position = keyed_value(keys, Property::Translation, time).map(vec3);
     let target = |target: &Target| target_position(stage, actors, target).unwrap_or(DVec3::ZERO);
     let state = |position: DVec3, rotation: DQuat, projection: Projection| CameraState {
         camera: Some(index),
@@ -185,7 +187,7 @@ pub(crate) fn state_without_poses(
     let of_rig = match edits.rig_of(index, camera) {
         Rig::Fixed { position, rotation, look_at } => {
             let position = moved_to.or(keyed_position).unwrap_or(*position);
-            let keyed_rotation = keyed(keys, Property::Rotation, time).map(DQuat::from_array);
+            let keyed_rotation = keyed_value(keys, Property::Rotation, time).map(DQuat::from_array);
             let rotation = keyed_rotation.unwrap_or(*rotation).normalize();
             match look_at {
                 Some(look_at) => looking(position, target(look_at), rotation),
@@ -225,15 +227,16 @@ pub(crate) fn rotation_of(matrix: &DMat3) -> DQuat {
 
 /// Projection of a file's camera as animated by the actor's clips. Splines overshoot, so the result is clamped to values that have a
 /// projection matrix.
-fn animated(actor: &Actor, number: u32, projection: Projection, time: Time) -> Projection {
+fn animated_projection(actor: &Actor, number: u32, projection: Projection, time: Time) -> Projection {
     match projection {
         Projection::Perspective { yfov, near, far } => {
-            let animated = properties::at(actor, PropertyTarget::CameraYfov(number), [yfov], time);
+            let animated = properties::property_at(actor, PropertyTarget::CameraYfov(number), [yfov], time);
             let yfov = animated.map_or(yfov, |[yfov]| yfov.clamp(1e-3, 3.1));
             Projection::Perspective { yfov, near, far }
         }
         Projection::Orthographic { height, near, far } => {
-            let animated = properties::at(actor, PropertyTarget::CameraHeight(number), [height], time);
+            let animated =
+                properties::property_at(actor, PropertyTarget::CameraHeight(number), [height], time);
             let height = animated.map_or(height, |[height]| height.max(1e-6));
             Projection::Orthographic { height, near, far }
         }
@@ -241,7 +244,7 @@ fn animated(actor: &Actor, number: u32, projection: Projection, time: Time) -> P
 }
 
 /// Scales the distances of a file's camera by the actor's scale (glTF ignores only the scale of nodes).
-fn scaled(projection: Projection, scale: f32) -> Projection {
+fn scaled_projection(projection: Projection, scale: f32) -> Projection {
     if !(scale.is_finite() && scale > 0.0) {
         return projection;
     }

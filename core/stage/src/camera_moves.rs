@@ -7,7 +7,7 @@ use crate::stage::actor::Target;
 use crate::stage::camera::Camera;
 use crate::stage::camera_moves::{CameraLook, CameraShake};
 use crate::stage::edits::{CameraEdit, FrameEdits, edits_for_index};
-use crate::stage::fade::{eased, fraction};
+use crate::stage::fade::{apply_ease, elapsed_fraction};
 use crate::transforms::target_position;
 use choreo_asset::Projection;
 use choreo_motion::{Ease, Time};
@@ -18,30 +18,30 @@ const ORTHOGRAPHIC_FAR: f32 = 10_000.0;
 
 /// Largest near plane of a camera with a target, as a share of the distance to the target, unless the script sets the near plane: the
 /// target must not be clipped, however small the scene. Reversed-Z float depth makes small near planes cheap.
-const NEAR_OF_DISTANCE: f64 = 0.01;
+const MAX_NEAR_SHARE: f64 = 0.01;
 
 impl CameraLook {
     /// Blend weight of the look over the looks before it, 0..=1.
-    fn share(&self, time: Time) -> f64 {
-        f64::from(eased(Ease::Smooth, fraction(time - self.start, self.blend)))
+    fn weight_at(&self, time: Time) -> f64 {
+        f64::from(apply_ease(Ease::Smooth, elapsed_fraction(time - self.start, self.blend)))
     }
 }
 
 impl CameraShake {
     /// Strength of the shake at a time, fades included, 0..=1.
-    fn presence(&self, time: Time) -> f64 {
+    fn strength(&self, time: Time) -> f64 {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
         }
-        let share = |span: Time| f64::from(eased(Ease::Smooth, fraction(span, self.fade)));
+        let share = |span: Time| f64::from(apply_ease(Ease::Smooth, elapsed_fraction(span, self.fade)));
         share(time - self.start) * self.end.map_or(1.0, |end| share(end - time))
     }
 
-    /// Rotation about the camera's own axes, and offset to the right and up in metres. `presence`: strength of the shake, 0..=1.
-    fn at(&self, time: Time, presence: f64) -> (DQuat, DVec3) {
+    /// Rotation about the camera's own axes, and offset to the right and up in metres. `strength`: that of the shake, 0..=1.
+    fn offset_at(&self, time: Time, strength: f64) -> (DQuat, DVec3) {
         // The noise takes a new value at every integer, so one oscillation spans two.
         let x = time.as_secs() * 2.0 * self.frequency;
-        let part = |number: u64, size: f64| presence * size * noise(u64::from(self.seed) * 8 + number, x);
+        let part = |number: u64, size: f64| strength * size * noise(u64::from(self.seed) * 8 + number, x);
         let rotation = DQuat::from_rotation_y(part(0, self.angle))
             * DQuat::from_rotation_x(part(1, self.angle))
             * DQuat::from_rotation_z(part(2, 0.5 * self.angle));
@@ -51,14 +51,14 @@ impl CameraShake {
 
 /// Looks of a camera that affect a time, with their blend weights, the newest last.
 pub(crate) fn active_looks(camera: &Camera, time: Time) -> impl Iterator<Item = (&CameraLook, f64)> {
-    let begun = camera.looks.partition_point(|look| look.start <= time);
-    let begun = &camera.looks[..begun];
-    let first = begun.iter().rposition(|look| look.share(time) >= 1.0).unwrap_or(0);
-    begun[first..].iter().map(move |look| (look, look.share(time)))
+    let started = camera.looks.partition_point(|look| look.start <= time);
+    let started = &camera.looks[..started];
+    let first = started.iter().rposition(|look| look.weight_at(time) >= 1.0).unwrap_or(0);
+    started[first..].iter().map(move |look| (look, look.weight_at(time)))
 }
 
 /// Targets at which looks and callbacks aim a camera at a time.
-pub(crate) fn targets<'a>(
+pub(crate) fn aim_targets<'a>(
     camera: &'a Camera,
     index: usize,
     edits: &'a FrameEdits,
@@ -121,13 +121,13 @@ pub(crate) fn apply_moves(
         }
     }
     let mut moved = state;
-    moved.projection = planes(projection, own());
+    moved.projection = with_edited_planes(projection, own());
     moved.world_from_view.translation = position;
     let shaken = own().filter_map(|edit| match edit {
-        CameraEdit::Shake(shake) => Some(shake.at(time, 1.0)),
+        CameraEdit::Shake(shake) => Some(shake.offset_at(time, 1.0)),
         _ => None,
     });
-    let shakes = camera.shakes.iter().map(|shake| shake.at(time, shake.presence(time)));
+    let shakes = camera.shakes.iter().map(|shake| shake.offset_at(time, shake.strength(time)));
     for (turn, shift) in shakes.chain(shaken) {
         moved.world_from_view.translation += rotation * shift;
         rotation *= turn;
@@ -137,7 +137,10 @@ pub(crate) fn apply_moves(
 }
 
 /// A projection with the clipping planes that callbacks set.
-fn planes<'a>(mut projection: Projection, edits: impl Iterator<Item = &'a CameraEdit>) -> Projection {
+fn with_edited_planes<'a>(
+    mut projection: Projection,
+    edits: impl Iterator<Item = &'a CameraEdit>,
+) -> Projection {
     for edit in edits {
         match (edit, &mut projection) {
             (
@@ -165,7 +168,7 @@ fn slerp_level(a: DQuat, b: DQuat, share: f64) -> DQuat {
 pub(crate) fn limit_near_plane(camera: &Camera, projection: Projection, distance: f64) -> Projection {
     match projection {
         Projection::Perspective { yfov, near, far } if distance > 0.0 && !camera.near_is_set => {
-            let near = near.min((distance * NEAR_OF_DISTANCE) as f32).max(f32::MIN_POSITIVE);
+            let near = near.min((distance * MAX_NEAR_SHARE) as f32).max(f32::MIN_POSITIVE);
             Projection::Perspective { yfov, near, far }
         }
         projection => projection,

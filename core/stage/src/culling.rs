@@ -4,7 +4,7 @@
 //! is the radius of a bounding sphere about the actor's origin that holds every vertex in every pose of its layers. An actor needs neither
 //! a pose nor a draw if its sphere, and everything that its shadow could fall on, is outside the view frustum. Constraints and springs turn
 //! joints within the sphere and are not solved without a pose; foot locking can lower the hips, by a known share of a leg. If this cannot
-//! be decided (feet on uneven ground, mirrored poses, splines, cameras that hang on joints …), the actors concerned count as visible. An
+//! be decided (feet on uneven ground, mirrored poses, splines, cameras attached to joints …), the actors concerned count as visible. An
 //! effect that can need actors outside the image states which ones are kept ([`OffScreenActors`]).
 //!
 //! [`OffScreenActors`]: crate::OffScreenActors
@@ -58,8 +58,9 @@ fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
     }
     let lowered = constraint_growth(stage, actor)?;
     // Largest distance from the parent, and largest scale, by joint; then the distance that additive layers add.
-    let mut far: Vec<f64> = asset.skeleton.rest().iter().map(|t| length(&t.translation.to_array())).collect();
-    let mut scale: Vec<f64> = asset.skeleton.rest().iter().map(|t| largest(&t.scale.to_array())).collect();
+    let mut far: Vec<f64> =
+        asset.skeleton.rest().iter().map(|t| vector_length(&t.translation.to_array())).collect();
+    let mut scale: Vec<f64> = asset.skeleton.rest().iter().map(|t| max_abs(&t.scale.to_array())).collect();
     let mut added = vec![0.0f64; far.len()];
     for layer in &actor.layers {
         let additive = layer.mode != LayerMode::Override;
@@ -70,7 +71,7 @@ fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
             }
             let of_layer = if additive { &mut more } else { &mut far };
             let how = (additive, cue.root.is_some());
-            widen_by(&cue.clip, how, of_layer, &mut scale)?;
+            widen_by_clip(&cue.clip, how, of_layer, &mut scale)?;
         }
         added.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
     }
@@ -113,14 +114,14 @@ fn constraint_growth(stage: &Stage, actor: &Actor) -> Option<f64> {
         ConstraintKind::Reach(_) | ConstraintKind::Aim(_) => Some(factor),
         ConstraintKind::FootLock(feet) if feet.hips.is_none() => Some(factor),
         ConstraintKind::FootLock(feet) if feet.ground.is_empty() && steady() => {
-            Some(factor * (1.0 + FootLock::LOWEST))
+            Some(factor * (1.0 + FootLock::MAX_HIP_DROP_SHARE))
         }
         ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,
     })
 }
 
 /// Widens the joints' largest distances and scales by the curves of a clip; `None` for splines, which overshoot, and for additive scales.
-fn widen_by(
+fn widen_by_clip(
     clip: &Clip,
     (additive, carries): (bool, bool),
     far: &mut [f64],
@@ -136,10 +137,10 @@ fn widen_by(
         }
         let keys = || curve.values.chunks_exact(3);
         if curve.path == Path::Translation {
-            let most = keys().map(length).fold(0.0, f64::max);
+            let most = keys().map(vector_length).fold(0.0, f64::max);
             let away = |key: &[f32]| {
                 let first = &curve.values[..3];
-                length(&[key[0] - first[0], key[1] - first[1], key[2] - first[2]])
+                vector_length(&[key[0] - first[0], key[1] - first[1], key[2] - first[2]])
             };
             let here = match carries {
                 // An additive clip adds the difference of two of its poses.
@@ -153,32 +154,32 @@ fn widen_by(
         } else if additive {
             return None;
         } else {
-            scale[joint] = scale[joint].max(keys().map(largest).fold(0.0, f64::max));
+            scale[joint] = scale[joint].max(keys().map(max_abs).fold(0.0, f64::max));
         }
     }
     Some(())
 }
 
-fn length(v: &[f32]) -> f64 {
+fn vector_length(v: &[f32]) -> f64 {
     v.iter().map(|c| f64::from(*c) * f64::from(*c)).sum::<f64>().sqrt()
 }
 
-fn largest(v: &[f32]) -> f64 {
+fn max_abs(v: &[f32]) -> f64 {
     v.iter().fold(0.0, |most, c| f64::from(c.abs()).max(most))
 }
 
 /// Bounding sphere: center and radius.
-type Ball = (DVec3, f64);
+type BoundingSphere = (DVec3, f64);
 
 /// The view frustum as half spaces (n, d), inside where n · p + d ≥ 0.
-struct View([(DVec3, f64); 5]);
+struct ViewFrustum([(DVec3, f64); 5]);
 
-impl View {
+impl ViewFrustum {
     /// The view frustum of an image with this aspect ratio; a little wider than exact, since lines and points extend beyond
     /// their boxes.
-    fn new(camera: &CameraState, aspect: f64) -> View {
-        const WIDER: f64 = 1.05;
-        let (x, y) = (aspect * WIDER, WIDER);
+    fn new(camera: &CameraState, aspect: f64) -> ViewFrustum {
+        const FRUSTUM_MARGIN: f64 = 1.05;
+        let (x, y) = (aspect * FRUSTUM_MARGIN, FRUSTUM_MARGIN);
         let planes = match camera.projection {
             Projection::Perspective { yfov, .. } => {
                 let half = libm::tan(f64::from(yfov) * 0.5);
@@ -203,14 +204,14 @@ impl View {
             }
         };
         let (rotation, at) = (camera.world_from_view.matrix3, camera.world_from_view.translation);
-        View(planes.map(|(n, d)| {
+        ViewFrustum(planes.map(|(n, d)| {
             let n = rotation * n;
             (n, d - n.dot(at))
         }))
     }
 
     /// Whether a bounding sphere is outside one of the half spaces and, for each light, so is everything that it could shade.
-    fn misses(&self, (center, radius): Ball, casting: &[CastingLight]) -> bool {
+    fn excludes(&self, (center, radius): BoundingSphere, casting: &[CastingLight]) -> bool {
         let outside = |(n, d): &(DVec3, f64)| n.dot(center) + d < -radius;
         // The shadow extends away from the light and must not approach the half space.
         let shades = |n: &DVec3, casting: &CastingLight| match casting {
@@ -252,67 +253,69 @@ impl Culling<'_> {
     pub fn run(&self, out: &mut Vec<bool>) {
         out.clear();
         out.resize(self.actors.len(), false);
-        let (Some(camera), Some((casting, softness))) = (&self.camera, self.casting()) else { return };
+        let (Some(camera), Some((casting, softness))) = (&self.camera, self.shadow_casting_lights()) else {
+            return;
+        };
         if !self.aspect.is_finite() {
             return;
         }
-        let view = View::new(camera, self.aspect);
+        let frustum = ViewFrustum::new(camera, self.aspect);
         // The bounding sphere of each actor, and the largest scale from its joints' spaces to the world.
-        let mut balls: Vec<Option<(Ball, f64)>> = vec![None; self.actors.len()];
+        let mut spheres: Vec<Option<(BoundingSphere, f64)>> = vec![None; self.actors.len()];
         for step in self.order {
             let PlacementStep::World(index) = *step else { continue };
             let state = &self.actors[index];
-            let ball = self.pose_bounds.0.get(index).copied().flatten().and_then(|pose_radius| {
+            let sphere = self.pose_bounds.0.get(index).copied().flatten().and_then(|pose_radius| {
                 let world = &state.world_from_model;
                 let (parent, to) = match self.parents.of(index) {
                     [parent] => (parent, parent.to),
                     [] => {
-                        let scale = norm(&world.matrix3);
-                        let ball = (world.translation, pose_radius.radius * scale);
-                        return Some((ball, pose_radius.scale * scale));
+                        let scale = norm_bound(&world.matrix3);
+                        let sphere = (world.translation, pose_radius.radius * scale);
+                        return Some((sphere, pose_radius.scale * scale));
                     }
                     // During a blend the actor is somewhere between several parents.
                     _ => return None,
                 };
                 // The parent's joint may be anywhere in the parent's sphere.
                 let ((center, radius), above) = match to {
-                    Some(to) => (*balls.get(to.actor)?)?,
+                    Some(to) => (*spheres.get(to.actor)?)?,
                     None => ((DVec3::ZERO, 0.0), 1.0),
                 };
                 let above = if parent.scale == ParentScale::Inherit { above } else { 1.0 };
-                let (distance, scale) = self.placed(index, parent)?;
+                let (distance, scale) = self.distance_and_scale(index, parent)?;
                 let scale = above * scale;
                 Some((
                     (center, radius + above * distance + scale * pose_radius.radius),
                     pose_radius.scale * scale,
                 ))
             });
-            balls[index] = ball;
+            spheres[index] = sphere;
             let needed = self.stage.effects.iter().any(|used| used.needs_off_screen(index));
             out[index] = !needed
-                && ball.is_some_and(|(ball, _)| {
+                && sphere.is_some_and(|(sphere, _)| {
                     // The soft edge of a shadow extends beyond its caster.
-                    let ball = (ball.0, 1.02 * ball.1 + 2.0 * softness);
+                    let sphere = (sphere.0, 1.02 * sphere.1 + 2.0 * softness);
                     let casting = if self.stage.actors[index].shadow.cast { &casting[..] } else { &[] };
-                    ball.0.is_finite() && ball.1.is_finite() && view.misses(ball, casting)
+                    sphere.0.is_finite() && sphere.1.is_finite() && frustum.excludes(sphere, casting)
                 });
         }
     }
 
     /// Distance of an actor from its parent's joint, and its scale; `None` if keys, edits or a path move the actor.
-    fn placed(&self, index: usize, parent: &ActiveParent) -> Option<(f64, f64)> {
+    fn distance_and_scale(&self, index: usize, parent: &ActiveParent) -> Option<(f64, f64)> {
         let actor = &self.stage.actors[index];
         let moved = self.edits.actors.iter().any(|(of, _)| *of == index);
         if moved || !actor.channels.is_empty() || actor.path_following.is_some() {
             return None;
         }
-        let local = parent.local(&actor.transform, [].iter());
+        let local = parent.local_placement(&actor.transform, [].iter());
         let distance = parent.offset.transform_point3(local.translation).length();
-        Some((distance, norm(&parent.offset.matrix3) * local.scale.abs().max_element()))
+        Some((distance, norm_bound(&parent.offset.matrix3) * local.scale.abs().max_element()))
     }
 
     /// The lights that cast shadows, and the width of the softest edge; `None` if the position of a light depends on a pose.
-    fn casting(&self) -> Option<(Vec<CastingLight>, f64)> {
+    fn shadow_casting_lights(&self) -> Option<(Vec<CastingLight>, f64)> {
         let (mut casting, mut softness) = (Vec::new(), 0.0f64);
         for (index, light) in self.stage.lights.iter().enumerate() {
             let Some(shadow) = light.shadow else { continue };
@@ -335,7 +338,7 @@ impl Culling<'_> {
 }
 
 /// An upper bound of the factor by which a matrix lengthens a vector.
-fn norm(m: &DMat3) -> f64 {
+fn norm_bound(m: &DMat3) -> f64 {
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
     let lengths = [x.length_squared(), y.length_squared(), z.length_squared()];
     let most = lengths.iter().fold(0.0f64, |a, b| a.max(*b));
@@ -368,42 +371,49 @@ mod tests {
     use glam::{DAffine3, DQuat};
 
     /// A view along −Z from the origin, 90° high and wide.
-    fn square() -> View {
+    fn square_frustum() -> ViewFrustum {
         let projection = Projection::Perspective { yfov: std::f32::consts::FRAC_PI_2, near: 0.1, far: None };
-        View::new(&CameraState { projection, ..CameraState::default() }, 1.0)
+        ViewFrustum::new(&CameraState { projection, ..CameraState::default() }, 1.0)
     }
 
     #[test]
-    fn balls_beside_and_behind_are_missed() {
-        let misses = |x: f64, y: f64, z: f64, radius| square().misses((DVec3::new(x, y, z), radius), &[]);
+    fn spheres_beside_and_behind_the_frustum_are_excluded() {
+        let excludes =
+            |x: f64, y: f64, z: f64, radius| square_frustum().excludes((DVec3::new(x, y, z), radius), &[]);
         assert!(
-            !misses(0.0, 0.0, -5.0, 0.1) && !misses(5.0, 0.0, -5.0, 0.1) && !misses(0.0, -5.0, -5.0, 0.1)
+            !excludes(0.0, 0.0, -5.0, 0.1)
+                && !excludes(5.0, 0.0, -5.0, 0.1)
+                && !excludes(0.0, -5.0, -5.0, 0.1)
         );
         // The edge is at 1.05 times z, so 7 to the side it is (7 − 5.25) / √(1 + 1.05²) = 1.207 away.
-        for ball in [(7.0, 0.0), (-7.0, 0.0), (0.0, 7.0), (0.0, -7.0)] {
-            assert!(misses(ball.0, ball.1, -5.0, 1.206) && !misses(ball.0, ball.1, -5.0, 1.208), "{ball:?}");
+        for sphere in [(7.0, 0.0), (-7.0, 0.0), (0.0, 7.0), (0.0, -7.0)] {
+            assert!(
+                excludes(sphere.0, sphere.1, -5.0, 1.206) && !excludes(sphere.0, sphere.1, -5.0, 1.208),
+                "{sphere:?}"
+            );
         }
-        assert!(misses(0.0, 0.0, 1.0, 0.9) && !misses(0.0, 0.0, 1.0, 1.1));
+        assert!(excludes(0.0, 0.0, 1.0, 0.9) && !excludes(0.0, 0.0, 1.0, 1.1));
         // The same, turned and far away.
         let world_from_view = DAffine3::from_rotation_translation(
             DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2),
             DVec3::new(1e7, 0.0, 0.0),
         );
         let projection = Projection::Orthographic { height: 2.0, near: 0.0, far: 10.0 };
-        let view = View::new(&CameraState { camera: None, world_from_view, projection }, 2.0);
-        assert!(!view.misses((DVec3::new(1e7 - 5.0, 0.0, 2.0), 0.1), &[]));
-        assert!(view.misses((DVec3::new(1e7 - 5.0, 0.0, 2.3), 0.1), &[]));
-        assert!(view.misses((DVec3::new(1e7 + 5.0, 0.0, 0.0), 0.1), &[]));
+        let frustum = ViewFrustum::new(&CameraState { camera: None, world_from_view, projection }, 2.0);
+        assert!(!frustum.excludes((DVec3::new(1e7 - 5.0, 0.0, 2.0), 0.1), &[]));
+        assert!(frustum.excludes((DVec3::new(1e7 - 5.0, 0.0, 2.3), 0.1), &[]));
+        assert!(frustum.excludes((DVec3::new(1e7 + 5.0, 0.0, 0.0), 0.1), &[]));
     }
 
     #[test]
-    fn shadows_go_away_from_their_light() {
+    fn shadow_casters_are_kept_if_their_shadow_enters_the_frustum() {
         let beside = (DVec3::new(9.0, 0.0, -5.0), 1.0);
-        let misses = |casting| square().misses(beside, &[casting]);
+        let excludes = |casting| square_frustum().excludes(beside, &[casting]);
         assert!(
-            misses(CastingLight::Directional(DVec3::X)) && !misses(CastingLight::Directional(DVec3::NEG_X))
+            excludes(CastingLight::Directional(DVec3::X))
+                && !excludes(CastingLight::Directional(DVec3::NEG_X))
         );
-        assert!(misses(CastingLight::Point(DVec3::new(0.0, 0.0, -5.0))));
-        assert!(!misses(CastingLight::Point(DVec3::new(20.0, 0.0, -5.0))));
+        assert!(excludes(CastingLight::Point(DVec3::new(0.0, 0.0, -5.0))));
+        assert!(!excludes(CastingLight::Point(DVec3::new(20.0, 0.0, -5.0))));
     }
 }

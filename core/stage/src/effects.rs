@@ -8,7 +8,7 @@ use crate::transforms::target_position;
 use choreo_motion::Time;
 
 /// Fills `out` with the effects that are active at a time. `camera`: state of the camera whose image they change.
-pub(crate) fn evaluate(
+pub(crate) fn evaluate_effects(
     stage: &Stage,
     edits: &FrameEdits,
     time: Time,

@@ -6,10 +6,10 @@
 use crate::constraints::foot_lock_cache::FootLocks;
 use crate::constraints::{self, ConstrainedScratch};
 use crate::culling::{PoseBounds, is_independent_of_poses};
-use crate::framing::Framings;
+use crate::framing::FramingCache;
 use crate::pose::motions::Motions;
 use crate::snapshot::{ActorState, Dissolve, LightState, Snapshot};
-use crate::springs::{self, Simulation, SpringCheckpoints};
+use crate::springs::{self, SpringCheckpoints, SpringSimulation};
 use crate::stage::actor::Actor;
 use crate::stage::edits::FrameEdits;
 use crate::stage::{Stage, StageError};
@@ -34,7 +34,7 @@ impl Stage {
     /// ```
     pub fn at(&self, time: Time) -> Result<Snapshot, StageError> {
         let mut snapshot = Snapshot::default();
-        evaluate(self, &StageCache::new(self), &mut Scratch::default(), time, &mut snapshot)?;
+        evaluate_stage(self, &StageCache::new(self), &mut Scratch::default(), time, &mut snapshot)?;
         Ok(snapshot)
     }
 }
@@ -62,7 +62,7 @@ pub struct EvaluationCosts {
 /// Cached results about one stage that hold for every time; each is computed when it is first needed.
 #[derive(Debug)]
 struct StageCache {
-    framings: Framings,
+    framings: FramingCache,
     foot_locks: FootLocks,
     springs: SpringCheckpoints,
     pose_bounds: OnceLock<PoseBounds>,
@@ -72,7 +72,7 @@ impl StageCache {
     fn new(stage: &Stage) -> StageCache {
         let (foot_locks, springs) = (FootLocks::default(), SpringCheckpoints::default());
         StageCache {
-            framings: Framings::new(stage, foot_locks.clone()),
+            framings: FramingCache::new(stage, foot_locks.clone()),
             foot_locks,
             springs,
             pose_bounds: OnceLock::new(),
@@ -84,7 +84,7 @@ impl StageCache {
 #[derive(Clone, Debug, Default)]
 struct Scratch {
     constrained: ConstrainedScratch,
-    simulation: Simulation,
+    simulation: SpringSimulation,
 }
 
 impl Evaluator {
@@ -109,9 +109,9 @@ impl Evaluator {
         Ok(snapshot)
     }
 
-    /// Like [`Evaluator::at`], reusing the memory of a snapshot. After an error the snapshot is incomplete.
+    /// Evaluates the stage as [`Evaluator::at`] does, reusing the memory of a snapshot. After an error the snapshot is incomplete.
     pub fn at_into(&mut self, time: Time, snapshot: &mut Snapshot) -> Result<(), StageError> {
-        evaluate(&self.stage, &self.cache, &mut self.scratch, time, snapshot)
+        evaluate_stage(&self.stage, &self.cache, &mut self.scratch, time, snapshot)
     }
 
     /// Poses hidden actors, too, for tools that need joints instead of images. The images do not change.
@@ -143,7 +143,7 @@ impl Evaluator {
 
     /// Number of poses that the last evaluation computed.
     pub fn poses(&self) -> usize {
-        self.scratch.constrained.actors.poses
+        self.scratch.constrained.actors.pose_count
     }
 
     /// CPU work for a snapshot of this evaluator's stage; `poses` and `spring_bones` are those of the last evaluation.
@@ -151,11 +151,11 @@ impl Evaluator {
         let posed = |(actor, state): &(&Actor, &ActorState)| {
             !state.model_from_joint.is_empty() && state.model_from_joint.len() == actor.asset.skeleton.len()
         };
-        let spring_bones = self.scratch.simulation.bones();
+        let spring_bones = self.scratch.simulation.bone_count();
         let mut costs = EvaluationCosts { poses: self.poses(), constraints: 0, spring_bones };
         for (actor, _) in self.stage.actors.iter().zip(&snapshot.actors).filter(posed) {
-            let solved = actor.constraints.iter().filter(|c| c.share(snapshot.time) > 0.0).count();
-            let looks = actor.look_at.iter().filter(|look| look.share(snapshot.time) > 0.0).count();
+            let solved = actor.constraints.iter().filter(|c| c.weight_at(snapshot.time) > 0.0).count();
+            let looks = actor.look_at.iter().filter(|look| look.weight_at(snapshot.time) > 0.0).count();
             costs.constraints += solved + looks;
         }
         costs
@@ -163,11 +163,11 @@ impl Evaluator {
 
     /// Number of poses that this evaluator has computed so far, including poses at earlier times for springs.
     pub fn total_poses(&self) -> usize {
-        self.scratch.constrained.actors.all_poses + self.scratch.simulation.poses()
+        self.scratch.constrained.actors.total_pose_count + self.scratch.simulation.pose_count()
     }
 }
 
-fn evaluate(
+fn evaluate_stage(
     stage: &Stage,
     cache: &StageCache,
     scratch: &mut Scratch,
@@ -185,23 +185,24 @@ fn evaluate(
     find_kept_transforms(stage, cache, constrained, time)?;
     constraints::evaluate_actors(stage, constrained, time, foot_locks, bounds, out)?;
     let scratch = &mut constrained.actors;
-    springs::run(stage, foot_locks, springs, simulation, time, scratch, &mut out.actors)?;
+    springs::simulate_springs(stage, foot_locks, springs, simulation, time, scratch, &mut out.actors)?;
     out.time = time;
     out.background = stage.settings.background;
     let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
     (out.ambient_up, out.ambient_down) = scratch.edits.ambient.unwrap_or(ambient);
-    layers_2d::evaluate(stage, &scratch.edits.layers_2d, time, &mut out.layers_2d);
+    layers_2d::evaluate_layers_2d(stage, &scratch.edits.layers_2d, time, &mut out.layers_2d);
     out.sky = stage.sky.as_ref().map(|sky| sky.at(&scratch.edits, time));
-    lights::evaluate(stage, &scratch.edits, time, &out.actors, &mut out.lights);
-    let frame =
-        |index, azimuth, elevation, projection| framings.camera(stage, index, azimuth, elevation, projection);
-    out.camera = camera::evaluate(stage, frame, &scratch.edits, time, camera, &out.actors)?;
-    effects::evaluate(stage, &scratch.edits, time, &out.camera, &out.actors, &mut out.effects);
+    lights::evaluate_lights(stage, &scratch.edits, time, &out.actors, &mut out.lights);
+    let frame = |index, azimuth, elevation, projection| {
+        framings.frame_camera(stage, index, azimuth, elevation, projection)
+    };
+    out.camera = camera::evaluate_camera(stage, frame, &scratch.edits, time, camera, &out.actors)?;
+    effects::evaluate_effects(stage, &scratch.edits, time, &out.camera, &out.actors, &mut out.effects);
     out.dissolve = None;
     if let Some((before, share)) = dissolving {
-        let camera = camera::evaluate(stage, frame, &scratch.edits, time, Some(before), &out.actors)?;
+        let camera = camera::evaluate_camera(stage, frame, &scratch.edits, time, Some(before), &out.actors)?;
         let mut effects = Vec::new();
-        effects::evaluate(stage, &scratch.edits, time, &camera, &out.actors, &mut effects);
+        effects::evaluate_effects(stage, &scratch.edits, time, &camera, &out.actors, &mut effects);
         out.dissolve = Some(Dissolve { camera, effects, share });
     }
     Ok(())
@@ -218,8 +219,16 @@ fn find_kept_transforms(
     actors::find_kept_transforms(stage, &scratch.actors, time, |time, actors| {
         let (mut scratch, mut snapshot) = (ConstrainedScratch::of(actors), Snapshot::default());
         constraints::evaluate_actors(stage, &mut scratch, time, foot_locks, None, &mut snapshot)?;
-        let (actors, mut simulation) = (&mut scratch.actors, Simulation::default());
-        springs::run(stage, foot_locks, springs, &mut simulation, time, actors, &mut snapshot.actors)?;
+        let (actors, mut simulation) = (&mut scratch.actors, SpringSimulation::default());
+        springs::simulate_springs(
+            stage,
+            foot_locks,
+            springs,
+            &mut simulation,
+            time,
+            actors,
+            &mut snapshot.actors,
+        )?;
         Ok((scratch.actors, snapshot))
     })
 }

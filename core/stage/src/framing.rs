@@ -1,13 +1,13 @@
 //! Framing camera: fits everything visible into the image.
 //!
-//! The camera stands still for the whole length of the stage, so that a character that walks is in the image from the first step to the
+//! The camera is static for the whole length of the stage, so that a character that walks is in the image from the first step to the
 //! last. Bounds of all visible actors are computed once, at a number of times; a camera is then fitted to them at little cost.
 
 use crate::camera::orbit_rotation;
 use crate::constraints::foot_lock_cache::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
-use crate::pose::posed_mesh::posed_body;
 use crate::pose::posed_mesh::posed_meshes;
+use crate::pose::posed_mesh::posed_meshes_in_model_space;
 use crate::snapshot::{ActorState, CameraState, Snapshot};
 use crate::stage::camera::Rig;
 use crate::stage::{Stage, StageError};
@@ -18,39 +18,39 @@ use glam::{DAffine3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Most poses that framing may compute, and the range of the number of intervals over which they are distributed.
+/// Largest number of poses that framing may compute, and the range of the number of intervals over which they are distributed.
 const MAX_POSES: usize = 2000;
-const TIMES: std::ops::RangeInclusive<usize> = 6..=48;
+const INTERVALS: std::ops::RangeInclusive<usize> = 6..=48;
 /// Largest ratio of height to width of flat ground, whose edges need not be in the image.
-const FLAT: f32 = 0.01;
+const MAX_FLAT_RATIO: f32 = 0.01;
 /// Margin on each side, as a share of half of the image.
-const MARGIN: f64 = 0.06;
+const FRAME_MARGIN: f64 = 0.06;
 /// Bounds that frame an empty scene: the space of one standing person.
 const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
 
-type Boxes = Result<Vec<DAabb>, StageError>;
+type FramedBoxes = Result<Vec<DAabb>, StageError>;
 
-/// Most views of callbacks whose bounds are cached.
+/// Largest number of views of callbacks whose bounds are cached.
 const MAX_VIEWS: usize = 16;
 
 /// Bounds that the cameras of one stage frame, computed once.
 #[derive(Debug)]
-pub(crate) struct Framings {
+pub(crate) struct FramingCache {
     /// One entry per camera; the last is for a stage without cameras.
-    boxes: Vec<OnceLock<Boxes>>,
+    boxes: Vec<OnceLock<FramedBoxes>>,
     /// Cached bounds of views that callbacks ask for, by the bits of azimuth and elevation.
-    views: Mutex<BTreeMap<[u64; 2], Arc<Boxes>>>,
+    views: Mutex<BTreeMap<[u64; 2], Arc<FramedBoxes>>>,
     foot_locks: FootLocks,
 }
 
-impl Framings {
-    pub fn new(stage: &Stage, foot_locks: FootLocks) -> Framings {
+impl FramingCache {
+    pub fn new(stage: &Stage, foot_locks: FootLocks) -> FramingCache {
         let boxes = (0..=stage.cameras.len()).map(|_| OnceLock::new()).collect();
-        Framings { boxes, views: Mutex::default(), foot_locks }
+        FramingCache { boxes, views: Mutex::default(), foot_locks }
     }
 
     /// State of a camera that frames the stage from an azimuth and elevation in radians.
-    pub fn camera(
+    pub fn frame_camera(
         &self,
         stage: &Stage,
         index: Option<usize>,
@@ -65,18 +65,18 @@ impl Framings {
             let slot = &self.boxes[index.unwrap_or(self.boxes.len() - 1)];
             slot.get_or_init(|| visible_boxes(stage, &self.foot_locks, rotation))
         } else {
-            of_callback = self.view(stage, [azimuth, elevation]);
+            of_callback = self.boxes_of_view(stage, [azimuth, elevation]);
             &*of_callback
         };
         let boxes = boxes.as_ref().map_err(Clone::clone)?;
         let [width, height] = stage.settings.size.map(|n| f64::from(n.max(1)));
-        let (position, projection) = fit(boxes, width / height, projection);
+        let (position, projection) = fit_camera(boxes, width / height, projection);
         let world_from_view = DAffine3::from_rotation_translation(rotation, rotation * position);
         Ok(CameraState { camera: index, world_from_view, projection })
     }
 
     /// The bounds of a view that a callback asks for.
-    fn view(&self, stage: &Stage, angles: [f64; 2]) -> Arc<Boxes> {
+    fn boxes_of_view(&self, stage: &Stage, angles: [f64; 2]) -> Arc<FramedBoxes> {
         let known = || self.views.lock().unwrap_or_else(PoisonError::into_inner);
         let key = angles.map(f64::to_bits);
         if let Some(boxes) = known().get(&key) {
@@ -100,7 +100,7 @@ fn visible_boxes(
     world_from_axes: DQuat,
 ) -> Result<Vec<DAabb>, StageError> {
     let axes_from_world = DAffine3::from_quat(world_from_axes.inverse());
-    let intervals = (MAX_POSES / stage.actors.len().max(1)).clamp(*TIMES.start(), *TIMES.end());
+    let intervals = (MAX_POSES / stage.actors.len().max(1)).clamp(*INTERVALS.start(), *INTERVALS.end());
     // More than 48 samples per second show nothing new.
     let length = stage.settings.length.max(Time::ZERO);
     let intervals = intervals.min((length.as_secs() * 48.0) as usize).max(1);
@@ -130,9 +130,9 @@ fn visible_boxes(
                 };
                 actor.asset.posed_boxes(index, &state.model_from_joint, weights, add);
             }
-            // Bounds beyond `FARTHEST` cannot be framed, neither with anything else nor alone.
+            // Bounds beyond `MAX_FRAMED_EXTENT` cannot be framed, neither with anything else nor alone.
             let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
-            if !bounds.is_empty() && reach < FARTHEST {
+            if !bounds.is_empty() && reach < MAX_FRAMED_EXTENT {
                 (if is_flat(&actor.asset) { &mut ground } else { &mut boxes }).push(bounds);
             }
         }
@@ -169,10 +169,10 @@ fn add_vertices(
         own.for_each(|posed| add(posed, &mut |p| bounds.add(p)));
         return;
     }
-    let mut one = Aabb::EMPTY;
-    let own = posed_body(asset, state).into_iter().filter(|p| p.instance == instance);
-    own.for_each(|posed| add(posed, &mut |p| one.add(p.as_vec3())));
-    bounds.add_box(axes_from_model, &asset.spread(&one));
+    let mut own_bounds = Aabb::EMPTY;
+    let own = posed_meshes_in_model_space(asset, state).into_iter().filter(|p| p.instance == instance);
+    own.for_each(|posed| add(posed, &mut |p| own_bounds.add(p.as_vec3())));
+    bounds.add_box(axes_from_model, &asset.spread(&own_bounds));
 }
 
 /// Adds the posed vertices of an instance that reach farthest from their joints (`reach.outline`) to the bounds.
@@ -197,24 +197,24 @@ fn add_outline(
 fn is_flat(asset: &Asset) -> bool {
     let bounds = asset.rest_bounds();
     let size = bounds.max - bounds.min;
-    !bounds.is_empty() && size.y <= FLAT * size.x.max(size.z)
+    !bounds.is_empty() && size.y <= MAX_FLAT_RATIO * size.x.max(size.z)
 }
 
 /// Largest extent that can be framed, metres: a camera farther away would have coordinates that f32 cannot hold.
-const FARTHEST: f64 = 1e30;
+const MAX_FRAMED_EXTENT: f64 = 1e30;
 
 /// Camera position in view axes, and the projection with a near plane in front of everything.
 ///
 /// A point (x, y, z) is in the image of a camera at (cx, cy, cz) looking along −z where |x − cx| ≤ tx (cz − z), so
 /// cx + tx cz ≥ max(x + tx z) and −cx + tx cz ≥ max(−x + tx z): the closest camera solves both with equality.
-pub(crate) fn fit(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec3, Projection) {
+pub(crate) fn fit_camera(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec3, Projection) {
     let all = boxes.iter().fold(DAabb::EMPTY, |a, b| DAabb { min: a.min.min(b.min), max: a.max.max(b.max) });
     // A minimum distance, in case everything is one point.
     let size = (all.max - all.min).length().max(1e-6);
     match projection {
         Projection::Perspective { yfov, .. } => {
-            let ty = libm::tan(f64::from(yfov) / 2.0) * (1.0 - MARGIN);
-            let tx = libm::tan(f64::from(yfov) / 2.0) * aspect * (1.0 - MARGIN);
+            let ty = libm::tan(f64::from(yfov) / 2.0) * (1.0 - FRAME_MARGIN);
+            let tx = libm::tan(f64::from(yfov) / 2.0) * aspect * (1.0 - FRAME_MARGIN);
             let mut right = f64::NEG_INFINITY;
             let (mut left, mut up, mut down) = (right, right, right);
             for b in boxes {
@@ -233,7 +233,7 @@ pub(crate) fn fit(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec
         Projection::Orthographic { .. } => {
             let middle = (all.min + all.max) * 0.5;
             let extent = all.max - all.min;
-            let height = extent.y.max(extent.x / aspect).max(1e-6) / (1.0 - MARGIN);
+            let height = extent.y.max(extent.x / aspect).max(1e-6) / (1.0 - FRAME_MARGIN);
             let position = DVec3::new(middle.x, middle.y, all.max.z + size);
             let far = extent.z + 2.0 * size;
             (position, Projection::Orthographic { height: height as f32, near: 0.0, far: far as f32 })

@@ -2,13 +2,14 @@
 
 use crate::snapshot::Layer2dState;
 use crate::stage::Stage;
-use crate::stage::channel::{Property, keyed};
+use crate::stage::channel::{Property, keyed_value};
 use crate::stage::edits::edits_for_index;
 use crate::stage::layers_2d::Layer2dEdit;
 use choreo_motion::Time;
 use glam::DVec2;
 
-pub(crate) fn evaluate(
+/// Fills `out` with the visible 2D layers at a time.
+pub(crate) fn evaluate_layers_2d(
     stage: &Stage,
     edits: &[(usize, Layer2dEdit)],
     time: Time,
@@ -16,7 +17,7 @@ pub(crate) fn evaluate(
 ) {
     out.clear();
     for (index, layer_2d) in stage.layers_2d.iter().enumerate() {
-        let key = |property| keyed(&layer_2d.channels, property, time);
+        let key = |property| keyed_value(&layer_2d.channels, property, time);
         let (mut at, mut words) =
             (key(Property::Translation).map_or(layer_2d.at, |v| DVec2::new(v[0], v[1])), None);
         let mut opacity = key(Property::Opacity).map_or(layer_2d.opacity, |v| v[0]);
@@ -29,7 +30,7 @@ pub(crate) fn evaluate(
             }
         }
         // Splines overshoot.
-        let opacity = (opacity * layer_2d.presence(time)).clamp(0.0, 1.0) as f32;
+        let opacity = (opacity * layer_2d.opacity_factor(time)).clamp(0.0, 1.0) as f32;
         if opacity > 0.0 && scale > 0.0 && at.is_finite() && scale.is_finite() {
             out.push(Layer2dState { layer_2d: index, at, opacity, scale, words });
         }

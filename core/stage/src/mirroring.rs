@@ -26,10 +26,10 @@ impl Mirroring {
         };
         let of_instance = |(own, instance): (usize, &MeshInstance)| {
             let count = asset.meshes.get(instance.mesh as usize).map_or(0, |mesh| mesh.morph_targets);
-            let partner = across(asset, &joints, own);
+            let partner = mirrored_instance(asset, &joints, own);
             let target = |target: usize| {
                 let name = names(own).get(target).map_or("", String::as_str);
-                let wanted = other_side(name, names(partner));
+                let wanted = mirrored_name_index(name, names(partner));
                 let same = || names(partner).iter().position(|n| n == name).filter(|_| partner != own);
                 match wanted.or_else(same) {
                     Some(found) => (partner as u32, found as u32),
@@ -42,7 +42,7 @@ impl Mirroring {
         let expressions = expression_weights
             .iter()
             .enumerate()
-            .map(|(own, name)| other_side(name, &expression_weights).unwrap_or(own) as u32)
+            .map(|(own, name)| mirrored_name_index(name, &expression_weights).unwrap_or(own) as u32)
             .collect();
         let morphs = asset.instances.iter().enumerate().map(of_instance).collect();
         Ok(Mirroring { joints, morphs, expressions })
@@ -54,12 +54,12 @@ impl Mirroring {
         if mirrored.curves().iter().all(|c| !matches!(c.path, Path::Weights(_))) {
             return mirrored;
         }
-        let curves = mirrored.curves().iter().map(|curve| self.curve(asset, curve)).collect();
+        let curves = mirrored.curves().iter().map(|curve| self.mirrored_weight_curve(asset, curve)).collect();
         mirrored.rekeyed(curves)
     }
 
     /// A mirrored curve of weights, with its targets in their new order.
-    fn curve(&self, asset: &Asset, curve: &Curve) -> Curve {
+    fn mirrored_weight_curve(&self, asset: &Asset, curve: &Curve) -> Curve {
         let Path::Weights(width) = curve.path else { return curve.clone() };
         let own = asset.instances.iter().position(|i| i.joint == curve.joint);
         let Some(sources) = own.and_then(|own| self.morphs.get(own)) else { return curve.clone() };
@@ -122,16 +122,17 @@ impl Mirroring {
 
 /// The mesh instance on the other side: it has the same rank among the instances of the partner joint as `own` has among those of its
 /// joint.
-fn across(asset: &Asset, joints: &MirrorMap, own: usize) -> usize {
+fn mirrored_instance(asset: &Asset, joints: &MirrorMap, own: usize) -> usize {
     let Some(instance) = asset.instances.get(own) else { return own };
     let Some(partner) = joints.partner(instance.joint).filter(|p| *p != instance.joint) else { return own };
-    let on = |joint: u32| (0..asset.instances.len()).filter(move |i| asset.instances[*i].joint == joint);
-    let place = on(instance.joint).position(|i| i == own).unwrap_or(0);
-    on(partner).nth(place).unwrap_or(own)
+    let instances_on =
+        |joint: u32| (0..asset.instances.len()).filter(move |i| asset.instances[*i].joint == joint);
+    let place = instances_on(instance.joint).position(|i| i == own).unwrap_or(0);
+    instances_on(partner).nth(place).unwrap_or(own)
 }
 
 /// Index of the same name with the other side; `None` if the name has no side or no counterpart.
-fn other_side(name: &str, names: &[String]) -> Option<usize> {
+fn mirrored_name_index(name: &str, names: &[String]) -> Option<usize> {
     let (side, bare) = side_of(name)?;
     names.iter().position(|n| side_of(n).is_some_and(|(s, b)| s == side.other() && b == bare))
 }

@@ -1,7 +1,7 @@
 //! Pseudorandom numbers and smooth noise, with the same bits on every machine.
 
 /// One output of SplitMix64 (Steele, Lea, Flood 2014) from the state `seed`.
-pub fn hash(seed: u64) -> u64 {
+pub fn splitmix64(seed: u64) -> u64 {
     let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -9,7 +9,7 @@ pub fn hash(seed: u64) -> u64 {
 }
 
 /// A number in [0, 1) from the upper 53 of 64 random bits.
-pub fn unit(bits: u64) -> f64 {
+pub fn unit_interval(bits: u64) -> f64 {
     (bits >> 11) as f64 / (1u64 << 53) as f64
 }
 
@@ -17,7 +17,7 @@ pub fn unit(bits: u64) -> f64 {
 pub fn noise(seed: u64, x: f64) -> f64 {
     let cell = libm::floor(x);
     let w = x - cell;
-    let at = |n: f64| 2.0 * unit(hash(hash(seed) ^ (n as i64 as u64))) - 1.0;
+    let at = |n: f64| 2.0 * unit_interval(splitmix64(splitmix64(seed) ^ (n as i64 as u64))) - 1.0;
     let s = w * w * w * (w * (w * 6.0 - 15.0) + 10.0);
     let (a, b) = (at(cell), at(cell + 1.0));
     a + (b - a) * s
@@ -31,8 +31,8 @@ mod tests {
     fn splitmix64_matches_its_published_sequence() {
         // First outputs of the reference implementation for the state 1234567.
         let step = 0x9e37_79b9_7f4a_7c15u64;
-        assert_eq!(hash(1_234_567), 6_457_827_717_110_365_317);
-        assert_eq!(hash(1_234_567u64.wrapping_add(step)), 3_203_168_211_198_807_973);
+        assert_eq!(splitmix64(1_234_567), 6_457_827_717_110_365_317);
+        assert_eq!(splitmix64(1_234_567u64.wrapping_add(step)), 3_203_168_211_198_807_973);
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! seek continues from the nearest checkpoint before it; checkpoints change the run time and nothing else.
 //!
 //! **Which actors.** Only actors whose joints the snapshot needs, with all actors that they can be attached to or can face, at any time:
-//! such a group ([`Group`]) is simulated as a whole. A group that was not needed stays at its last state, and catches up from there or from
+//! such a group ([`SpringGroup`]) is simulated as a whole. A group that was not needed stays at its last state, and catches up from there or from
 //! a checkpoint; its state at a grid point is the same either way. If a callback attaches actors of two groups, all actors become one
 //! group.
 //!
@@ -36,15 +36,15 @@ const STRETCH_SECS: i64 = 600;
 const WARM_UP_SECS: i64 = 60;
 /// Least decay rate of springs that forget within [`WARM_UP_SECS`], 1/s: ln 10⁶ / 60 s.
 const FORGETTING_RATE: f64 = 13.82 / 60.0;
-/// Most steps between two checkpoints.
-const MOST_STRIDE: i64 = 36_000;
-/// Most bytes of checkpoints.
-const MOST_BYTES: usize = 32 << 20;
+/// Largest number of steps between two checkpoints.
+const MAX_STRIDE: i64 = 36_000;
+/// Largest total size of all checkpoints, bytes.
+const MAX_BYTES: usize = 32 << 20;
 
 /// Grid point: (stretch, step).
-type Key = (i64, i64);
+type GridPoint = (i64, i64);
 /// Spring states, one per actor of a group.
-type States = Vec<SpringState>;
+type GroupStates = Vec<SpringState>;
 
 /// Checkpoints of the simulation, shared by all evaluators of a stage.
 #[derive(Debug, Default)]
@@ -55,15 +55,15 @@ struct Checkpoints {
     /// Number of steps between checkpoints; doubled whenever they take too much memory.
     stride: i64,
     /// Checkpoints of each group.
-    groups: Vec<BTreeMap<Key, Arc<States>>>,
+    groups: Vec<BTreeMap<GridPoint, Arc<GroupStates>>>,
     /// Whether all actors are one group, because a callback attaches some.
-    joined: bool,
+    is_merged: bool,
     bytes: usize,
 }
 
 impl Default for Checkpoints {
     fn default() -> Self {
-        Checkpoints { stride: 16, groups: Vec::new(), joined: false, bytes: 0 }
+        Checkpoints { stride: 16, groups: Vec::new(), is_merged: false, bytes: 0 }
     }
 }
 
@@ -73,16 +73,22 @@ impl SpringCheckpoints {
     }
 
     /// The latest checkpoint of a group in a stretch, at the step `until` or before, but not before the step `first`.
-    fn before(&self, joined: bool, number: usize, until: Key, first: i64) -> Option<(i64, Arc<States>)> {
+    fn latest_before(
+        &self,
+        is_merged: bool,
+        number: usize,
+        until: GridPoint,
+        first: i64,
+    ) -> Option<(i64, Arc<GroupStates>)> {
         let kept = self.lock();
-        let states = kept.groups.get(number).filter(|_| kept.joined == joined)?;
+        let states = kept.groups.get(number).filter(|_| kept.is_merged == is_merged)?;
         let ((_, step), states) = states.range((until.0, first)..=until).next_back()?;
         Some((*step, states.clone()))
     }
 
-    fn keep(&self, joined: bool, number: usize, key: Key, states: &States) {
+    fn store(&self, is_merged: bool, number: usize, key: GridPoint, states: &GroupStates) {
         let mut kept = self.lock();
-        if joined != kept.joined || key.1.rem_euclid(kept.stride) != 0 {
+        if is_merged != kept.is_merged || key.1.rem_euclid(kept.stride) != 0 {
             return;
         }
         let groups = kept.groups.len().max(number + 1);
@@ -90,10 +96,10 @@ impl SpringCheckpoints {
         if kept.groups[number].contains_key(&key) {
             return;
         }
-        let size = |states: &States| states.iter().map(SpringState::size).sum::<usize>() + 128;
+        let size = |states: &GroupStates| states.iter().map(SpringState::size).sum::<usize>() + 128;
         kept.bytes += size(states);
         kept.groups[number].insert(key, Arc::new(states.clone()));
-        while kept.bytes > MOST_BYTES && kept.stride < MOST_STRIDE {
+        while kept.bytes > MAX_BYTES && kept.stride < MAX_STRIDE {
             kept.stride *= 2;
             let stride = kept.stride;
             for group in &mut kept.groups {
@@ -102,8 +108,9 @@ impl SpringCheckpoints {
             kept.bytes = kept.groups.iter().flat_map(BTreeMap::values).map(|s| size(s)).sum();
         }
         // If that is not enough, the checkpoints of the earliest stretches are dropped.
-        while kept.bytes > MOST_BYTES {
-            let first = |group: &BTreeMap<Key, Arc<States>>| group.first_key_value().map(|(key, _)| *key);
+        while kept.bytes > MAX_BYTES {
+            let first =
+                |group: &BTreeMap<GridPoint, Arc<GroupStates>>| group.first_key_value().map(|(key, _)| *key);
             let oldest = kept.groups.iter_mut().filter(|group| !group.is_empty()).min_by_key(|g| first(g));
             let Some((_, gone)) = oldest.and_then(BTreeMap::pop_first) else { break };
             kept.bytes -= size(&gone);
@@ -111,10 +118,10 @@ impl SpringCheckpoints {
     }
 
     /// Makes all actors one group and drops the checkpoints of separate groups.
-    fn join(&self) {
+    fn merge_groups(&self) {
         let mut kept = self.lock();
-        if !kept.joined {
-            *kept = Checkpoints { joined: true, ..Checkpoints::default() };
+        if !kept.is_merged {
+            *kept = Checkpoints { is_merged: true, ..Checkpoints::default() };
         }
     }
 }
@@ -122,13 +129,13 @@ impl SpringCheckpoints {
 /// Actors with springs that can be attached to each other, or face each other, at some time: they are simulated together. Springs of other
 /// actors do not affect them.
 #[derive(Clone, Debug, Default)]
-struct Group {
+struct SpringGroup {
     actors: Vec<usize>,
     /// Grid point of `states`; `None`: the states are not valid.
-    at: Option<Key>,
-    states: States,
+    at: Option<GridPoint>,
+    states: GroupStates,
     /// Copies of `states`, advanced to the time of the frame.
-    frame_states: States,
+    frame_states: GroupStates,
     /// Whether the snapshot needs the group.
     is_needed: bool,
     /// The next step to simulate.
@@ -137,38 +144,38 @@ struct Group {
 
 /// The groups of a stage.
 #[derive(Clone, Debug, Default)]
-struct Groups {
-    all: Vec<Group>,
+struct SpringGroups {
+    all: Vec<SpringGroup>,
     /// Index of the group of each actor with springs, and index of the actor in that group.
     places: Vec<Option<(usize, usize)>>,
     /// Set of each actor, with or without springs: the actor that represents the actors that belong together.
     sets: Vec<usize>,
-    joined: bool,
+    is_merged: bool,
 }
 
-impl Groups {
-    fn new(stage: &Stage, joined: bool) -> Groups {
+impl SpringGroups {
+    fn new(stage: &Stage, is_merged: bool) -> SpringGroups {
         let count = stage.actors.len();
         let mut sets: Vec<usize> = (0..count).collect();
-        let mut join = |a: usize, b: usize| {
+        let mut merge_sets = |a: usize, b: usize| {
             if a < count && b < count {
-                let [a, b] = [a, b].map(|actor| root(&mut sets, actor));
+                let [a, b] = [a, b].map(|actor| representative(&mut sets, actor));
                 sets[a] = b;
             }
         };
         for (index, actor) in stage.actors.iter().enumerate() {
             let parents = actor.parents.iter().filter_map(|parent| Some(parent.to?.actor));
-            parents.chain(actor.face).for_each(|other| join(index, other));
-            if joined {
-                join(index, 0);
+            parents.chain(actor.face).for_each(|other| merge_sets(index, other));
+            if is_merged {
+                merge_sets(index, 0);
             }
         }
-        (0..count).for_each(|actor| sets[actor] = root(&mut sets, actor));
-        let mut groups = Groups { sets, joined, places: vec![None; count], all: Vec::new() };
+        (0..count).for_each(|actor| sets[actor] = representative(&mut sets, actor));
+        let mut groups = SpringGroups { sets, is_merged, places: vec![None; count], all: Vec::new() };
         let mut numbers = vec![None; count];
         for actor in (0..count).filter(|actor| has_springs(stage, *actor)) {
             let number = *numbers[groups.sets[actor]].get_or_insert(groups.all.len());
-            groups.all.resize_with(groups.all.len().max(number + 1), Group::default);
+            groups.all.resize_with(groups.all.len().max(number + 1), SpringGroup::default);
             groups.places[actor] = Some((number, groups.all[number].actors.len()));
             groups.all[number].actors.push(actor);
         }
@@ -186,13 +193,13 @@ impl Groups {
         })
     }
 
-    fn needed(&mut self) -> impl Iterator<Item = &mut Group> {
+    fn needed_groups_mut(&mut self) -> impl Iterator<Item = &mut SpringGroup> {
         self.all.iter_mut().filter(|group| group.is_needed)
     }
 }
 
 /// The actor that represents the set of an actor (union-find with path halving).
-fn root(sets: &mut [usize], mut actor: usize) -> usize {
+fn representative(sets: &mut [usize], mut actor: usize) -> usize {
     while sets[actor] != actor {
         sets[actor] = sets[sets[actor]];
         actor = sets[actor];
@@ -206,87 +213,87 @@ fn has_springs(stage: &Stage, actor: usize) -> bool {
 
 /// State of the simulation of one evaluator, and buffers.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Simulation {
-    groups: Groups,
+pub(crate) struct SpringSimulation {
+    groups: SpringGroups,
     /// Actors of the groups that make a step.
     moving: Vec<usize>,
     scratch: Option<Box<ConstrainedScratch>>,
     snapshot: Snapshot,
     buffers: SpringScratch,
-    bones: usize,
+    bone_count: usize,
 }
 
-impl Simulation {
+impl SpringSimulation {
     /// Number of poses computed for steps of the grid.
-    pub fn poses(&self) -> usize {
-        self.scratch.as_ref().map_or(0, |s| s.actors.all_poses)
+    pub fn pose_count(&self) -> usize {
+        self.scratch.as_ref().map_or(0, |s| s.actors.total_pose_count)
     }
 
     /// Spring bones simulated for the last snapshot.
-    pub fn bones(&self) -> usize {
-        self.bones
+    pub fn bone_count(&self) -> usize {
+        self.bone_count
     }
 }
 
-fn time_of(stage: &Stage, step: i64) -> Time {
+fn time_of_step(stage: &Stage, step: i64) -> Time {
     Time(step.saturating_mul(stage.solvers.spring_step().0))
 }
 
 /// Index of the stretch that contains a step, and the step at which the simulation of the stretch begins.
-fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
+fn stretch_of_step(stage: &Stage, step: i64) -> (i64, i64) {
     let springs = || stage.actors.iter().filter_map(|a| a.springs.as_ref());
     let pre_roll = springs().map(|s| s.pre_roll).max();
     let pre_roll = pre_roll.unwrap_or(Time::ZERO).0.clamp(0, STRETCH_SECS * Time::TICKS_PER_SECOND);
     let (rate, length) = (stage.solvers.spring_rate, stage.solvers.spring_step().0);
     let first = -(pre_roll + length - 1).div_euclid(length);
-    let forgets = |bone: &RigBone| {
+    let decays_in_time = |bone: &RigBone| {
         let length = f64::from(bone.tail.length()).max(f64::MIN_POSITIVE);
         bone.spring.decay_rate(bone.pull.length() + bone.gravity.length() / length) >= FORGETTING_RATE
     };
-    let forgotten = springs().all(|springs| springs.rig.bones().iter().all(forgets));
+    let forgotten = springs().all(|springs| springs.rig.bones().iter().all(decays_in_time));
     let stretch = if forgotten { step.div_euclid(STRETCH_SECS * rate).max(0) } else { 0 };
     (stretch, if stretch == 0 { first.min(step) } else { (stretch * STRETCH_SECS - WARM_UP_SECS) * rate })
 }
 
 /// Simulates springs and turns their joints, in a snapshot whose actors are posed, placed and constrained. After joints that carry other
 /// actors have moved, all actors are placed again.
-pub(crate) fn run(
+pub(crate) fn simulate_springs(
     stage: &Stage,
     foot_locks: &FootLocks,
-    kept: &SpringCheckpoints,
-    simulation: &mut Simulation,
+    checkpoints: &SpringCheckpoints,
+    simulation: &mut SpringSimulation,
     time: Time,
-    scratch: &mut actors::Scratch,
+    scratch: &mut actors::ActorScratch,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
-    simulation.bones = 0;
+    simulation.bone_count = 0;
     if !(0..stage.actors.len()).any(|actor| has_springs(stage, actor)) {
         return Ok(());
     }
     let step = time.0.div_euclid(stage.solvers.spring_step().0);
     loop {
-        let joined = kept.lock().joined;
-        if simulation.groups.all.is_empty() || simulation.groups.joined != joined {
-            simulation.groups = Groups::new(stage, joined);
+        let is_merged = checkpoints.lock().is_merged;
+        if simulation.groups.all.is_empty() || simulation.groups.is_merged != is_merged {
+            simulation.groups = SpringGroups::new(stage, is_merged);
         }
         for group in &mut simulation.groups.all {
             group.is_needed = group.actors.iter().any(|actor| is_posed(stage, *actor, &actors[*actor]));
         }
-        if advance(stage, foot_locks, kept, simulation, step, scratch)? {
+        if advance_groups(stage, foot_locks, checkpoints, simulation, step, scratch)? {
             break;
         }
     }
-    let rest = Time(time.0 - time_of(stage, step).0);
-    let Simulation { groups, buffers, bones, .. } = simulation;
-    for group in groups.needed() {
+    let remaining_time = Time(time.0 - time_of_step(stage, step).0);
+    let SpringSimulation { groups, buffers, bone_count, .. } = simulation;
+    for group in groups.needed_groups_mut() {
         group.frame_states.resize_with(group.states.len(), SpringState::default);
         for (copy, state) in group.frame_states.iter_mut().zip(&group.states) {
             copy.copy_from(state);
         }
         let rigs = group.actors.iter().filter_map(|actor| stage.actors[*actor].springs.as_ref());
-        *bones += rigs.map(|springs| springs.rig.len()).sum::<usize>();
+        *bone_count += rigs.map(|springs| springs.rig.len()).sum::<usize>();
     }
-    step_springs(stage, (groups, Moves::FrameCopy), buffers, rest, scratch, actors);
+    step_springs(stage, (groups, MovedStates::FrameCopy), buffers, remaining_time, scratch, actors);
     Ok(())
 }
 
@@ -297,52 +304,52 @@ fn is_posed(stage: &Stage, actor: usize, state: &ActorState) -> bool {
 
 /// Advances the needed groups to a grid point. `shared`: buffers with the transforms that are kept where parents change. Returns `false` if
 /// a callback has attached actors of two groups, so that the simulation must begin again with one group.
-fn advance(
+fn advance_groups(
     stage: &Stage,
     foot_locks: &FootLocks,
-    kept: &SpringCheckpoints,
-    simulation: &mut Simulation,
+    checkpoints: &SpringCheckpoints,
+    simulation: &mut SpringSimulation,
     step: i64,
-    shared: &actors::Scratch,
+    shared: &actors::ActorScratch,
 ) -> Result<bool, StageError> {
-    let (stretch, first) = stretch_of(stage, step);
-    let joined = simulation.groups.joined;
+    let (stretch, first) = stretch_of_step(stage, step);
+    let is_merged = simulation.groups.is_merged;
     let mut from = step + 1;
     for number in 0..simulation.groups.all.len() {
         let kept_at = |at: i64| {
-            let found = kept.before(joined, number, (stretch, step), first);
+            let found = checkpoints.latest_before(is_merged, number, (stretch, step), first);
             found.filter(|(kept_at, _)| at < *kept_at)
         };
         let group = &mut simulation.groups.all[number];
         if group.is_needed {
-            group.seek((stretch, step), first, kept_at);
+            group.seek_checkpoint((stretch, step), first, kept_at);
             from = from.min(group.next);
         }
     }
     let mut scratch = simulation.scratch.take().unwrap_or_default();
     scratch.actors.kept_transforms = shared.kept_transforms.clone();
     while from <= step {
-        let moves = Moves::Grid(from);
-        let Simulation { groups, moving, buffers, snapshot, .. } = simulation;
+        let moved = MovedStates::Grid(from);
+        let SpringSimulation { groups, moving, buffers, snapshot, .. } = simulation;
         moving.clear();
-        moving.extend(groups.all.iter().filter(|g| g.is_moved(moves)).flat_map(|g| &g.actors));
+        moving.extend(groups.all.iter().filter(|g| g.is_moved_by(moved)).flat_map(|g| &g.actors));
         scratch.actors.restrict_to(moving);
-        evaluate_actors(stage, &mut scratch, time_of(stage, from), foot_locks, None, snapshot)?;
+        evaluate_actors(stage, &mut scratch, time_of_step(stage, from), foot_locks, None, snapshot)?;
         let scratch_of_actors = &mut scratch.actors;
         if groups.are_joined_by(&scratch_of_actors.edits.actors) {
-            kept.join();
+            checkpoints.merge_groups();
             simulation.scratch = Some(scratch);
             return Ok(false);
         }
         let by = stage.solvers.spring_step();
-        step_springs(stage, (groups, moves), buffers, by, scratch_of_actors, &mut snapshot.actors);
-        for (number, group) in groups.all.iter().enumerate().filter(|(_, g)| g.is_moved(moves)) {
-            kept.keep(joined, number, (stretch, from), &group.states);
+        step_springs(stage, (groups, moved), buffers, by, scratch_of_actors, &mut snapshot.actors);
+        for (number, group) in groups.all.iter().enumerate().filter(|(_, g)| g.is_moved_by(moved)) {
+            checkpoints.store(is_merged, number, (stretch, from), &group.states);
         }
         from += 1;
     }
     simulation.scratch = Some(scratch);
-    for group in simulation.groups.needed() {
+    for group in simulation.groups.needed_groups_mut() {
         group.at = Some((stretch, step));
     }
     Ok(true)
@@ -350,21 +357,21 @@ fn advance(
 
 /// The states that a step moves.
 #[derive(Clone, Copy)]
-enum Moves {
+enum MovedStates {
     /// States at grid points, of the groups whose next step is at most this one.
     Grid(i64),
     /// Copies of the states, advanced beyond the last grid point.
     FrameCopy,
 }
 
-impl Group {
+impl SpringGroup {
     /// Finds the nearest state from which a grid point can be reached. `at` stays `None` until the group is there, in case a callback
     /// fails. `kept_after`: the latest checkpoint, if it is after a step.
-    fn seek(
+    fn seek_checkpoint(
         &mut self,
-        (stretch, step): Key,
+        (stretch, step): GridPoint,
         first: i64,
-        kept_after: impl Fn(i64) -> Option<(i64, Arc<States>)>,
+        kept_after: impl Fn(i64) -> Option<(i64, Arc<GroupStates>)>,
     ) {
         let here = self.at.take().filter(|at| at.0 == stretch && (first..=step).contains(&at.1));
         let mut at = here.map(|(_, at)| at);
@@ -383,11 +390,11 @@ impl Group {
         self.next = at.map_or(first, |at| at + 1);
     }
 
-    fn is_moved(&self, moves: Moves) -> bool {
+    fn is_moved_by(&self, moved: MovedStates) -> bool {
         self.is_needed
-            && match moves {
-                Moves::Grid(step) => self.next <= step,
-                Moves::FrameCopy => true,
+            && match moved {
+                MovedStates::Grid(step) => self.next <= step,
+                MovedStates::FrameCopy => true,
             }
     }
 }
@@ -395,10 +402,10 @@ impl Group {
 /// Simulates one step of the springs of all groups that move, parents before the actors attached to them.
 fn step_springs(
     stage: &Stage,
-    (groups, moves): (&mut Groups, Moves),
+    (groups, moved): (&mut SpringGroups, MovedStates),
     buffers: &mut SpringScratch,
     by: Time,
-    scratch: &mut actors::Scratch,
+    scratch: &mut actors::ActorScratch,
     actors: &mut [ActorState],
 ) {
     for step in 0..scratch.order.steps.len() {
@@ -407,19 +414,19 @@ fn step_springs(
         let group = &mut groups.all[number];
         let placed = &mut actors[index];
         let actor = &stage.actors[index];
-        let Some(springs) = actor.springs.as_ref().filter(|_| group.is_moved(moves)) else { continue };
+        let Some(springs) = actor.springs.as_ref().filter(|_| group.is_moved_by(moved)) else { continue };
         if !is_posed(stage, index, placed) {
             continue;
         }
-        let states = match moves {
-            Moves::Grid(_) => &mut group.states,
-            Moves::FrameCopy => &mut group.frame_states,
+        let states = match moved {
+            MovedStates::Grid(_) => &mut group.states,
+            MovedStates::FrameCopy => &mut group.frame_states,
         };
         SpringStep {
             rig: &springs.rig,
             skeleton: &actor.asset.skeleton,
             world_from_model: placed.world_from_model,
-            wind: wind(&scratch.edits.actors, index).unwrap_or(springs.wind),
+            wind: latest_wind_edit(&scratch.edits.actors, index).unwrap_or(springs.wind),
             seconds: by.as_secs(),
             state: &mut states[place],
             scratch: buffers,
@@ -433,7 +440,7 @@ fn step_springs(
 }
 
 /// The wind that callbacks have set last for an actor, if any.
-fn wind(edits: &[(usize, ActorEdit)], of: usize) -> Option<DVec3> {
+fn latest_wind_edit(edits: &[(usize, ActorEdit)], of: usize) -> Option<DVec3> {
     edits_for_index(edits, of).rev().find_map(|edit| match edit {
         ActorEdit::Wind(wind) => Some(*wind),
         _ => None,

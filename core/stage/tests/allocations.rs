@@ -1,4 +1,4 @@
-//! A frame allocates nothing once one has been made: counted by the allocator itself.
+//! After the first frames an evaluation allocates nothing: counted by the allocator.
 
 #[path = "../../motion/tests/support/counting.rs"]
 mod counting;
@@ -11,8 +11,8 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use support::*;
 
-/// Two people who walk in and out of clips, one with layers, one who looks and reaches.
-fn clips() -> Stage {
+/// Two characters that play several clips, one of them on several layers.
+fn stage_with_clips() -> Stage {
     let f = figure();
     let mut stage = Stage::default();
     stage.settings.length = secs(4.0);
@@ -33,8 +33,8 @@ fn clips() -> Stage {
     stage
 }
 
-fn constraints() -> Stage {
-    let mut stage = clips();
+fn stage_with_constraints() -> Stage {
+    let mut stage = stage_with_clips();
     stage.actors[1].look_at.push(LookAt::new(HEAD, Target::Joint { actor: 0, joint: HAND }));
     let reach = ReachConstraint {
         joints: vec![CHEST, ARM, HAND],
@@ -51,15 +51,15 @@ fn constraints() -> Stage {
     stage
 }
 
-fn springs() -> Stage {
-    let mut stage = constraints();
+fn stage_with_springs() -> Stage {
+    let mut stage = stage_with_constraints();
     let rig = spring_rig([HEAD, ARM], Vec3::Y * 0.2);
     stage.actors[1].springs = Some(Arc::new(ActorSprings { rig, ..ActorSprings::default() }));
     stage
 }
 
 /// Allocations of each frame of four seconds but the first, played twice.
-fn counts(stage: Stage) -> [Vec<usize>; 2] {
+fn allocations_by_frame(stage: Stage) -> [Vec<usize>; 2] {
     assert_eq!(stage.check().len(), 0, "{:?}", stage.check());
     let rate = choreo_motion::FrameRate { num: 30, den: 1 };
     let mut evaluator = Evaluator::new(Arc::new(stage));
@@ -71,24 +71,30 @@ fn counts(stage: Stage) -> [Vec<usize>; 2] {
     })
 }
 
-fn some(counts: &[usize]) -> usize {
+fn frames_with_allocations(counts: &[usize]) -> usize {
     counts.iter().filter(|c| **c > 0).count()
 }
 
 /// A frame in which a layer or a constraint is first at work makes their buffers; no other frame allocates.
 #[test]
-fn clips_layers_and_goals_allocate_where_they_begin_and_nowhere_else() {
-    for (name, stage, begin) in [("clips", clips(), 2), ("goals", constraints(), 3)] {
-        let [first, second] = counts(stage);
-        assert!(some(&first) <= begin && first.iter().sum::<usize>() <= 8, "{name}: {first:?}");
-        assert_eq!(some(&second), 0, "{name}: {second:?}");
+fn clips_layers_and_constraints_allocate_only_in_their_first_frame() {
+    for (name, stage, begin) in [("clips", stage_with_clips(), 2), ("goals", stage_with_constraints(), 3)] {
+        let [first, second] = allocations_by_frame(stage);
+        assert!(
+            frames_with_allocations(&first) <= begin && first.iter().sum::<usize>() <= 8,
+            "{name}: {first:?}"
+        );
+        assert_eq!(frames_with_allocations(&second), 0, "{name}: {second:?}");
     }
 }
 
 /// One state in 16 steps is kept on the way, for seeks, in bounded memory; what is kept already is not kept again.
 #[test]
-fn springs_allocate_what_they_keep_for_seeks() {
-    let [first, second] = counts(springs());
-    assert!(some(&first) <= 3 + 120 * 2 / 16 && some(&first) > 10, "{first:?}");
-    assert_eq!(some(&second), 0, "{second:?}");
+fn springs_allocate_only_their_seek_checkpoints() {
+    let [first, second] = allocations_by_frame(stage_with_springs());
+    assert!(
+        frames_with_allocations(&first) <= 3 + 120 * 2 / 16 && frames_with_allocations(&first) > 10,
+        "{first:?}"
+    );
+    assert_eq!(frames_with_allocations(&second), 0, "{second:?}");
 }

@@ -127,7 +127,7 @@ impl FrameHook for FailingCallback {
     fn run(&self, time: Time, _: &mut FrameEdits) -> Result<(), StageError> {
         match time < Time::from_secs(0.5) {
             true => Ok(()),
-            false => Err(StageError::Bad { place: "frame".into(), what: "no such time".into() }),
+            false => Err(StageError::Invalid { place: "frame".into(), what: "no such time".into() }),
         }
     }
 }

@@ -33,7 +33,8 @@ pub(super) fn split(resources: &mut SceneResources, stage: &Stage) {
     }
     let length = i128::from(stage.settings.length.0.max(0));
     let time = |i: i64| Time((length * i128::from(i) / i128::from(EVALUATION_TIMES - 1)) as i64);
-    let Ok(snapshots) = stage.placed_at(&(0..EVALUATION_TIMES).map(time).collect::<Vec<Time>>()) else {
+    let Ok(snapshots) = stage.evaluate_placements(&(0..EVALUATION_TIMES).map(time).collect::<Vec<Time>>())
+    else {
         return;
     };
     let mut uses: HashMap<u32, Vec<MeshUse>> = HashMap::new();

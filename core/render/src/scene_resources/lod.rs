@@ -57,7 +57,7 @@ pub(super) fn assets_worth_levels(resources: &SceneResources, stage: &Stage) -> 
     let length = i128::from(stage.settings.length.0);
     let time = |i: i64| Time((length * i128::from(2 * i + 1) / i128::from(2 * ESTIMATE_TIMES)) as i64);
     let times: Vec<Time> = (0..ESTIMATE_TIMES).map(time).collect();
-    let Ok(snapshots) = stage.placed_at(&times) else { return vec![false; assets] };
+    let Ok(snapshots) = stage.evaluate_placements(&times) else { return vec![false; assets] };
     let mut small = vec![0.0f64; assets];
     for snapshot in &snapshots {
         let view = View::new(&snapshot.camera, stage.settings.size);

@@ -1,4 +1,4 @@
-//! Exporters in Rhai on a scene made here: what they write, and how everything wrong is answered.
+//! Exporters in Rhai on a scene made here: the written files, and the error messages.
 
 use choreo_motion::{FrameRate, Time, Transform};
 use choreo_plugin::stage::Stage;
@@ -29,19 +29,19 @@ fn exporter(body: &str) -> RhaiExporter {
     RhaiExporter::from_text("t.exporter.rhai", &text).unwrap()
 }
 
-fn written(body: &str) -> MemoryFiles {
+fn export_files(body: &str) -> MemoryFiles {
     let mut files = MemoryFiles::default();
     exporter(body).export(&scene(), &mut files).unwrap();
     files
 }
 
-fn refused(body: &str) -> String {
+fn export_error(body: &str) -> String {
     exporter(body).export(&scene(), &mut MemoryFiles::default()).unwrap_err().to_string()
 }
 
 #[test]
-fn joints_of_each_frame_are_where_they_stand() {
-    let files = written(
+fn exported_joints_have_world_positions_and_rotations() {
+    let files = export_files(
         "for seconds in scene.times { for actor in pose(seconds).actors { for joint in actor.joints {
             let angle = 2.0 * asin(joint.rotation[2]) / radians(1.0);
             let rounded = [];
@@ -55,7 +55,7 @@ fn joints_of_each_frame_are_where_they_stand() {
 }
 
 #[test]
-fn files_beside_and_notes() {
+fn exporter_writes_extra_files_and_notes() {
     let text = "for i in 0..20000 { write(\"0123456789\"); }\nwrite_to(\"_2.txt\", scene.stem + scene.actors[0].joints);\nnote(\"no colors\");";
     let mut files = MemoryFiles::default();
     let notes = exporter(text).export(&scene(), &mut files).unwrap();
@@ -64,25 +64,25 @@ fn files_beside_and_notes() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_place() {
+fn exporter_errors_state_their_place() {
     assert_eq!(
-        refused("writeln(jointless);"),
+        export_error("writeln(jointless);"),
         "t.exporter.rhai:3:9: unknown variable jointless\n    writeln(jointless);\n            ^"
     );
     assert_eq!(
-        refused("notes(\"a\");"),
+        export_error("notes(\"a\");"),
         "t.exporter.rhai:3:1: unknown function notes; did you mean \"note\"?\n    notes(\"a\");\n    ^"
     );
-    assert!(refused("loop { }").contains("which is the limit"));
+    assert!(export_error("loop { }").contains("which is the limit"));
     let faulty =
         RhaiExporter::from_text("t.exporter.rhai", "fn manifest() { #{ name: \"t\" } }").err().unwrap();
     assert_eq!(faulty.to_string(), "t.exporter.rhai:1:1: an exporter needs fn save(scene)");
 }
 
 /// A disk that is full.
-struct Full;
+struct FullDisk;
 
-impl Write for Full {
+impl Write for FullDisk {
     fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
         Err(Error::other("no space left"))
     }
@@ -91,7 +91,7 @@ impl Write for Full {
     }
 }
 
-impl SceneFiles for Full {
+impl SceneFiles for FullDisk {
     fn main(&mut self) -> &mut dyn Write {
         self
     }
@@ -101,8 +101,8 @@ impl SceneFiles for Full {
 }
 
 #[test]
-fn an_error_of_the_file_ends_the_script() {
+fn write_error_ends_an_endless_exporter() {
     let endless = exporter("loop { writeln(\"0123456789\"); }");
-    let error = endless.export(&scene(), &mut Full).unwrap_err().to_string();
+    let error = endless.export(&scene(), &mut FullDisk).unwrap_err().to_string();
     assert_eq!(error, "cannot write: no space left");
 }

@@ -1,4 +1,4 @@
-//! Importers in Rhai on files made here: what arrives, and how everything wrong is answered.
+//! Importers in Rhai on files made here: the imported assets, and the error messages.
 
 use choreo_asset::{Asset, Projection};
 use choreo_motion::Time;
@@ -8,7 +8,7 @@ use glam::{Quat, Vec2, Vec3};
 use std::sync::Arc;
 
 /// Magic, count, then rows of position, normal and uv, then u32 indices.
-const TRI: &str = r#"
+const TABLE_IMPORTER: &str = r#"
 fn manifest() {
     #{
         name: "tri", about: "a table of vertices", extensions: "tri", magic: "TRI1",
@@ -46,7 +46,7 @@ fn zeros(count) {
 }
 "#;
 
-fn tri_bytes() -> Vec<u8> {
+fn table_bytes() -> Vec<u8> {
     let mut bytes = b"TRI1\x03\0\0\0".to_vec();
     for (x, y) in [(0.0f32, 0.0f32), (1.0, 0.0), (0.0, 2.0)] {
         for v in [x, y, 3.0, 0.0, 0.0, 1.0, x, y] {
@@ -57,9 +57,9 @@ fn tri_bytes() -> Vec<u8> {
     bytes
 }
 
-struct Beside;
+struct NamesFile;
 
-impl Files for Beside {
+impl Files for NamesFile {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         match relative {
             "names.txt" => Ok(Arc::new(b"hip\nknee\n".to_vec())),
@@ -79,29 +79,29 @@ fn source(name: &str, bytes: &[u8]) -> Source {
 fn import(text: &str, bytes: &[u8]) -> Result<Asset, ImportError> {
     let importer = importer(text);
     let options = importer.manifest().complete(&ImportOptions::default()).unwrap();
-    importer.import(&source("a.dat", bytes), &Beside, ImportScope::ALL, &options)
+    importer.import(&source("a.dat", bytes), &NamesFile, ImportScope::ALL, &options)
 }
 
-/// An importer whose `import` does this, on bytes 1 to 8.
-fn body(code: &str) -> Result<Asset, ImportError> {
+/// Imports the bytes 1 to 8 with an importer whose `load` runs this code.
+fn import_with_body(code: &str) -> Result<Asset, ImportError> {
     import(
         &format!("fn manifest() {{ #{{ name: \"x\" }} }}\nfn load(file) {{\n{code}\n}}"),
         &[1, 2, 3, 4, 5, 6, 7, 8],
     )
 }
 
-/// The error without the line of code and the caret below it.
-fn fails(code: &str) -> String {
-    without_code(body(code).err().unwrap_or_else(|| panic!("no error: {code}")))
+/// The import error of this code, without the source line and the caret below it.
+fn import_error(code: &str) -> String {
+    first_line(import_with_body(code).err().unwrap_or_else(|| panic!("no error: {code}")))
 }
 
-fn without_code(error: impl std::fmt::Display) -> String {
+fn first_line(error: impl std::fmt::Display) -> String {
     error.to_string().lines().next().unwrap_or_default().to_string()
 }
 
 #[test]
-fn a_binary_mesh_arrives_whole() {
-    let asset = import(TRI, &tri_bytes()).unwrap();
+fn binary_mesh_is_imported_with_all_attributes() {
+    let asset = import(TABLE_IMPORTER, &table_bytes()).unwrap();
     let p = &asset.meshes[0].primitives[0];
     assert_eq!(p.positions, [Vec3::new(0., 0., 3.), Vec3::new(1., 0., 3.), Vec3::new(0., 2., 3.)]);
     assert_eq!(p.normals, [Vec3::Z; 3]);
@@ -116,7 +116,7 @@ fn colors_are_linear_numbers_or_css_names() {
         let code = format!(
             "material(#{{ color: {color}, emissive: {color} }}); light(#{{ kind: \"sun\", color: {color} }});"
         );
-        let asset = body(&code).unwrap_or_else(|e| panic!("{e}"));
+        let asset = import_with_body(&code).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(asset.materials[0].emissive, asset.materials[0].base_color.truncate());
         assert_eq!(asset.lights[0].light.color, asset.materials[0].emissive);
         asset.materials[0].base_color.to_array()
@@ -128,14 +128,14 @@ fn colors_are_linear_numbers_or_css_names() {
         ("\"rde\"", "material: color: unknown color \"rde\"; did you mean \"red\"?"),
         ("[1, 2]", "material: color must be 3 or 4 numbers, got 2"),
     ] {
-        let text = fails(&format!("material(#{{ color: {color} }});"));
+        let text = import_error(&format!("material(#{{ color: {color} }});"));
         assert!(text.ends_with(message), "{text}");
     }
 }
 
 #[test]
-fn options_come_from_the_manifest_and_reach_the_script() {
-    let importer = importer(TRI);
+fn options_of_the_manifest_are_checked_and_passed_to_load() {
+    let importer = importer(TABLE_IMPORTER);
     let m = importer.manifest();
     assert_eq!(
         (m.name.as_str(), m.extensions[0].as_str(), m.magic[0].as_slice()),
@@ -146,13 +146,14 @@ fn options_come_from_the_manifest_and_reach_the_script() {
     assert_eq!(wrong.message, "tri: option scale must be a number from 0.001 to 1000, got 0");
     let mut options = given("scale", OptionValue::Number(0.5)).unwrap();
     options.0.insert("up".into(), OptionValue::Text("z".into()));
-    let asset = importer.import(&source("a.tri", &tri_bytes()), &Beside, ImportScope::ALL, &options).unwrap();
+    let asset =
+        importer.import(&source("a.tri", &table_bytes()), &NamesFile, ImportScope::ALL, &options).unwrap();
     assert_eq!(asset.meshes[0].primitives[0].positions[2], Vec3::new(0.0, 1.5, -1.0));
 }
 
 #[test]
-fn claims_are_magic_then_extension_or_the_script_s_own() {
-    let tri = importer(TRI);
+fn claim_uses_magic_extension_or_the_claim_function() {
+    let tri = importer(TABLE_IMPORTER);
     assert_eq!(tri.claim(&source("x", b"TRI1....")), Claim::Content(90));
     assert_eq!(tri.claim(&source("x.TRI", b"")), Claim::Extension);
     assert_eq!(tri.claim(&source("x.obj", b"v 0 0 0")), Claim::NotMine);
@@ -170,8 +171,8 @@ fn claims_are_magic_then_extension_or_the_script_s_own() {
 }
 
 #[test]
-fn joints_clips_and_files_beside() {
-    let asset = body(
+fn joints_clips_warnings_and_read_files_are_imported() {
+    let asset = import_with_body(
         r#"
         let names = read("names.txt").lines();
         let hip = joint(names[0], -1, #{ translation: [0, 1, 0] });
@@ -192,7 +193,7 @@ fn joints_clips_and_files_beside() {
 
 #[test]
 fn numbers_are_read_in_both_byte_orders_and_all_widths() {
-    body(
+    import_with_body(
         r#"
         let b = file.bytes;
         let same = |a, b| if a != b { throw `${a} is not ${b}`; };
@@ -221,14 +222,14 @@ fn numbers_are_read_in_both_byte_orders_and_all_widths() {
 }
 
 #[test]
-fn errors_have_the_importer_s_line_and_the_file_s_byte() {
+fn errors_state_the_script_line_and_the_byte_of_the_file() {
     let cases = [
         ("file.bytes.f32s(4, 2)", "f32s: needs the bytes 4..12, the file has 8"),
         ("file.bytes.part(4, 4).u16(3)", "u16: needs the bytes 7..9, this part is 4..8"),
         ("file.bytes.u8(-1)", "u8: needs the bytes -1..0, the file has 8"),
         (
             "file.bytes.u8s(0, 9223372036854775807, #{ stride: 1000 })",
-            "u8s: 9223372036854775807 rows of 1000 bytes",
+            "u8s: cannot read 9223372036854775807 rows of 1000 bytes",
         ),
         (
             "file.bytes.u8s(0, 1, #{ strid: 1 })",
@@ -236,7 +237,7 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
         ),
         (
             "file.bytes.f32s(0, 1, #{ normalized: true })",
-            "f32s: normalized is true or false, and for integers up to 32 bits",
+            "f32s: normalized must be true or false; true needs an integer type of at most 32 bits",
         ),
         ("jont(\"a\")", "unknown function jont; did you mean \"joint\"?"),
         (
@@ -259,8 +260,8 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
             "an array or map of more than 1000000 elements, which is the limit; numbers(…) and f32s(…) hold more",
         ),
         ("let a = \"ab\"; loop { a += a; }", "a text of more than 67108864 bytes, which is the limit"),
-        ("parse_int(\"fg\", 16)", "parse_int: \"fg\" is no whole number of this radix"),
-        ("parse_int(\"1\", 1)", "parse_int: \"1\" is no whole number of this radix"),
+        ("parse_int(\"fg\", 16)", "parse_int: \"fg\" is no whole number in this radix"),
+        ("parse_int(\"1\", 1)", "parse_int: \"1\" is no whole number in this radix"),
         ("if parse_int(\"-ff\", 16) != -255 { throw \"no\" } throw \"yes\"", "yes"),
         ("parse_int(\"1.5\")", "parse_int: \"1.5\" is no whole number"),
         ("parse_float(\"one\")", "parse_float: \"one\" is no number"),
@@ -273,18 +274,24 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
         ("throw \"not today\"", "not today"),
     ];
     for (code, message) in cases {
-        assert_eq!(fails(code).split_once(": ").unwrap().1.split_once(": ").unwrap().1, message, "{code}");
+        assert_eq!(
+            import_error(code).split_once(": ").unwrap().1.split_once(": ").unwrap().1,
+            message,
+            "{code}"
+        );
     }
     let deep = "fn manifest() { #{ name: \"my\" } }\nfn down(n) { down(n + 1) }\nfn load(file) { down(0) }";
-    let deep = without_code(import(deep, b"").err().unwrap_or_else(|| panic!("no error")));
+    let deep = first_line(import(deep, b"").err().unwrap_or_else(|| panic!("no error")));
     let calls = "more than 48 nested calls, which is the limit: does a function call itself without end?";
     assert!(deep.ends_with(calls), "{deep}");
-    assert!(fails("let a = 1;\n   file.bytes.u8(9)").starts_with("a.dat: my.importer.rhai:4:15: u8: "));
+    assert!(
+        import_error("let a = 1;\n   file.bytes.u8(9)").starts_with("a.dat: my.importer.rhai:4:15: u8: ")
+    );
 }
 
 #[test]
-fn errors_show_the_line_and_what_was_meant() {
-    let error = body("  let b = file.bytes;\n\tlet n = b.starts_wth(2); // é").unwrap_err();
+fn errors_show_the_source_line_and_a_suggestion() {
+    let error = import_with_body("  let b = file.bytes;\n\tlet n = b.starts_wth(2); // é").unwrap_err();
     let shown = "unknown function starts_wth; did you mean \"starts_with\"?\n    let n = b.starts_wth(2); // é\n              ^";
     assert_eq!((error.what.as_str(), error.place.as_str()), (shown, "my.importer.rhai:4:12"));
     let cases = [
@@ -309,25 +316,26 @@ fn errors_show_the_line_and_what_was_meant() {
         let text = format!(
             "fn manifest() {{ #{{ name: \"x\" }} }}\nfn helper(a) {{ a }}\nfn load(file) {{\n{code}\n}}"
         );
-        assert_eq!(without_code(import(&text, &[1; 8]).unwrap_err().what), message, "{code}");
+        assert_eq!(first_line(import(&text, &[1; 8]).unwrap_err().what), message, "{code}");
     }
     let text =
         "fn manifest() { #{ name: \"x\" } }\nfn load(file) { let seen = 1; inner() }\nfn inner() { seen }";
-    let error = without_code(import(text, b"").unwrap_err().what);
+    let error = first_line(import(text, b"").unwrap_err().what);
     assert_eq!(error, "unknown variable seen: a function sees its parameters only; pass it as one");
 }
 
 #[test]
-fn a_clip_that_does_not_fit_the_skeleton_is_refused() {
-    let text = fails("clip(\"c\", [#{ joint: 3, path: \"scale\", times: [0], values: [1, 1, 1] }])");
+fn clip_for_a_missing_joint_is_an_error() {
+    let text = import_error("clip(\"c\", [#{ joint: 3, path: \"scale\", times: [0], values: [1, 1, 1] }])");
     assert!(text.starts_with("a.dat: my.importer.rhai: clip \"c\": "), "{text}");
 }
 
 #[test]
-fn memory_is_counted_and_bounded() {
-    let text = fails("let n = numbers([0]); loop { n = file.bytes.u8s(0, 8).rows(1, numbers(many())) }");
+fn memory_beyond_the_budget_is_an_error_and_freed_memory_is_returned() {
+    let text =
+        import_error("let n = numbers([0]); loop { n = file.bytes.u8s(0, 8).rows(1, numbers(many())) }");
     assert!(text.contains("unknown function many"), "{text}");
-    let text = fails(
+    let text = import_error(
         "let a = []; a.pad(100000, 0); let rows = numbers(a); let n = numbers([0]); let all = [];
          loop { all.push(n.rows(1, rows)); }",
     );
@@ -340,27 +348,27 @@ fn memory_is_counted_and_bounded() {
     // What is dropped is given back: 160 MB one after the other.
     let dropped = "let a = []; a.pad(100000, 0); let rows = numbers(a); let n = numbers([0]);
          for i in 0..200 { n = n.rows(1, rows); n = numbers([0]); }";
-    body(dropped).unwrap_or_else(|e| panic!("{e}"));
+    import_with_body(dropped).unwrap_or_else(|e| panic!("{e}"));
     // As are the numbers of each line of a text: each took 32 KiB once.
     let lines = "let all = numbers(); for i in 0..5000 { all.append(numbers(\"0 1 2\")); } if all.len != 15000 { throw all.len }";
-    body(lines).unwrap_or_else(|e| panic!("{e}"));
-    let text = fails("let a = []; a.pad(2000000, 0)");
+    import_with_body(lines).unwrap_or_else(|e| panic!("{e}"));
+    let text = import_error("let a = []; a.pad(2000000, 0)");
     assert!(text.contains("more than 1000000 elements, which is the limit"), "{text}");
-    assert!(fails("fn_deep(1)").contains("unknown function"));
+    assert!(import_error("fn_deep(1)").contains("unknown function"));
 }
 
 #[test]
-fn nothing_is_decoded_that_nobody_needs() {
-    let importer = importer(TRI);
+fn geometry_outside_the_import_scope_is_not_decoded() {
+    let importer = importer(TABLE_IMPORTER);
     let options = importer.manifest().complete(&ImportOptions::default()).unwrap();
     let clips =
         ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
-    let asset = importer.import(&source("a.tri", &tri_bytes()), &Beside, clips, &options).unwrap();
+    let asset = importer.import(&source("a.tri", &table_bytes()), &NamesFile, clips, &options).unwrap();
     assert!(asset.meshes.is_empty());
 }
 
 #[test]
-fn broken_importers_say_where() {
+fn invalid_importers_report_line_and_reason() {
     let cases = [
         ("fn manifest() { #{ name: \"x\" } }", "1:1: an importer needs fn load(file)"),
         ("fn load(f) {}", "1:1: an importer needs fn manifest()"),
@@ -387,7 +395,7 @@ fn broken_importers_say_where() {
         ),
     ];
     for (text, message) in cases {
-        let error = without_code(RhaiImporter::from_text("my.importer.rhai", text).err().unwrap());
+        let error = first_line(RhaiImporter::from_text("my.importer.rhai", text).err().unwrap());
         assert_eq!(error, format!("my.importer.rhai:{message}"), "{text}");
     }
     let error = RhaiImporter::from_text("my.importer.rhai", "fn load(f) {\n  let = 3;\n}").err().unwrap();
@@ -395,13 +403,13 @@ fn broken_importers_say_where() {
 }
 
 #[test]
-fn nothing_outside_can_be_reached() {
+fn scripts_cannot_use_eval_import_or_timestamp() {
     for code in ["eval(\"1\")", "import \"x\" as x;", "timestamp()"] {
         let text = format!("fn manifest() {{ #{{ name: \"x\" }} }} fn load(f) {{ {code} }}");
         let refused = match RhaiImporter::from_text("m.importer.rhai", &text) {
             Err(_) => true,
             Ok(i) => {
-                i.import(&source("a", &[]), &Beside, ImportScope::ALL, &ImportOptions::default()).is_err()
+                i.import(&source("a", &[]), &NamesFile, ImportScope::ALL, &ImportOptions::default()).is_err()
             }
         };
         assert!(refused, "{code}");
@@ -409,7 +417,7 @@ fn nothing_outside_can_be_reached() {
 }
 
 #[test]
-fn lines_are_read_in_place_and_polygons_become_triangles() {
+fn lines_are_iterated_and_polygons_are_triangulated() {
     let file = b"\xef\xbb\xbf# head\r\n0 0 0\r\n1 0 0\n\n1 1 0\n# between\n0 1 0\n4 0 1 2 3\n3 0 1 2";
     let code = "let lines = file.bytes.lines();
         if lines.len != 9 || lines[1] != \"0 0 0\" { throw `${lines.len} ${lines[1]}` }
@@ -426,26 +434,26 @@ fn lines_are_read_in_place_and_polygons_become_triangles() {
     let primitive = &asset.meshes[0].primitives[0];
     assert_eq!(primitive.positions.len(), 4);
     assert_eq!(primitive.indices.to_vec(), [0, 1, 2, 0, 2, 3, 0, 1, 2]);
-    let wrong = fails("numbers([3, 0, 1]).fans()");
+    let wrong = import_error("numbers([3, 0, 1]).fans()");
     assert!(wrong.contains("fans: number 0 is 3, must be the number of vertices that follow"), "{wrong}");
 }
 
 #[test]
-fn arrays_of_scripts_meet_each_row() {
-    let turned = body(
+fn script_arrays_apply_to_each_row_of_numbers() {
+    let turned = import_with_body(
         "mesh(#{ positions: numbers([1, 2, 3, 4, 5, 6, 7, 8, 9]).columns(3, [0, 2, 1]) * [1, 1, -1] + [0.5, 0, 0] });",
     )
     .unwrap();
     let positions = turned.meshes[0].primitives[0].positions.iter().map(|p| p.to_array());
     assert_eq!(positions.collect::<Vec<_>>(), [[1.5, 3.0, -2.0], [4.5, 6.0, -5.0], [7.5, 9.0, -8.0]]);
-    assert!(fails("numbers([1, 2, 3]) * [1, 2]").contains("*: 3 numbers do not fill whole rows of 2"));
-    assert!(fails("numbers([1, 2, 3]) + []").contains("+: an array of numbers is needed"));
-    assert!(fails("numbers([1]) + [\"a\"]").contains("+: an array of numbers is needed"));
+    assert!(import_error("numbers([1, 2, 3]) * [1, 2]").contains("*: 3 numbers do not fill whole rows of 2"));
+    assert!(import_error("numbers([1, 2, 3]) + []").contains("+: an array of numbers is needed"));
+    assert!(import_error("numbers([1]) + [\"a\"]").contains("+: an array of numbers is needed"));
 }
 
 #[test]
-fn columns_are_put_side_by_side() {
-    let asset = body(
+fn interleaved_joins_columns_into_rows() {
+    let asset = import_with_body(
         "let s = numbers([0.0, 0.5, 1.0]);
         mesh(#{ positions: interleaved([s * 4, [5, 6, 7], s - 1]), uvs: interleaved([s, s * s]), material: -1, joint: -1 });",
     )
@@ -455,20 +463,23 @@ fn columns_are_put_side_by_side() {
     assert_eq!(positions, [[0.0, 5.0, -1.0], [2.0, 6.0, -0.5], [4.0, 7.0, 0.0]]);
     let uvs: Vec<[f32; 2]> = primitive.uvs[0].iter().map(|uv| uv.to_array()).collect();
     assert_eq!((uvs, primitive.material), (vec![[0.0, 0.0], [0.5, 0.25], [1.0, 1.0]], None));
-    assert!(fails("interleaved([])").contains("interleaved: an array of columns is needed"));
-    assert!(fails("interleaved([[1], 2])").contains("interleaved: an array of columns is needed"));
+    assert!(import_error("interleaved([])").contains("interleaved: an array of columns is needed"));
+    assert!(import_error("interleaved([[1], 2])").contains("interleaved: an array of columns is needed"));
     assert!(
-        fails("interleaved([[1, 2], [3]])").contains("interleaved: column 1 has 1 numbers, the first one 2")
+        import_error("interleaved([[1, 2], [3]])")
+            .contains("interleaved: column 1 has 1 numbers, the first one 2")
     );
-    assert!(fails("interleaved([numbers(), [3]])").contains("column 1 has 1 numbers, the first one 0"));
+    assert!(
+        import_error("interleaved([numbers(), [3]])").contains("column 1 has 1 numbers, the first one 0")
+    );
     // 16 MB of numbers, and 64 MB of them side by side.
     let many = "let s = numbers([1]); for i in 0..21 { s.append(s); } interleaved([s, s, s, s])";
-    assert!(fails(many).contains("too much memory"), "{}", fails(many));
+    assert!(import_error(many).contains("too much memory"), "{}", import_error(many));
 }
 
 #[test]
-fn morphs_parts_normal_maps_cameras_and_lights() {
-    let asset = body(
+fn morph_targets_parts_normal_maps_cameras_and_lights_are_imported() {
+    let asset = import_with_body(
         r#"
         let bumps = image(1, 1, [128, 128, 255]);
         let bumpy = material(#{ name: "bumpy", normal_image: bumps, normal_scale: 0.5 });
@@ -506,22 +517,22 @@ fn morphs_parts_normal_maps_cameras_and_lights() {
     assert_eq!(weights, [0.5]);
     for (code, message) in [
         ("camera(#{ fov: 180 });", "camera: fov must be above 0 and below 180, got 180"),
-        ("camera(#{ fov: 40, height: 2 });", "camera: fov is for perspective"),
+        ("camera(#{ fov: 40, height: 2 });", "camera: give fov for a perspective camera or height"),
         ("light(#{ kind: \"lamp\" });", "light: kind must be"),
         ("light(#{ kind: \"spot\", inner: 40, outer: 20 });", "must be 0 ≤ inner < outer"),
         ("mesh(#{ positions: [0, 0, 0], parts: [3] });", "mesh: parts[0] must be an object map, got 3"),
     ] {
-        let error = body(code).unwrap_err().what;
+        let error = import_with_body(code).unwrap_err().what;
         assert!(error.contains(message), "{code}: {error}");
     }
 }
 
 /// Against glam's own rotations in f64.
 #[test]
-fn rotations_are_quaternions_of_radians() {
+fn quaternion_functions_equal_glam_in_radians() {
     use glam::{DQuat, DVec3, EulerRot};
     let values = |code: &str| -> Vec<f64> {
-        let asset = body(&format!(
+        let asset = import_with_body(&format!(
             "for v in {code} {{ warn(\"\", `${{v}}`); }} points(#{{ positions: [0, 0, 0] }});"
         ));
         asset.unwrap().warnings.iter().filter_map(|w| w.text.parse().ok()).collect()
@@ -548,13 +559,16 @@ fn rotations_are_quaternions_of_radians() {
     let turned = [axis * DVec3::X, axis * DVec3::new(1.0, 2.0, 3.0)].map(|v| v.to_array()).concat();
     near(&format!("turned({a}, [1, 0, 0, 1, 2, 3])"), &turned);
     near("turned(quaternion([0, 0, 1], radians(90)), [1, 0, 0])", &[0.0, 1.0, 0.0]);
-    assert!(fails("quaternion([0, 0, 0], 1.0);").contains("the axis needs a length"));
+    assert!(import_error("quaternion([0, 0, 0], 1.0);").contains("the axis needs a length"));
     assert!(
-        fails("quaternions(\"xxy\", [0, 0, 0]);").contains("the letters x, y and z, as \"xyz\", got \"xxy\"")
+        import_error("quaternions(\"xxy\", [0, 0, 0]);")
+            .contains("the letters x, y and z, as \"xyz\", got \"xxy\"")
     );
-    assert!(fails("quaternions(\"xyz\", [0, 0]);").contains("3 numbers, or rows of 3 numbers, are needed"));
     assert!(
-        fails("product([0, 0, 0, 1, 0, 0, 0, 1], numbers([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]));")
+        import_error("quaternions(\"xyz\", [0, 0]);").contains("3 numbers, or rows of 3 numbers, are needed")
+    );
+    assert!(
+        import_error("product([0, 0, 0, 1, 0, 0, 0, 1], numbers([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]));")
             .contains("one list has 2 rows, the other 3")
     );
     // A text that is not found has the place -1.

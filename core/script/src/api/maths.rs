@@ -1,6 +1,6 @@
 //! Mathematics with the same bits on every machine: libm, not the system's library. Angles are radians.
 
-use choreo_stage::noise::{hash, noise, unit};
+use choreo_stage::noise::{noise, splitmix64, unit_interval};
 use glam::DQuat;
 use rhai::{Dynamic, Engine, EvalAltResult, ImmutableString, Position};
 
@@ -226,13 +226,13 @@ fn parsers(engine: &mut Engine) {
 
 fn random(engine: &mut Engine) {
     engine.register_fn("rand", |seed: Dynamic| -> Result<f64, Box<EvalAltResult>> {
-        Ok(unit(hash(seed_of(&seed)?)))
+        Ok(unit_interval(splitmix64(seed_of(&seed)?)))
     });
     engine.register_fn(
         "rand",
         |seed: Dynamic, low: Dynamic, high: Dynamic| -> Result<f64, Box<EvalAltResult>> {
             let (low, high) = (number(&low, "rand: low")?, number(&high, "rand: high")?);
-            Ok(low + (high - low) * unit(hash(seed_of(&seed)?)))
+            Ok(low + (high - low) * unit_interval(splitmix64(seed_of(&seed)?)))
         },
     );
     engine.register_fn("noise", |x: Dynamic| -> Result<f64, Box<EvalAltResult>> {

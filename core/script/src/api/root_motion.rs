@@ -101,7 +101,7 @@ fn path(c: &mut Call) -> Reply {
     let o = c.options(1, &["speed", "from", "closed", "turn"])?;
     let pace = match o.number_in("speed", 0.0, 1e6)? {
         Some(speed) => Pace::Constant(speed),
-        None => Pace::OfClips,
+        None => Pace::FromRootMotion,
     };
     let start = o.get("from").map(|v| crate::call::time(&v, "path: from")).transpose()?;
     let path = Path::new(points, o.flag("closed")?.unwrap_or(false))

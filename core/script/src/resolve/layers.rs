@@ -21,7 +21,7 @@ fn warn_of_missing_root_motion(build: &StageDraft, made: &[Option<Cue>], notes: 
             .actor
             .path_following
             .as_ref()
-            .is_some_and(|path_following| path_following.pace == Pace::OfClips);
+            .is_some_and(|path_following| path_following.pace == Pace::FromRootMotion);
         let carried = actor.root.is_some_and(|root| root.used == RootUse::Carries);
         if !paced && !carried {
             continue;

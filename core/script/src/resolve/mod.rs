@@ -72,7 +72,7 @@ pub fn resolve(
         let actors = std::mem::take(&mut build.actors).into_iter().zip(layers);
         stage.actors = actors.map(|(draft, layers)| actor(draft, layers, &mut hidden_parts)).collect();
         if by_files {
-            stage.take_ambient_of_files();
+            stage.use_ambient_light_of_files();
         }
         stage.cameras =
             std::mem::take(&mut build.cameras).into_iter().map(|draft| camera(draft, &mut notes)).collect();

@@ -7,7 +7,7 @@ use crate::stage::described::Described;
 use choreo_motion::Time;
 
 /// Errors of the constraints, limits and springs of an actor, as place and text.
-pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
+pub(crate) fn constraint_problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
     let mut found = Vec::new();
     let joints = actor.asset.skeleton.len();
     let mut bad = |place: &str, what: String| found.push((place.to_string(), what));
@@ -44,7 +44,7 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
             bad("springs", format!("the wind is {}, must be finite", springs.wind));
         }
         if springs.pre_roll < Time::ZERO {
-            bad("springs", "the pre-roll is negative".into());
+            bad("springs", format!("the pre-roll is {} s, must not be negative", springs.pre_roll.as_secs()));
         }
     }
     found
@@ -77,7 +77,7 @@ fn kind_problems(stage: &Stage, actor: &Actor, kind: &ConstraintKind) -> Vec<Str
     let chain = match kind {
         ConstraintKind::Reach(reach) => {
             let (count, soft, hint) = (reach.joints.len(), reach.soft, reach.hint);
-            require(count >= 2, &|| format!("the chain has {count} of at least 2 joints"));
+            require(count >= 2, &|| format!("the number of joints is {count}, must be at least 2"));
             require((0.0..=1.0).contains(&soft), &|| format!("soft is {soft}, must be from 0 to 1"));
             require(hint.is_finite(), &|| format!("the hint is {hint}, must be finite"));
             if let Some(offset) = reach.offset {
@@ -104,7 +104,7 @@ fn kind_problems(stage: &Stage, actor: &Actor, kind: &ConstraintKind) -> Vec<Str
         }
         ConstraintKind::Mirror(mirroring) => {
             let (count, joints) = (mirroring.joints.joint_count(), actor.asset.skeleton.len());
-            let text = || format!("the map has {count} joints, the skeleton has {joints}");
+            let text = || format!("the mirror map has {count} joints, the skeleton has {joints}");
             return (count != joints).then(text).into_iter().collect();
         }
     };

@@ -11,7 +11,7 @@ use choreo_motion::{Clip, Time};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Sampling interval of the blended foot contacts.
-const STEP: Time = Time(Time::TICKS_PER_SECOND / 480);
+const CONTACT_SAMPLE_INTERVAL: Time = Time(Time::TICKS_PER_SECOND / 480);
 
 /// Shortest swing of a foot; contacts with a shorter gap are merged.
 const SHORTEST_STEP: Time = Time(Time::TICKS_PER_SECOND / 15);
@@ -33,7 +33,7 @@ struct ContactKey {
 }
 
 impl ContactKey {
-    fn is(&self, other: &ContactKey) -> bool {
+    fn is_same_key(&self, other: &ContactKey) -> bool {
         Arc::ptr_eq(&self.asset, &other.asset)
             && Arc::ptr_eq(&self.clip, &other.clip)
             && self.trim == other.trim
@@ -42,9 +42,9 @@ impl ContactKey {
 }
 
 impl ClipContacts {
-    fn of(&self, key: ContactKey) -> FootIntervals {
+    fn intervals_of(&self, key: ContactKey) -> FootIntervals {
         let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, found)) = known().iter().find(|(other, _)| other.is(&key)) {
+        if let Some((_, found)) = known().iter().find(|(other, _)| other.is_same_key(&key)) {
             return found.clone();
         }
         let found = Contacts::find(&key.asset.skeleton, &key.clip, key.trim, &key.feet);
@@ -72,7 +72,7 @@ impl<'a> FootContacts<'a> {
             let (asset, clip) = (actor.asset.clone(), cue.clip.clone());
             ContactKey { asset, clip, trim: cue.trim, feet: feet.clone() }
         };
-        let cues = layer.iter().map(|cue| known.of(key(cue))).collect();
+        let cues = layer.iter().map(|cue| known.intervals_of(key(cue))).collect();
         let across = |constraint: &'a Constraint| {
             let ConstraintKind::Mirror(mirroring) = &constraint.kind else { return None };
             let other = |(own, leg): (usize, &Leg)| {
@@ -86,9 +86,9 @@ impl<'a> FootContacts<'a> {
     }
 
     /// Contacts of the feet of `legs` legs between two times, as touch-down and lift-off times, with a resolution of 1/480 s.
-    pub fn stands(&self, legs: usize, from: Time, to: Time) -> Vec<Vec<(Time, Time)>> {
-        let at = |i: usize| from + Time(i as i64 * STEP.0);
-        let count = ((to - from).0 / STEP.0) as usize;
+    pub fn contact_spans(&self, legs: usize, from: Time, to: Time) -> Vec<Vec<(Time, Time)>> {
+        let at = |i: usize| from + Time(i as i64 * CONTACT_SAMPLE_INTERVAL.0);
+        let count = ((to - from).0 / CONTACT_SAMPLE_INTERVAL.0) as usize;
         let mut ratios = vec![Vec::with_capacity(count + 1); legs];
         let mut active_cues = Vec::new();
         for time in (0..=count).map(at) {
@@ -100,7 +100,7 @@ impl<'a> FootContacts<'a> {
             }
         }
         let of_leg = |ratios: Vec<f64>| {
-            let still = still_intervals(&ratios, STEP.as_secs(), false).into_iter();
+            let still = still_intervals(&ratios, CONTACT_SAMPLE_INTERVAL.as_secs(), false).into_iter();
             let mut found: Vec<(Time, Time)> = still.map(|(first, last)| (at(first), at(last))).collect();
             // Contacts that nearly touch are merged: the foot lifts off in one clip and lands in the other at once, which leaves no time
             // for a step.
@@ -118,24 +118,24 @@ impl<'a> FootContacts<'a> {
 
     /// Seconds until a leg's foot touches down in the clip that has at least half of the weight at `time`; 0 if the foot stands.
     /// `backwards`: seconds since it lifted off instead. At most `most`.
-    pub(crate) fn lands_secs(&self, leg: usize, time: Time, backwards: bool, most: f64) -> f64 {
+    pub(crate) fn secs_until_landing(&self, leg: usize, time: Time, backwards: bool, most: f64) -> f64 {
         let leg = self.leg_in_clips(leg, time);
         let playing = self.actor.active_clips(time);
         let Some(cue) = playing.iter().rev().find(|c| c.layer == 0 && c.weight >= 0.5).map(|c| c.cue) else {
             return 0.0;
         };
-        let step = if backwards { Time(-STEP.0) } else { STEP };
-        let samples = (most / STEP.as_secs()) as i64;
+        let step = if backwards { Time(-CONTACT_SAMPLE_INTERVAL.0) } else { CONTACT_SAMPLE_INTERVAL };
+        let samples = (most / CONTACT_SAMPLE_INTERVAL.as_secs()) as i64;
         let down = |i: &i64| {
             let clip_time = self.actor.layers[0].cues[cue].clip_time(time + Time(step.0 * i), false);
-            self.is_down(cue, leg, clip_time)
+            self.is_foot_down(cue, leg, clip_time)
         };
-        (0..samples).find(down).map_or(most, |i| i as f64 * STEP.as_secs())
+        (0..samples).find(down).map_or(most, |i| i as f64 * CONTACT_SAMPLE_INTERVAL.as_secs())
     }
 
     /// The leg of the clip whose contacts a leg takes over: another leg while the character is mirrored.
     fn leg_in_clips(&self, leg: usize, time: Time) -> usize {
-        let constraints = self.mirrored.iter().filter(|(constraint, _)| constraint.share(time) >= 0.5);
+        let constraints = self.mirrored.iter().filter(|(constraint, _)| constraint.weight_at(time) >= 0.5);
         constraints.fold(leg, |leg, (_, across)| across.get(leg).copied().unwrap_or(leg))
     }
 
@@ -148,13 +148,13 @@ impl<'a> FootContacts<'a> {
         let mut share = 0.0;
         for active in active_cues {
             let weight = f64::from(active.weight);
-            let down = self.is_down(active.cue, leg, active.clip_time);
+            let down = self.is_foot_down(active.cue, leg, active.clip_time);
             share += (f64::from(u8::from(down)) - share) * weight;
         }
         if share >= 0.5 { 0.0 } else { 2.0 }
     }
 
-    fn is_down(&self, cue: usize, leg: usize, at: Time) -> bool {
+    fn is_foot_down(&self, cue: usize, leg: usize, at: Time) -> bool {
         let Some(trim) = self.actor.layers.first().and_then(|l| l.cues.get(cue)).map(|c| c.trim) else {
             return false;
         };

@@ -1,42 +1,42 @@
-//! Footstep planner for fades between a walk and a stand: which foot steps, when, and where to.
+//! Footstep planner for fades between walking and standing: plans which foot steps, when, and where to.
 //!
 //! A plain fade averages the feet of both clips, which drags them over the ground. Here each foot stays in place until it is lifted, and
 //! lands where the standing clip will have it. A foot that is in the air moves first, then the foot that is farthest from its target. A
-//! long fade, in which the body keeps moving, takes several steps. A fade from a stand to a walk is planned backwards in time. Nothing is
+//! long fade, in which the body keeps moving, takes several steps. A fade from standing to walking is planned backwards in time. Nothing is
 //! stored from frame to frame: a step is a function of the time.
 
 use choreo_motion::Time;
 use glam::DVec3;
 
-/// Duration of a step by a leg of length [`LEG`], seconds.
+/// Duration of a step by a leg of length [`REFERENCE_LEG`], seconds.
 const STEP_SECS: f64 = 0.35;
 /// Length of a reference leg, metres.
-pub(super) const LEG: f64 = 0.85;
+pub(super) const REFERENCE_LEG: f64 = 0.85;
 /// Shortest duration of a hurried step, as a share of a normal step.
-const HURRIED: f64 = 0.65;
+const HURRIED_SHARE: f64 = 0.65;
 /// Height of a step as a share of its length, and its upper and lower limits in leg lengths.
-const LIFT: f64 = 0.25;
-const HIGHEST: f64 = 0.1;
-const LOWEST: f64 = 0.04;
+const LIFT_SHARE: f64 = 0.25;
+const MAX_LIFT_LEGS: f64 = 0.1;
+const MIN_LIFT_LEGS: f64 = 0.04;
 /// Shares of a step's duration before which the foot only rises, and after which it only descends.
-const UPRIGHT: [f64; 2] = [0.1, 0.85];
-/// How far a step leads ahead of the body: the time after landing at which the body is over the foot, in step durations. The value is the
+const VERTICAL_SHARES: [f64; 2] = [0.1, 0.85];
+/// Lead of a step ahead of the hips: the time from the landing until the hips are over the foot, in step durations. The value is the
 /// middle of the contact that follows.
-const AHEAD: f64 = 0.7;
-/// Number of fractions of [`AHEAD`] that are tried until the leg reaches.
-const SHARES: u32 = 7;
+const LEAD_STEPS: f64 = 0.7;
+/// Number of fractions of [`LEAD_STEPS`] that are tried until the leg reaches.
+const LEAD_TRIALS: u32 = 7;
 /// Feet closer than this to their targets, in leg lengths, wait while the body still moves.
 const MOVING_TOLERANCE_LEGS: f64 = 0.2;
 /// A foot that would land within this distance of its final target, in leg lengths, lands on the target.
 const SNAP_LEGS: f64 = 0.15;
 /// Feet closer than this to their targets, in leg lengths, do not step.
 const SETTLED_LEGS: f64 = 0.004;
-const MOST_STEPS: usize = 64;
+const MAX_STEPS: usize = 64;
 /// Time step of the planner, seconds.
 const TIME_STEP_SECS: f64 = 1.0 / 60.0;
 /// Largest initial speed of a step times its duration, in step lengths. With a larger value v the minimum-jerk quintic overshoots its end
 /// at 1 and comes back: at a time u before the end it is at 1 − (10 − 4 v) u³.
-const OVERSHOOT: f64 = 2.5;
+const MAX_START_SPEED: f64 = 2.5;
 
 /// State of a foot at the start of the plan, world space.
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +58,7 @@ pub(super) struct FootstepPlan<'a> {
     /// Duration of the fade; the body stands from then on.
     pub fade_secs: f64,
     /// Length of a leg, metres.
-    pub leg: f64,
+    pub leg_length: f64,
 }
 
 /// One step; times in seconds since the plan begins.
@@ -77,25 +77,26 @@ pub(super) struct PlannedStep {
 impl FootstepPlan<'_> {
     /// Plans the steps of each foot, in order of time. `None` if no number of steps brings the feet to their targets.
     pub fn run(&self) -> Option<Vec<Vec<PlannedStep>>> {
-        let step_secs = step_secs(self.leg);
+        let step_secs = step_secs(self.leg_length);
         let mut steps: Vec<Vec<PlannedStep>> = vec![Vec::new(); self.feet.len()];
         let mut places: Vec<DVec3> = self.feet.iter().map(|f| f.position).collect();
         let mut now: f64 = 0.0;
         for (leg, foot) in self.feet.iter().enumerate().filter(|(_, f)| f.lands_secs > 0.0) {
-            let step = self.step_on(leg, foot, step_secs);
+            let step = self.landing_step(leg, foot, step_secs);
             let (secs, end) = (step.to, step.end);
             steps[leg].push(step);
             places[leg] = end;
             now = now.max(secs);
         }
         let at_once = (self.feet.len() / 2).max(1);
-        for _ in 0..MOST_STEPS {
-            let off =
-                |leg: usize, time: f64| (self.place(leg, time, step_secs) - places[leg]).with_y(0.0).length();
+        for _ in 0..MAX_STEPS {
+            let off = |leg: usize, time: f64| {
+                (self.landing_position(leg, time, step_secs) - places[leg]).with_y(0.0).length()
+            };
             let mut worst: Vec<usize> = (0..places.len()).collect();
             worst.sort_by(|a, b| off(*b, now).total_cmp(&off(*a, now)));
             let wait = if now < self.fade_secs { MOVING_TOLERANCE_LEGS } else { SETTLED_LEGS };
-            worst.retain(|leg| off(*leg, now) > wait * self.leg);
+            worst.retain(|leg| off(*leg, now) > wait * self.leg_length);
             worst.truncate(at_once);
             if worst.is_empty() {
                 if now >= self.fade_secs {
@@ -109,13 +110,13 @@ impl FootstepPlan<'_> {
                 let mut others = (0..places.len()).filter(|leg| !worst.contains(leg));
                 others.all(|leg| (self.reaches)(leg, places[leg], now + secs))
             };
-            let mut secs = HURRIED * step_secs;
+            let mut secs = HURRIED_SHARE * step_secs;
             while secs + TIME_STEP_SECS <= step_secs && stays(secs + TIME_STEP_SECS) {
                 secs += TIME_STEP_SECS;
             }
             for leg in worst {
-                let (start, end) = (places[leg], self.place(leg, now + secs, step_secs));
-                let (velocity, lift) = (DVec3::ZERO, step_lift(start, end, self.leg));
+                let (start, end) = (places[leg], self.landing_position(leg, now + secs, step_secs));
+                let (velocity, lift) = (DVec3::ZERO, step_lift(start, end, self.leg_length));
                 steps[leg].push(PlannedStep { from: now, to: now + secs, start, velocity, end, lift });
                 places[leg] = end;
             }
@@ -125,57 +126,60 @@ impl FootstepPlan<'_> {
     }
 
     /// The step of a foot that is in the air as the plan begins.
-    fn step_on(&self, leg: usize, foot: &FootState, step_secs: f64) -> PlannedStep {
-        let hurried = HURRIED * step_secs;
+    fn landing_step(&self, leg: usize, foot: &FootState, step_secs: f64) -> PlannedStep {
+        let hurried = HURRIED_SHARE * step_secs;
         let mut secs = foot.lands_secs.clamp(hurried, step_secs);
         let mut velocity = foot.velocity;
-        let mut end = self.place(leg, secs, step_secs);
+        let mut end = self.landing_position(leg, secs, step_secs);
         // A foot that is too fast for its remaining path would overshoot its target and come back. It lands earlier instead, at the
         // earliest as in its clip, and brakes if it is still too fast.
         let way = (end - foot.position).with_y(0.0);
         let ahead = way.normalize_or_zero();
         let speed = velocity.dot(ahead);
         let most = |secs: f64, end: DVec3| {
-            OVERSHOOT * (end - foot.position).with_y(0.0).dot(ahead).max(0.0) / (UPRIGHT[1] * secs)
+            MAX_START_SPEED * (end - foot.position).with_y(0.0).dot(ahead).max(0.0)
+                / (VERTICAL_SHARES[1] * secs)
         };
         if speed > most(secs, end) {
             secs = (secs * most(secs, end) / speed).max(foot.lands_secs.min(secs)).max(TIME_STEP_SECS);
-            end = self.place(leg, secs, step_secs);
+            end = self.landing_position(leg, secs, step_secs);
             velocity -= ahead * (speed - most(secs, end)).max(0.0);
         }
         // The present height above the ground counts towards the lift, and a short step is low.
         let high = (foot.position.y - end.y).max(0.0);
-        let lift = (step_lift(foot.position, end, self.leg) - high).max(LOWEST * self.leg)
+        let lift = (step_lift(foot.position, end, self.leg_length) - high)
+            .max(MIN_LIFT_LEGS * self.leg_length)
             * (secs / hurried).min(1.0);
         PlannedStep { from: 0.0, to: secs, start: foot.position, velocity, end, lift }
     }
 
     /// World position at which a foot lands at a time: as far ahead of the hips as the leg reaches by then.
-    fn place(&self, leg: usize, secs: f64, step_secs: f64) -> DVec3 {
+    fn landing_position(&self, leg: usize, secs: f64, step_secs: f64) -> DVec3 {
         let last = (self.stance)(leg, self.fade_secs);
         let ahead = |share: u32| {
-            let there = (self.stance)(leg, secs + AHEAD * step_secs * f64::from(share) / f64::from(SHARES));
-            if (there - last).length() < SNAP_LEGS * self.leg { last } else { there }
+            let there =
+                (self.stance)(leg, secs + LEAD_STEPS * step_secs * f64::from(share) / f64::from(LEAD_TRIALS));
+            if (there - last).length() < SNAP_LEGS * self.leg_length { last } else { there }
         };
-        let reached = (0..=SHARES).rev().map(ahead).find(|there| (self.reaches)(leg, *there, secs));
+        let reached = (0..=LEAD_TRIALS).rev().map(ahead).find(|there| (self.reaches)(leg, *there, secs));
         reached.unwrap_or_else(|| (self.stance)(leg, secs))
     }
 }
 
-/// Duration of a step in seconds. `leg`: leg length, metres.
-pub(super) fn step_secs(leg: f64) -> f64 {
-    STEP_SECS * (leg / LEG).sqrt()
+/// Duration of a step in seconds. `leg_length`: metres.
+pub(super) fn step_secs(leg_length: f64) -> f64 {
+    STEP_SECS * (leg_length / REFERENCE_LEG).sqrt()
 }
 
-/// Duration of a hurried step in seconds. `leg`: leg length, metres.
-pub(super) fn hurried_secs(leg: f64) -> f64 {
-    HURRIED * step_secs(leg)
+/// Duration of a hurried step in seconds. `leg_length`: metres.
+pub(super) fn hurried_secs(leg_length: f64) -> f64 {
+    HURRIED_SHARE * step_secs(leg_length)
 }
 
 /// Height of a step above the line from its start to its end, metres.
-pub(super) fn step_lift(start: DVec3, end: DVec3, leg: f64) -> f64 {
+pub(super) fn step_lift(start: DVec3, end: DVec3, leg_length: f64) -> f64 {
     let way = (end - start).with_y(0.0).length();
-    (LIFT * way).clamp(LOWEST * leg, HIGHEST * leg)
+    (LIFT_SHARE * way).clamp(MIN_LIFT_LEGS * leg_length, MAX_LIFT_LEGS * leg_length)
 }
 
 /// A step on stage: a [`PlannedStep`], forwards or backwards in time.
@@ -195,13 +199,13 @@ impl Footstep {
         Footstep { from: a.min(b), to: a.max(b), step, backwards }
     }
 
-    /// Whether the step leads from a stand to a walk.
+    /// Whether the step leads from standing to walking.
     pub(crate) fn leads_to_walk(&self) -> bool {
         self.backwards
     }
 
     /// Positions of the foot before and after the step, in the order of time.
-    pub fn ends(&self) -> [DVec3; 2] {
+    pub fn start_and_end(&self) -> [DVec3; 2] {
         let PlannedStep { start, end, .. } = self.step;
         if self.backwards { [end, start] } else { [start, end] }
     }
@@ -215,8 +219,8 @@ impl Footstep {
         let s = if self.backwards { 1.0 - s } else { s };
         let PlannedStep { start, velocity, end, lift, .. } = self.step;
         // A foot that is in the air already moves on at once.
-        let lifts = if velocity == DVec3::ZERO { UPRIGHT[0] } else { 0.0 };
-        let over = UPRIGHT[1] - lifts;
+        let lifts = if velocity == DVec3::ZERO { VERTICAL_SHARES[0] } else { 0.0 };
+        let over = VERTICAL_SHARES[1] - lifts;
         let t = ((s - lifts) / over).clamp(0.0, 1.0);
         let way = t * t * t * (10.0 - t * (15.0 - 6.0 * t));
         let onward = t - t * t * t * (6.0 - t * (8.0 - 3.0 * t));
@@ -230,12 +234,12 @@ impl Footstep {
 mod tests {
     use super::*;
 
-    /// A body that comes from −z and stops at 0 after `fade` seconds, with feet 0.1 m to either side.
+    /// Steps of a character that comes from −z and stops at 0 after `fade` seconds, with feet 0.1 m to either side.
     fn plan(feet: [FootState; 2], speed: f64, fade: f64) -> Vec<Vec<PlannedStep>> {
         let body = move |t: f64| -speed * (fade - t.min(fade)).powi(2) / (2.0 * fade);
         let stance = move |leg: usize, t: f64| DVec3::new(0.1 - 0.2 * leg as f64, 0.0, body(t));
         let reaches = move |_: usize, place: DVec3, t: f64| (place.z - body(t)).abs() < 0.45;
-        FootstepPlan { feet: &feet, stance: &stance, reaches: &reaches, fade_secs: fade, leg: 0.85 }
+        FootstepPlan { feet: &feet, stance: &stance, reaches: &reaches, fade_secs: fade, leg_length: 0.85 }
             .run()
             .unwrap()
     }
@@ -245,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn feet_step_in_turns_until_both_are_in_place() {
+    fn feet_step_alternately_until_both_reach_their_targets() {
         for fade in [0.2, 0.5, 1.5] {
             let begin = -1.2 * fade / 2.0;
             let air = FootState { velocity: DVec3::Z * 2.0, lands_secs: 0.2, ..standing(-0.1, begin - 0.1) };
@@ -261,7 +265,7 @@ mod tests {
                 }
                 all.sort_by(|a, b| a.1.from.total_cmp(&b.1.from));
                 assert_eq!(all[0].0, first, "{fade}: {all:?}");
-                // One foot is on the ground at any time, and both in turns.
+                // At any time one foot is on the ground, and the feet step alternately.
                 for pair in all.windows(2) {
                     assert!(
                         pair[1].1.from >= pair[0].1.to - 1e-9 && pair[0].0 != pair[1].0,
@@ -276,12 +280,12 @@ mod tests {
     }
 
     #[test]
-    fn a_fast_foot_does_not_get_past_its_place() {
+    fn fast_foot_does_not_overshoot_its_target() {
         for (z, lands_secs) in [(-0.4, 0.02), (-0.3, 0.1), (-0.1, 0.2), (-0.02, 0.25), (-0.38, 0.3)] {
             let air = FootState { velocity: DVec3::Z * 5.8, lands_secs, ..standing(-0.1, z) };
             let steps = plan([standing(0.1, 0.0), air], 0.0, 0.5);
             let step = Footstep::new(steps[1][0], Time::ZERO, false);
-            assert!(step.to.as_secs() <= 0.35 && step.ends()[1].z.abs() < 1e-9, "{step:?}");
+            assert!(step.to.as_secs() <= 0.35 && step.start_and_end()[1].z.abs() < 1e-9, "{step:?}");
             let farthest = |step: &Footstep| {
                 let at = |i: i32| step.at(step.to.scaled(f64::from(i) / 200.0)).z;
                 (0..=200).map(at).fold(f64::NEG_INFINITY, f64::max)
@@ -294,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_begins_as_fast_as_the_foot_and_rises_before_it_moves() {
+    fn step_starts_at_the_foot_velocity_and_rises_before_it_moves() {
         let (start, end) = (DVec3::ZERO, DVec3::new(0.0, 0.02, 0.5));
         let step = |velocity| PlannedStep { from: 0.0, to: 0.35, start, velocity, end, lift: 0.08 };
         let begin = Time::from_secs(2.0);
@@ -304,9 +308,9 @@ mod tests {
         let velocity = (fast.at(secs(h)) - fast.at(secs(0.0))) / h;
         assert!((velocity - DVec3::new(0.3, 0.1, 2.0)).length() < 1e-2, "{velocity}");
         assert!((fast.at(fast.to) - end).length() < 1e-12);
-        // Backwards it leads back to where the foot came from.
+        // A step planned backwards in time leads from its end to its start.
         let back = Footstep::new(step(DVec3::ZERO), begin, true);
-        assert!(back.to == begin && back.ends() == [end, start]);
+        assert!(back.to == begin && back.start_and_end() == [end, start]);
         assert!((back.at(back.from) - end).length() < 1e-12 && back.at(back.to).length() < 1e-12);
         let slow = Footstep::new(step(DVec3::ZERO), begin, false);
         let low = (0..=350).map(|i| slow.at(secs(f64::from(i) * 1e-3)));

@@ -3,7 +3,7 @@
 //! Strides of quadrupeds are matched as a whole, so the mean of both gaits may lift a foot that should stand, or drag a foot that should be
 //! in the air. During the fade each foot stands as high as in the gaits alone, and in the air it is kept higher than that.
 
-use crate::constraints::foot_lock::{Contact, smooth};
+use crate::constraints::foot_lock::{Contact, smoothstep};
 use crate::constraints::foot_samples::FootSamples;
 use crate::constraints::footsteps::hurried_secs;
 use crate::stage::constraint::FootLock;
@@ -28,10 +28,14 @@ pub(super) struct GaitFade {
 
 impl GaitFade {
     /// The gait fades of a constraint. `contacts`: contacts in the clips, by leg.
-    pub fn all(foot_lock: &FootLock, samples: &FootSamples, contacts: &[Vec<(Time, Time)>]) -> Vec<GaitFade> {
+    pub fn find_all(
+        foot_lock: &FootLock,
+        samples: &FootSamples,
+        contacts: &[Vec<(Time, Time)>],
+    ) -> Vec<GaitFade> {
         let of_leg = |span: (Time, Time), leg: usize| {
             let height = |(from, to): &(Time, Time)| {
-                let (first, last) = samples.between((*from, *to));
+                let (first, last) = samples.samples_between((*from, *to));
                 let places = &samples.feet[leg][first..=last];
                 places.iter().map(|place| place.y).sum::<f64>() / places.len() as f64
             };
@@ -47,24 +51,24 @@ impl GaitFade {
     }
 
     /// World height of a standing foot at a time of the fade, or shortly before or after it.
-    fn height(&self, leg: usize, time: Time) -> Option<f64> {
+    fn standing_height(&self, leg: usize, time: Time) -> Option<f64> {
         let [before, after] = self.heights.get(leg).copied().flatten()?;
         let (from, to) = self.span;
-        Some(before + (after - before) * smooth((time - from).as_secs() / (to - from).as_secs()))
+        Some(before + (after - before) * smoothstep((time - from).as_secs() / (to - from).as_secs()))
     }
 
     /// Upper limit of the world height of a contact; infinite outside gait fades.
-    pub fn highest(fades: &[GaitFade], leg: usize, (from, to): (Time, Time)) -> f64 {
+    pub fn max_contact_height(fades: &[GaitFade], leg: usize, (from, to): (Time, Time)) -> f64 {
         let fade =
             fades.iter().find(|fade| from <= fade.span.1 + FADE_MARGIN && to >= fade.span.0 - FADE_MARGIN);
-        fade.and_then(|fade| fade.height(leg, from.middle(to))).unwrap_or(f64::INFINITY)
+        fade.and_then(|fade| fade.standing_height(leg, from.middle(to))).unwrap_or(f64::INFINITY)
     }
 
     /// Shortest time in which a foot goes from one contact to the next in a gait fade: that of a hurried step, or less for a short
     /// distance; zero outside gait fades. Contacts may be closer together if the feet of two gaits land in different orders.
-    pub fn least_gap(fades: &[GaitFade], leg: usize, leg_length: f64, ends: [&Contact; 2]) -> Time {
+    pub fn min_gap(fades: &[GaitFade], leg: usize, leg_length: f64, ends: [&Contact; 2]) -> Time {
         let [Some(start), Some(end)] = ends.map(|contact| contact.position) else { return Time::ZERO };
-        if GaitFade::ground(fades, leg, ends[0].to.middle(ends[1].from)).is_none() {
+        if GaitFade::ground_height(fades, leg, ends[0].to.middle(ends[1].from)).is_none() {
             return Time::ZERO;
         }
         let way = (end - start).with_y(0.0).length();
@@ -72,10 +76,10 @@ impl GaitFade {
     }
 
     /// World height of the ground under a foot in a gait fade, and the share of the clearance that applies, 0..=1.
-    pub fn ground(fades: &[GaitFade], leg: usize, time: Time) -> Option<(f64, f64)> {
+    pub fn ground_height(fades: &[GaitFade], leg: usize, time: Time) -> Option<(f64, f64)> {
         let (from, to) = (time - FADE_MARGIN, time + FADE_MARGIN);
         let fade = fades.iter().find(|fade| from < fade.span.1 && fade.span.0 < to)?;
         let inside = (to - fade.span.0).min(fade.span.1 - from);
-        Some((fade.height(leg, time)?, smooth(inside.as_secs() / FADE_MARGIN.as_secs())))
+        Some((fade.standing_height(leg, time)?, smoothstep(inside.as_secs() / FADE_MARGIN.as_secs())))
     }
 }

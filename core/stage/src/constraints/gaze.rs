@@ -1,7 +1,7 @@
 //! Gaze: the eyes turn by the angle that remains between head and target (VRM 1.0, "lookAt.md").
 
 use crate::pose::expressions::ExpressionWeights;
-use crate::pose::gaze::{Turn, turned_since_rest};
+use crate::pose::gaze::{EyeTurn, turned_since_rest};
 use crate::snapshot::ActorState;
 use crate::stage::actor::Actor;
 use choreo_asset::eyes::angles_of;
@@ -43,7 +43,7 @@ impl Gaze<'_> {
             return;
         }
         let (yaw, pitch) = angles_of(way);
-        Turn { actor, eyes, turned, yaw, pitch, share, time: self.time }.apply(
+        EyeTurn { actor, eyes, turned, yaw, pitch, share, time: self.time }.apply(
             aimed,
             state,
             below,

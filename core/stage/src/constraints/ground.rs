@@ -1,6 +1,6 @@
 //! Ground height under a point, from the triangles of an actor seen from above.
 
-use crate::actors::{Scratch, evaluate_actors};
+use crate::actors::{ActorScratch, evaluate_actors};
 use crate::pose::posed_mesh::posed_meshes;
 use crate::snapshot::Snapshot;
 use crate::stage::{Stage, StageError};
@@ -16,7 +16,7 @@ pub(crate) struct Ground {
 impl Ground {
     pub fn of(stage: &Stage, actor: usize) -> Result<Ground, StageError> {
         let mut snapshot = Snapshot::default();
-        let mut scratch = Scratch::only(vec![actor]);
+        let mut scratch = ActorScratch::for_actors(vec![actor]);
         evaluate_actors(stage, &mut scratch, Time::ZERO, None, &mut snapshot)?;
         let mut triangles = Vec::new();
         let (Some(a), Some(state)) = (stage.actors.get(actor), snapshot.actors.get(actor)) else {

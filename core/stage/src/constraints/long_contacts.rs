@@ -4,16 +4,16 @@
 //! quadrupeds, whose gaits are matched by whole strides. Its contact then covers most of a stride, and a leg that cannot reach so far would
 //! drag the foot.
 
-use crate::constraints::foot_lock::{Contact, drop_needed, within_reach};
+use crate::constraints::foot_lock::{Contact, hip_drop_to_reach, reachable_position};
 use crate::constraints::foot_samples::{FootSamples, Limb};
 use crate::constraints::footsteps::{Footstep, PlannedStep, hurried_secs, step_lift, step_secs};
 use choreo_motion::Time;
 use glam::DVec3;
 
-/// Most steps in one contact.
-const MOST_STEPS: i64 = 3;
-/// Shortest time between two steps.
-const SHORTEST: Time = Time(Time::TICKS_PER_SECOND / 20);
+/// Largest number of steps in one contact.
+const MAX_STEPS: i64 = 3;
+/// Shortest time in which the foot stands between two steps.
+const MIN_STAND: Time = Time(Time::TICKS_PER_SECOND / 20);
 
 /// Splits contacts of one leg's foot that are too long.
 pub(super) struct LongContacts<'a> {
@@ -31,13 +31,13 @@ pub(super) struct LongContacts<'a> {
 impl LongContacts<'_> {
     /// Splits a contact into the time spans in which the foot stands: the whole contact if the leg reaches that far, else the parts between
     /// as few steps as let it reach, or bring it nearest.
-    pub fn split(&self, span: (Time, Time)) -> Vec<(Time, Time)> {
-        let mut best = (self.beyond(span), vec![span]);
-        for parts in (1..=MOST_STEPS).filter_map(|count| self.parts(span, count)) {
+    pub fn split_contact(&self, span: (Time, Time)) -> Vec<(Time, Time)> {
+        let mut best = (self.overreach(span), vec![span]);
+        for parts in (1..=MAX_STEPS).filter_map(|count| self.split_evenly(span, count)) {
             if best.0 <= 0.0 {
                 break;
             }
-            let beyond = parts.iter().map(|part| self.beyond(*part)).fold(0.0, f64::max);
+            let beyond = parts.iter().map(|part| self.overreach(*part)).fold(0.0, f64::max);
             if beyond < best.0 {
                 best = (beyond, parts);
             }
@@ -47,10 +47,10 @@ impl LongContacts<'_> {
 
     /// Equal parts of a contact with `count` steps in between, at normal speed if there is time, else hurried. `None` if the parts would be
     /// too short.
-    fn parts(&self, (from, to): (Time, Time), count: i64) -> Option<Vec<(Time, Time)>> {
+    fn split_evenly(&self, (from, to): (Time, Time), count: i64) -> Option<Vec<(Time, Time)>> {
         let stand = |step: Time| Time(((to - from).0 - count * step.0) / (count + 1));
         let secs = [step_secs(self.leg_length), hurried_secs(self.leg_length)];
-        let step = secs.map(Time::from_secs).into_iter().find(|step| stand(*step) >= SHORTEST)?;
+        let step = secs.map(Time::from_secs).into_iter().find(|step| stand(*step) >= MIN_STAND)?;
         let part = |i: i64| {
             let begin = from + Time(i * (stand(step) + step).0);
             (begin, if i == count { to } else { begin + stand(step) })
@@ -59,7 +59,7 @@ impl LongContacts<'_> {
     }
 
     /// The steps between the parts of a contact.
-    pub fn steps(&self, parts: &[Contact]) -> Vec<Footstep> {
+    pub fn steps_between(&self, parts: &[Contact]) -> Vec<Footstep> {
         let step = |pair: &[Contact]| {
             let [start, end] = [pair[0].position?, pair[1].position?];
             let (to, lift) = ((pair[1].from - pair[0].to).as_secs(), step_lift(start, end, self.leg_length));
@@ -70,14 +70,14 @@ impl LongContacts<'_> {
     }
 
     /// Largest distance in metres by which the leg would miss the foot's position if the foot stood all the time.
-    fn beyond(&self, span: (Time, Time)) -> f64 {
-        let (first, last) = self.samples.between(span);
+    fn overreach(&self, span: (Time, Time)) -> f64 {
+        let (first, last) = self.samples.samples_between(span);
         let limbs = &self.samples.limbs[self.leg][first..=last];
-        let at = within_reach(self.samples, self.leg, (first, last), self.highest);
-        let one = |limb: &Limb| {
-            let hip = limb.hip - DVec3::Y * drop_needed(limb, at).clamp(0.0, self.lowest * limb.reach);
+        let at = reachable_position(self.samples, self.leg, (first, last), self.highest);
+        let overreach = |limb: &Limb| {
+            let hip = limb.hip - DVec3::Y * hip_drop_to_reach(limb, at).clamp(0.0, self.lowest * limb.reach);
             (hip - at).length() - limb.reach - limb.sole
         };
-        limbs.iter().map(one).fold(0.0, f64::max)
+        limbs.iter().map(overreach).fold(0.0, f64::max)
     }
 }

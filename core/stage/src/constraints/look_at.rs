@@ -15,7 +15,7 @@ pub(crate) const LOOK_AT_LIMIT_RAD: f64 = 80.0 * std::f64::consts::PI / 180.0;
 /// An active look-at. Characters that look at each other's heads use the head positions after one trial of all turns ([`super::solve`]). A
 /// target on the actor itself is updated after the actor has moved it ([`super::steps`]).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Aim {
+pub(crate) struct ActiveLookAt {
     pub actor: usize,
     pub joint: u32,
     pub target: Target,
@@ -29,24 +29,29 @@ pub(crate) fn find_aims_of(
     time: Time,
     actors: &[ActorState],
     index: usize,
-    aims: &mut Vec<Aim>,
+    aims: &mut Vec<ActiveLookAt>,
 ) {
     let (actor, state) = (&stage.actors[index], &actors[index]);
     for look in &actor.look_at {
-        let share = look.share(time);
+        let share = look.weight_at(time);
         // The test of the joint also skips actors that are not posed.
         if share > 0.0
             && (look.joint as usize) < state.model_from_joint.len()
             && let Some(world_target) = target_position(stage, actors, &look.target)
         {
             let (joint, target) = (look.joint, look.target);
-            aims.push(Aim { actor: index, joint, target, world_target, share: share.into() });
+            aims.push(ActiveLookAt { actor: index, joint, target, world_target, share: share.into() });
         }
     }
 }
 
 /// Turns a joint, with all joints below it, about its position towards a target.
-pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mut Vec<bool>) {
+pub(crate) fn turn_joint_to_target(
+    stage: &Stage,
+    aim: &ActiveLookAt,
+    state: &mut ActorState,
+    turned: &mut Vec<bool>,
+) {
     let skeleton = &stage.actors[aim.actor].asset.skeleton;
     let rest = stage.actors[aim.actor].asset.rest_model_from_joint();
     let joint = aim.joint as usize;
@@ -130,7 +135,7 @@ fn turn_towards(now: DVec3, way: DVec3, share: f64) -> Option<DQuat> {
 mod tests {
     use super::*;
 
-    fn angle_after(degrees: f64) -> f64 {
+    fn yaw_towards(degrees: f64) -> f64 {
         let way = DVec3::new(libm::sin(degrees.to_radians()), 0.0, libm::cos(degrees.to_radians()));
         let turn = turn_towards(DVec3::Z, way * 3.0, 1.0).unwrap_or(DQuat::IDENTITY);
         let after = turn * DVec3::Z;
@@ -138,17 +143,17 @@ mod tests {
     }
 
     #[test]
-    fn turns_all_the_way_up_to_the_limit_then_gives_up_gently() {
+    fn look_at_reaches_targets_up_to_the_limit_and_fades_out_behind() {
         for degrees in [0.0, 1e-6, 10.0, -45.0, 80.0] {
-            assert!((angle_after(degrees) - degrees).abs() < 1e-9, "{degrees}: {}", angle_after(degrees));
+            assert!((yaw_towards(degrees) - degrees).abs() < 1e-9, "{degrees}: {}", yaw_towards(degrees));
         }
-        assert!((angle_after(130.0) - 40.0).abs() < 1e-9);
-        assert!(angle_after(179.999).abs() < 0.01 && angle_after(-179.999).abs() < 0.01);
-        assert!(angle_after(180.0).abs() < 1e-9);
+        assert!((yaw_towards(130.0) - 40.0).abs() < 1e-9);
+        assert!(yaw_towards(179.999).abs() < 0.01 && yaw_towards(-179.999).abs() < 0.01);
+        assert!(yaw_towards(180.0).abs() < 1e-9);
     }
 
     #[test]
-    fn targets_in_the_joint_or_at_no_place_turn_nothing() {
+    fn degenerate_look_at_targets_give_no_rotation() {
         assert!(turn_towards(DVec3::Z, DVec3::ZERO, 1.0).is_none());
         assert!(turn_towards(DVec3::ZERO, DVec3::X, 1.0).is_none());
         assert!(turn_towards(DVec3::Z, DVec3::NAN, 1.0).is_none());

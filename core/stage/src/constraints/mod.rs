@@ -2,7 +2,7 @@
 //!
 //! Order, after all actors have been posed and placed: foot locks, aims, look-ats and reaches, each in the order of the script; then joint
 //! limits. Springs run after all constraints ([`crate::springs`]). Actors are solved one by one, and an actor that others reach for comes
-//! before them ([`order`]), so that a hand stays on a prop in another actor's moving hand. If actors depend on each other in a circle,
+//! before them ([`order`]), so that a hand stays on a prop in another actor's moving hand. If actors depend on each other in a cycle,
 //! hands reach for the positions from before the round, and looks use the positions after one trial of all steps. Within one actor, a look
 //! at a prop in its own hand comes after the reach that moves the hand ([`steps`]).
 
@@ -35,12 +35,12 @@ use choreo_motion::Time;
 /// Reusable buffers of [`evaluate_actors`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConstrainedScratch {
-    pub actors: actors::Scratch,
+    pub actors: actors::ActorScratch,
     solve: ConstraintScratch,
 }
 
 impl ConstrainedScratch {
-    pub fn of(actors: actors::Scratch) -> ConstrainedScratch {
+    pub fn of(actors: actors::ActorScratch) -> ConstrainedScratch {
         ConstrainedScratch { actors, ..ConstrainedScratch::default() }
     }
 }
@@ -60,5 +60,12 @@ pub(crate) fn evaluate_actors(
         Ok((scratch.actors, snapshot))
     })?;
     actors::evaluate_actors(stage, &mut scratch.actors, time, bounds, out)?;
-    solve::run(stage, foot_locks, time, &mut scratch.solve, &mut scratch.actors, &mut out.actors)
+    solve::solve_all_constraints(
+        stage,
+        foot_locks,
+        time,
+        &mut scratch.solve,
+        &mut scratch.actors,
+        &mut out.actors,
+    )
 }

@@ -3,7 +3,7 @@
 use crate::actors;
 use crate::constraints::foot_lock_cache::{FootLockContext, FootLocks};
 use crate::constraints::gaze::Gaze;
-use crate::constraints::steps::{StepKind, Steps, TargetTiming};
+use crate::constraints::steps::{ConstraintSteps, StepKind, TargetTiming};
 use crate::constraints::{foot_lock, look_at, order};
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::joints::{PosedSkeleton, rotation_of};
@@ -34,31 +34,31 @@ pub(crate) struct ConstraintScratch {
     chain: Chain,
     aim: Vec<AimJoint>,
     turns: Vec<DQuat>,
-    aims: Vec<look_at::Aim>,
-    steps: Steps,
-    /// An actor's pose before its constraints, and the poses of a circle of actors.
+    aims: Vec<look_at::ActiveLookAt>,
+    steps: ConstraintSteps,
+    /// An actor's pose before its constraints, and the poses of a cycle of actors.
     pose: Vec<glam::Affine3A>,
     poses: Vec<glam::Affine3A>,
 }
 
 /// Solves all constraints of all actors. After a round that moves joints which carry other actors, all actors are placed again.
-pub(crate) fn run(
+pub(crate) fn solve_all_constraints(
     stage: &Stage,
     foot_locks: &FootLocks,
     time: Time,
     scratch: &mut ConstraintScratch,
-    placing: &mut actors::Scratch,
+    placing: &mut actors::ActorScratch,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
-    order::rounds(stage, time, &placing.parents, &mut scratch.order);
+    order::sort_into_rounds(stage, time, &placing.parents, &mut scratch.order);
     if scratch.order.actors.is_empty() {
         return Ok(());
     }
     let motions = placing.motions.clone().unwrap_or_else(|| Arc::new(Motions::new(stage)));
-    let mut begun = 0;
+    let mut round_start = 0;
     for round in 0..scratch.order.ends.len() {
-        let (end, circular) = (scratch.order.ends[round], scratch.order.circular[round]);
-        find_targets(stage, time, scratch, begun..end, actors);
+        let (round_end, circular) = (scratch.order.ends[round], scratch.order.circular[round]);
+        find_targets(stage, time, scratch, round_start..round_end, actors);
         let solver = |index| ActorSolver { stage, foot_locks, motions: &motions, time, index, circular };
         // Actors that are not posed are skipped.
         let is_posed = |actors: &[ActorState], index: usize| {
@@ -66,7 +66,7 @@ pub(crate) fn run(
         };
         if circular {
             scratch.poses.clear();
-            for at in begun..end {
+            for at in round_start..round_end {
                 let index = scratch.order.actors[at];
                 scratch.poses.extend_from_slice(&actors[index].model_from_joint);
                 if is_posed(actors, index) {
@@ -76,7 +76,7 @@ pub(crate) fn run(
             placing.place(stage, actors);
             update_look_targets(stage, scratch, actors);
             let mut from = 0;
-            for at in begun..end {
+            for at in round_start..round_end {
                 let pose = &mut actors[scratch.order.actors[at]].model_from_joint;
                 let end = from + pose.len();
                 pose.copy_from_slice(&scratch.poses[from..end]);
@@ -85,7 +85,7 @@ pub(crate) fn run(
             placing.place(stage, actors);
         }
         let mut carried = false;
-        for at in begun..end {
+        for at in round_start..round_end {
             let index = scratch.order.actors[at];
             if is_posed(actors, index) {
                 solver(index).solve(scratch, placing, actors)?;
@@ -95,12 +95,12 @@ pub(crate) fn run(
         if carried {
             placing.place(stage, actors);
         }
-        begun = end;
+        round_start = round_end;
     }
     Ok(())
 }
 
-/// Updates the targets of looks and aims in a circle of actors, after a trial has moved all of them. Reaches keep their targets: two hands
+/// Updates the targets of looks and aims in a cycle of actors, after a trial has moved all of them. Reaches keep their targets: two hands
 /// that reach for each other would return to where they were.
 fn update_look_targets(stage: &Stage, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
     for aim in &mut scratch.aims {
@@ -125,8 +125,8 @@ fn find_targets(
     scratch.aims.clear();
     for &index in &scratch.order.actors[round] {
         for (number, constraint) in stage.actors[index].constraints.iter().enumerate() {
-            if constraint.share(time) > 0.0
-                && let Some((target, pole)) = places(stage, actors, constraint)
+            if constraint.weight_at(time) > 0.0
+                && let Some((target, pole)) = current_target_and_pole(stage, actors, constraint)
             {
                 scratch.targets.push((index, number, target, pole));
             }
@@ -136,7 +136,7 @@ fn find_targets(
 }
 
 /// World positions of the target and the pole of a constraint.
-pub(crate) fn places(
+pub(crate) fn current_target_and_pole(
     stage: &Stage,
     actors: &[ActorState],
     constraint: &Constraint,
@@ -175,9 +175,9 @@ fn target_with_offset(
     Some(world_from_parent(stage, actors, &at, scale).transform_point3(offset))
 }
 
-/// Number of trials for an actor whose own steps depend on each other in a circle. A spine that takes a quarter of an aim leaves an error
+/// Number of trials for an actor whose own steps depend on each other in a cycle. A spine that takes a quarter of an aim leaves an error
 /// of 4° after one trial and 0.1° after three.
-const TRIALS: usize = 3;
+const TARGET_TRIALS: usize = 3;
 
 /// An actor whose constraints are solved.
 struct ActorSolver<'a> {
@@ -186,7 +186,7 @@ struct ActorSolver<'a> {
     motions: &'a Arc<Motions>,
     time: Time,
     index: usize,
-    /// Whether the actor belongs to a circle of actors that depend on each other; its look targets then come from a trial.
+    /// Whether the actor belongs to a cycle of actors that depend on each other; its look targets then come from a trial.
     circular: bool,
 }
 
@@ -195,33 +195,33 @@ impl ActorSolver<'_> {
     fn run_trial_steps(
         &self,
         scratch: &mut ConstraintScratch,
-        placing: &mut actors::Scratch,
+        placing: &mut actors::ActorScratch,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
         if !actors[self.index].world_from_model.inverse().is_finite() {
             return Ok(());
         }
-        scratch.steps.find(self.stage, &placing.parents, self.time, self.index, &scratch.aims);
+        scratch.steps.find_and_sort(self.stage, &placing.parents, self.time, self.index, &scratch.aims);
         self.run_steps(true, scratch, placing, actors)
     }
 
     fn solve(
         &self,
         scratch: &mut ConstraintScratch,
-        placing: &mut actors::Scratch,
+        placing: &mut actors::ActorScratch,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
         let ActorSolver { stage, time, index, .. } = *self;
         if !actors[index].world_from_model.inverse().is_finite() {
             return Ok(());
         }
-        scratch.steps.find(stage, &placing.parents, time, index, &scratch.aims);
+        scratch.steps.find_and_sort(stage, &placing.parents, time, index, &scratch.aims);
         if !self.circular
             && scratch.steps.ordered.iter().any(|step| step.target == TargetTiming::AfterAllSteps)
         {
             // The effect of the steps on the targets is found by executing them, without the eyes and the face.
             scratch.pose.clone_from(&actors[index].model_from_joint);
-            for _ in 0..TRIALS {
+            for _ in 0..TARGET_TRIALS {
                 self.run_steps(true, scratch, placing, actors)?;
                 placing.place(stage, actors);
                 self.find_late_targets(scratch, actors);
@@ -237,7 +237,7 @@ impl ActorSolver<'_> {
         &self,
         trial: bool,
         scratch: &mut ConstraintScratch,
-        placing: &mut actors::Scratch,
+        placing: &mut actors::ActorScratch,
         actors: &mut [ActorState],
     ) -> Result<(), StageError> {
         for at in 0..scratch.steps.ordered.len() {
@@ -248,14 +248,16 @@ impl ActorSolver<'_> {
             }
             let face = (!trial).then(|| &mut placing.expression_weights[self.index]);
             match step.kind {
-                StepKind::Constraint(number) => self.constrain(number, timing, scratch, face, actors)?,
+                StepKind::Constraint(number) => {
+                    self.apply_constraint(number, timing, scratch, face, actors)?
+                }
                 StepKind::Look(number) => self.apply_look_at(number, timing, scratch, face, actors),
             }
         }
         Ok(())
     }
 
-    fn constrain(
+    fn apply_constraint(
         &self,
         number: usize,
         timing: TargetTiming,
@@ -266,29 +268,29 @@ impl ActorSolver<'_> {
         let ActorSolver { stage, foot_locks, motions, time, index, .. } = *self;
         let actor = &stage.actors[index];
         let constraint = &actor.constraints[number];
-        let share = constraint.share(time);
+        let share = constraint.weight_at(time);
         let world_from_model = actors[index].world_from_model;
         let model_from_world = world_from_model.inverse();
         if let ConstraintKind::FootLock(foot_lock) = &constraint.kind {
-            let of = FootLockContext { stage, motions, actor: index, constraint: number, foot_lock };
-            let Some(track) = foot_locks.track(of, time)? else { return Ok(()) };
+            let context = FootLockContext { stage, motions, actor: index, constraint: number, foot_lock };
+            let Some(track) = foot_locks.track_at(context, time)? else { return Ok(()) };
             let mut posed = PosedSkeleton {
                 skeleton: &actor.asset.skeleton,
                 model_from_joint: &mut actors[index].model_from_joint,
                 below: &mut scratch.below,
             };
             let spaces = [&world_from_model, &model_from_world];
-            foot_lock::apply(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
+            foot_lock::apply_foot_lock(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
             return Ok(());
         }
-        let found = target_and_pole(stage, scratch, (index, number), constraint, timing, actors);
+        let found = target_and_pole_for_step(stage, scratch, (index, number), constraint, timing, actors);
         let Some((target, pole)) = found else { return Ok(()) };
         let target = model_from_world.transform_point3(target);
         let pole = pole.map(|p| model_from_world.transform_point3(p));
         let state = &mut actors[index];
         solve_constraint(actor, &constraint.kind, share, (target, pole), &stage.solvers, scratch, state);
         if let (ConstraintKind::Aim(aim), Some(face)) = (&constraint.kind, face) {
-            let gaze = Gaze { actor, joint: last(&aim.joints) as u32, target, share, time };
+            let gaze = Gaze { actor, joint: last_joint_index(&aim.joints) as u32, target, share, time };
             turn_eyes(&gaze, index, scratch, state, face);
         }
         Ok(())
@@ -308,7 +310,7 @@ impl ActorSolver<'_> {
             aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
         }
         let state = &mut actors[index];
-        look_at::turn(stage, &aim, state, &mut scratch.below);
+        look_at::turn_joint_to_target(stage, &aim, state, &mut scratch.below);
         if let Some(face) = face {
             let target = state.world_from_model.inverse().transform_point3(aim.world_target);
             let actor = &stage.actors[index];
@@ -327,7 +329,7 @@ impl ActorSolver<'_> {
                     let constraint = &self.stage.actors[self.index].constraints[number];
                     let of = |t: &&mut (usize, usize, DVec3, _)| (t.0, t.1) == (self.index, number);
                     if let Some(found) = targets.iter_mut().find(of)
-                        && let Some((target, pole)) = places(self.stage, actors, constraint)
+                        && let Some((target, pole)) = current_target_and_pole(self.stage, actors, constraint)
                     {
                         (found.2, found.3) = (target, pole);
                     }
@@ -343,7 +345,7 @@ impl ActorSolver<'_> {
 }
 
 /// World positions of the target and the pole of a constraint. `of`: index of the actor, and index of its constraint.
-fn target_and_pole(
+fn target_and_pole_for_step(
     stage: &Stage,
     scratch: &ConstraintScratch,
     of: (usize, usize),
@@ -356,7 +358,7 @@ fn target_and_pole(
     if timing == TargetTiming::AfterPreviousSteps
         || (timing == TargetTiming::Before && constraint.targets().all(own))
     {
-        return places(stage, actors, constraint);
+        return current_target_and_pole(stage, actors, constraint);
     }
     let found = scratch.targets.iter().find(|(actor, number, ..)| (*actor, *number) == of);
     found.map(|(_, _, target, pole)| (*target, *pole))
@@ -380,7 +382,8 @@ fn solve_constraint(
     };
     match kind {
         ConstraintKind::Aim(aim) => {
-            let forward = look_at::forward_in_joint(&rest[last(&aim.joints)], actor.asset.front());
+            let forward =
+                look_at::forward_in_joint(&rest[last_joint_index(&aim.joints)], actor.asset.front());
             solve_aim(aim, share, target, forward, &mut scratch.aim, &mut scratch.turns, &mut posed);
         }
         ConstraintKind::Reach(reach) => {
@@ -412,7 +415,7 @@ fn turn_eyes(
     gaze.turn_eyes(aimed, state, &mut scratch.below, expression_weights);
 }
 
-fn last(joints: &[u32]) -> usize {
+fn last_joint_index(joints: &[u32]) -> usize {
     joints.last().map_or(0, |j| *j as usize)
 }
 
@@ -428,11 +431,11 @@ fn solve_aim(
     joints.clear();
     let shares = aim.shares.iter().copied().chain(std::iter::repeat(1.0));
     joints.extend(
-        aim.joints.iter().zip(shares).map(|(j, share)| AimJoint { position: posed.place(*j), share }),
+        aim.joints.iter().zip(shares).map(|(j, share)| AimJoint { position: posed.position(*j), share }),
     );
     turns.clear();
     turns.resize(joints.len(), DQuat::IDENTITY);
-    let head = &posed.model_from_joint[last(&aim.joints)];
+    let head = &posed.model_from_joint[last_joint_index(&aim.joints)];
     let forward = glam::Vec3::from(head.matrix3 * forward_in_joint).as_dvec3();
     Aim { joints, forward, target, limit: aim.limit, weight: share }.run(turns);
     let mut before = DQuat::IDENTITY;
@@ -457,15 +460,15 @@ fn solve_reach(
     let Some((&end, bones)) = reach.joints.split_last() else { return };
     let before = posed.rotation(end);
     // A partial share moves the hand only part of the way.
-    let target = posed.place(end).lerp(target, share);
+    let target = posed.position(end).lerp(target, share);
     let limited = bones.iter().any(|j| limits.iter().any(|(joint, _)| joint == j));
     if let ([start, middle], false) = (bones, limited) {
         let limb = TwoBone {
-            start: posed.place(*start),
-            middle: posed.place(*middle),
-            end: posed.place(end),
+            start: posed.position(*start),
+            middle: posed.position(*middle),
+            end: posed.position(end),
             target,
-            pole: pole.map(|p| posed.place(*middle).lerp(p, share)),
+            pole: pole.map(|p| posed.position(*middle).lerp(p, share)),
             hint: reach.hint,
             soft: reach.soft * share,
         };
@@ -498,7 +501,7 @@ fn solve_chain(
     let parent_of = |joint: u32| parents[joint as usize];
     let turned = |joint: Option<u32>| joint.map_or(DQuat::IDENTITY, |j| posed.rotation(j));
     let rested = |joint: Option<u32>| joint.map_or(DQuat::IDENTITY, |j| rotation_of(&rest[j as usize]));
-    chain.origin = posed.place(first);
+    chain.origin = posed.position(first);
     chain.parent = turned(parent_of(first));
     chain.bones.clear();
     let mut above = parent_of(first);
@@ -507,7 +510,7 @@ fn solve_chain(
         chain.bones.push(ChainBone {
             rotation: (turned(above).inverse() * rotation).normalize(),
             rest: (rested(above).inverse() * rotation_of(&rest[*bone as usize])).normalize(),
-            offset: rotation.inverse() * (posed.place(*next) - posed.place(*bone)),
+            offset: rotation.inverse() * (posed.position(*next) - posed.position(*bone)),
             limit: limits.iter().find(|(j, _)| j == bone).map_or(Limit::Free, |(_, limit)| *limit),
         });
         above = Some(*bone);
@@ -549,13 +552,13 @@ fn clamp_to_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch,
 /// Bends a leg with two-bone IK so that its foot comes to `target` and keeps its rotation; model space.
 pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, posed: &mut PosedSkeleton) {
     let rotation = posed.rotation(leg.foot);
-    let [start, middle, end] = [leg.hip, leg.knee, leg.foot].map(|j| posed.place(j));
+    let [start, middle, end] = [leg.hip, leg.knee, leg.foot].map(|j| posed.position(j));
     // No softness: the foot must stay in place as long as the leg reaches.
     let limb = TwoBone { start, middle, end, target, pole: None, hint, soft: 0.0 };
     if let Some(turned) = limb.solve() {
         posed.turn(leg.hip, turned.start);
         posed.turn(leg.knee, turned.middle * turned.start.inverse());
-        if !posed.hangs_on(leg.foot, leg.knee) {
+        if !posed.is_below(leg.foot, leg.knee) {
             posed.shift(leg.foot, turned.new_end - end);
         }
         let back = rotation * posed.rotation(leg.foot).inverse();
@@ -564,6 +567,6 @@ pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, posed: &mut PosedS
 }
 
 /// World position of a joint.
-pub(crate) fn world_place(world_from_model: &DAffine3, joint: &glam::Affine3A) -> DVec3 {
+pub(crate) fn joint_world_position(world_from_model: &DAffine3, joint: &glam::Affine3A) -> DVec3 {
     world_from_model.transform_point3(widen(joint).translation)
 }

@@ -1,8 +1,8 @@
-//! Foot locking in fades between a walk and a stand: footsteps lead from the contacts before the fade to the contacts after it.
+//! Foot locking in fades between walking and standing: footsteps lead from the contacts before the fade to the contacts after it.
 
 use crate::constraints::foot_contacts::FootContacts;
-use crate::constraints::foot_lock::{Contact, ContactSpan, clearance};
-use crate::constraints::foot_lock_cache::{LONGEST_GAP, STEP};
+use crate::constraints::foot_lock::{Contact, ContactSpan, ground_clearance};
+use crate::constraints::foot_lock_cache::{LONGEST_GAP, SAMPLE_INTERVAL};
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
 use crate::constraints::footsteps::{FootState, Footstep, FootstepPlan};
 use crate::stage::StageError;
@@ -19,7 +19,7 @@ const HEEL_REACH: f64 = 0.2;
 /// A standing foot within this distance of where the walk begins, in leg lengths, stands there from the beginning.
 const START_SNAP_LEGS: f64 = 0.08;
 /// Time interval over which a velocity is measured.
-const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 480);
+const VELOCITY_INTERVAL: Time = Time(Time::TICKS_PER_SECOND / 480);
 
 /// Function that computes the contact of a leg's foot over a span.
 pub(super) type GroundContactFn<'a> = dyn FnMut(usize, &ContactSpan) -> Contact + 'a;
@@ -34,7 +34,7 @@ struct FootSides {
 
 impl FootSides {
     /// The times at which the first contact begins and the last one ends.
-    fn span(&self, backwards: bool) -> [Time; 2] {
+    fn replaced_span(&self, backwards: bool) -> [Time; 2] {
         match backwards {
             true => [self.standing.from, self.walking.to],
             false => [self.walking.from, self.standing.to],
@@ -46,18 +46,18 @@ impl FootSides {
 pub(super) struct FadeSteps<'a> {
     pub fade: &'a StandingFade,
     /// Time span between the fades before and after.
-    pub room: (Time, Time),
+    pub free_span: (Time, Time),
     /// Length of a leg, metres.
     pub leg_length: f64,
     pub samples: &'a FootSamples,
     pub clips: &'a FootContacts<'a>,
-    /// Whether no other fade depends on where the feet stand.
-    pub free: bool,
+    /// Whether no other fade depends on the positions of the standing feet.
+    pub is_free_stand: bool,
 }
 
 impl FadeSteps<'_> {
     /// Replaces the contacts of all legs in the fade and adds its footsteps. If the feet cannot reach their targets in time, the contacts
-    /// stay. `places`: if the stand is held, the positions of the feet while the standing clip plays alone; updated.
+    /// stay. `places`: if the feet are held in the standing span, the positions of the feet while the standing clip plays alone; updated.
     pub fn run(
         &self,
         feet: &mut FeetInMotion,
@@ -66,22 +66,22 @@ impl FadeSteps<'_> {
         contacts: &mut [Vec<Contact>],
         steps: &mut [Vec<Footstep>],
     ) -> Result<(), StageError> {
-        let backwards = self.backwards();
-        let [walking_at, _] = self.times();
+        let backwards = self.is_backwards();
+        let [walking_at, _] = self.walking_and_standing_times();
         let mut sides = Vec::new();
         for (leg, contacts) in contacts.iter().enumerate() {
             // Just outside the fade, on the walking side, only the walking clip is active.
             let just = if backwards { walking_at } else { walking_at - Time(1) };
-            let lands_secs = self.clips.lands_secs(leg, just, backwards, LONGEST_SWING);
+            let lands_secs = self.clips.secs_until_landing(leg, just, backwards, LONGEST_SWING);
             let place = places.as_ref().and_then(|places| places.get(leg)).copied();
-            sides.push(self.sides(feet, (leg, place), lands_secs, contacts, contact_on_ground)?);
+            sides.push(self.find_sides(feet, (leg, place), lands_secs, contacts, contact_on_ground)?);
         }
-        let Some(planned) = self.plan(&sides) else { return Ok(()) };
+        let Some(planned) = self.plan_steps(&sides) else { return Ok(()) };
         for (leg, (side, planned)) in sides.iter().zip(planned).enumerate() {
-            let [from, to] = side.span(backwards);
+            let [from, to] = side.replaced_span(backwards);
             // Removes earlier steps within the contacts that are replaced.
             steps[leg].retain(|step| step.to <= from || step.from >= to);
-            self.rewrite(&mut contacts[leg], leg, side, &planned);
+            self.replace_contacts(&mut contacts[leg], leg, side, &planned);
             steps[leg].extend(planned);
         }
         for (place, side) in places.into_iter().flatten().zip(&sides) {
@@ -90,21 +90,21 @@ impl FadeSteps<'_> {
         Ok(())
     }
 
-    fn backwards(&self) -> bool {
+    fn is_backwards(&self) -> bool {
         !self.fade.ends_standing
     }
 
     /// Times of the walking and of the standing side.
-    fn times(&self) -> [Time; 2] {
+    fn walking_and_standing_times(&self) -> [Time; 2] {
         let StandingFade { from, to, ends_standing } = *self.fade;
         if ends_standing { [from, to] } else { [to, from] }
     }
 
     /// Plans the steps of each leg, in order of time; `None` if they do not fit between the fades before and after.
-    fn plan(&self, sides: &[FootSides]) -> Option<Vec<Vec<Footstep>>> {
+    fn plan_steps(&self, sides: &[FootSides]) -> Option<Vec<Vec<Footstep>>> {
         let samples = self.samples;
-        let [walking_at, standing_at] = self.times();
-        let backwards = self.backwards();
+        let [walking_at, standing_at] = self.walking_and_standing_times();
+        let backwards = self.is_backwards();
         let time_at = |secs: f64| walking_at + Time::from_secs(if backwards { -secs } else { secs });
         let fade_secs = (self.fade.to - self.fade.from).as_secs();
         let (low, share) = samples.index_at(standing_at);
@@ -127,9 +127,9 @@ impl FadeSteps<'_> {
             (ankle - limb.hip).length() < limb.reach + HEEL_REACH * limb.sole
         };
         let states: Vec<FootState> = sides.iter().map(|side| side.state).collect();
-        let leg = self.leg_length;
-        let plan =
-            FootstepPlan { feet: &states, stance: &stance, reaches: &reaches, fade_secs, leg }.run()?;
+        let leg_length = self.leg_length;
+        let plan = FootstepPlan { feet: &states, stance: &stance, reaches: &reaches, fade_secs, leg_length }
+            .run()?;
         let mut planned = Vec::new();
         for steps in plan {
             let mut steps: Vec<Footstep> =
@@ -137,7 +137,7 @@ impl FadeSteps<'_> {
             if backwards {
                 steps.reverse();
             }
-            if steps.iter().any(|step| step.from < self.room.0 || step.to > self.room.1) {
+            if steps.iter().any(|step| step.from < self.free_span.0 || step.to > self.free_span.1) {
                 return None;
             }
             planned.push(steps);
@@ -146,7 +146,7 @@ impl FadeSteps<'_> {
     }
 
     /// Contacts and state of a foot at both ends of the fade.
-    fn sides(
+    fn find_sides(
         &self,
         feet: &mut FeetInMotion,
         (leg, kept): (usize, Option<DVec3>),
@@ -154,12 +154,12 @@ impl FadeSteps<'_> {
         contacts: &[Contact],
         contact_on_ground: &mut GroundContactFn,
     ) -> Result<FootSides, StageError> {
-        let [walking_at, standing_at] = self.times();
-        let mut place = |time: Time| feet.place(leg, time);
-        let edge = Time(3 * STEP.0);
+        let [walking_at, standing_at] = self.walking_and_standing_times();
+        let mut place = |time: Time| feet.foot_position(leg, time);
+        let edge = Time(3 * SAMPLE_INTERVAL.0);
         let over = |time: Time| contacts.iter().find(|c| c.from - edge <= time && time <= c.to + edge);
         // The part of a contact outside the fade.
-        let mut cut = |at: Time, before: bool| {
+        let mut contact_outside = |at: Time, before: bool| {
             let (from, to) = over(at).map_or((at, at), |c| (c.from, c.to));
             let span = if before { (from.min(at), at) } else { (at, to.max(at)) };
             let ends = [place(span.0)?, place(span.1)?];
@@ -167,25 +167,26 @@ impl FadeSteps<'_> {
             // A step of another fade may lead to this contact.
             let by_step = over(at).filter(|c| c.by_step).and_then(|c| c.position);
             let at = by_step.or(contact.position).unwrap_or(ends[0]);
-            let (first, last) = (at - ends[0], at - ends[1]);
+            let (first_offset, last_offset) = (at - ends[0], at - ends[1]);
             Ok::<Contact, StageError>(Contact {
                 position: Some(at),
-                first,
-                last,
+                first_offset,
+                last_offset,
                 by_step: by_step.is_some(),
                 ..contact
             })
         };
-        let backwards = self.backwards();
-        let mut standing = cut(standing_at, backwards)?;
+        let backwards = self.is_backwards();
+        let mut standing = contact_outside(standing_at, backwards)?;
         if let Some(at) = kept {
             standing.move_to(at);
         }
         if lands_secs <= if backwards { 0.0 } else { LANDED_SECS } {
-            let walking = cut(walking_at, !backwards)?;
+            let walking = contact_outside(walking_at, !backwards)?;
             let near = |a: DVec3, b: DVec3| (a - b).with_y(0.0).length() < START_SNAP_LEGS * self.leg_length;
-            let begins =
-                walking.position.filter(|at| self.free && standing.position.is_some_and(|s| near(s, *at)));
+            let begins = walking
+                .position
+                .filter(|at| self.is_free_stand && standing.position.is_some_and(|s| near(s, *at)));
             if let Some(at) = begins {
                 standing.move_to(at);
             }
@@ -198,15 +199,17 @@ impl FadeSteps<'_> {
         }
         let near = if backwards {
             let after = contacts.iter().find(|c| c.from >= walking_at && c.from - walking_at <= LONGEST_GAP);
-            after.map(|c| (c, c.first))
+            after.map(|c| (c, c.first_offset))
         } else {
             let mut before = contacts.iter().rev();
-            before.find(|c| c.to <= walking_at && walking_at - c.to <= LONGEST_GAP).map(|c| (c, c.last))
+            before
+                .find(|c| c.to <= walking_at && walking_at - c.to <= LONGEST_GAP)
+                .map(|c| (c, c.last_offset))
         };
         let here = place(walking_at)?;
         let mut carried = near.map_or(DVec3::ZERO, |(_, offset)| offset);
-        let beside = if backwards { walking_at + INSTANT } else { walking_at - INSTANT };
-        let mut velocity = (here - place(beside)?) / INSTANT.as_secs();
+        let beside = if backwards { walking_at + VELOCITY_INTERVAL } else { walking_at - VELOCITY_INTERVAL };
+        let mut velocity = (here - place(beside)?) / VELOCITY_INTERVAL.as_secs();
         // A foot that is almost on the ground steps from its contact.
         if let Some((contact, offset)) = near
             && let Some(at) = contact.position.filter(|_| self.holds_until(leg, contact, offset, walking_at))
@@ -216,7 +219,8 @@ impl FadeSteps<'_> {
         }
         // A step that leads to a foot in the air ends with ground clearance, however low the clip has the foot; otherwise the foot would
         // scuff.
-        let above = standing.position.unwrap_or(here).y + clearance(self.leg_length) - (here + carried).y;
+        let above =
+            standing.position.unwrap_or(here).y + ground_clearance(self.leg_length) - (here + carried).y;
         if backwards && above > 0.0 && velocity != DVec3::ZERO {
             carried.y += above;
         }
@@ -225,9 +229,9 @@ impl FadeSteps<'_> {
             from: walking_at,
             to: walking_at,
             position: Some(at),
-            first: carried,
-            last: carried,
-            rolls: (walking_at, walking_at),
+            first_offset: carried,
+            last_offset: carried,
+            roll_span: (walking_at, walking_at),
             lowered: 0.0,
             by_step: true,
         };
@@ -239,34 +243,46 @@ impl FadeSteps<'_> {
         let (from, to) = if time < contact.from { (time, contact.from) } else { (contact.to, time) };
         let [(first, _), (last, _)] = [from, to].map(|time| self.samples.index_at(time));
         let places = &self.samples.feet[leg][first..=(last + 1).min(self.samples.transforms.len() - 1)];
-        places.iter().all(|place| contact.holds(offset, *place, self.leg_length))
+        places.iter().all(|place| contact.keeps_position(offset, *place, self.leg_length))
     }
 
     /// Replaces a leg's contacts in the fade: the foot stands before, between and after its steps.
-    fn rewrite(&self, contacts: &mut Vec<Contact>, leg: usize, side: &FootSides, steps: &[Footstep]) {
+    fn replace_contacts(
+        &self,
+        contacts: &mut Vec<Contact>,
+        leg: usize,
+        side: &FootSides,
+        steps: &[Footstep],
+    ) {
         let FootSides { walking, standing, .. } = *side;
-        let (first, last) = if self.backwards() { (standing, walking) } else { (walking, standing) };
+        let (first, last) = if self.is_backwards() { (standing, walking) } else { (walking, standing) };
         let mut stands = Vec::new();
         let (mut from, mut at) = (first.from, first.position.unwrap_or_default());
         for step in steps {
             stands.push((from, step.from.max(from), at));
-            (from, at) = (step.to, step.ends()[1]);
+            (from, at) = (step.to, step.start_and_end()[1]);
         }
         stands.push((from, last.to.max(from), at));
         let in_clip = |time: Time| {
-            let known = [(first.from, first.position, first.first), (last.to, last.position, last.last)];
+            let known = [
+                (first.from, first.position, first.first_offset),
+                (last.to, last.position, last.last_offset),
+            ];
             let known = known.iter().find(|(of, ..)| *of == time);
-            known.map_or_else(|| self.samples.place(leg, time), |(_, at, off)| at.unwrap_or_default() - *off)
+            known.map_or_else(
+                || self.samples.foot_position(leg, time),
+                |(_, at, off)| at.unwrap_or_default() - *off,
+            )
         };
         let stand = |(from, to, at)| {
-            let (first, last) = (at - in_clip(from), at - in_clip(to));
+            let (first_offset, last_offset) = (at - in_clip(from), at - in_clip(to));
             Contact {
                 from,
                 to,
                 position: Some(at),
-                first,
-                last,
-                rolls: (from, to),
+                first_offset,
+                last_offset,
+                roll_span: (from, to),
                 lowered: 0.0,
                 by_step: true,
             }

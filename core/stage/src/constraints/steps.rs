@@ -1,7 +1,8 @@
-//! The order of one actor's own constraints: a constraint whose target hangs on the actor's own hand runs after the constraint that moves the hand.
+//! The order of one actor's own constraints: a constraint whose target is attached to the actor's own hand runs after the constraint that
+//! moves the hand.
 
-use crate::constraints::look_at::Aim;
-use crate::constraints::order::for_carriers;
+use crate::constraints::look_at::ActiveLookAt;
+use crate::constraints::order::for_each_carrier_joint;
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Target};
 use crate::stage::constraint::{Constraint, ConstraintKind};
@@ -29,67 +30,82 @@ pub(super) enum TargetTiming {
 }
 
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Step {
+pub(super) struct ConstraintStep {
     pub kind: StepKind,
     pub target: TargetTiming,
 }
 
-/// The ordered steps of one actor, and buffers of [`Steps::find`].
+/// The ordered steps of one actor, and buffers of [`ConstraintSteps::find_and_sort`].
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Steps {
-    pub(super) ordered: Vec<Step>,
-    usual: Vec<StepKind>,
+pub(crate) struct ConstraintSteps {
+    pub(super) ordered: Vec<ConstraintStep>,
+    default_order: Vec<StepKind>,
     waiting: Vec<usize>,
-    /// (step, the step that moves its target), by index in `usual`.
-    needs: Vec<(usize, usize)>,
+    /// (step, the step that moves its target), by index in `default_order`.
+    dependencies: Vec<(usize, usize)>,
     carriers: Vec<usize>,
 }
 
-/// Most simultaneous constraints of an actor that are reordered. Larger numbers keep the usual order, because sorting takes cubic time.
-const MOST: usize = 256;
+/// Largest number of simultaneous constraints of an actor that are reordered. Larger numbers keep the default order, because sorting
+/// takes cubic time.
+const MAX_REORDERED: usize = 256;
 
-impl Steps {
-    /// Fills `ordered` with the active constraints and look-ats of an actor. The usual order: foot locks, aims, looks, reaches, each in the
-    /// order of the script. A step whose target is moved by another step comes after that step, unless that step hangs on it.
-    pub fn find(&mut self, stage: &Stage, parents: &ActiveParents, time: Time, index: usize, aims: &[Aim]) {
+impl ConstraintSteps {
+    /// Fills `ordered` with the active constraints and look-ats of an actor. The default order: foot locks, aims, looks, reaches, each in the
+    /// order of the script. A step whose target is moved by another step comes after that step, unless that step depends on it.
+    pub fn find_and_sort(
+        &mut self,
+        stage: &Stage,
+        parents: &ActiveParents,
+        time: Time,
+        index: usize,
+        aims: &[ActiveLookAt],
+    ) {
         let actor = &stage.actors[index];
         let active = |(_, c): &(usize, &Constraint)| {
-            c.share(time) > 0.0 && (c.last_joint() as usize) < actor.asset.skeleton.len()
+            c.weight_at(time) > 0.0 && (c.last_joint() as usize) < actor.asset.skeleton.len()
         };
-        let usual = &mut self.usual;
-        usual.clear();
+        let default_order = &mut self.default_order;
+        default_order.clear();
         for phase in 0..3 {
             let constraints = actor.constraints.iter().enumerate().filter(active);
             let constraints = constraints.filter(|(_, c)| phase_of(&c.kind) == Some(phase));
-            usual.extend(constraints.map(|(number, _)| StepKind::Constraint(number)));
+            default_order.extend(constraints.map(|(number, _)| StepKind::Constraint(number)));
             if phase == 1 {
-                usual.extend((0..aims.len()).filter(|at| aims[*at].actor == index).map(StepKind::Look));
+                default_order
+                    .extend((0..aims.len()).filter(|at| aims[*at].actor == index).map(StepKind::Look));
             }
         }
-        self.find_needs(stage, parents, index, aims);
-        self.order(actor, aims);
+        self.find_dependencies(stage, parents, index, aims);
+        self.sort_by_dependencies(actor, aims);
     }
 
     /// Finds the steps that move the targets of other steps.
-    fn find_needs(&mut self, stage: &Stage, parents: &ActiveParents, index: usize, aims: &[Aim]) {
-        let Steps { usual, needs, carriers, .. } = self;
-        needs.clear();
-        if usual.len() < 2 || usual.len() > MOST {
+    fn find_dependencies(
+        &mut self,
+        stage: &Stage,
+        parents: &ActiveParents,
+        index: usize,
+        aims: &[ActiveLookAt],
+    ) {
+        let ConstraintSteps { default_order, dependencies, carriers, .. } = self;
+        dependencies.clear();
+        if default_order.len() < 2 || default_order.len() > MAX_REORDERED {
             return;
         }
         let actor = &stage.actors[index];
         let skeleton = &actor.asset.skeleton;
-        for (at, step) in usual.iter().enumerate() {
+        for (at, step) in default_order.iter().enumerate() {
             let mut add = |target: Target| {
-                for_carriers(stage, parents, target, carriers, |carrier, joint| {
+                for_each_carrier_joint(stage, parents, target, carriers, |carrier, joint| {
                     if carrier != index {
                         return;
                     }
-                    let movers = usual.iter().enumerate().filter(|(other, mover)| {
+                    let movers = default_order.iter().enumerate().filter(|(other, mover)| {
                         *other != at
-                            && moves(actor, aims, **mover).any(|m| is_at_or_below(skeleton, joint, m))
+                            && moved_joints(actor, aims, **mover).any(|m| is_at_or_below(skeleton, joint, m))
                     });
-                    needs.extend(movers.map(|(other, _)| (at, other)));
+                    dependencies.extend(movers.map(|(other, _)| (at, other)));
                 });
             };
             match *step {
@@ -99,41 +115,44 @@ impl Steps {
         }
     }
 
-    fn order(&mut self, actor: &Actor, aims: &[Aim]) {
-        let Steps { ordered, usual, waiting, needs, .. } = self;
+    fn sort_by_dependencies(&mut self, actor: &Actor, aims: &[ActiveLookAt]) {
+        let ConstraintSteps { ordered, default_order, waiting, dependencies, .. } = self;
         ordered.clear();
-        if needs.is_empty() {
-            ordered.extend(usual.iter().map(|kind| Step { kind: *kind, target: TargetTiming::Before }));
+        if dependencies.is_empty() {
+            ordered.extend(
+                default_order.iter().map(|kind| ConstraintStep { kind: *kind, target: TargetTiming::Before }),
+            );
             return;
         }
-        let needed_by = |step: usize| needs.iter().filter(move |(a, _)| *a == step).map(|(_, b)| *b);
-        let hangs = |step: usize, on: usize| {
-            let last = last_joint(actor, aims, usual[step]);
+        let dependencies_of =
+            |step: usize| dependencies.iter().filter(move |(a, _)| *a == step).map(|(_, b)| *b);
+        let depends_on = |step: usize, on: usize| {
+            let last = last_joint(actor, aims, default_order[step]);
             let below = |m| last.is_some_and(|last| is_at_or_below(&actor.asset.skeleton, last, m));
-            moves(actor, aims, usual[on]).any(below)
+            moved_joints(actor, aims, default_order[on]).any(below)
         };
         waiting.clear();
-        waiting.extend(0..usual.len());
+        waiting.extend(0..default_order.len());
         while !waiting.is_empty() {
             let free = (0..waiting.len()).find(|at| {
-                let waits = needed_by(waiting[*at]).any(|other| waiting.contains(&other));
-                !waits && !waiting[..*at].iter().any(|before| hangs(waiting[*at], *before))
+                let waits = dependencies_of(waiting[*at]).any(|other| waiting.contains(&other));
+                !waits && !waiting[..*at].iter().any(|before| depends_on(waiting[*at], *before))
             });
-            // The first step of the usual order begins a circle.
+            // The first step of the default order begins a cycle.
             let step = waiting.remove(free.unwrap_or(0));
-            let target = if needed_by(step).any(|other| waiting.contains(&other)) {
+            let target = if dependencies_of(step).any(|other| waiting.contains(&other)) {
                 TargetTiming::AfterAllSteps
-            } else if needed_by(step).next().is_some() {
+            } else if dependencies_of(step).next().is_some() {
                 TargetTiming::AfterPreviousSteps
             } else {
                 TargetTiming::Before
             };
-            ordered.push(Step { kind: usual[step], target });
+            ordered.push(ConstraintStep { kind: default_order[step], target });
         }
     }
 }
 
-/// Phase of a constraint in the usual order; `None` for mirroring, which is applied with the clips.
+/// Phase of a constraint in the default order; `None` for mirroring, which is applied with the clips.
 fn phase_of(kind: &ConstraintKind) -> Option<usize> {
     match kind {
         ConstraintKind::FootLock(_) => Some(0),
@@ -144,8 +163,12 @@ fn phase_of(kind: &ConstraintKind) -> Option<usize> {
 }
 
 /// The uppermost joints that a step moves; all below them move along.
-fn moves<'a>(actor: &'a Actor, aims: &[Aim], step: StepKind) -> impl Iterator<Item = u32> + use<'a> {
-    let (one, legs) = match step {
+fn moved_joints<'a>(
+    actor: &'a Actor,
+    aims: &[ActiveLookAt],
+    step: StepKind,
+) -> impl Iterator<Item = u32> + use<'a> {
+    let (first_joint, legs) = match step {
         StepKind::Look(number) => (Some(aims[number].joint), &[][..]),
         StepKind::Constraint(number) => match &actor.constraints[number].kind {
             ConstraintKind::Aim(aim) => (aim.joints.first().copied(), &[][..]),
@@ -154,11 +177,11 @@ fn moves<'a>(actor: &'a Actor, aims: &[Aim], step: StepKind) -> impl Iterator<It
             ConstraintKind::Mirror(_) => (None, &[][..]),
         },
     };
-    one.into_iter().chain(legs.iter().map(|leg| leg.hip))
+    first_joint.into_iter().chain(legs.iter().map(|leg| leg.hip))
 }
 
-/// The joint at the end of a step's chain; foot locks have none and hang on nothing.
-fn last_joint(actor: &Actor, aims: &[Aim], step: StepKind) -> Option<u32> {
+/// The joint at the end of a step's chain; foot locks have none and depend on no other step.
+fn last_joint(actor: &Actor, aims: &[ActiveLookAt], step: StepKind) -> Option<u32> {
     match step {
         StepKind::Look(number) => Some(aims[number].joint),
         StepKind::Constraint(number) => match &actor.constraints[number].kind {

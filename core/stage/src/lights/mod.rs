@@ -7,7 +7,7 @@ use crate::snapshot::{ActorState, LightState};
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Attachment};
 use crate::stage::channel::Property;
-use crate::stage::channel::{keyed, vec3};
+use crate::stage::channel::{keyed_value, vec3};
 use crate::stage::edits::{FrameEdits, LightEdit, edits_for_index};
 use crate::stage::light::{Shadow, StageLight};
 use crate::stage::parenting::ParentScale;
@@ -36,7 +36,7 @@ pub fn default_sun() -> LightState {
 
 impl Stage {
     /// Replaces the ambient light by the brightest one of the actors' files, component by component, if any file has ambient light.
-    pub fn take_ambient_of_files(&mut self) {
+    pub fn use_ambient_light_of_files(&mut self) {
         let shining = self.actors.iter().filter(|actor| actor.file_lights);
         let brightest = shining.fold(Vec3::ZERO, |most, actor| most.max(actor.asset.ambient));
         if brightest != Vec3::ZERO {
@@ -45,7 +45,8 @@ impl Stage {
     }
 }
 
-pub(crate) fn evaluate(
+/// Fills `out` with the lights that shine at a time.
+pub(crate) fn evaluate_lights(
     stage: &Stage,
     edits: &FrameEdits,
     time: Time,
@@ -56,45 +57,52 @@ pub(crate) fn evaluate(
     for (index, light) in stage.lights.iter().enumerate() {
         out.extend(stage_light(stage, light, index, edits, time, actors));
     }
-    let mut any_in_files = false;
+    let mut files_have_lights = false;
     for (index, (actor, state)) in stage.actors.iter().zip(actors).enumerate() {
         if !actor.file_lights {
             continue;
         }
         // A file with lights counts even while they do not shine: a default sun that appears when an actor leaves would surprise.
-        any_in_files |= !actor.asset.lights.is_empty();
+        files_have_lights |= !actor.asset.lights.is_empty();
         if !state.visible {
             continue;
         }
         for (number, light) in actor.asset.lights.iter().enumerate() {
-            let shining = animated(actor, number as u32, light.light, time);
+            let shining = animated_light(actor, number as u32, light.light, time);
             if !shines(&shining) {
                 continue;
             }
             let at = Attachment { actor: index, joint: Some(light.joint) };
             let world_from_light = world_from_attachment(stage, actors, &at);
             let direction = -world_from_light.matrix3.z_axis;
-            out.extend(finite(shining, (None, None), world_from_light.translation, direction));
+            out.extend(finite_light_state(shining, (None, None), world_from_light.translation, direction));
         }
     }
-    if stage.lights.is_empty() && stage.sky.is_none() && !any_in_files {
+    if stage.lights.is_empty() && stage.sky.is_none() && !files_have_lights {
         out.push(default_sun());
     }
 }
 
 /// A file's light as animated by the actor's clips. Splines overshoot, so negative values are clamped.
-fn animated(actor: &Actor, number_of: u32, light: Light, time: Time) -> Light {
-    let color = properties::at(actor, PropertyTarget::LightColor(number_of), light.color.to_array(), time);
-    let intensity = properties::at(actor, PropertyTarget::LightIntensity(number_of), [light.intensity], time);
-    let number = |target: PropertyTarget, rest: f32| properties::at(actor, target, [rest], time).map(|[v]| v);
-    let range = number(PropertyTarget::LightRange(number_of), light.range.unwrap_or(0.0));
+fn animated_light(actor: &Actor, light_number: u32, light: Light, time: Time) -> Light {
+    let color = properties::property_at(
+        actor,
+        PropertyTarget::LightColor(light_number),
+        light.color.to_array(),
+        time,
+    );
+    let intensity =
+        properties::property_at(actor, PropertyTarget::LightIntensity(light_number), [light.intensity], time);
+    let number =
+        |target: PropertyTarget, rest: f32| properties::property_at(actor, target, [rest], time).map(|[v]| v);
+    let range = number(PropertyTarget::LightRange(light_number), light.range.unwrap_or(0.0));
     let mut kind = light.kind;
     if let Some([inner, outer]) = kind.cone_mut() {
         // KHR_lights_punctual: 0 ≤ inner < outer ≤ π/2; splines overshoot.
         let most = std::f32::consts::FRAC_PI_2;
         let at = |target, rest| number(target, rest).unwrap_or(rest).clamp(0.0, most);
-        *outer = at(PropertyTarget::SpotOuter(number_of), *outer).max(1e-3);
-        *inner = at(PropertyTarget::SpotInner(number_of), *inner).min(*outer - 1e-3).max(0.0);
+        *outer = at(PropertyTarget::SpotOuter(light_number), *outer).max(1e-3);
+        *inner = at(PropertyTarget::SpotInner(light_number), *inner).min(*outer - 1e-3).max(0.0);
     }
     Light {
         kind,
@@ -113,7 +121,7 @@ pub(crate) fn stage_light(
     time: Time,
     actors: &[ActorState],
 ) -> Option<LightState> {
-    let key = |property| keyed(&light.channels, property, time);
+    let key = |property| keyed_value(&light.channels, property, time);
     let mut shining = light.light;
     let mut position = key(Property::Translation).map_or(light.position, vec3);
     // The rotation turns −Z, as in glTF.
@@ -144,14 +152,14 @@ pub(crate) fn stage_light(
         Some(parent) => {
             let world_from_parent = world_from_parent(stage, actors, parent, ParentScale::Keep);
             let direction = world_from_parent.matrix3 * direction;
-            finite(
+            finite_light_state(
                 shining,
                 (light.shadow, light.attenuation),
                 world_from_parent.transform_point3(position),
                 direction,
             )
         }
-        None => finite(shining, (light.shadow, light.attenuation), position, direction),
+        None => finite_light_state(shining, (light.shadow, light.attenuation), position, direction),
     }
 }
 
@@ -160,7 +168,7 @@ fn shines(light: &Light) -> bool {
 }
 
 /// State of a light; `None` if its position is not finite. A light without a valid direction points down.
-fn finite(
+fn finite_light_state(
     light: Light,
     (shadow, attenuation): (Option<Shadow>, Option<[f32; 3]>),
     position: DVec3,

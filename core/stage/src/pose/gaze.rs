@@ -33,7 +33,7 @@ pub(crate) fn apply_requested_gaze(
     let Some(head) = head.map(|joint| joint as usize) else { return };
     let turned = turned_since_rest(asset, head, &state.model_from_joint[head]);
     let mut below = std::mem::take(&mut expression_weights.below);
-    Turn { actor, eyes, turned, yaw, pitch, share: 1.0, time }.apply(
+    EyeTurn { actor, eyes, turned, yaw, pitch, share: 1.0, time }.apply(
         |_| false,
         state,
         &mut below,
@@ -49,7 +49,7 @@ pub(crate) fn turned_since_rest(asset: &Asset, head: usize, model_from_head: &Af
 }
 
 /// A turn of the eyes to a direction relative to the head: yaw and pitch in radians, and the share of the turn.
-pub(crate) struct Turn<'a> {
+pub(crate) struct EyeTurn<'a> {
     pub actor: &'a Actor,
     pub eyes: &'a Eyes,
     /// See [`turned_since_rest`].
@@ -60,7 +60,7 @@ pub(crate) struct Turn<'a> {
     pub time: Time,
 }
 
-impl Turn<'_> {
+impl EyeTurn<'_> {
     pub fn apply(
         &self,
         aimed: impl Fn(u32) -> bool,
@@ -68,7 +68,7 @@ impl Turn<'_> {
         below: &mut Vec<bool>,
         expression_weights: &mut ExpressionWeights,
     ) {
-        let Turn { actor, eyes, turned, yaw, pitch, share, .. } = *self;
+        let EyeTurn { actor, eyes, turned, yaw, pitch, share, .. } = *self;
         let asset = &*actor.asset;
         match eyes.moved_by {
             EyesMovedBy::Bones => {
@@ -89,13 +89,13 @@ impl Turn<'_> {
             EyesMovedBy::Expressions => {
                 for (requested, expression) in expression_weights.requested.iter_mut().zip(&asset.expressions)
                 {
-                    *requested += (weight(eyes, &expression.name, yaw, pitch) * share) as f32;
+                    *requested += (gaze_expression_weight(eyes, &expression.name, yaw, pitch) * share) as f32;
                 }
                 let painted = |e: &Expression| !e.colors.is_empty() || !e.uvs.is_empty();
                 if expression_weights.resolve_again(&asset.expressions, &mut state.morph_weights)
                     && asset.expressions.iter().any(painted)
                 {
-                    material_changes::at(
+                    material_changes::find_changed_materials(
                         actor,
                         &expression_weights.resolved,
                         self.time,
@@ -108,7 +108,7 @@ impl Turn<'_> {
 }
 
 /// Weight of a gaze expression, 0..=1; 0 for any other.
-fn weight(eyes: &Eyes, name: &str, yaw: f64, pitch: f64) -> f64 {
+fn gaze_expression_weight(eyes: &Eyes, name: &str, yaw: f64, pitch: f64) -> f64 {
     match name {
         "lookLeft" => eyes.outer.map(yaw.max(0.0)),
         "lookRight" => eyes.outer.map((-yaw).max(0.0)),
@@ -123,23 +123,23 @@ mod tests {
     use super::*;
     use choreo_asset::RangeMap;
 
-    fn range(most: f32, scale: f32) -> RangeMap {
+    fn range_map(most: f32, scale: f32) -> RangeMap {
         RangeMap { input_max: most.to_radians(), output_scale: scale }
     }
 
     #[test]
-    fn weights_of_the_gaze_go_up_on_their_own_side() {
+    fn gaze_expression_weights_rise_only_on_their_side() {
         let eyes = Eyes {
             offset_from_head: glam::Vec3::ZERO,
             moved_by: EyesMovedBy::Expressions,
-            inner: range(90.0, 1.0),
-            outer: range(90.0, 1.0),
-            down: range(90.0, 1.0),
-            up: range(45.0, 0.5),
+            inner: range_map(90.0, 1.0),
+            outer: range_map(90.0, 1.0),
+            down: range_map(90.0, 1.0),
+            up: range_map(45.0, 0.5),
         };
-        let of = |name: &str| weight(&eyes, name, 45f64.to_radians(), 90f64.to_radians());
+        let of = |name: &str| gaze_expression_weight(&eyes, name, 45f64.to_radians(), 90f64.to_radians());
         assert!((of("lookLeft") - 0.5).abs() < 1e-6 && of("lookRight") == 0.0);
         assert!(of("lookUp") == 0.5 && of("lookDown") == 0.0 && of("happy") == 0.0);
-        assert!((weight(&eyes, "lookDown", 0.0, -90f64.to_radians()) - 1.0).abs() < 1e-6);
+        assert!((gaze_expression_weight(&eyes, "lookDown", 0.0, -90f64.to_radians()) - 1.0).abs() < 1e-6);
     }
 }

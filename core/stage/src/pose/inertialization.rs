@@ -1,7 +1,7 @@
 //! Inertialization offsets: each inertialized cue takes over the offset from the pose before it. Offsets are computed once, in the order of
 //! the cues, so that a cue that starts while an earlier offset still decays takes over what is left of it.
 
-use crate::pose::{BlendedClip, inertialization, sample_cue, start_weights};
+use crate::pose::{BlendedClip, inertialization, reset_morph_weights, sample_cue};
 use crate::root_motion::track::RootMotionTrack;
 use crate::stage::actor::Actor;
 use crate::stage::clips::Layer;
@@ -10,7 +10,7 @@ use crate::timeline::active_clips::ActiveCue;
 use choreo_motion::{BlendOnto, Inertialization, Pose, Time, WeightInertialization};
 
 /// Time between the two poses whose difference gives a velocity.
-const STEP: Time = Time(Time::TICKS_PER_SECOND / 240);
+const VELOCITY_INTERVAL: Time = Time(Time::TICKS_PER_SECOND / 240);
 
 /// The inertialization offsets that one transition leaves.
 #[derive(Clone, Debug, Default)]
@@ -32,7 +32,7 @@ impl Inertializations {
     }
 
     /// Whether the actor has inertialized cues.
-    pub fn any(&self) -> bool {
+    pub fn has_any(&self) -> bool {
         !self.0.is_empty()
     }
 
@@ -51,24 +51,26 @@ impl Inertializations {
             }
             let before = Layer { cues: layer.cues[..index].to_vec(), ..Layer::default() };
             let [old, source, target, after] = &mut poses;
-            old.base(actor, &before, cue.start - STEP, track, &found);
-            source.base(actor, &before, cue.start, track, &found);
-            for (body, time) in [(&mut *target, cue.start), (&mut *after, cue.start + STEP)] {
+            old.pose_base_layer(actor, &before, cue.start - VELOCITY_INTERVAL, track, &found);
+            source.pose_base_layer(actor, &before, cue.start, track, &found);
+            for (body, time) in [(&mut *target, cue.start), (&mut *after, cue.start + VELOCITY_INTERVAL)] {
                 let active = ActiveCue { cue: index, clip_time: cue.clip_time(time, false), weight: 1.0 };
-                body.play(actor, layer, &[active], time, track, None);
+                body.pose_cues(actor, layer, &[active], time, track, None);
             }
-            found.0.push(Some(switch([old, source], [target, after], cue.inertialization)));
+            found.0.push(Some(inertialization_between([old, source], [target, after], cue.inertialization)));
         }
         found
     }
 }
 
-fn switch(from: [&BasePose; 2], to: [&BasePose; 2], duration: Time) -> CueInertialization {
-    let weights = |from: [&[f32]; 2], to: [&[f32]; 2]| WeightInertialization::new(from, to, STEP, duration);
+fn inertialization_between(from: [&BasePose; 2], to: [&BasePose; 2], duration: Time) -> CueInertialization {
+    let weights = |from: [&[f32]; 2], to: [&[f32]; 2]| {
+        WeightInertialization::new(from, to, VELOCITY_INTERVAL, duration)
+    };
     let morphs = |i: usize| weights(from.map(|b| &b.morphs[i][..]), to.map(|b| &b.morphs[i][..]));
     let face = |i: usize| weights(from.map(|b| &b.expressions[i..=i]), to.map(|b| &b.expressions[i..=i]));
     CueInertialization {
-        joints: Inertialization::new(from.map(|b| &b.pose), to.map(|b| &b.pose), STEP, duration),
+        joints: Inertialization::new(from.map(|b| &b.pose), to.map(|b| &b.pose), VELOCITY_INTERVAL, duration),
         morphs: (0..from[0].morphs.len()).map(morphs).collect(),
         expressions: (0..from[0].expressions.len()).map(face).collect(),
     }
@@ -84,7 +86,7 @@ struct BasePose {
 }
 
 impl BasePose {
-    fn base(
+    fn pose_base_layer(
         &mut self,
         actor: &Actor,
         layer: &Layer,
@@ -95,10 +97,10 @@ impl BasePose {
         let mut active_cues = Vec::new();
         timeline::base_cues(layer, time, &mut active_cues);
         active_cues.retain(|active| layer.cues[active.cue].clip.joint_count() == actor.asset.skeleton.len());
-        self.play(actor, layer, &active_cues, time, track, Some(found));
+        self.pose_cues(actor, layer, &active_cues, time, track, Some(found));
     }
 
-    fn play(
+    fn pose_cues(
         &mut self,
         actor: &Actor,
         layer: &Layer,
@@ -110,7 +112,7 @@ impl BasePose {
         let asset = &*actor.asset;
         let (mut over, mut weights) = (Pose::default(), Vec::new());
         self.pose.copy_from(asset.rest_pose());
-        start_weights(asset, &mut self.morphs);
+        reset_morph_weights(asset, &mut self.morphs);
         self.expressions.clear();
         self.expressions.resize(asset.expressions.len(), 0.0);
         for (place, active) in active_cues.iter().enumerate() {

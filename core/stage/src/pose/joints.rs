@@ -11,7 +11,7 @@ pub(crate) struct PosedSkeleton<'a> {
 
 impl PosedSkeleton<'_> {
     /// Position of a joint in model space.
-    pub fn place(&self, joint: u32) -> DVec3 {
+    pub fn position(&self, joint: u32) -> DVec3 {
         Vec3::from(self.model_from_joint[joint as usize].translation).as_dvec3()
     }
 
@@ -21,23 +21,23 @@ impl PosedSkeleton<'_> {
     }
 
     /// Whether `joint` is below `above` in the skeleton.
-    pub(crate) fn hangs_on(&self, joint: u32, above: u32) -> bool {
+    pub(crate) fn is_below(&self, joint: u32, above: u32) -> bool {
         let parents = self.skeleton.parents();
         std::iter::successors(parents[joint as usize], |j| parents[*j as usize]).any(|j| j == above)
     }
 
     /// Turns a joint and all joints below it about its position; model space.
     pub fn turn(&mut self, joint: u32, turn: DQuat) {
-        let pivot = self.place(joint);
-        self.moved(joint, turn, pivot, DVec3::ZERO);
+        let pivot = self.position(joint);
+        self.move_subtree(joint, turn, pivot, DVec3::ZERO);
     }
 
     /// Moves a joint and all joints below it; model space.
     pub fn shift(&mut self, joint: u32, by: DVec3) {
-        self.moved(joint, DQuat::IDENTITY, DVec3::ZERO, by);
+        self.move_subtree(joint, DQuat::IDENTITY, DVec3::ZERO, by);
     }
 
-    fn moved(&mut self, joint: u32, turn: DQuat, pivot: DVec3, by: DVec3) {
+    fn move_subtree(&mut self, joint: u32, turn: DQuat, pivot: DVec3, by: DVec3) {
         if !(turn.is_finite() && by.is_finite()) || (turn == DQuat::IDENTITY && by == DVec3::ZERO) {
             return;
         }

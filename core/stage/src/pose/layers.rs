@@ -22,7 +22,7 @@ pub(crate) struct GroupScratch {
 }
 
 /// Whether layers of one rank need [`apply_layers`]: there are several, or one of them is additive.
-pub(crate) fn is_group(layers: &[Layer]) -> bool {
+pub(crate) fn needs_group_blending(layers: &[Layer]) -> bool {
     layers.len() > 1 || layers.iter().any(|layer| layer.mode != LayerMode::Override)
 }
 
@@ -43,7 +43,7 @@ pub(crate) fn apply_layers(
         scratch
             .active_cues
             .retain(|active| layer.cues[active.cue].clip.joint_count() == asset.skeleton.len());
-        timeline::shares(&mut scratch.active_cues);
+        timeline::convert_weights_to_shares(&mut scratch.active_cues);
         scratch.active.extend(scratch.active_cues.iter().map(|active| (index, *active)));
     }
     override_pose(layers, scratch, pose);
@@ -66,7 +66,7 @@ fn blend_layer_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScrat
             let share = active.weight * crate::pose::mask_weight_at_head(asset, layer);
             let cue = &layer.cues[active.cue];
             let driven = cue.clip.sample_expression(&expression.name, active.clip_time);
-            match added(layer.mode) {
+            match additive_sign_and_reference(layer.mode) {
                 None => {
                     total += share;
                     sum += driven.unwrap_or(*weight) * share;
@@ -87,24 +87,24 @@ fn blend_layer_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScrat
 
 fn override_pose(layers: &[Layer], scratch: &mut GroupScratch, pose: &mut Pose) {
     let GroupScratch { active, mix, over, .. } = scratch;
-    let mut any = false;
+    let mut has_started = false;
     for (layer, active) in active.iter().filter(|(layer, _)| layers[*layer].mode == LayerMode::Override) {
-        if !any {
+        if !has_started {
             mix.start(pose.len());
-            any = true;
+            has_started = true;
         }
         let layer = &layers[*layer];
         over.copy_from(pose);
         Sample { clip: &layer.cues[active.cue].clip, time: active.clip_time, pose: over }.run();
         mix.add(pose, over, active.weight, layer.mask.as_ref().map(|mask| mask.as_slice()));
     }
-    if any {
+    if has_started {
         mix.finish(pose);
     }
 }
 
 /// Sign and reference pose of an additive or subtractive layer; `None` for an overriding layer.
-fn added(mode: LayerMode) -> Option<(f32, Reference)> {
+fn additive_sign_and_reference(mode: LayerMode) -> Option<(f32, Reference)> {
     match mode {
         LayerMode::Override => None,
         LayerMode::Additive(reference) => Some((1.0, reference)),
@@ -122,13 +122,13 @@ fn reference_time(reference: Reference, cue: &Cue) -> Option<Time> {
 
 fn add_to_pose(layers: &[Layer], asset: &Asset, scratch: &mut GroupScratch, pose: &mut Pose) {
     let GroupScratch { active, deltas, over, reference, .. } = scratch;
-    let mut any = false;
+    let mut has_started = false;
     for (layer, active) in active.iter() {
         let layer = &layers[*layer];
-        let Some((sign, from)) = added(layer.mode) else { continue };
-        if !any {
+        let Some((sign, from)) = additive_sign_and_reference(layer.mode) else { continue };
+        if !has_started {
             deltas.start(pose.len());
-            any = true;
+            has_started = true;
         }
         let cue = &layer.cues[active.cue];
         reference.copy_from(asset.rest_pose());
@@ -141,7 +141,7 @@ fn add_to_pose(layers: &[Layer], asset: &Asset, scratch: &mut GroupScratch, pose
         let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
         deltas.add(reference, over, sign * active.weight, mask);
     }
-    if any {
+    if has_started {
         deltas.apply(pose);
     }
 }
@@ -184,7 +184,7 @@ fn add_to_morphs(layers: &[Layer], instance: &MeshInstance, scratch: &mut GroupS
     sums.resize(weights.len(), 0.0);
     for (layer, active) in active.iter() {
         let layer = &layers[*layer];
-        let Some((sign, from)) = added(layer.mode) else { continue };
+        let Some((sign, from)) = additive_sign_and_reference(layer.mode) else { continue };
         let cue = &layer.cues[active.cue];
         let share = sign * active.weight * mask_weight(layer, instance);
         morph_reference.clear();

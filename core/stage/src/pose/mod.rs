@@ -44,19 +44,19 @@ pub(crate) struct PoseScratch {
 
 impl PoseScratch {
     /// Resets to the rest pose, with all expressions at zero.
-    fn start(&mut self, asset: &Asset) {
+    fn reset_to_rest(&mut self, asset: &Asset) {
         self.expressions.clear();
         self.expressions.resize(asset.expressions.len(), 0.0);
         self.pose.copy_from(asset.rest_pose());
     }
 
-    /// Settled weights of the expressions of the actor that was posed last.
-    pub fn expressions(&self) -> &[f32] {
+    /// Resolved weights of the expressions of the actor that was posed last.
+    pub fn resolved_expressions(&self) -> &[f32] {
         &self.expressions
     }
 
     /// Requested expression weights of the actor that was posed last, before they are resolved.
-    pub fn requested(&self) -> &[f32] {
+    pub fn requested_expressions(&self) -> &[f32] {
         &self.requested
     }
 }
@@ -76,11 +76,13 @@ pub(crate) fn pose_actor<'e>(
     let joints = asset.skeleton.len();
     model_from_joint.clear();
     model_from_joint.resize(joints, Affine3A::IDENTITY);
-    start_weights(asset, morph_weights);
-    scratch.start(asset);
+    reset_morph_weights(asset, morph_weights);
+    scratch.reset_to_rest(asset);
     let turned = edits.clone().any(|edit| matches!(edit, ActorEdit::TurnJoint { .. }));
-    let mirrored =
-        actor.constraints.iter().any(|g| matches!(g.kind, ConstraintKind::Mirror(_)) && g.share(time) > 0.0);
+    let mirrored = actor
+        .constraints
+        .iter()
+        .any(|g| matches!(g.kind, ConstraintKind::Mirror(_)) && g.weight_at(time) > 0.0);
     let mut in_model_space = false;
     let mut next = 0;
     while next < actor.layers.len() {
@@ -91,7 +93,7 @@ pub(crate) fn pose_actor<'e>(
         if !base {
             next += actor.layers[next..].iter().take_while(|l| l.rank == layer.rank).count();
             let equal = &actor.layers[index..next];
-            if layers::is_group(equal) {
+            if layers::needs_group_blending(equal) {
                 let (group, pose, expressions) =
                     (&mut scratch.group, &mut scratch.pose, &mut scratch.expressions);
                 layers::apply_layers(equal, asset, time, group, pose, morph_weights, expressions);
@@ -113,10 +115,10 @@ pub(crate) fn pose_actor<'e>(
             inertialization: inertialization(layer, active, time, inertializations.filter(|_| base)),
         };
         // Root motion and inertialization offsets change the clips' poses before they are blended.
-        let plain = !base
-            || track.is_none() && inertializations.is_none_or(|inertializations| !inertializations.any());
-        if !plain {
-            blend_changed(actor, layer, time, track, inertializations, scratch);
+        let blends_plain_clips = !base
+            || track.is_none() && inertializations.is_none_or(|inertializations| !inertializations.has_any());
+        if !blends_plain_clips {
+            blend_clips_with_offsets(actor, layer, time, track, inertializations, scratch);
         } else if let [from, to] = &scratch.active_cues[..]
             && base
             && actor.layers.len() == 1
@@ -145,7 +147,7 @@ pub(crate) fn pose_actor<'e>(
 }
 
 /// Blends the clips of a base layer that root motion or inertialization offsets change.
-fn blend_changed(
+fn blend_clips_with_offsets(
     actor: &Actor,
     layer: &Layer,
     time: Time,
@@ -178,15 +180,15 @@ fn apply_edits<'e>(
     let asset = &*actor.asset;
     for constraint in actor.constraints.iter().filter(|_| mirrored) {
         if let (ConstraintKind::Mirror(mirroring), share @ f64::MIN_POSITIVE..) =
-            (&constraint.kind, constraint.share(time))
+            (&constraint.kind, constraint.weight_at(time))
         {
             let PoseScratch { pose, mirror, expressions, .. } = &mut *scratch;
             mirroring.apply(share as f32, mirror, pose, morph_weights, expressions);
         }
     }
-    set_weights(actor, time, edits.clone(), morph_weights);
+    override_morph_weights(actor, time, edits.clone(), morph_weights);
     if !asset.expressions.is_empty() {
-        set_expressions(actor, time, edits.clone(), &mut scratch.expressions);
+        override_expression_weights(actor, time, edits.clone(), &mut scratch.expressions);
         scratch.requested.clone_from(&scratch.expressions);
         expression::resolve_weights(&asset.expressions, &mut scratch.expressions);
         expression::add(&asset.expressions, &scratch.expressions, morph_weights);
@@ -236,7 +238,7 @@ pub(crate) fn inertialization<'a>(
     Some((switch, time - layer.cues[active.cue].start))
 }
 
-/// Moves the root joint, and all that hangs on it, in model space.
+/// Moves the root joint, and all joints below it, in model space.
 fn move_root(actor: &Actor, root: &CueRootMotion, rotation: DQuat, translation: DVec3, pose: &mut Pose) {
     let parents = actor.asset.skeleton.parents();
     let joint = root.motion.joint() as usize;
@@ -380,7 +382,7 @@ pub(crate) fn rest_weights(instance: &MeshInstance, count: usize) -> impl Iterat
     instance.weights.iter().copied().chain(std::iter::repeat(0.0)).take(count)
 }
 
-pub(crate) fn start_weights(asset: &Asset, morph_weights: &mut Vec<Vec<f32>>) {
+pub(crate) fn reset_morph_weights(asset: &Asset, morph_weights: &mut Vec<Vec<f32>>) {
     morph_weights.resize_with(asset.instances.len(), Vec::new);
     for (instance, weights) in asset.instances.iter().zip(morph_weights) {
         let count = asset.meshes.get(instance.mesh as usize).map_or(0, |mesh| mesh.morph_targets);
@@ -390,7 +392,7 @@ pub(crate) fn start_weights(asset: &Asset, morph_weights: &mut Vec<Vec<f32>>) {
 }
 
 /// Overrides the clips' weights: the script's fixed weights, then keyed ones, then those of callbacks.
-fn set_weights<'e>(
+fn override_morph_weights<'e>(
     actor: &Actor,
     time: Time,
     edits: impl Iterator<Item = &'e ActorEdit>,
@@ -420,7 +422,7 @@ fn set_weights<'e>(
 }
 
 /// Overrides the clips' expressions: the script's fixed weights, then keyed ones, then those of callbacks.
-fn set_expressions<'e>(
+fn override_expression_weights<'e>(
     actor: &Actor,
     time: Time,
     edits: impl Iterator<Item = &'e ActorEdit>,

@@ -21,9 +21,9 @@ impl Motions {
     }
 
     /// The motions of one actor, as if it were the only one of the stage.
-    pub fn only(&self, actor: usize) -> Motions {
+    pub fn for_actor(&self, actor: usize) -> Motions {
         let inertializations = self.inertializations.get(actor).into_iter().cloned().collect();
-        Motions { root_motion: self.root_motion.only(actor), inertializations }
+        Motions { root_motion: self.root_motion.for_actor(actor), inertializations }
     }
 
     pub fn of(&self, actor: usize) -> (Option<&RootMotionTrack>, Option<&Inertializations>) {

@@ -12,7 +12,7 @@ pub fn posed_meshes(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
 }
 
 /// All posed mesh instances in model space, for the character itself without the placements of its copies.
-pub(crate) fn posed_body(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
+pub(crate) fn posed_meshes_in_model_space(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
     let ActorState { model_from_joint, morph_weights, .. } = actor;
     let how = (actor.skinning, PlacementSelection::Once);
     posed_meshes_by(how, asset, model_from_joint, morph_weights, DAffine3::IDENTITY)

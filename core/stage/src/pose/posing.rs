@@ -13,7 +13,7 @@ use choreo_motion::Time;
 use rayon::prelude::*;
 
 /// Smallest number of poses that is distributed over threads; distributing costs some microseconds.
-const SHARED_OUT_FROM: usize = 48;
+const MIN_PARALLEL_POSES: usize = 48;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PoseNeed {
@@ -27,7 +27,7 @@ pub(crate) struct Posing<'a> {
     pub time: Time,
     pub motions: &'a Motions,
     /// One entry per actor.
-    pub needs: &'a [PoseNeed],
+    pub pose_needs: &'a [PoseNeed],
     /// (actor, index into `edits`), sorted.
     pub pose_edits: &'a [(usize, usize)],
     pub edits: &'a [(usize, ActorEdit)],
@@ -51,29 +51,29 @@ impl Posing<'_> {
         scratch: &mut Vec<PoseScratch>,
         expression_weights: &mut Vec<ExpressionWeights>,
     ) -> usize {
-        let poses = self.needs.iter().filter(|need| need.pose).count();
-        let threads = if poses < SHARED_OUT_FROM { 1 } else { available_threads() };
+        let poses = self.pose_needs.iter().filter(|need| need.pose).count();
+        let threads = if poses < MIN_PARALLEL_POSES { 1 } else { available_threads() };
         // Neighboring actors often cost the same: small chunks keep one thread from getting all that are expensive.
         let size = actors.len().div_ceil(if threads > 1 { 4 * threads } else { 1 }).max(1);
-        let parts = actors.len().div_ceil(size);
+        let chunks = actors.len().div_ceil(size);
         if expression_weights.len() < actors.len() {
             expression_weights.resize_with(actors.len(), ExpressionWeights::default);
         }
-        if scratch.len() < parts {
-            scratch.resize_with(parts, PoseScratch::default);
+        if scratch.len() < chunks {
+            scratch.resize_with(chunks, PoseScratch::default);
         }
         if threads <= 1 {
             scratch
                 .iter_mut()
                 .take(1)
-                .for_each(|scratch| self.part(0, actors, states, scratch, expression_weights));
+                .for_each(|scratch| self.pose_chunk(0, actors, states, scratch, expression_weights));
         }
         #[cfg(feature = "threads")]
         if threads > 1 {
-            let each = actors.par_chunks(size).zip(states.par_chunks_mut(size)).zip(&mut scratch[..parts]);
+            let each = actors.par_chunks(size).zip(states.par_chunks_mut(size)).zip(&mut scratch[..chunks]);
             each.zip(expression_weights.par_chunks_mut(size)).enumerate().for_each(
                 |(i, (((actors, states), scratch), expression_weights))| {
-                    self.part(i * size, actors, states, scratch, expression_weights);
+                    self.pose_chunk(i * size, actors, states, scratch, expression_weights);
                 },
             );
         }
@@ -81,7 +81,7 @@ impl Posing<'_> {
     }
 
     /// Poses a chunk of actors. `first`: index of its first actor.
-    fn part(
+    fn pose_chunk(
         &self,
         first: usize,
         actors: &[Actor],
@@ -92,7 +92,7 @@ impl Posing<'_> {
         for (index, ((actor, state), expression_weights)) in
             (first..).zip(actors.iter().zip(states).zip(expression_weights))
         {
-            if !self.needs[index].pose {
+            if !self.pose_needs[index].pose {
                 state.model_from_joint.clear();
                 state.morph_weights.clear();
                 state.base_colors.clear();
@@ -107,12 +107,17 @@ impl Posing<'_> {
             pose::pose_actor(actor, self.time, self.motions.of(index), edits, scratch, joints, weights);
             if actor.asset.eyes.is_some() {
                 expression_weights.requested.clear();
-                expression_weights.requested.extend_from_slice(scratch.requested());
+                expression_weights.requested.extend_from_slice(scratch.requested_expressions());
                 expression_weights.resolved.clear();
-                expression_weights.resolved.extend_from_slice(scratch.expressions());
+                expression_weights.resolved.extend_from_slice(scratch.resolved_expressions());
             }
             crate::properties::base_colors(actor, self.time, &mut state.base_colors);
-            crate::properties::materials::at(actor, scratch.expressions(), self.time, &mut state.materials);
+            crate::properties::materials::find_changed_materials(
+                actor,
+                scratch.resolved_expressions(),
+                self.time,
+                &mut state.materials,
+            );
             gaze::apply_requested_gaze(actor, self.time, state, expression_weights);
         }
     }

@@ -11,7 +11,12 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Fills `out` with the materials of an actor that are animated, at a time. `weights`: resolved weights of the asset's expressions.
-pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<ChangedMaterial>) {
+pub(crate) fn find_changed_materials(
+    actor: &Actor,
+    weights: &[f32],
+    time: Time,
+    out: &mut Vec<ChangedMaterial>,
+) {
     out.clear();
     let asset = &*actor.asset;
     let clips = actor.layers.iter().flat_map(|layer| &layer.cues).flat_map(|cue| cue.clip.properties());
@@ -39,7 +44,7 @@ pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<Chang
         }
         if let Some(flipbook) = material.flipbook {
             let cell = flipbook.cell(time);
-            textures(&mut now, |texture| texture.uv_transform = cell * texture.uv_transform);
+            for_each_texture(&mut now, |texture| texture.uv_transform = cell * texture.uv_transform);
         }
         out.push(ChangedMaterial { material: index, now });
     }
@@ -49,34 +54,36 @@ fn apply_clips(actor: &Actor, index: u32, properties: &[MaterialProperty], time:
     let mut strength = 1.0;
     for &property in properties {
         let target = PropertyTarget::Material(index, property);
-        let one = |rest: f32| properties::at(actor, target, [rest], time).map_or(rest, |[v]| v);
+        let number = |rest: f32| properties::property_at(actor, target, [rest], time).map_or(rest, |[v]| v);
         match property {
             MaterialProperty::Emissive => {
-                let color = properties::at(actor, target, now.emissive.to_array(), time);
+                let color = properties::property_at(actor, target, now.emissive.to_array(), time);
                 now.emissive = color.map_or(now.emissive, |c| Vec3::from_array(c).max(Vec3::ZERO));
             }
-            MaterialProperty::EmissiveStrength => strength = one(1.0).max(0.0),
-            MaterialProperty::Metallic => now.metallic = one(now.metallic).clamp(0.0, 1.0),
-            MaterialProperty::Roughness => now.roughness = one(now.roughness).clamp(0.0, 1.0),
+            MaterialProperty::EmissiveStrength => strength = number(1.0).max(0.0),
+            MaterialProperty::Metallic => now.metallic = number(now.metallic).clamp(0.0, 1.0),
+            MaterialProperty::Roughness => now.roughness = number(now.roughness).clamp(0.0, 1.0),
             MaterialProperty::AlphaCutoff => {
                 if let choreo_asset::AlphaMode::Mask(cutoff) = &mut now.alpha_mode {
-                    *cutoff = one(*cutoff);
+                    *cutoff = number(*cutoff);
                 }
             }
-            MaterialProperty::NormalScale => now.normal_scale = one(now.normal_scale),
+            MaterialProperty::NormalScale => now.normal_scale = number(now.normal_scale),
             MaterialProperty::OcclusionStrength => {
-                now.occlusion_strength = one(now.occlusion_strength).clamp(0.0, 1.0);
+                now.occlusion_strength = number(now.occlusion_strength).clamp(0.0, 1.0);
             }
-            MaterialProperty::UvOffset(slot) => change_texture(now, slot, |uv| {
+            MaterialProperty::UvOffset(slot) => change_texture_uv(now, slot, |uv| {
                 let rest = uv.offset.to_array();
-                uv.offset = properties::at(actor, target, rest, time).map_or(uv.offset, Vec2::from_array);
+                uv.offset =
+                    properties::property_at(actor, target, rest, time).map_or(uv.offset, Vec2::from_array);
             }),
             MaterialProperty::UvRotation(slot) => {
-                change_texture(now, slot, |uv| uv.rotation = one(uv.rotation))
+                change_texture_uv(now, slot, |uv| uv.rotation = number(uv.rotation))
             }
-            MaterialProperty::UvScale(slot) => change_texture(now, slot, |uv| {
+            MaterialProperty::UvScale(slot) => change_texture_uv(now, slot, |uv| {
                 let rest = uv.scale.to_array();
-                uv.scale = properties::at(actor, target, rest, time).map_or(uv.scale, Vec2::from_array);
+                uv.scale =
+                    properties::property_at(actor, target, rest, time).map_or(uv.scale, Vec2::from_array);
             }),
         }
     }
@@ -107,8 +114,8 @@ fn apply_expression(expression: &Expression, weight: f32, index: u32, rest: &Mat
         }
     }
     for bind in expression.uvs.iter().filter(|b| b.material == index) {
-        textures(now, |texture| {
-            let mut uv = Uv::of(&texture.uv_transform);
+        for_each_texture(now, |texture| {
+            let mut uv = UvTransform::of(&texture.uv_transform);
             // VRM assumes a texture at offset 0 and scale 1. For any other texture the offset is added and the scale is multiplied.
             uv.offset += bind.offset * weight;
             uv.scale *= Vec2::ONE + (bind.scale - Vec2::ONE) * weight;
@@ -136,13 +143,13 @@ fn apply_uv_motion(motion: UvMotion, time: Time, now: &mut Material) {
     let middle = Vec2::splat(0.5);
     let moved = Vec2::new(part(motion.scroll.x, 1.0), part(motion.scroll.y, 1.0));
     let all = Affine2 { matrix2: turn, translation: middle - turn * middle + moved };
-    textures(now, |texture| texture.uv_transform = all * texture.uv_transform);
+    for_each_texture(now, |texture| texture.uv_transform = all * texture.uv_transform);
 }
 
 /// Calls `change` for every texture that is sampled by texture coordinates.
-fn textures(material: &mut Material, mut change: impl FnMut(&mut TextureRef)) {
+fn for_each_texture(material: &mut Material, mut change: impl FnMut(&mut TextureRef)) {
     for slot in 0..7 {
-        if let Some(texture) = slot_of(material, slot) {
+        if let Some(texture) = texture_of_slot(material, slot) {
             change(texture);
         }
     }
@@ -153,7 +160,7 @@ fn textures(material: &mut Material, mut change: impl FnMut(&mut TextureRef)) {
     }
 }
 
-fn slot_of(m: &mut Material, slot: u8) -> Option<&mut TextureRef> {
+fn texture_of_slot(m: &mut Material, slot: u8) -> Option<&mut TextureRef> {
     match slot {
         0 => m.base_color_texture.as_mut(),
         1 => m.metallic_roughness_texture.as_mut(),
@@ -170,27 +177,27 @@ fn slot_of(m: &mut Material, slot: u8) -> Option<&mut TextureRef> {
     }
 }
 
-fn change_texture(material: &mut Material, slot: u8, change: impl FnOnce(&mut Uv)) {
-    if let Some(texture) = slot_of(material, slot) {
-        let mut uv = Uv::of(&texture.uv_transform);
+fn change_texture_uv(material: &mut Material, slot: u8, change: impl FnOnce(&mut UvTransform)) {
+    if let Some(texture) = texture_of_slot(material, slot) {
+        let mut uv = UvTransform::of(&texture.uv_transform);
         change(&mut uv);
         texture.uv_transform = uv.transform();
     }
 }
 
 /// Offset, rotation in radians and scale of KHR_texture_transform.
-struct Uv {
+struct UvTransform {
     offset: Vec2,
     rotation: f32,
     scale: Vec2,
 }
 
-impl Uv {
+impl UvTransform {
     /// Decomposes a matrix made by [`uv_transform`]. If the scale is zero, the rotation is lost.
-    fn of(a: &Affine2) -> Uv {
+    fn of(a: &Affine2) -> UvTransform {
         let (x, y) = (a.matrix2.x_axis, a.matrix2.y_axis);
         let mirrored = a.matrix2.determinant() < 0.0;
-        Uv {
+        UvTransform {
             offset: a.translation,
             rotation: libm::atan2f(-x.y, x.x),
             scale: Vec2::new(x.length(), if mirrored { -y.length() } else { y.length() }),
@@ -215,17 +222,17 @@ mod tests {
     use choreo_asset::{ColorBind, Shading, UvBind};
 
     #[test]
-    fn a_transform_comes_apart_and_together() {
+    fn uv_transform_survives_decomposition() {
         for (rotation, scale) in [(0.0, Vec2::ONE), (1.1, Vec2::new(2.0, 0.5)), (-2.0, Vec2::new(3.0, -1.0))]
         {
             let whole = uv_transform(Vec2::new(0.2, 0.7), rotation, scale);
-            let again = Uv::of(&whole).transform();
+            let again = UvTransform::of(&whole).transform();
             assert!(whole.abs_diff_eq(again, 1e-6), "{rotation} {scale}: {again:?}");
         }
     }
 
     #[test]
-    fn frames_follow_each_other_from_the_top_left_and_begin_again() {
+    fn frame_strip_cells_run_from_the_top_left_and_loop() {
         let strip = choreo_asset::FrameStrip { columns: 3, rows: 2, count: 5, fps: 10.0, once: false };
         let corner = |secs: f64| strip.cell(Time::from_secs(secs)).transform_point2(Vec2::ZERO);
         let end = |secs: f64| strip.cell(Time::from_secs(secs)).transform_point2(Vec2::ONE);
@@ -244,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn expressions_add_what_differs_from_rest() {
+    fn expression_color_binds_add_the_difference_from_rest() {
         let rest = Material { base_color: Vec4::new(0.2, 0.4, 0.6, 1.0), ..Material::default() };
         let red = ColorBind { material: 0, color: MaterialColor::Base, to: Vec4::new(1.0, 0.0, 0.0, 1.0) };
         let face = Expression { colors: vec![red], ..Expression::default() };
@@ -258,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn textures_move_by_expressions_and_by_themselves() {
+    fn uv_binds_and_uv_motion_transform_textures() {
         let texture =
             TextureRef { image: 0, sampler: Default::default(), uv_set: 0, uv_transform: Affine2::IDENTITY };
         let toon = Toon { shade_texture: Some(texture.clone()), ..Toon::default() };

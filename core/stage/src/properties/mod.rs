@@ -9,7 +9,7 @@ use glam::Vec4;
 
 /// Value of a property at a time; `None` if no cue's clip animates it. A base-layer clip that does not animate it counts as `rest`, and
 /// such a clip on an upper layer changes nothing. Additive layers add their difference from `rest`. Masks apply to joints only.
-pub(crate) fn at<const N: usize>(
+pub(crate) fn property_at<const N: usize>(
     actor: &Actor,
     target: PropertyTarget,
     rest: [f32; N],
@@ -17,15 +17,15 @@ pub(crate) fn at<const N: usize>(
 ) -> Option<[f32; N]> {
     let cues = || actor.layers.iter().flat_map(|layer| &layer.cues);
     // A clip of another asset refers to that asset's properties.
-    let own = |clip: &choreo_motion::Clip| clip.joint_count() == actor.asset.skeleton.len();
-    if !cues().any(|cue| own(&cue.clip) && cue.clip.properties().any(|(t, _)| t == target)) {
+    let is_of_asset = |clip: &choreo_motion::Clip| clip.joint_count() == actor.asset.skeleton.len();
+    if !cues().any(|cue| is_of_asset(&cue.clip) && cue.clip.properties().any(|(t, _)| t == target)) {
         return None;
     }
     let mut value = rest;
     for active in actor.active_clips(time) {
         let clip = &actor.layers[active.layer].cues[active.cue].clip;
         let mut over = rest;
-        let drives = own(clip) && clip.sample_property(target, active.clip_time, &mut over);
+        let drives = is_of_asset(clip) && clip.sample_property(target, active.clip_time, &mut over);
         if !drives && active.layer > 0 {
             continue;
         }
@@ -52,7 +52,7 @@ pub(crate) fn base_colors(actor: &Actor, time: Time, out: &mut Vec<Vec4>) {
     }
     out.extend(asset.materials.iter().enumerate().map(|(index, material)| {
         let target = PropertyTarget::BaseColor(index as u32);
-        let color = at(actor, target, material.base_color.to_array(), time).map(Vec4::from_array);
+        let color = property_at(actor, target, material.base_color.to_array(), time).map(Vec4::from_array);
         // Splines overshoot.
         color.map_or(material.base_color, |c| c.max(Vec4::ZERO))
     }));

@@ -4,11 +4,11 @@ use crate::root_motion::track::{RootMotionTrack, RootMotionTracks};
 use crate::stage::Stage;
 use crate::stage::actor::Placement;
 use crate::timeline::active_clips::ActiveCue;
-use crate::transforms::facing;
+use crate::transforms::rotation_to_face;
 use choreo_motion::Time;
 use glam::{DAffine3, DQuat, DVec3};
 
-/// Reusable buffers of [`apply`].
+/// Reusable buffers of [`apply_root_motion`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RootMotionScratch {
     /// Actors with root motion that face another actor, with the turn towards it at their start; sorted by actor.
@@ -25,7 +25,7 @@ impl RootMotionScratch {
 
 /// Moves actors by root motion from their placements. An actor that faces another walks towards the other's placement: following the
 /// other's motion would make each position depend on the other.
-pub(crate) fn apply(
+pub(crate) fn apply_root_motion(
     stage: &Stage,
     root_motion: &RootMotionTracks,
     time: Time,
@@ -40,7 +40,7 @@ pub(crate) fn apply(
             && let Some(other) = actor.face.and_then(|other| placements.get(other))
         {
             let way = other.translation - placements[index].translation;
-            faced.push((index, facing(&DAffine3::IDENTITY, way, actor.asset.front())));
+            faced.push((index, rotation_to_face(&DAffine3::IDENTITY, way, actor.asset.front())));
         }
     }
     for (index, turn) in faced.iter() {
@@ -58,7 +58,8 @@ pub(crate) fn apply(
             let anchor = track.map_or(DVec3::ZERO, RootMotionTrack::anchor);
             placements[index] = path_following.placed(placement, metres, anchor, actor.asset.front());
         } else if let Some(track) = track {
-            placements[index] = placement.moved_by(track.displacement_at(actor, time, active_cues).frame);
+            placements[index] =
+                placement.moved_by_root_motion(track.displacement_at(actor, time, active_cues).frame);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Root motion and path following: where clips and paths carry an actor.
+//! Root motion and path following: displacement of actors by clips and along paths.
 
 pub(crate) mod apply;
 pub(crate) mod track;

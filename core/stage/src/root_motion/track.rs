@@ -1,4 +1,4 @@
-//! Root motion over a timeline: where an actor's clips have carried it, at any time.
+//! Root motion over a timeline: the displacement by which an actor's clips have moved it, at any time.
 //!
 //! A single clip carries its actor in closed form: k whole loops are the k-th power of one loop's motion
 //! ([`choreo_motion::Planar::power`]), so that a time of 100 h costs as much as the first second and drifts no more. During fades the actor
@@ -19,10 +19,10 @@ use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
 /// Integration steps per second of a fade. The error is 1e-5 m in a fade from a walk to a run with a turn.
-const RATE: f64 = 240.0;
-const MOST_STEPS: f64 = 65_536.0;
+const STEPS_PER_SECOND: f64 = 240.0;
+const MAX_STEPS: f64 = 65_536.0;
 /// Time interval over which a velocity is measured.
-const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 240);
+const VELOCITY_INTERVAL: Time = Time(Time::TICKS_PER_SECOND / 240);
 
 /// Accumulated root motion of an actor: its frame, and the distance that it went forwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -33,12 +33,12 @@ pub struct Displacement {
 }
 
 impl Displacement {
-    fn then(self, next: Displacement) -> Displacement {
+    fn followed_by(self, next: Displacement) -> Displacement {
         Displacement { frame: self.frame.compose(next.frame), forward: self.forward + next.forward }
     }
 
     /// Displacement from this one to another.
-    fn to(self, there: Displacement) -> Displacement {
+    fn displacement_to(self, there: Displacement) -> Displacement {
         Displacement {
             frame: self.frame.inverse().compose(there.frame),
             forward: there.forward - self.forward,
@@ -56,7 +56,7 @@ impl RootMotionTracks {
     }
 
     /// The track of one actor alone.
-    pub fn only(&self, actor: usize) -> RootMotionTracks {
+    pub fn for_actor(&self, actor: usize) -> RootMotionTracks {
         RootMotionTracks(vec![self.0.get(actor).cloned().flatten()])
     }
 
@@ -69,7 +69,7 @@ impl RootMotionTracks {
 pub(crate) struct RootMotionTrack {
     /// Position of the root on the floor in model space: taken from the first clip, and used for all clips.
     anchor: DVec3,
-    segments: Vec<Segment>,
+    segments: Vec<MotionSegment>,
     /// Velocities that cues take over from the motion before them, by cue.
     transitions: Vec<Option<TransitionVelocity>>,
 }
@@ -93,7 +93,7 @@ impl TransitionVelocity {
     }
 
     /// Integral of the remaining share of the velocity between two times, seconds.
-    fn secs(&self, from: Time, to: Time) -> f64 {
+    fn remaining_share_secs(&self, from: Time, to: Time) -> f64 {
         let whole = self.duration.as_secs();
         let until = |time: Time| {
             let s = ((time - self.start).as_secs() / whole).clamp(0.0, 1.0);
@@ -112,7 +112,7 @@ struct RootMotionLayer<'a> {
 }
 
 #[derive(Clone, Debug)]
-struct Segment {
+struct MotionSegment {
     start: Time,
     at: Displacement,
     kind: SegmentKind,
@@ -120,7 +120,7 @@ struct Segment {
 
 #[derive(Clone, Debug)]
 enum SegmentKind {
-    Alone(usize),
+    SingleCue(usize),
     /// Several clips with constant weights.
     Mixed,
     /// Steps from the segment's start, evenly spaced up to `end`.
@@ -134,26 +134,29 @@ impl RootMotionTrack {
     fn of(actor: &Actor) -> Option<RootMotionTrack> {
         let layer = actor.layers.first()?;
         let first = layer.cues.iter().find_map(|cue| cue.root.as_deref().map(|root| (cue, root)))?;
-        let anchor = anchor(first.0, first.1);
-        let mut marks: Vec<Time> = Vec::new();
+        let anchor = anchor_of_cue(first.0, first.1);
+        let mut boundaries: Vec<Time> = Vec::new();
         for cue in &layer.cues {
-            marks.extend([cue.start, cue.start + cue.fade_in, cue.start + cue.inertialization]);
+            boundaries.extend([cue.start, cue.start + cue.fade_in, cue.start + cue.inertialization]);
             let keys = cue.weight_keys.as_ref().map_or(&[][..], |keys| &keys.times);
-            marks.extend(keys.first().into_iter().chain(keys.last()).filter(|t| **t > cue.start));
+            boundaries.extend(keys.first().into_iter().chain(keys.last()).filter(|t| **t > cue.start));
         }
-        marks.sort_unstable();
-        marks.dedup();
+        boundaries.sort_unstable();
+        boundaries.dedup();
         let start = Planar { translation: anchor, yaw: 0.0 };
         let transitions = vec![None; layer.cues.len()];
         let mut track = RootMotionTrack { anchor, segments: Vec::new(), transitions };
         let mut at = Displacement { frame: start, forward: 0.0 };
         let mut active_cues = Vec::new();
-        for (i, mark) in marks.iter().enumerate() {
-            let end = marks.get(i + 1).copied();
-            track.add_transitions(layer, *mark, &mut active_cues);
+        for (i, boundary) in boundaries.iter().enumerate() {
+            let end = boundaries.get(i + 1).copied();
+            track.add_transitions(layer, *boundary, &mut active_cues);
             let layer_motion = RootMotionLayer { layer, transitions: &track.transitions };
-            let segment =
-                Segment { start: *mark, at, kind: kind(layer_motion, *mark, end, &mut active_cues) };
+            let segment = MotionSegment {
+                start: *boundary,
+                at,
+                kind: segment_kind(layer_motion, *boundary, end, &mut active_cues),
+            };
             if let Some(end) = end {
                 at = segment.at(layer_motion, end, &mut active_cues);
             }
@@ -169,11 +172,15 @@ impl RootMotionTrack {
                 continue;
             }
             let layer_motion = RootMotionLayer { layer, transitions: &self.transitions };
-            let before = mean_step(layer_motion, start - INSTANT, start, active_cues);
-            let after = displacement(layer, index, start).to(displacement(layer, index, start + INSTANT));
+            let before = mean_step(layer_motion, start - VELOCITY_INTERVAL, start, active_cues);
+            let after = cue_displacement(layer, index, start).displacement_to(cue_displacement(
+                layer,
+                index,
+                start + VELOCITY_INTERVAL,
+            ));
             let [(velocity, turn), (own_velocity, own_turn)] =
                 [before, after].map(|step| step.frame.velocity());
-            let per_second = 1.0 / INSTANT.as_secs();
+            let per_second = 1.0 / VELOCITY_INTERVAL.as_secs();
             self.transitions[index] = Some(TransitionVelocity {
                 start,
                 duration: cue.inertialization,
@@ -184,9 +191,14 @@ impl RootMotionTrack {
     }
 
     /// Accumulated displacement of the actor at a time.
-    fn step(&self, layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
-        let begun = self.segments.partition_point(|segment| segment.start <= time);
-        match begun.checked_sub(1).map(|i| &self.segments[i]) {
+    fn accumulated_displacement(
+        &self,
+        layer: &Layer,
+        time: Time,
+        active_cues: &mut Vec<ActiveCue>,
+    ) -> Displacement {
+        let started_segments = self.segments.partition_point(|segment| segment.start <= time);
+        match started_segments.checked_sub(1).map(|i| &self.segments[i]) {
             Some(segment) => {
                 segment.at(RootMotionLayer { layer, transitions: &self.transitions }, time, active_cues)
             }
@@ -202,7 +214,7 @@ impl RootMotionTrack {
         active_cues: &mut Vec<ActiveCue>,
     ) -> Displacement {
         let Some(layer) = actor.layers.first() else { return Displacement::default() };
-        let Displacement { frame, forward } = self.step(layer, time, active_cues);
+        let Displacement { frame, forward } = self.accumulated_displacement(layer, time, active_cues);
         let back = Planar { translation: -self.anchor, yaw: 0.0 };
         Displacement { frame: frame.compose(back), forward }
     }
@@ -217,25 +229,25 @@ impl RootMotionTrack {
         if root.motion.treadmill.is_some() {
             return None;
         }
-        let first = root.motion.frame(first_time(cue));
+        let first = root.motion.frame(first_clip_time(cue));
         let now = root.motion.frame(clip_time);
         let now = Planar { yaw: now.yaw - first.yaw, ..now };
         Some(Planar { translation: self.anchor, yaw: 0.0 }.compose(now.inverse()))
     }
 }
 
-fn first_time(cue: &Cue) -> Time {
+fn first_clip_time(cue: &Cue) -> Time {
     if cue.speed < 0.0 { cue.trim.1 } else { cue.trim.0 }
 }
 
-fn anchor(cue: &Cue, root: &CueRootMotion) -> DVec3 {
+fn anchor_of_cue(cue: &Cue, root: &CueRootMotion) -> DVec3 {
     match root.motion.treadmill {
         Some(_) => DVec3::ZERO,
-        None => root.motion.frame(first_time(cue)).translation.with_y(0.0),
+        None => root.motion.frame(first_clip_time(cue)).translation.with_y(0.0),
     }
 }
 
-fn kind(
+fn segment_kind(
     layer_motion: RootMotionLayer,
     start: Time,
     end: Option<Time>,
@@ -247,30 +259,32 @@ fn kind(
         timeline::base_cues(layer, start + Time(span.0 / 8 * share), active_cues);
         active_cues.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
     };
-    let looks: Vec<Vec<(usize, f32)>> = [1, 3, 4, 6, 7].map(|share| within(share, active_cues)).into();
-    let settles = |(cue, _): &(usize, f32)| transitions[*cue].is_some_and(|of| start < of.end());
-    let same = looks.windows(2).all(|pair| pair[0] == pair[1]) && !looks[0].iter().any(settles);
-    match (&looks[0][..], end) {
-        ([(cue, _)], _) if same => SegmentKind::Alone(*cue),
-        (_, Some(end)) if !same => fading(layer_motion, start, end, active_cues),
+    let sampled_weights: Vec<Vec<(usize, f32)>> =
+        [1, 3, 4, 6, 7].map(|share| within(share, active_cues)).into();
+    let is_in_transition = |(cue, _): &(usize, f32)| transitions[*cue].is_some_and(|of| start < of.end());
+    let is_constant = sampled_weights.windows(2).all(|pair| pair[0] == pair[1])
+        && !sampled_weights[0].iter().any(is_in_transition);
+    match (&sampled_weights[0][..], end) {
+        ([(cue, _)], _) if is_constant => SegmentKind::SingleCue(*cue),
+        (_, Some(end)) if !is_constant => fading_segment(layer_motion, start, end, active_cues),
         _ => SegmentKind::Mixed,
     }
 }
 
-fn fading(
+fn fading_segment(
     layer_motion: RootMotionLayer,
     start: Time,
     end: Time,
     active_cues: &mut Vec<ActiveCue>,
 ) -> SegmentKind {
-    let count = libm::ceil((end - start).as_secs() * RATE).clamp(1.0, MOST_STEPS) as i64;
+    let count = libm::ceil((end - start).as_secs() * STEPS_PER_SECOND).clamp(1.0, MAX_STEPS) as i64;
     let mut steps = vec![Displacement::default()];
     let mut at = Displacement::default();
     for i in 0..count {
-        at = at.then(mean_step(
+        at = at.followed_by(mean_step(
             layer_motion,
-            knot(start, end, count, i),
-            knot(start, end, count, i + 1),
+            step_time(start, end, count, i),
+            step_time(start, end, count, i + 1),
             active_cues,
         ));
         steps.push(at);
@@ -278,7 +292,7 @@ fn fading(
     SegmentKind::Fading { end, steps }
 }
 
-fn knot(start: Time, end: Time, count: i64, i: i64) -> Time {
+fn step_time(start: Time, end: Time, count: i64, i: i64) -> Time {
     start + Time((i128::from((end - start).0) * i128::from(i) / i128::from(count)) as i64)
 }
 
@@ -291,17 +305,18 @@ fn mean_step(
     active_cues: &mut Vec<ActiveCue>,
 ) -> Displacement {
     timeline::base_cues(layer, from.middle(to), active_cues);
-    timeline::shares(active_cues);
+    timeline::convert_weights_to_shares(active_cues);
     let (mut velocity, mut turn, mut forward) = (DVec3::ZERO, 0.0, 0.0);
     for active in active_cues.iter() {
         let share = f64::from(active.weight);
-        let step = displacement(layer, active.cue, from).to(displacement(layer, active.cue, to));
+        let step = cue_displacement(layer, active.cue, from)
+            .displacement_to(cue_displacement(layer, active.cue, to));
         let (v, yaw) = step.frame.velocity();
         velocity += v * share;
         turn += yaw * share;
         forward += step.forward * share;
         if let Some(transition) = &transitions[active.cue] {
-            let secs = transition.secs(from, to) * share;
+            let secs = transition.remaining_share_secs(from, to) * share;
             velocity += transition.velocity.0 * secs;
             turn += transition.velocity.1 * secs;
             forward += transition.forward * secs;
@@ -310,7 +325,7 @@ fn mean_step(
     Displacement { frame: Planar::from_velocity((velocity, turn)), forward }
 }
 
-impl Segment {
+impl MotionSegment {
     fn at(
         &self,
         layer_motion: RootMotionLayer,
@@ -320,25 +335,29 @@ impl Segment {
         let layer = layer_motion.layer;
         let time = time.max(self.start);
         let since = match &self.kind {
-            SegmentKind::Alone(cue) => {
-                displacement(layer, *cue, self.start).to(displacement(layer, *cue, time))
+            SegmentKind::SingleCue(cue) => {
+                cue_displacement(layer, *cue, self.start).displacement_to(cue_displacement(layer, *cue, time))
             }
             SegmentKind::Mixed => mean_step(layer_motion, self.start, time, active_cues),
             SegmentKind::Fading { end, steps } => {
                 let count = steps.len() as i64 - 1;
                 let into = i128::from((time.min(*end) - self.start).0) * i128::from(count);
                 let i = (into / i128::from((*end - self.start).0.max(1))).clamp(0, i128::from(count)) as i64;
-                let from = knot(self.start, *end, count, i);
+                let from = step_time(self.start, *end, count, i);
                 let step = steps[i as usize];
-                if from < time { step.then(mean_step(layer_motion, from, time, active_cues)) } else { step }
+                if from < time {
+                    step.followed_by(mean_step(layer_motion, from, time, active_cues))
+                } else {
+                    step
+                }
             }
         };
-        self.at.then(since)
+        self.at.followed_by(since)
     }
 }
 
-/// How far a cue of a base layer has carried its actor since its start.
-fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
+/// Displacement by which a cue of a base layer has moved its actor since its start.
+fn cue_displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     let cue = &layer.cues[index];
     let Some(root) = cue.root.as_deref().filter(|root| root.carries) else { return Displacement::default() };
     let (until, _) = plays_until(layer, index, time);
@@ -350,7 +369,7 @@ fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     let frame = |at: Time| root.motion.frame(at);
     let (start, end) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
     let first = frame(start);
-    let way = direction(first.inverse().compose(frame(end)).translation);
+    let way = horizontal_direction(first.inverse().compose(frame(end)).translation);
     let step = |there: Planar| {
         let frame = first.inverse().compose(there);
         Displacement { frame, forward: frame.translation.with_y(0.0).dot(way) }
@@ -370,19 +389,19 @@ fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
             let round = within(length);
             let rounds =
                 Displacement { frame: round.frame.power(whole), forward: round.forward * whole as f64 };
-            rounds.then(within(played.rem_euclid(length)))
+            rounds.followed_by(within(played.rem_euclid(length)))
         }
     }
 }
 
 /// Horizontal unit direction of a vector; +Z, forwards, if it has no horizontal part.
-fn direction(way: DVec3) -> DVec3 {
+fn horizontal_direction(way: DVec3) -> DVec3 {
     way.with_y(0.0).try_normalize().unwrap_or(DVec3::Z)
 }
 
 impl Placement {
     /// The placement moved by root motion in its own space.
-    pub fn moved_by(self, by: Planar) -> Placement {
+    pub fn moved_by_root_motion(self, by: Planar) -> Placement {
         let Placement { translation, rotation, scale } = self;
         // A left turn becomes a right turn in a mirrored space.
         let mirrored = if scale.x * scale.z < 0.0 { -1.0 } else { 1.0 };

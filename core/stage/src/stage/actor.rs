@@ -4,7 +4,7 @@ use crate::stage::channel::Channel;
 use crate::stage::clips::Layer;
 use crate::stage::constraint::Constraint;
 use crate::stage::described::{FieldType, described, fields};
-use crate::stage::fade::{eased, fraction};
+use crate::stage::fade::{apply_ease, elapsed_fraction};
 use crate::stage::parenting::Parenting;
 use crate::stage::path::PathFollowing;
 use crate::stage::springs::ActorSprings;
@@ -28,7 +28,7 @@ described! {
     ) {
         /// Placement in the parent's space, else in the world, without keys.
         transform: Placement = Placement::default();
-        /// Parents over time, sorted by start; before the first one the actor stands in the world.
+        /// Parents over time, sorted by start; before the first one the actor is in world space.
         parents: Vec<Parenting> = Vec::new(), hash |w: &mut Writer, parents: &[Parenting]| {
             // An actor without parents is written as when there was at most one parent.
             for parent in parents {
@@ -183,7 +183,7 @@ pub enum Target {
 }
 
 impl Actor {
-    /// The parent at a time, callbacks aside; `None`: it stands in the world.
+    /// The parent at a time, without the edits of callbacks; `None`: the actor is in world space.
     pub fn parent_at(&self, time: Time) -> Option<&Parenting> {
         self.parents.iter().rev().find(|parent| parent.has_begun(time))
     }
@@ -191,12 +191,13 @@ impl Actor {
 
 impl LookAt {
     /// Weight with fades, 0..=1; 0 outside `start..end`.
-    pub(crate) fn share(&self, time: Time) -> f32 {
+    pub(crate) fn weight_at(&self, time: Time) -> f32 {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
         }
-        let fade_in = eased(Ease::Smooth, fraction(time - self.start, self.fade));
-        let fade_out = self.end.map_or(1.0, |end| eased(Ease::Smooth, fraction(end - time, self.fade)));
+        let fade_in = apply_ease(Ease::Smooth, elapsed_fraction(time - self.start, self.fade));
+        let fade_out =
+            self.end.map_or(1.0, |end| apply_ease(Ease::Smooth, elapsed_fraction(end - time, self.fade)));
         (self.weight * fade_in * fade_out).clamp(0.0, 1.0)
     }
 }

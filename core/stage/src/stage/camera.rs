@@ -8,20 +8,20 @@ use choreo_asset::Projection;
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
 
-/// Way in which a camera is placed and turned at every time.
+/// Rule that places and turns a camera at every time.
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug, PartialEq)]
 pub enum Rig {
-    /// Stands at `position`; looks at the target, else along −Z of `rotation`.
+    /// Stays at `position`; looks at the target, else along −Z of `rotation`.
     Fixed { position: DVec3, rotation: DQuat, look_at: Option<Target> },
-    /// Stands at target + offset (world axes) and looks at the target.
+    /// Stays at target + offset (world axes) and looks at the target.
     Follow { target: Target, offset: DVec3 },
-    /// Circles the target: angles in radians at time 0, radians a second. Azimuth 0 stands at +Z (before a glTF
+    /// Circles the target: angles in radians at time 0, radians a second. Azimuth 0 is at +Z (before a glTF
     /// character's face), π/2 at +X; elevation π/2 looks straight down.
     Orbit { target: Target, distance: f64, elevation: f64, azimuth: f64, speed: f64 },
     /// The camera of an actor's file.
     File { actor: usize, camera: u32 },
-    /// Stands still and fits everything that is visible at some time of the stage's length, from an azimuth and
+    /// Stays still and fits everything that is visible at some time of the stage's length, from an azimuth and
     /// elevation in radians, as `Orbit` counts them. Flat ground is left out where there is anything else.
     Frame { azimuth: f64, elevation: f64 },
 }
@@ -40,7 +40,7 @@ pub struct RigOption {
 }
 
 /// Allowed azimuths in degrees: any finite number.
-const TURNS: [f64; 2] = [f64::MIN, f64::MAX];
+const AZIMUTHS: [f64; 2] = [f64::MIN, f64::MAX];
 /// Allowed elevations in degrees: at ±90 no direction is up in the image.
 const ELEVATIONS: [f64; 2] = [-89.0, 89.0];
 
@@ -49,12 +49,12 @@ impl Rig {
     pub const ORBIT: [RigOption; 4] = [
         RigOption { name: "distance", unit: "m", default: 4.0, range: [0.001, 1e9] },
         RigOption { name: "elevation", unit: "°", default: 15.0, range: ELEVATIONS },
-        RigOption { name: "azimuth", unit: "° at 0 s", default: 0.0, range: TURNS },
+        RigOption { name: "azimuth", unit: "° at 0 s", default: 0.0, range: AZIMUTHS },
         RigOption { name: "speed", unit: "° a second", default: 20.0, range: [-36_000.0, 36_000.0] },
     ];
     /// Options of `.frame(…)`. By default a little from the side, where a character shows its shape, and a little from above.
     pub const FRAME: [RigOption; 2] = [
-        RigOption { name: "azimuth", unit: "°", default: 25.0, range: TURNS },
+        RigOption { name: "azimuth", unit: "°", default: 25.0, range: AZIMUTHS },
         RigOption { name: "elevation", unit: "°", default: 10.0, range: ELEVATIONS },
     ];
 }

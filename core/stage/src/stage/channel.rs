@@ -97,17 +97,17 @@ impl Channel {
         if self.times.is_empty() || self.values.len() != self.times.len() * stride {
             return None;
         }
-        let part = |key: usize, part: usize| -> [f64; 4] {
+        let key_part = |key: usize, part: usize| -> [f64; 4] {
             let at = key * stride + part * width;
             std::array::from_fn(|i| if i < width { self.values[at + i] } else { 0.0 })
         };
-        let value = |key: usize| part(key, usize::from(cubic));
+        let value = |key: usize| key_part(key, usize::from(cubic));
         let next = self.times.partition_point(|t| *t <= time);
         if next == 0 {
-            return Some(self.unit(value(0)));
+            return Some(self.normalize_rotation(value(0)));
         }
         if next == self.times.len() || self.interpolation == Interpolation::Step {
-            return Some(self.unit(value(next - 1)));
+            return Some(self.normalize_rotation(value(next - 1)));
         }
         let (t0, t1) = (self.times[next - 1], self.times[next]);
         let s = (time - t0).0 as f64 / (t1 - t0).0 as f64;
@@ -116,7 +116,7 @@ impl Channel {
             (true, _) => {
                 // Appendix C.4; tangents are per second.
                 let span = (t1 - t0).as_secs();
-                let (out_tangent, in_tangent) = (part(next - 1, 2), part(next, 0));
+                let (out_tangent, in_tangent) = (key_part(next - 1, 2), key_part(next, 0));
                 let (s2, s3) = (s * s, s * s * s);
                 std::array::from_fn(|i| {
                     (2.0 * s3 - 3.0 * s2 + 1.0) * a[i]
@@ -130,10 +130,10 @@ impl Channel {
             }
             (false, _) => std::array::from_fn(|i| a[i] + (b[i] - a[i]) * s),
         };
-        Some(self.unit(mixed))
+        Some(self.normalize_rotation(mixed))
     }
 
-    fn unit(&self, v: [f64; 4]) -> [f64; 4] {
+    fn normalize_rotation(&self, v: [f64; 4]) -> [f64; 4] {
         if self.property == Property::Rotation {
             let q = DQuat::from_array(v);
             // A spline through the origin has no direction there.
@@ -145,10 +145,11 @@ impl Channel {
 }
 
 /// Value, at a time, of the last of these channels that animates a property.
-pub(crate) fn keyed(channels: &[Channel], property: Property, time: Time) -> Option<[f64; 4]> {
+pub(crate) fn keyed_value(channels: &[Channel], property: Property, time: Time) -> Option<[f64; 4]> {
     channels.iter().rev().filter(|c| c.property == property).find_map(|c| c.at(time))
 }
 
+/// The first three of four numbers.
 pub(crate) fn vec3(v: [f64; 4]) -> DVec3 {
     DVec3::new(v[0], v[1], v[2])
 }

@@ -24,7 +24,7 @@ pub struct Layer {
     pub cues: Vec<Cue>,
 }
 
-/// How a layer changes the layers below it.
+/// Mode in which a layer changes the layers below it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LayerMode {
     /// Blends towards the layer's pose by its weight.

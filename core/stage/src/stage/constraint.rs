@@ -4,7 +4,7 @@ use crate::Ease;
 use crate::mirroring::Mirroring;
 use crate::stage::actor::Target;
 use crate::stage::described::{FieldType, fields};
-use crate::stage::fade::{eased, fraction};
+use crate::stage::fade::{apply_ease, elapsed_fraction};
 use choreo_asset::hashed;
 use choreo_motion::Time;
 use glam::DVec3;
@@ -119,7 +119,7 @@ pub struct StandingFade {
 
 impl FootLock {
     /// Largest lowering of the hips, as a share of the leg's length.
-    pub(crate) const LOWEST: f64 = 0.25;
+    pub(crate) const MAX_HIP_DROP_SHARE: f64 = 0.25;
 }
 
 /// Joints of a leg, from the hip down.
@@ -169,15 +169,20 @@ impl Constraint {
     }
 
     /// Weight with fades, 0..=1; 0 outside `start..end`.
-    pub(crate) fn share(&self, time: Time) -> f64 {
+    pub(crate) fn weight_at(&self, time: Time) -> f64 {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
         }
         // Foot locks and mirroring that begin with the stage do not fade in.
-        let begun = self.start <= Time::ZERO
+        let is_on_from_start = self.start <= Time::ZERO
             && matches!(self.kind, ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_));
-        let fade_in = if begun { 1.0 } else { eased(Ease::Smooth, fraction(time - self.start, self.fade)) };
-        let fade_out = self.end.map_or(1.0, |end| eased(Ease::Smooth, fraction(end - time, self.fade)));
+        let fade_in = if is_on_from_start {
+            1.0
+        } else {
+            apply_ease(Ease::Smooth, elapsed_fraction(time - self.start, self.fade))
+        };
+        let fade_out =
+            self.end.map_or(1.0, |end| apply_ease(Ease::Smooth, elapsed_fraction(end - time, self.fade)));
         f64::from((self.weight * fade_in * fade_out).clamp(0.0, 1.0))
     }
 

@@ -107,14 +107,14 @@ impl<T> Field<T> {
     pub fn shown(&self, of: &T) -> Option<String> {
         Some(match ((self.get)(of), self.of_type) {
             (FieldValue::Unset, _) => return None,
-            (FieldValue::Number(n), FieldType::Degrees(..)) => short(n.to_degrees()),
-            (FieldValue::Number(n), _) => short(n),
-            (FieldValue::Time(t), _) => short(t.as_secs()),
+            (FieldValue::Number(n), FieldType::Degrees(..)) => format_number(n.to_degrees()),
+            (FieldValue::Number(n), _) => format_number(n),
+            (FieldValue::Time(t), _) => format_number(t.as_secs()),
             (FieldValue::Flag(on), _) => on.to_string(),
-            (FieldValue::Color(c), _) => list(&c.truncate().as_dvec3().to_array()),
-            (FieldValue::Vector(v), _) => list(&v.to_array()),
-            (FieldValue::Rotation(q), _) => list(&q.to_array()),
-            (FieldValue::Pair(v), _) => list(&v.to_array()),
+            (FieldValue::Color(c), _) => format_numbers(&c.truncate().as_dvec3().to_array()),
+            (FieldValue::Vector(v), _) => format_numbers(&v.to_array()),
+            (FieldValue::Rotation(q), _) => format_numbers(&q.to_array()),
+            (FieldValue::Pair(v), _) => format_numbers(&v.to_array()),
         })
     }
 
@@ -132,10 +132,12 @@ impl<T> Field<T> {
     fn problem(&self, of: &T) -> Option<String> {
         let name = self.name;
         match ((self.get)(of), self.of_type) {
-            (FieldValue::Number(n), FieldType::Number(low, high, _)) if !within(n, low, high) => {
+            (FieldValue::Number(n), FieldType::Number(low, high, _)) if !is_within(n, low, high) => {
                 Some(format!("{name} is {n}, must be from {low} to {high}"))
             }
-            (FieldValue::Number(n), FieldType::Degrees(low, high)) if !within(n.to_degrees(), low, high) => {
+            (FieldValue::Number(n), FieldType::Degrees(low, high))
+                if !is_within(n.to_degrees(), low, high) =>
+            {
                 Some(format!("{name} is {} degrees, must be from {low} to {high}", n.to_degrees()))
             }
             (FieldValue::Time(t), FieldType::Duration) if t < Time::ZERO => {
@@ -160,29 +162,29 @@ impl<T> Field<T> {
 }
 
 /// Whether a number is in a range, with a tolerance for ends that f32 has rounded.
-fn within(n: f64, low: f64, high: f64) -> bool {
+fn is_within(n: f64, low: f64, high: f64) -> bool {
     let slack = 1e-6 * low.abs().max(high.abs().min(1.0));
     (low - slack..=high * (1.0 + 1e-6)).contains(&n)
 }
 
 /// A number with at most six digits: an f32 converted to f64 would show many more.
-fn short(n: f64) -> String {
+fn format_number(n: f64) -> String {
     let rounded: f64 = format!("{n:.5e}").parse().unwrap_or(n);
     format!("{rounded}")
 }
 
-fn list(numbers: &[f64]) -> String {
-    format!("[{}]", numbers.iter().map(|n| short(*n)).collect::<Vec<_>>().join(", "))
+fn format_numbers(numbers: &[f64]) -> String {
+    format!("[{}]", numbers.iter().map(|n| format_number(*n)).collect::<Vec<_>>().join(", "))
 }
 
-/// How a member holds the value of a field.
+/// Conversion between a member of a stage type and the value of its field.
 pub trait FieldStorage {
     fn value(&self) -> FieldValue;
     /// Values of another type are ignored: the type of the field has been checked.
     fn store(&mut self, value: FieldValue);
 }
 
-macro_rules! holds {
+macro_rules! impl_field_storage {
     ($($ty:ty: |$this:ident| $get:expr, $pattern:pat => $set:expr;)*) => {
         $(impl FieldStorage for $ty {
             fn value(&self) -> FieldValue {
@@ -198,7 +200,7 @@ macro_rules! holds {
     };
 }
 
-holds! {
+impl_field_storage! {
     f64: |n| FieldValue::Number(*n), FieldValue::Number(n) => n;
     f32: |n| FieldValue::Number(f64::from(*n)), FieldValue::Number(n) => n as f32;
     u32: |n| FieldValue::Number(f64::from(*n)), FieldValue::Number(n) => n as u32;
@@ -239,7 +241,7 @@ impl<T: FieldStorage + Default> FieldStorage for Option<T> {
 /// described! {
 ///     /// A light of the stage.
 ///     pub struct StageLight(name: String => str, light: Light) {
-///         /// Where it stands.
+///         /// Position in the world, metres.
 ///         position: DVec3 = DVec3::ZERO;
 ///     }
 ///     fields {

@@ -36,12 +36,12 @@ pub struct EffectUse {
 /// Actors outside the image whose poses an effect can need, so that they are not culled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OffScreenActors {
-    /// All of them: the effect reads the whole stage.
+    /// Every actor: the effect reads the whole stage.
     #[default]
     All,
     /// Actors to which the effect applies: it draws beyond their meshes.
     Affected,
-    /// None: the effect changes the color of what is in the image.
+    /// No actor: the effect changes the color of what is in the image.
     None,
 }
 
@@ -63,9 +63,9 @@ pub struct EffectDistance {
     pub parameter: String,
     /// Place whose distance is measured.
     pub target: Target,
-    /// Least that the effect allows, metres.
+    /// Smallest value that the effect allows, metres.
     pub least: f64,
-    /// Most that the effect allows, metres.
+    /// Largest value that the effect allows, metres.
     pub most: f64,
 }
 
@@ -91,7 +91,7 @@ pub struct EffectEdit {
 
 impl EffectTarget {
     /// Whether targets include the surfaces of an actor with a material. An empty list includes everything.
-    pub fn among(targets: &[EffectTarget], actor: usize, material: Option<u32>) -> bool {
+    pub fn targets_include(targets: &[EffectTarget], actor: usize, material: Option<u32>) -> bool {
         let covers = |t: &EffectTarget| t.actor == actor && (t.material.is_none() || t.material == material);
         targets.is_empty() || targets.iter().any(covers)
     }

@@ -108,7 +108,7 @@ hashed! {
     }
     struct PathFollowing { path, start, pace, turns }
     enum Pace {
-        0 OfClips,
+        0 FromRootMotion,
         1 Constant(speed),
     }
     struct SurfaceRule { material, cutouts, transparency }

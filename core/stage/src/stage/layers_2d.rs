@@ -121,7 +121,7 @@ pub enum Fit {
 
 impl Layer2d {
     /// Factor of the opacity at a time, by the layer's time span and fades, 0..=1.
-    pub(crate) fn presence(&self, time: Time) -> f64 {
+    pub(crate) fn opacity_factor(&self, time: Time) -> f64 {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
         }

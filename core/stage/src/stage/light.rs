@@ -7,7 +7,7 @@ use choreo_asset::{Light, LightKind};
 use glam::{DVec3, Vec3};
 
 described! {
-    /// A light of the stage. By default it stands at the origin and shines downwards, without a shadow.
+    /// A light of the stage. By default it is at the origin and shines downwards, without a shadow.
     #[derive(Clone, Debug, PartialEq)]
     pub struct StageLight(
         /// Name in scripts.
@@ -15,7 +15,7 @@ described! {
         /// Kind, color and intensity.
         light: Light,
     ) {
-        /// Place in the world, metres.
+        /// Position in the world, metres.
         position: DVec3 = DVec3::ZERO;
         /// Unit vector along which the light shines (directional and spot).
         direction: Vec3 = Vec3::NEG_Y;

@@ -217,7 +217,7 @@ pub trait FrameHook: Send + Sync + std::fmt::Debug {
     }
 }
 
-/// Why a stage cannot be evaluated at a time.
+/// Reason why a stage cannot be evaluated at a time.
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug)]
 pub enum StageError {
@@ -228,7 +228,7 @@ pub enum StageError {
     /// An actor faces another whose position depends on how it is turned: the names of both.
     FacingCycle(String, String),
     /// An invalid part of the stage: NaN, an index out of range, keys out of order.
-    Bad { place: String, what: String },
+    Invalid { place: String, what: String },
 }
 
 choreo_motion::error_texts! { StageError:
@@ -236,5 +236,5 @@ choreo_motion::error_texts! { StageError:
     Self::Cycle(actor, between) => "actor \"{actor}\" is attached to itself, through {between}";
     Self::FacingCycle(actor, faced) => "actor \"{actor}\" cannot face \"{faced}\": the position of \"{faced}\" depends on the rotation of \"{actor}\"; \
         rotate \"{actor}\" with .turn, or face something that is not attached to it";
-    Self::Bad { place, what } => "{place}: {what}";
+    Self::Invalid { place, what } => "{place}: {what}";
 }

@@ -5,7 +5,7 @@ use choreo_motion::{Front, Time};
 use glam::{DQuat, DVec3};
 
 /// Pieces of a segment for the integration of arc length (Gauss–Legendre, 3 points): an error of 1e-9 of the length of a curved segment.
-const PIECES: usize = 32;
+const PIECES_PER_SEGMENT: usize = 32;
 
 /// A centripetal Catmull–Rom spline (C. Yuksel, S. Schaefer, J. Keyser, "Parameterization and applications of Catmull–Rom
 /// curves", 2011): through all points, without loops or cusps between them.
@@ -16,7 +16,7 @@ pub struct Path {
     /// Whether the path leads from its last point back to the first.
     pub closed: bool,
     /// Cubic Hermite segments: start, end, and the tangents there.
-    stretches: Vec<[DVec3; 4]>,
+    segments: Vec<[DVec3; 4]>,
     /// Arc length from the start of the path to the end of each piece, metres.
     lengths: Vec<f64>,
 }
@@ -57,7 +57,7 @@ pub enum Pace {
     /// Metres a second.
     Constant(f64),
     /// The speed of the root motion of its clips.
-    OfClips,
+    FromRootMotion,
 }
 
 impl Path {
@@ -70,8 +70,8 @@ impl Path {
             return Err(PathError::NotFinite(i));
         }
         let count = points.len();
-        let stretches = if closed { count } else { count - 1 };
-        for i in 0..stretches {
+        let segments = if closed { count } else { count - 1 };
+        for i in 0..segments {
             if points[i].distance(points[(i + 1) % count]) < 1e-9 {
                 return Err(PathError::SamePlace(i, (i + 1) % count));
             }
@@ -88,7 +88,7 @@ impl Path {
                 points[i as usize]
             }
         };
-        let stretch = |i: i64| {
+        let segment = |i: i64| {
             let [a, b, c, d] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
             let knot = |p: DVec3, q: DVec3| p.distance(q).sqrt();
             let (u, v, w) = (knot(a, b), knot(b, c), knot(c, d));
@@ -97,13 +97,13 @@ impl Path {
             };
             [b, c, tangent(a, b, c, u, v) * v, tangent(b, c, d, v, w) * v]
         };
-        let stretches: Vec<[DVec3; 4]> = (0..stretches as i64).map(stretch).collect();
-        let mut path = Path { points, closed, stretches, lengths: Vec::new() };
+        let segments: Vec<[DVec3; 4]> = (0..segments as i64).map(segment).collect();
+        let mut path = Path { points, closed, segments, lengths: Vec::new() };
         let mut sum = 0.0;
-        for stretch in 0..path.stretches.len() {
-            for piece in 0..PIECES {
-                let from = piece as f64 / PIECES as f64;
-                sum += path.piece_length(stretch, from, from + 1.0 / PIECES as f64);
+        for segment in 0..path.segments.len() {
+            for piece in 0..PIECES_PER_SEGMENT {
+                let from = piece as f64 / PIECES_PER_SEGMENT as f64;
+                sum += path.piece_length(segment, from, from + 1.0 / PIECES_PER_SEGMENT as f64);
                 path.lengths.push(sum);
             }
         }
@@ -115,8 +115,8 @@ impl Path {
         self.lengths.last().copied().unwrap_or(0.0)
     }
 
-    fn place(&self, stretch: usize, u: f64) -> DVec3 {
-        let [a, b, ma, mb] = self.stretches[stretch];
+    fn segment_position(&self, segment: usize, u: f64) -> DVec3 {
+        let [a, b, ma, mb] = self.segments[segment];
         let (u2, u3) = (u * u, u * u * u);
         a * (2.0 * u3 - 3.0 * u2 + 1.0)
             + ma * (u3 - 2.0 * u2 + u)
@@ -124,17 +124,17 @@ impl Path {
             + mb * (u3 - u2)
     }
 
-    fn slope(&self, stretch: usize, u: f64) -> DVec3 {
-        let [a, b, ma, mb] = self.stretches[stretch];
+    fn segment_derivative(&self, segment: usize, u: f64) -> DVec3 {
+        let [a, b, ma, mb] = self.segments[segment];
         let u2 = u * u;
         (a - b) * (6.0 * u2 - 6.0 * u) + ma * (3.0 * u2 - 4.0 * u + 1.0) + mb * (3.0 * u2 - 2.0 * u)
     }
 
-    fn piece_length(&self, stretch: usize, from: f64, to: f64) -> f64 {
-        const NODE: f64 = 0.774_596_669_241_483_4;
+    fn piece_length(&self, segment: usize, from: f64, to: f64) -> f64 {
+        const GAUSS_NODE: f64 = 0.774_596_669_241_483_4;
         let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
-        let speed = |x: f64| self.slope(stretch, middle + half * x).length();
-        half * (5.0 * speed(-NODE) + 8.0 * speed(0.0) + 5.0 * speed(NODE)) / 9.0
+        let speed = |x: f64| self.segment_derivative(segment, middle + half * x).length();
+        half * (5.0 * speed(-GAUSS_NODE) + 8.0 * speed(0.0) + 5.0 * speed(GAUSS_NODE)) / 9.0
     }
 
     /// Position and tangent (not normalized) after this many metres. An open path ends at its last point, a closed one goes round again.
@@ -146,18 +146,19 @@ impl Path {
             metres.clamp(0.0, length)
         };
         let piece = self.lengths.partition_point(|end| *end < s).min(self.lengths.len() - 1);
-        let (stretch, from) = (piece / PIECES, (piece % PIECES) as f64 / PIECES as f64);
-        let left = s - if piece == 0 { 0.0 } else { self.lengths[piece - 1] };
+        let (segment, from) =
+            (piece / PIECES_PER_SEGMENT, (piece % PIECES_PER_SEGMENT) as f64 / PIECES_PER_SEGMENT as f64);
+        let metres_in_piece = s - if piece == 0 { 0.0 } else { self.lengths[piece - 1] };
         // The length of a piece is nearly linear in u: Newton's method is at the last bit after three steps.
         let mut u = from;
         for _ in 0..4 {
-            let speed = self.slope(stretch, u).length();
+            let speed = self.segment_derivative(segment, u).length();
             if speed > 0.0 {
-                u += (left - self.piece_length(stretch, from, u)) / speed;
+                u += (metres_in_piece - self.piece_length(segment, from, u)) / speed;
             }
-            u = u.clamp(from, from + 1.0 / PIECES as f64);
+            u = u.clamp(from, from + 1.0 / PIECES_PER_SEGMENT as f64);
         }
-        (self.place(stretch, u), self.slope(stretch, u))
+        (self.segment_position(segment, u), self.segment_derivative(segment, u))
     }
 }
 
@@ -185,7 +186,7 @@ impl PathFollowing {
         let time = time.max(self.start);
         match self.pace {
             Pace::Constant(speed) => speed * (time - self.start).as_secs(),
-            Pace::OfClips => forward(time) - forward(self.start),
+            Pace::FromRootMotion => forward(time) - forward(self.start),
         }
     }
 }
@@ -195,7 +196,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_goes_through_its_points_at_one_speed() {
+    fn path_passes_its_points_at_constant_speed() {
         let points: Vec<DVec3> = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.5], [3.0, 1.0, 3.0], [0.0, 0.0, 4.0]]
             .map(DVec3::from_array)
             .into();
@@ -226,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_a_line_and_a_circle_nearly_one() {
+    fn path_is_straight_through_collinear_points_and_round_through_a_circle() {
         let line = Path::new(vec![DVec3::ZERO, DVec3::X * 2.0, DVec3::X * 5.0], false).unwrap();
         assert!((line.length() - 5.0).abs() < 1e-12);
         assert!(line.at(3.3).0.abs_diff_eq(DVec3::X * 3.3, 1e-9));

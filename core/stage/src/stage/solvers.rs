@@ -8,7 +8,7 @@ use choreo_motion::ik::Solver;
 pub struct SolverSettings {
     /// The method for chains of three bones or more. Two bones have a closed form.
     pub chain_solver: Solver,
-    /// Most iterations for a chain of three bones or more.
+    /// Largest number of iterations for a chain of three bones or more.
     pub chain_iterations: usize,
     /// Distance from its target, in metres, at which a chain counts as solved.
     pub chain_tolerance: f64,

@@ -34,7 +34,7 @@ described! {
 /// Spring bones of an actor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActorSprings {
-    /// The bones that swing, and their parameters.
+    /// The spring bones and their parameters.
     pub rig: SpringRig,
     /// Wind velocity, metres per second, world space.
     pub wind: DVec3,
@@ -43,7 +43,7 @@ pub struct ActorSprings {
 }
 
 impl ActorSprings {
-    /// The springs of a file; `None` where it has none, or none that can swing.
+    /// The springs of a file; `None` if it has no valid spring chain.
     pub fn of(asset: &Asset) -> Option<Arc<ActorSprings>> {
         if asset.springs.chains.is_empty() {
             return None;

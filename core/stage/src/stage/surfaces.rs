@@ -17,15 +17,15 @@ pub struct SurfaceRule {
 impl Actor {
     /// Cutouts of a surface with a material: the last rule for it, else that of the stage.
     pub fn cutouts(&self, material: Option<u32>, settings: &Settings) -> Cutouts {
-        self.rules(material).find_map(|rule| rule.cutouts).unwrap_or(settings.cutouts)
+        self.rules_for_material(material).find_map(|rule| rule.cutouts).unwrap_or(settings.cutouts)
     }
 
     /// Blend order of a surface with a material: the last rule for it, else that of the stage.
     pub fn transparency(&self, material: Option<u32>, settings: &Settings) -> Transparency {
-        self.rules(material).find_map(|rule| rule.transparency).unwrap_or(settings.transparency)
+        self.rules_for_material(material).find_map(|rule| rule.transparency).unwrap_or(settings.transparency)
     }
 
-    fn rules(&self, material: Option<u32>) -> impl Iterator<Item = &SurfaceRule> {
+    fn rules_for_material(&self, material: Option<u32>) -> impl Iterator<Item = &SurfaceRule> {
         self.surfaces.iter().rev().filter(move |rule| rule.material.is_none() || rule.material == material)
     }
 }
@@ -36,7 +36,7 @@ mod tests {
     use choreo_asset::Asset;
 
     #[test]
-    fn the_last_word_counts_and_the_stage_has_the_first() {
+    fn last_surface_rule_overrides_the_stage_setting() {
         let mut actor = Actor::new("a", Asset::default().into());
         let settings = Settings { cutouts: Cutouts::Hard, ..Settings::default() };
         assert_eq!(actor.cutouts(Some(1), &settings), Cutouts::Hard);

@@ -5,9 +5,9 @@ use choreo_motion::Time;
 /// Largest tangent of [`Tangents::Limited`], as a multiple of the slower change beside the key. Up to 3, a curve through rising values
 /// rises everywhere (Fritsch and Carlson 1980, §2). With 2, a path that turns a corner within a short gap swings less far aside: 0.30 of
 /// the step, instead of 0.44 with 3.
-const MOST_TIMES: f64 = 2.0;
+const MAX_TANGENT_RATIO: f64 = 2.0;
 
-/// How the tangents of keys are chosen.
+/// Method by which the tangents of keys are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tangents {
     /// Zero: the value rests at each key.
@@ -28,7 +28,7 @@ impl Tangents {
         let flat = |i: usize| vec![0.0; values[i].len()];
         let tangent = |i: usize| {
             let ends = i == 0 || i + 1 == times.len();
-            if self == Tangents::Flat || ends || jump(times, i - 1) || jump(times, i) {
+            if self == Tangents::Flat || ends || is_jump_after(times, i - 1) || is_jump_after(times, i) {
                 return flat(i);
             }
             let left = times[i].as_secs() - times[i - 1].as_secs();
@@ -43,7 +43,10 @@ impl Tangents {
             if self == Tangents::Limited {
                 let group = if vector { tangent.len().max(1) } else { 1 };
                 let sides = before.chunks(group).zip(after.chunks(group));
-                tangent.chunks_mut(group).zip(sides).for_each(|(tangent, (b, a))| limit(tangent, b, a));
+                tangent
+                    .chunks_mut(group)
+                    .zip(sides)
+                    .for_each(|(tangent, (b, a))| limit_tangent(tangent, b, a));
             }
             tangent
         };
@@ -52,11 +55,11 @@ impl Tangents {
 }
 
 /// Whether the value jumps from a key to the next one.
-fn jump(times: &[Time], key: usize) -> bool {
+fn is_jump_after(times: &[Time], key: usize) -> bool {
     (times[key + 1] - times[key]).0 <= 1
 }
 
-fn limit(tangent: &mut [f64], before: &[f64], after: &[f64]) {
+fn limit_tangent(tangent: &mut [f64], before: &[f64], after: &[f64]) {
     // A tangent between both changes can point against only one of them.
     for side in [before, after] {
         let along = dot(tangent, side);
@@ -65,7 +68,7 @@ fn limit(tangent: &mut [f64], before: &[f64], after: &[f64]) {
             tangent.iter_mut().zip(side).for_each(|(t, s)| *t -= share * s);
         }
     }
-    let most = MOST_TIMES * dot(before, before).min(dot(after, after)).sqrt();
+    let most = MAX_TANGENT_RATIO * dot(before, before).min(dot(after, after)).sqrt();
     let length = dot(tangent, tangent).sqrt();
     if length > most {
         tangent.iter_mut().for_each(|t| *t *= most / length);

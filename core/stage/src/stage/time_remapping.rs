@@ -18,18 +18,18 @@ pub struct SpeedCurve {
     /// Keys of the speed.
     pub keys: Channel,
     /// Clip ticks from the first key to each key.
-    areas: Vec<f64>,
+    integrals: Vec<f64>,
 }
 
 impl SpeedCurve {
     /// A speed curve with these keys, whose lists must match each other; see [`Channel::at`].
     pub fn new(keys: Channel) -> SpeedCurve {
-        let mut areas = vec![0.0];
+        let mut integrals = vec![0.0];
         for i in 1..keys.times.len() {
-            let before = areas[i - 1];
-            areas.push(before + area(&keys, i - 1, 1.0));
+            let before = integrals[i - 1];
+            integrals.push(before + speed_integral(&keys, i - 1, 1.0));
         }
-        SpeedCurve { keys, areas }
+        SpeedCurve { keys, integrals }
     }
 
     /// Clip ticks from the first key to a time. Outside the keys the speeds of the end keys hold, so that the result is negative before the
@@ -41,18 +41,18 @@ impl SpeedCurve {
         if time <= *first {
             return (time - *first).0 as f64 * speed(*first);
         }
-        let end = self.areas.last().copied().unwrap_or(0.0);
+        let end = self.integrals.last().copied().unwrap_or(0.0);
         if time >= *last {
             return end + (time - *last).0 as f64 * speed(*last);
         }
         let key = times.partition_point(|t| *t <= time) - 1;
         let share = (time - times[key]).0 as f64 / (times[key + 1] - times[key]).0 as f64;
-        self.areas[key] + area(&self.keys, key, share)
+        self.integrals[key] + speed_integral(&self.keys, key, share)
     }
 }
 
 /// Integral of the speed over one key interval, from its start to a share of it, in clip ticks.
-pub(crate) fn area(keys: &Channel, key: usize, s: f64) -> f64 {
+pub(crate) fn speed_integral(keys: &Channel, key: usize, s: f64) -> f64 {
     let span = (keys.times[key + 1] - keys.times[key]).0 as f64;
     let cubic = keys.interpolation == Interpolation::CubicSpline;
     let number = |key: usize, part: usize| {

@@ -10,9 +10,9 @@ use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::Property;
 use crate::stage::edits::{ActorEdit, FrameEdits};
 use crate::stage::light::StageLight;
-use crate::survey::reaches::Reaches;
-use crate::survey::sight::OutOfView;
-use crate::survey::sight::Sight;
+use crate::survey::camera_view::CameraView;
+use crate::survey::camera_view::OutOfView;
+use crate::survey::reaches::ReachDistances;
 use crate::survey::{Finding, Subject, active_durations};
 use crate::transforms::target_position;
 use choreo_asset::{Asset, DAabb};
@@ -22,70 +22,70 @@ use glam::{DVec3, Vec3};
 /// Largest angle between a joint's forward direction and its target at which a look counts as reached.
 const REACHED_RAD: f64 = 15.0 * std::f64::consts::PI / 180.0;
 /// Plausible sizes of a character in metres; other sizes suggest a file in other units.
-const PERSON_METRES: std::ops::RangeInclusive<f64> = 0.05..=30.0;
+const PLAUSIBLE_METRES: std::ops::RangeInclusive<f64> = 0.05..=30.0;
 
 #[derive(Clone, Debug, Default)]
 struct ActorFacts {
-    visible: bool,
-    posed_by_hook: bool,
-    in_picture: bool,
+    was_visible: bool,
+    was_posed_by_hook: bool,
+    was_in_image: bool,
     /// Longer side of its largest area in the image so far, pixels.
-    largest: f64,
+    max_pixels: f64,
     /// Side of the image on which it was missed: `Some(None)` once that differs from time to time.
-    miss: Option<Option<OutOfView>>,
+    out_of_view: Option<Option<OutOfView>>,
 }
 
 #[derive(Clone, Debug, Default)]
 struct LookFacts {
-    counted: bool,
-    reached: bool,
+    was_active: bool,
+    was_reached: bool,
 }
 
 #[derive(Clone, Debug, Default)]
 struct LightFacts {
-    shines: bool,
-    reaches: bool,
+    has_shone: bool,
+    has_reached_actor: bool,
 }
 
 #[derive(Clone, Debug, Default)]
 struct CameraFacts {
-    active: bool,
-    sees: bool,
-    in_its_target: bool,
+    was_active: bool,
+    has_seen_actor: bool,
+    was_at_target: bool,
 }
 
 #[derive(Debug)]
-pub struct Facts {
+pub struct SurveyFacts {
     actors: Vec<ActorFacts>,
     looks: Vec<Vec<LookFacts>>,
-    reaches: Reaches,
+    reaches: ReachDistances,
     lights: Vec<LightFacts>,
     /// One entry per camera; the last is for the framing camera of a stage without cameras.
     cameras: Vec<CameraFacts>,
     active_durations: Vec<Time>,
     pub times: usize,
     /// Whether the survey stopped before it had evaluated all frames.
-    pub gave_up: bool,
+    pub stopped_early: bool,
 }
 
-impl Facts {
-    pub fn new(stage: &Stage) -> Facts {
-        Facts {
+impl SurveyFacts {
+    pub fn new(stage: &Stage) -> SurveyFacts {
+        SurveyFacts {
             actors: vec![ActorFacts::default(); stage.actors.len()],
             looks: stage.actors.iter().map(|a| vec![LookFacts::default(); a.look_at.len()]).collect(),
-            reaches: Reaches::new(stage),
+            reaches: ReachDistances::new(stage),
             lights: vec![LightFacts::default(); stage.lights.len()],
             cameras: vec![CameraFacts::default(); stage.cameras.len() + 1],
             active_durations: active_durations(stage),
             times: 0,
-            gave_up: false,
+            stopped_early: false,
         }
     }
 
     /// Records the observations of one time.
     pub fn record(&mut self, stage: &Stage, edits: &FrameEdits, snapshot: &Snapshot, time: Time) {
         self.times += 1;
-        let sight = Sight::new(&snapshot.camera, stage.settings.size);
+        let view = CameraView::new(&snapshot.camera, stage.settings.size);
         let camera = snapshot.camera.camera.unwrap_or(stage.cameras.len());
         let mut boxes = Vec::with_capacity(stage.actors.len());
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
@@ -93,35 +93,35 @@ impl Facts {
                 continue;
             }
             let facts = &mut self.actors[index];
-            facts.visible = true;
-            let bounds = sight.bounds(&actor.asset, state);
+            facts.was_visible = true;
+            let bounds = view.actor_bounds(&actor.asset, state);
             if bounds.is_empty() {
                 continue;
             }
-            match sight.covers(&bounds) {
+            match view.covered_pixels(&bounds) {
                 Ok(pixels) => {
-                    facts.in_picture = true;
-                    facts.largest = facts.largest.max(pixels);
-                    self.cameras[camera].sees = true;
+                    facts.was_in_image = true;
+                    facts.max_pixels = facts.max_pixels.max(pixels);
+                    self.cameras[camera].has_seen_actor = true;
                 }
                 Err(miss) => {
-                    let same = facts.miss.is_none_or(|before| before == Some(miss));
-                    facts.miss = Some(same.then_some(miss));
+                    let same = facts.out_of_view.is_none_or(|before| before == Some(miss));
+                    facts.out_of_view = Some(same.then_some(miss));
                 }
             }
             boxes.push(bounds);
         }
-        self.cameras[camera].active = true;
+        self.cameras[camera].was_active = true;
         if let Some(Rig::Fixed { look_at: Some(target), .. }) = stage.cameras.get(camera).map(|c| &c.rig) {
             let at = target_position(stage, &snapshot.actors, target);
             let from = snapshot.camera.world_from_view.translation;
-            self.cameras[camera].in_its_target |= at.is_some_and(|at| (at - from).length() < 1e-6);
+            self.cameras[camera].was_at_target |= at.is_some_and(|at| (at - from).length() < 1e-6);
         }
         for (actor, edit) in &edits.actors {
             if let ActorEdit::TurnJoint { .. } = edit
                 && let Some(facts) = self.actors.get_mut(*actor)
             {
-                facts.posed_by_hook = true;
+                facts.was_posed_by_hook = true;
             }
         }
         self.record_look_ats(stage, snapshot, time);
@@ -129,8 +129,8 @@ impl Facts {
         for (index, light) in stage.lights.iter().enumerate() {
             let state = lights::stage_light(stage, light, index, edits, time, &snapshot.actors);
             if let Some(state) = state {
-                self.lights[index].shines = true;
-                self.lights[index].reaches |= boxes.iter().any(|b| reaches(&state, &sight, b));
+                self.lights[index].has_shone = true;
+                self.lights[index].has_reached_actor |= boxes.iter().any(|b| light_reaches(&state, &view, b));
             }
         }
     }
@@ -139,14 +139,14 @@ impl Facts {
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
             for (look, facts) in actor.look_at.iter().zip(&mut self.looks[index]) {
                 // The look is off, or still fading.
-                if look.share(time) < 0.999 {
+                if look.weight_at(time) < 0.999 {
                     continue;
                 }
-                facts.counted = true;
+                facts.was_active = true;
                 let joint = look.joint as usize;
                 let rest = actor.asset.rest_model_from_joint();
                 let (Some(posed), Some(rest)) = (state.model_from_joint.get(joint), rest.get(joint)) else {
-                    facts.reached = true;
+                    facts.was_reached = true;
                     continue;
                 };
                 let Some(target) = target_position(stage, &snapshot.actors, &look.target) else { continue };
@@ -155,7 +155,7 @@ impl Facts {
                 let ahead = Vec3::from(posed.matrix3 * forward_in_joint(rest, actor.asset.front()))
                     .as_dvec3()
                     .try_normalize();
-                facts.reached |= match (way, ahead) {
+                facts.was_reached |= match (way, ahead) {
                     (Some(way), Some(ahead)) => libm::acos(way.dot(ahead).clamp(-1.0, 1.0)) < REACHED_RAD,
                     // The target is in the joint.
                     _ => true,
@@ -166,50 +166,57 @@ impl Facts {
 
     /// Whether another time could still remove a finding.
     pub fn may_change(&self, stage: &Stage) -> bool {
-        let unseen = |(actor, f): (&Actor, &ActorFacts)| {
-            has_meshes(&actor.asset) && (!f.in_picture || f.largest < 1.0)
+        let is_unseen = |(actor, f): (&Actor, &ActorFacts)| {
+            has_meshes(&actor.asset) && (!f.was_in_image || f.max_pixels < 1.0)
         };
         let hooked = !stage.hooks.is_empty();
-        stage.actors.iter().zip(&self.actors).any(unseen)
-            || self.actors.iter().any(|f| !f.visible)
+        stage.actors.iter().zip(&self.actors).any(is_unseen)
+            || self.actors.iter().any(|f| !f.was_visible)
             || hooked
-                && stage.actors.iter().zip(&self.actors).any(|(a, f)| plays_nothing(a) && !f.posed_by_hook)
-            || self.looks.iter().flatten().any(|f| !f.counted || !f.reached)
+                && stage
+                    .actors
+                    .iter()
+                    .zip(&self.actors)
+                    .any(|(a, f)| plays_no_clip(a) && !f.was_posed_by_hook)
+            || self.looks.iter().flatten().any(|f| !f.was_active || !f.was_reached)
             || self.reaches.may_change(stage)
-            || self.lights.iter().any(|f| !f.shines || !f.reaches)
+            || self.lights.iter().any(|f| !f.has_shone || !f.has_reached_actor)
             || stage
                 .cameras
                 .iter()
                 .zip(&self.cameras)
-                .any(|(c, f)| may_pass_its_target(c) && !f.in_its_target)
+                .any(|(c, f)| may_pass_its_target(c) && !f.was_at_target)
             || self
                 .active_durations
                 .iter()
                 .zip(&self.cameras)
-                .any(|(on, f)| *on > Time::ZERO && !(f.active && f.sees))
+                .any(|(on, f)| *on > Time::ZERO && !(f.was_active && f.has_seen_actor))
     }
 
     pub fn findings(&self, stage: &Stage) -> Vec<Finding> {
         let mut findings = Vec::new();
         for index in 0..stage.actors.len() {
-            findings.extend(self.actor(stage, index));
-            findings.extend(self.looks_of(stage, index));
+            findings.extend(self.actor_findings(stage, index));
+            findings.extend(self.look_findings(stage, index));
             findings.extend(self.reaches.findings(stage, index, &self.times_note()));
         }
         for (index, camera) in stage.cameras.iter().enumerate() {
             let facts = &self.cameras[index];
-            let mut say = |rule, text: String, hint: &str| {
+            let mut add = |rule, text: String, hint: &str| {
                 let hint = (!hint.is_empty()).then(|| hint.to_string());
                 findings.push(Finding { rule, note: false, subject: Subject::Camera(index), text, hint });
             };
-            if facts.in_its_target {
-                say(
+            if facts.was_at_target {
+                add(
                     "camera_in_target",
                     format!("camera \"{}\" is at the point that it looks at", camera.name),
                     "move it away: .at(x, y, z)",
                 );
-            } else if facts.active && !facts.sees && stage.actors.iter().any(|a| has_meshes(&a.asset)) {
-                say(
+            } else if facts.was_active
+                && !facts.has_seen_actor
+                && stage.actors.iter().any(|a| has_meshes(&a.asset))
+            {
+                add(
                     "camera_sees_nothing",
                     format!(
                         "camera \"{}\" never has anything in its image{}",
@@ -221,75 +228,78 @@ impl Facts {
             }
         }
         for (index, light) in stage.lights.iter().enumerate() {
-            findings.extend(self.light(stage, index, light));
+            findings.extend(self.light_findings(stage, index, light));
         }
         findings
     }
 
     /// The number of surveyed times, in words; empty if every frame was surveyed.
     fn times_note(&self) -> String {
-        match self.gave_up {
+        match self.stopped_early {
             true => format!(" (checked at {} times)", self.times),
             false => String::new(),
         }
     }
 
-    fn actor(&self, stage: &Stage, index: usize) -> Vec<Finding> {
+    fn actor_findings(&self, stage: &Stage, index: usize) -> Vec<Finding> {
         let (actor, facts) = (&stage.actors[index], &self.actors[index]);
         let name = &actor.name;
         let mut found = Vec::new();
-        let mut say = |rule, note, text: String, hint: &str| {
+        let mut add = |rule, note, text: String, hint: &str| {
             let hint = (!hint.is_empty()).then(|| hint.to_string());
             found.push(Finding { rule, note, subject: Subject::Actor(index), text, hint });
         };
-        let helps = is_used(stage, index);
+        let is_used = is_used(stage, index);
         if !has_meshes(&actor.asset) {
-            if !helps {
+            if !is_used {
                 let text = format!("\"{name}\" has nothing to draw: \"{}\" holds no mesh", actor.asset.name);
-                say("nothing_to_draw", false, text, "cast a file with a model; clips are played with .play");
+                add("nothing_to_draw", false, text, "cast a file with a model; clips are played with .play");
             }
             return found;
         }
-        if !facts.visible {
+        if !facts.was_visible {
             if let Some(hidden) = hidden_parent(stage, &self.actors, index) {
                 let text =
                     format!("\"{name}\" is never seen: it is attached to \"{hidden}\", which is hidden");
-                say(
+                add(
                     "attached_to_hidden",
                     false,
                     text,
                     "an attached actor is hidden together with its parent",
                 );
-            } else if !helps {
-                say("always_hidden", true, format!("\"{name}\" is hidden all the time"), "");
+            } else if !is_used {
+                add("always_hidden", true, format!("\"{name}\" is hidden all the time"), "");
             }
             return found;
         }
-        if !facts.in_picture {
-            let place = match facts.miss {
+        if !facts.was_in_image {
+            let place = match facts.out_of_view {
                 Some(Some(miss)) => format!(": it is {}", miss.description()),
                 _ => String::new(),
             };
             let text = format!("\"{name}\" is never in the image{place}{}", self.times_note());
-            say("never_in_picture", false, text, "");
-        } else if facts.largest < 1.0 {
-            let text =
-                format!("\"{name}\" is never larger than {:.2} pixels{}", facts.largest, self.times_note());
-            say(
+            add("never_in_picture", false, text, "");
+        } else if facts.max_pixels < 1.0 {
+            let text = format!(
+                "\"{name}\" is never larger than {:.2} pixels{}",
+                facts.max_pixels,
+                self.times_note()
+            );
+            add(
                 "smaller_than_a_pixel",
                 false,
                 text,
                 "is its file in other units? .scale(100.0) makes metres of centimetres",
             );
         }
-        if plays_nothing(actor) && !facts.posed_by_hook && facts.in_picture {
+        if plays_no_clip(actor) && !facts.was_posed_by_hook && facts.was_in_image {
             let text = format!("\"{name}\" plays no clip: it stands in its rest pose");
             let clips = actor.asset.clips.iter().map(|c| format!("\"{}\"", c.name)).take(6);
             let clips: Vec<String> = clips.collect();
             let more = if actor.asset.clips.len() > clips.len() { ", …" } else { "" };
-            say("no_clip", false, text, &format!("its file has {}{more}", clips.join(", ")));
+            add("no_clip", false, text, &format!("its file has {}{more}", clips.join(", ")));
         }
-        if !actor.asset.skins.is_empty() && facts.in_picture {
+        if !actor.asset.skins.is_empty() && facts.was_in_image {
             let bounds = actor.asset.rest_bounds();
             let high = f64::from((bounds.max - bounds.min).max_element())
                 * actor.transform.scale.abs().max_element();
@@ -299,13 +309,13 @@ impl Facts {
                 || many
                 || keyed
                 || !actor.parents.is_empty()
-                || PERSON_METRES.contains(&high)
+                || PLAUSIBLE_METRES.contains(&high)
             {
                 return found;
             }
             let digits = if high < 0.001 { 9 } else { 3 };
             let text = format!("\"{name}\" is {high:.digits$} m large");
-            say(
+            add(
                 "odd_size",
                 true,
                 text,
@@ -315,15 +325,15 @@ impl Facts {
         found
     }
 
-    fn looks_of(&self, stage: &Stage, index: usize) -> Vec<Finding> {
+    fn look_findings(&self, stage: &Stage, index: usize) -> Vec<Finding> {
         let actor = &stage.actors[index];
         let mut found = Vec::new();
-        if !self.actors[index].visible {
+        if !self.actors[index].was_visible {
             return found;
         }
         for (number, (look, facts)) in actor.look_at.iter().zip(&self.looks[index]).enumerate() {
             let joint = actor.asset.skeleton.names().get(look.joint as usize).map_or("", String::as_str);
-            let mut say = |rule, text: String| {
+            let mut add = |rule, text: String| {
                 let subject = Subject::Look { actor: index, look: number };
                 found.push(Finding { rule, note: false, subject, text, hint: None });
             };
@@ -337,9 +347,9 @@ impl Facts {
                         length.as_secs()
                     ),
                 };
-                say("look_never", format!("\"{}\" never looks at its target: {why}", actor.name));
-            } else if facts.counted && !facts.reached {
-                say(
+                add("look_never", format!("\"{}\" never looks at its target: {why}", actor.name));
+            } else if facts.was_active && !facts.was_reached {
+                add(
                     "look_out_of_reach",
                     format!(
                         "\"{joint}\" of \"{}\" never faces its target: the target is outside the {}° that it \
@@ -354,11 +364,11 @@ impl Facts {
         found
     }
 
-    fn light(&self, stage: &Stage, index: usize, light: &StageLight) -> Option<Finding> {
+    fn light_findings(&self, stage: &Stage, index: usize, light: &StageLight) -> Option<Finding> {
         let facts = &self.lights[index];
         let name = &light.name;
         let subject = Subject::Light(index);
-        if !facts.shines {
+        if !facts.has_shone {
             let why = if light.light.color == Vec3::ZERO {
                 "its color is black"
             } else if light.light.intensity > 0.0 {
@@ -369,8 +379,8 @@ impl Facts {
             let text = format!("light \"{name}\" never shines: {why}{}", self.times_note());
             return Some(Finding { rule: "light_never_shines", note: false, subject, text, hint: None });
         }
-        if facts.reaches
-            || !stage.actors.iter().zip(&self.actors).any(|(a, f)| f.visible && has_meshes(&a.asset))
+        if facts.has_reached_actor
+            || !stage.actors.iter().zip(&self.actors).any(|(a, f)| f.was_visible && has_meshes(&a.asset))
         {
             return None;
         }
@@ -389,7 +399,7 @@ fn has_meshes(asset: &Asset) -> bool {
 }
 
 /// Whether an actor has a skin and clips, but plays none of them.
-fn plays_nothing(actor: &Actor) -> bool {
+fn plays_no_clip(actor: &Actor) -> bool {
     let plays = actor.layers.iter().any(|l| !l.cues.is_empty());
     !plays && !actor.asset.skins.is_empty() && !actor.asset.clips.is_empty()
 }
@@ -426,23 +436,23 @@ fn hidden_parent<'a>(stage: &'a Stage, facts: &[ActorFacts], index: usize) -> Op
         return None;
     }
     let mut parents = stage.actors[index].parents.iter().filter_map(|parent| Some(parent.to?.actor));
-    let hidden = parents.find(|parent| facts.get(*parent).is_some_and(|f| !f.visible))?;
+    let hidden = parents.find(|parent| facts.get(*parent).is_some_and(|f| !f.was_visible))?;
     Some(stage.actors[hidden].name.as_str())
 }
 
 /// Whether light can fall on a box in view axes. A box that is just out of reach may count, too.
-fn reaches(light: &LightState, sight: &Sight, bounds: &DAabb) -> bool {
+fn light_reaches(light: &LightState, view: &CameraView, bounds: &DAabb) -> bool {
     if light.light.kind.is_directional() {
         return true;
     }
-    let position = sight.view_from_world.transform_point3(light.position);
+    let position = view.view_from_world.transform_point3(light.position);
     let nearest = position.clamp(bounds.min, bounds.max);
     if light.light.range.is_some_and(|range| (nearest - position).length() > f64::from(range)) {
         return false;
     }
     let Some([_, outer]) = light.light.kind.cone() else { return true };
     let direction: DVec3 =
-        sight.view_from_world.transform_vector3(light.direction.as_dvec3()).normalize_or(DVec3::NEG_Y);
+        view.view_from_world.transform_vector3(light.direction.as_dvec3()).normalize_or(DVec3::NEG_Y);
     let (center, radius) = ((bounds.min + bounds.max) * 0.5, (bounds.max - bounds.min).length() * 0.5);
     let way = center - position;
     let distance = way.length();

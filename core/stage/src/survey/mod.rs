@@ -1,18 +1,18 @@
-//! The survey of a stage: things that never show over its length, found by evaluating it at some times, without drawing.
+//! The survey of a stage: finds parts of it that have no visible effect, by evaluating it at some times, without drawing.
 //!
 //! Boxes are conservative (never smaller than what they hold), so "never in the image" is true where it is reported; something
 //! that hides behind another thing, or whose box alone is in the image, is not found.
 
+mod camera_view;
 mod facts;
 mod reaches;
-mod sight;
 
 use crate::evaluate::Evaluator;
 use crate::snapshot::Snapshot;
 use crate::stage::channel::{Channel, Property};
 use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
-use facts::Facts;
+use facts::SurveyFacts;
 
 /// The subject of a finding; indices into the stage's lists.
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
@@ -56,20 +56,20 @@ const MAX_COST: usize = 3000;
 const HOOK_COST: usize = 20;
 
 impl Stage {
-    /// Finds everything that never shows, in the order of the stage. Evaluates frames spread over the whole length until each thing has
-    /// been seen, or until `MAX_COST` is reached. Fails if a frame cannot be evaluated.
+    /// Finds all parts of the stage that have no visible effect, in the order of the stage. Evaluates frames spread over the whole length
+    /// until each part has been visible, or until `MAX_COST` is reached. Fails if a frame cannot be evaluated.
     pub fn survey(self: &std::sync::Arc<Stage>) -> Result<Vec<Finding>, StageError> {
         self.survey_while(&|| true)
     }
 
-    /// Like [`Stage::survey`], but stops, without findings, once `goes_on` returns false.
+    /// Surveys the stage as [`Stage::survey`] does, but stops, without findings, once `goes_on` returns false.
     pub fn survey_while(
         self: &std::sync::Arc<Stage>,
         goes_on: &dyn Fn() -> bool,
     ) -> Result<Vec<Finding>, StageError> {
         let mut evaluator = Evaluator::new(self.clone());
         let mut snapshot = Snapshot::default();
-        let mut facts = Facts::new(self);
+        let mut facts = SurveyFacts::new(self);
         let rate = self.settings.fps;
         let frames = rate.frames_in(self.settings.length).max(1);
         let mut cost = 0;
@@ -85,18 +85,18 @@ impl Stage {
                 break;
             }
             if cost > MAX_COST {
-                facts.gave_up = facts.times < frames as usize;
+                facts.stopped_early = facts.times < frames as usize;
                 break;
             }
         }
         let mut findings = facts.findings(self);
-        never_used(self, &mut findings);
+        find_unused_parts(self, &mut findings);
         findings.sort_by_key(|f| f.subject);
         Ok(findings)
     }
 }
 
-/// All numbers of `0..count`, each once, in bit-reversed order: 0, then always the middles of the largest gaps.
+/// The numbers of `0..count`, each once, in bit-reversed order: 0, then always the middles of the largest gaps.
 fn bit_reversed_order(count: i64) -> impl Iterator<Item = i64> {
     let bits = (count as u64).next_power_of_two().trailing_zeros();
     let reversed = move |i: u64| if bits == 0 { 0 } else { (i.reverse_bits() >> (64 - bits)) as i64 };
@@ -104,7 +104,7 @@ fn bit_reversed_order(count: i64) -> impl Iterator<Item = i64> {
 }
 
 /// Findings from the stage's lists alone, without evaluating a frame.
-fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
+fn find_unused_parts(stage: &Stage, findings: &mut Vec<Finding>) {
     let length = stage.settings.length;
     let warn = |rule, subject, text: String, hint: &str| Finding {
         rule,
@@ -153,9 +153,10 @@ fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
             findings.push(warn("effect_never_on", Subject::Effect(index), text, ""));
         }
     }
-    let late = |channels: &[Channel]| -> Option<String> {
-        let late = |c: &&Channel| c.times.first().is_some_and(|t| *t >= length) && c.times.len() > 1;
-        let first = channels.iter().find(late)?;
+    let late_keys_text = |channels: &[Channel]| -> Option<String> {
+        let starts_after_end =
+            |c: &&Channel| c.times.first().is_some_and(|t| *t >= length) && c.times.len() > 1;
+        let first = channels.iter().find(starts_after_end)?;
         let at = first.times.first().map_or(0.0, |t| t.as_secs());
         Some(format!(
             "all keys of {} come after the end of the stage: the first at {at} s, the end at {} s",
@@ -174,7 +175,7 @@ fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
     let of_sky = stage.sky.iter().map(|sky| (Subject::Stage, &sky_name, sky.channels.as_slice()));
     let lists = lists.map(|(s, n, c)| (s, n, c.as_slice())).chain(of_effects).chain(of_sky);
     for (subject, name, channels) in lists {
-        if let Some(text) = late(channels) {
+        if let Some(text) = late_keys_text(channels) {
             findings.push(warn("keys_after_end", subject, format!("\"{name}\": {text}"), ""));
         }
     }
@@ -206,7 +207,7 @@ fn property_name(property: Property) -> &'static str {
     }
 }
 
-/// How long each camera is active within the stage's length.
+/// Time for which each camera is active within the stage's length.
 fn active_durations(stage: &Stage) -> Vec<Time> {
     let length = stage.settings.length;
     let mut on = vec![Time::ZERO; stage.cameras.len()];
@@ -229,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_spread_order_holds_each_number_once() {
+    fn bit_reversed_order_holds_each_number_once() {
         for count in [1, 2, 3, 8, 100, 257] {
             let order: Vec<i64> = bit_reversed_order(count).collect();
             let mut sorted = order.clone();

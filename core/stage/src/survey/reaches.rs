@@ -1,6 +1,6 @@
 //! Findings about hands that never reach their targets.
 
-use crate::constraints::solve::{places, world_place};
+use crate::constraints::solve::{current_target_and_pole, joint_world_position};
 use crate::snapshot::Snapshot;
 use crate::stage::Stage;
 use crate::stage::actor::Actor;
@@ -23,11 +23,11 @@ struct NearestDistance {
 
 /// Nearest approach of all constraints, by actor; `None` for a constraint that was never fully active, or is no reach.
 #[derive(Debug)]
-pub(super) struct Reaches(Vec<Vec<Option<NearestDistance>>>);
+pub(super) struct ReachDistances(Vec<Vec<Option<NearestDistance>>>);
 
-impl Reaches {
-    pub fn new(stage: &Stage) -> Reaches {
-        Reaches(stage.actors.iter().map(|actor| vec![None; actor.constraints.len()]).collect())
+impl ReachDistances {
+    pub fn new(stage: &Stage) -> ReachDistances {
+        ReachDistances(stage.actors.iter().map(|actor| vec![None; actor.constraints.len()]).collect())
     }
 
     pub fn record(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
@@ -75,7 +75,7 @@ impl Reaches {
 /// A constraint with a weight above this counts as fully active.
 const FULL_WEIGHT: f32 = 0.999;
 
-/// How far the end of a reach is from its target; `None` if the constraint is not fully active, or one of the positions is unknown.
+/// Distance from the end of a reach to its target; `None` if the constraint is not fully active, or one of the positions is unknown.
 fn target_distance(
     stage: &Stage,
     snapshot: &Snapshot,
@@ -85,22 +85,23 @@ fn target_distance(
 ) -> Option<NearestDistance> {
     let ConstraintKind::Reach(reach) = &constraint.kind else { return None };
     let state = &snapshot.actors[index];
-    if constraint.share(time) < f64::from(FULL_WEIGHT)
+    if constraint.weight_at(time) < f64::from(FULL_WEIGHT)
         || state.model_from_joint.len() != actor.asset.skeleton.len()
     {
         return None;
     }
-    let (target, _) = places(stage, &snapshot.actors, constraint)?;
+    let (target, _) = current_target_and_pole(stage, &snapshot.actors, constraint)?;
     let joints = &state.model_from_joint;
-    let end = world_place(&state.world_from_model, joints.get(*reach.joints.last()? as usize)?);
+    let end = joint_world_position(&state.world_from_model, joints.get(*reach.joints.last()? as usize)?);
     let metres = (end - target).length();
-    let near = NEAR_SHARE * length(reach, joints, &state.world_from_model) + NEAR_METRES;
+    let near = NEAR_SHARE * limb_length(reach, joints, &state.world_from_model) + NEAR_METRES;
     metres.is_finite().then_some(NearestDistance { metres, time, reached: metres <= near })
 }
 
 /// Length of a limb along its joints, metres.
-fn length(reach: &ReachConstraint, joints: &[glam::Affine3A], world_from_model: &DAffine3) -> f64 {
-    let place = |joint: &u32| joints.get(*joint as usize).map(|joint| world_place(world_from_model, joint));
+fn limb_length(reach: &ReachConstraint, joints: &[glam::Affine3A], world_from_model: &DAffine3) -> f64 {
+    let place =
+        |joint: &u32| joints.get(*joint as usize).map(|joint| joint_world_position(world_from_model, joint));
     let bone = |pair: &[u32]| Some((place(&pair[1])? - place(&pair[0])?).length());
     reach.joints.windows(2).filter_map(bone).sum()
 }

@@ -2,8 +2,8 @@
 
 use crate::stage::actor::Actor;
 use crate::stage::clips::{Cue, Layer, LayerMode};
-use crate::stage::fade::eased;
-use crate::stage::fade::fraction;
+use crate::stage::fade::apply_ease;
+use crate::stage::fade::elapsed_fraction;
 use crate::timeline::clip_time::plays_until;
 use choreo_motion::Time;
 
@@ -55,13 +55,13 @@ pub(crate) struct ActiveCue {
     pub weight: f32,
 }
 
-/// Finds the active cues of a base layer: those begun by now, without those that a later cue covers entirely. Before the first cue its
+/// Finds the active cues of a base layer: those that have started, without those that a later cue covers entirely. Before the first cue its
 /// first pose is held. After an `end` that no cue follows at once, the pose reached there is held.
 pub(crate) fn base_cues(layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) {
     active_cues.clear();
     let cues = &layer.cues;
-    let begun = cues.partition_point(|cue| cue.start <= time);
-    if begun == 0 {
+    let started = cues.partition_point(|cue| cue.start <= time);
+    if started == 0 {
         if let Some(first) = cues.first() {
             active_cues.push(ActiveCue {
                 cue: 0,
@@ -71,9 +71,9 @@ pub(crate) fn base_cues(layer: &Layer, time: Time, active_cues: &mut Vec<ActiveC
         }
         return;
     }
-    for index in (0..begun).rev() {
+    for index in (0..started).rev() {
         let cue = &cues[index];
-        let weight = if index == 0 { 1.0 } else { faded_in(cue, time) * cue.weight_at(time) };
+        let weight = if index == 0 { 1.0 } else { fade_in_weight(cue, time) * cue.weight_at(time) };
         if weight > 0.0 {
             let (until, held) = plays_until(layer, index, time);
             active_cues.push(ActiveCue { cue: index, clip_time: cue.clip_time(until, held), weight });
@@ -90,13 +90,13 @@ pub(crate) fn base_cues(layer: &Layer, time: Time, active_cues: &mut Vec<ActiveC
 pub(crate) fn upper_cues(layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) {
     active_cues.clear();
     let cues = &layer.cues;
-    let begun = cues.partition_point(|cue| cue.start <= time);
-    for (index, cue) in cues[..begun].iter().enumerate() {
-        let mut weight = faded_in(cue, time) * cue.weight_at(time);
+    let started = cues.partition_point(|cue| cue.start <= time);
+    for (index, cue) in cues[..started].iter().enumerate() {
+        let mut weight = fade_in_weight(cue, time) * cue.weight_at(time);
         let next = cues.get(index + 1).filter(|next| cue.end.is_none_or(|end| end == next.start));
         if let Some(next) = next {
             if next.start <= time {
-                let fade = faded_in(next, time);
+                let fade = fade_in_weight(next, time);
                 let over = fade * next.weight_at(time);
                 if fade >= 1.0 || over >= 1.0 {
                     continue;
@@ -108,7 +108,7 @@ pub(crate) fn upper_cues(layer: &Layer, time: Time, active_cues: &mut Vec<Active
             if time >= end {
                 continue;
             }
-            weight *= eased(cue.ease, fraction(end - time, cue.fade_out));
+            weight *= apply_ease(cue.ease, elapsed_fraction(end - time, cue.fade_out));
         }
         if weight > 0.0 {
             let clip_time = cue.clip_time(time, false);
@@ -123,7 +123,7 @@ pub(crate) fn upper_cues(layer: &Layer, time: Time, active_cues: &mut Vec<Active
 
 /// Multiplies each cue's share of the layer by a factor below 1, and converts the shares back to weights over the cues before.
 fn scale_shares(active_cues: &mut Vec<ActiveCue>, by: f32) {
-    shares(active_cues);
+    convert_weights_to_shares(active_cues);
     let mut left = 1.0;
     for active in active_cues.iter_mut().rev() {
         let share = active.weight * by;
@@ -135,7 +135,7 @@ fn scale_shares(active_cues: &mut Vec<ActiveCue>, by: f32) {
 }
 
 /// Converts weights over the cues before into shares of the layer as a whole: w · Π (1 − w of those after).
-pub(crate) fn shares(active_cues: &mut [ActiveCue]) {
+pub(crate) fn convert_weights_to_shares(active_cues: &mut [ActiveCue]) {
     let mut left = 1.0;
     for active in active_cues.iter_mut().rev() {
         let weight = active.weight;
@@ -152,11 +152,11 @@ impl Cue {
     }
 }
 
-fn faded_in(cue: &Cue, time: Time) -> f32 {
+fn fade_in_weight(cue: &Cue, time: Time) -> f32 {
     if cue.inertialization > Time::ZERO {
         return 1.0;
     }
-    eased(cue.ease, fraction(time - cue.start, cue.fade_in))
+    apply_ease(cue.ease, elapsed_fraction(time - cue.start, cue.fade_in))
 }
 
 #[cfg(test)]
@@ -175,14 +175,18 @@ mod tests {
         layer
     }
 
-    fn active(active_cues: impl Fn(&Layer, Time, &mut Vec<ActiveCue>), layer: &Layer, t: f64) -> Vec<usize> {
+    fn active_cue_indices(
+        active_cues: impl Fn(&Layer, Time, &mut Vec<ActiveCue>),
+        layer: &Layer,
+        t: f64,
+    ) -> Vec<usize> {
         let mut out = Vec::new();
         active_cues(layer, Time::from_secs(t), &mut out);
         out.iter().map(|v| v.cue).collect()
     }
 
     #[test]
-    fn covered_cues_are_not_heard() {
+    fn fully_covered_cues_are_not_active() {
         let layer = layer(&[(0.0, 0.0), (1.0, 0.5), (2.0, 0.0), (3.0, 1.0)]);
         let cases: [(f64, &[usize]); 7] = [
             (-1.0, &[0]),
@@ -194,22 +198,22 @@ mod tests {
             (4.0, &[3]),
         ];
         for (t, expected) in cases {
-            assert_eq!(active(base_cues, &layer, t), expected, "at {t} s");
+            assert_eq!(active_cue_indices(base_cues, &layer, t), expected, "at {t} s");
         }
         // A cue at weight zero, at the very start of its fade, is not active either.
-        assert_eq!(active(base_cues, &layer, 1.0), [0]);
-        assert_eq!(active(upper_cues, &layer, -1.0), [0usize; 0]);
-        assert_eq!(active(upper_cues, &layer, 3.5), [2, 3]);
-        assert_eq!(active(upper_cues, &layer, 4.0), [3]);
+        assert_eq!(active_cue_indices(base_cues, &layer, 1.0), [0]);
+        assert_eq!(active_cue_indices(upper_cues, &layer, -1.0), [0usize; 0]);
+        assert_eq!(active_cue_indices(upper_cues, &layer, 3.5), [2, 3]);
+        assert_eq!(active_cue_indices(upper_cues, &layer, 4.0), [3]);
     }
 
     #[test]
-    fn the_weight_of_a_layer_scales_what_each_of_its_clips_adds_to_the_whole() {
+    fn layer_weight_scales_the_share_of_each_cue() {
         let mut layer = layer(&[(0.0, 0.0), (1.0, 1.0), (1.5, 1.0)]);
         let active = |layer: &Layer| {
             let mut active_cues = Vec::new();
             upper_cues(layer, Time::from_secs(1.75), &mut active_cues);
-            shares(&mut active_cues);
+            convert_weights_to_shares(&mut active_cues);
             active_cues.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
         };
         let whole = active(&layer);

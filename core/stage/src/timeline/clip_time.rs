@@ -46,11 +46,11 @@ impl Cue {
         match &self.time_remapping {
             None => self.playback().played(time - self.start),
             Some(time_remapping) => match &**time_remapping {
-                TimeRemapping::Speed(curve) => rounded(curve.played(time) - curve.played(self.start)),
+                TimeRemapping::Speed(curve) => rounded_ticks(curve.played(time) - curve.played(self.start)),
                 TimeRemapping::ClipTime(keys) => {
                     let at = keys.at(time).map_or(0.0, |v| v[0]) * Time::TICKS_PER_SECOND as f64;
                     let (start, end) = (self.trim.0.0 as f64, self.trim.1.0 as f64);
-                    rounded(if self.speed < 0.0 { end - at } else { at - start })
+                    rounded_ticks(if self.speed < 0.0 { end - at } else { at - start })
                 }
             },
         }
@@ -67,28 +67,29 @@ impl Cue {
         if ticks <= 0 {
             return Some(self.start);
         }
-        let done = |time: Time| self.played(time) >= ticks;
+        let has_played = |time: Time| self.played(time) >= ticks;
         // After the end of a curve or a freeze, playback goes on at its last speed.
         let keys = match self.time_remapping.as_deref() {
             Some(TimeRemapping::Speed(curve)) => &curve.keys.times[..],
             Some(TimeRemapping::ClipTime(keys)) => &keys.times[..],
             None => &[],
         };
-        let mut marks: Vec<Time> = keys.iter().copied().chain(self.freezes.iter().map(|f| f.1)).collect();
-        marks.retain(|t| *t > self.start);
-        marks.sort_unstable();
-        const LONGEST: Time = Time(Time::TICKS_PER_SECOND * 4_000_000);
-        marks.push(marks.last().copied().unwrap_or(self.start) + LONGEST);
+        let mut boundaries: Vec<Time> =
+            keys.iter().copied().chain(self.freezes.iter().map(|f| f.1)).collect();
+        boundaries.retain(|t| *t > self.start);
+        boundaries.sort_unstable();
+        const SEARCH_LIMIT: Time = Time(Time::TICKS_PER_SECOND * 4_000_000);
+        boundaries.push(boundaries.last().copied().unwrap_or(self.start) + SEARCH_LIMIT);
         let mut low = self.start;
-        for mark in marks {
-            if !done(mark) {
-                low = mark;
+        for boundary in boundaries {
+            if !has_played(boundary) {
+                low = boundary;
                 continue;
             }
-            let mut high = mark;
+            let mut high = boundary;
             while (high - low).0 > 1 {
                 let middle = low.middle(high);
-                if done(middle) { high = middle } else { low = middle }
+                if has_played(middle) { high = middle } else { low = middle }
             }
             return Some(high);
         }
@@ -113,6 +114,6 @@ pub(crate) fn plays_until(layer: &Layer, index: usize, time: Time) -> (Time, boo
     (held_from.map_or(time, |end| end.min(time)), held_from.is_some_and(|end| time >= end))
 }
 
-fn rounded(ticks: f64) -> i128 {
+fn rounded_ticks(ticks: f64) -> i128 {
     libm::round(ticks.clamp(-1e30, 1e30)) as i128
 }

@@ -12,7 +12,7 @@ use choreo_motion::Front;
 use glam::{DAffine3, DQuat, DVec3};
 
 /// Rotation about a frame's +Y that turns a front towards a world direction; identity if the direction is vertical or zero.
-pub(crate) fn facing(world_from_frame: &DAffine3, world_way: DVec3, front: Front) -> DQuat {
+pub(crate) fn rotation_to_face(world_from_frame: &DAffine3, world_way: DVec3, front: Front) -> DQuat {
     let way = world_from_frame.matrix3.inverse() * world_way;
     let yaw = libm::atan2(way.x, way.z);
     if (way.x == 0.0 && way.z == 0.0) || !yaw.is_finite() {

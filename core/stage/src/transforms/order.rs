@@ -12,19 +12,19 @@ pub(crate) enum PlacementStep {
     World(usize),
 }
 
-/// Buffers of [`find`].
+/// Buffers of [`sort_placement_steps`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PlacementOrder {
     pub steps: Vec<PlacementStep>,
     /// 0 not seen, 1 on the stack, 2 done; two entries per actor.
     state: Vec<u8>,
     stack: Vec<usize>,
-    needs: Vec<usize>,
+    dependencies: Vec<usize>,
 }
 
 /// Fills `order.steps` so that each step comes after those that it needs. Two actors may face each other; an actor attached to
 /// itself through others, or facing something that it carries, is an error. Links to actors that do not exist are left out.
-pub(crate) fn find(
+pub(crate) fn sort_placement_steps(
     stage: &Stage,
     parents: &ActiveParents,
     order: &mut PlacementOrder,
@@ -54,13 +54,13 @@ pub(crate) fn find(
             continue;
         }
         order.state[node] = 1;
-        order.needs.clear();
-        needs(stage, parents, node, &mut order.needs);
-        for index in 0..order.needs.len() {
-            let need = order.needs[index];
-            match order.state[need] {
-                0 => order.stack.push(need),
-                1 => return Err(cycle(stage, order, need)),
+        order.dependencies.clear();
+        add_dependencies(stage, parents, node, &mut order.dependencies);
+        for index in 0..order.dependencies.len() {
+            let dependency = order.dependencies[index];
+            match order.state[dependency] {
+                0 => order.stack.push(dependency),
+                1 => return Err(cycle_error(stage, order, dependency)),
                 _ => {}
             }
         }
@@ -69,7 +69,7 @@ pub(crate) fn find(
 }
 
 /// Node 2a is the position of actor a, 2a + 1 its world transform.
-fn needs(stage: &Stage, parents: &ActiveParents, node: usize, out: &mut Vec<usize>) {
+fn add_dependencies(stage: &Stage, parents: &ActiveParents, node: usize, out: &mut Vec<usize>) {
     let actor = node / 2;
     if node.is_multiple_of(2) {
         out.extend(parents.carriers(actor).map(|p| 2 * p.actor + 1));
@@ -80,7 +80,7 @@ fn needs(stage: &Stage, parents: &ActiveParents, node: usize, out: &mut Vec<usiz
 }
 
 /// Names the cycle that the depth-first search has found: it is on the stack, from the node that is needed again upwards.
-fn cycle(stage: &Stage, order: &PlacementOrder, again: usize) -> StageError {
+fn cycle_error(stage: &Stage, order: &PlacementOrder, again: usize) -> StageError {
     // A node may lie on the stack several times; its last place is the one that was entered.
     let from = order.stack.iter().rposition(|node| *node == again).unwrap_or(0);
     let mut seen = vec![false; order.state.len()];

@@ -4,7 +4,7 @@ use crate::snapshot::ActorState;
 use crate::stage::Stage;
 use crate::stage::actor::{Attachment, Placement};
 use crate::stage::edits::ActorEdit;
-use crate::stage::fade::{eased, fraction};
+use crate::stage::fade::{apply_ease, elapsed_fraction};
 use crate::stage::parenting::{ParentScale, Parenting};
 use crate::transforms::world_from_attachment;
 use choreo_motion::{Ease, Time};
@@ -35,7 +35,11 @@ impl ActiveParent {
 
     /// Placement of the actor in this parent's space. `own`: the actor's placement with keys, edits and root motion. Edits also apply to a
     /// placement that the parent sets.
-    pub fn local<'e>(&self, own: &Placement, edits: impl Iterator<Item = &'e ActorEdit>) -> Placement {
+    pub fn local_placement<'e>(
+        &self,
+        own: &Placement,
+        edits: impl Iterator<Item = &'e ActorEdit>,
+    ) -> Placement {
         let Some(placed) = self.placement else { return *own };
         let mut local = placed;
         edits.for_each(|edit| edit.apply_to_placement(&mut local));
@@ -58,25 +62,31 @@ pub(crate) struct ActiveParents {
 
 impl ActiveParents {
     /// Finds the active parents of all actors. `edits`: those of the frame; the last one that attaches an actor replaces all its parents.
-    pub fn find(&mut self, stage: &Stage, time: Time, edits: &[(usize, ActorEdit)], kept: &KeptTransforms) {
+    pub fn find_active(
+        &mut self,
+        stage: &Stage,
+        time: Time,
+        edits: &[(usize, ActorEdit)],
+        kept: &KeptTransforms,
+    ) {
         self.all.clear();
         self.ends.clear();
-        let kept = kept.known();
+        let kept = kept.lock();
         for actor in &stage.actors {
             let index = self.ends.len();
-            let begun = actor.parents.iter().take_while(|p| p.has_begun(time)).count();
-            let mut first = begun;
+            let started_parents = actor.parents.iter().take_while(|p| p.has_begun(time)).count();
+            let mut first = started_parents;
             // Goes back to the last parent with full weight. Before the first parent there is the world.
-            while first > 0 && (first == begun || share(&actor.parents[first], time) < 1.0) {
+            while first > 0 && (first == started_parents || blend_weight(&actor.parents[first], time) < 1.0) {
                 first -= 1;
             }
-            if begun > 0 && share(&actor.parents[first], time) < 1.0 {
+            if started_parents > 0 && blend_weight(&actor.parents[first], time) < 1.0 {
                 self.all.push(ActiveParent::new(&Parenting::from(None, Time::MIN), DAffine3::IDENTITY, 1.0));
             }
-            for (number, parent) in actor.parents[first..begun].iter().enumerate() {
+            for (number, parent) in actor.parents[first..started_parents].iter().enumerate() {
                 let known = kept.get(&(index, first + number)).filter(|_| parent.keep);
                 let offset = known.copied().unwrap_or(DAffine3::IDENTITY);
-                self.all.push(ActiveParent::new(parent, offset, share(parent, time)));
+                self.all.push(ActiveParent::new(parent, offset, blend_weight(parent, time)));
             }
             self.ends.push(self.all.len());
         }
@@ -84,7 +94,7 @@ impl ActiveParents {
             if let ActorEdit::Attach(parent) = edit
                 && *actor < self.ends.len()
             {
-                let range = self.range(*actor);
+                let range = self.range_of_actor(*actor);
                 let removed = range.len();
                 self.all.splice(range, [ActiveParent::new(parent, DAffine3::IDENTITY, 1.0)]);
                 self.ends[*actor..].iter_mut().for_each(|end| *end = *end + 1 - removed);
@@ -93,18 +103,18 @@ impl ActiveParents {
     }
 
     /// Range of an actor's parents in `all`; empty for an actor that does not exist.
-    fn range(&self, actor: usize) -> std::ops::Range<usize> {
+    fn range_of_actor(&self, actor: usize) -> std::ops::Range<usize> {
         let Some(end) = self.ends.get(actor) else { return 0..0 };
         actor.checked_sub(1).map_or(0, |before| self.ends[before])..*end
     }
 
-    /// The active parents of an actor, the newest last; empty where it stands in the world.
+    /// The active parents of an actor, the newest last; empty if it is in world space.
     pub fn of(&self, actor: usize) -> &[ActiveParent] {
-        &self.all[self.range(actor)]
+        &self.all[self.range_of_actor(actor)]
     }
 
     pub(crate) fn of_mut(&mut self, actor: usize) -> &mut [ActiveParent] {
-        let range = self.range(actor);
+        let range = self.range_of_actor(actor);
         &mut self.all[range]
     }
 
@@ -121,8 +131,8 @@ impl ActiveParents {
 }
 
 /// Blend weight of a parent over those before it, 0..=1.
-fn share(parent: &Parenting, time: Time) -> f64 {
-    f64::from(eased(Ease::Smooth, fraction(time - parent.start, parent.blend)))
+fn blend_weight(parent: &Parenting, time: Time) -> f64 {
+    f64::from(apply_ease(Ease::Smooth, elapsed_fraction(time - parent.start, parent.blend)))
 }
 
 /// Transforms that keep actors in place when their parents change, by actor and index of the parent; shared by clones.
@@ -130,12 +140,12 @@ fn share(parent: &Parenting, time: Time) -> f64 {
 pub(crate) struct KeptTransforms(Arc<Mutex<BTreeMap<(usize, usize), DAffine3>>>);
 
 impl KeptTransforms {
-    fn known(&self) -> std::sync::MutexGuard<'_, BTreeMap<(usize, usize), DAffine3>> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, BTreeMap<(usize, usize), DAffine3>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn insert(&self, actor: usize, parent: usize, transform: DAffine3) {
-        self.known().insert((actor, parent), transform);
+        self.lock().insert((actor, parent), transform);
     }
 
     /// Transforms that a time needs and that are not known yet, as (start, actor, index of the parent), sorted.
@@ -146,7 +156,7 @@ impl KeptTransforms {
             needed.extend(parents.filter(|(_, p)| p.keep).map(|(number, p)| (p.start, index, number)));
         }
         if !needed.is_empty() {
-            let known = self.known();
+            let known = self.lock();
             needed.retain(|(_, actor, parent)| !known.contains_key(&(*actor, *parent)));
         }
         needed.sort_unstable();
@@ -155,7 +165,7 @@ impl KeptTransforms {
 }
 
 /// Times at which an actor changes its parent, and one tick after each, sorted; the first is [`Time::MIN`].
-pub(crate) fn times_of_change(stage: &Stage) -> Vec<Time> {
+pub(crate) fn parent_change_times(stage: &Stage) -> Vec<Time> {
     let starts = stage.actors.iter().flat_map(|actor| &actor.parents).map(|parent| parent.start);
     let mut times: Vec<Time> = starts.flat_map(|start| [start, start + Time(1)]).collect();
     times.push(Time::MIN);
@@ -173,15 +183,15 @@ pub(crate) fn world_from_parent(
 ) -> DAffine3 {
     let frame = world_from_attachment(stage, actors, to);
     match scale {
-        ParentScale::Keep => DAffine3 { matrix3: orthogonal(frame.matrix3), ..frame },
+        ParentScale::Keep => DAffine3 { matrix3: nearest_rotation(frame.matrix3), ..frame },
         ParentScale::Inherit => frame,
     }
 }
 
 /// Interpolates two affine transforms after a polar decomposition of each: rotations by slerp, scale and shear linearly.
-pub(crate) fn mixed(a: &DAffine3, b: &DAffine3, share: f64) -> DAffine3 {
+pub(crate) fn interpolate_affine(a: &DAffine3, b: &DAffine3, share: f64) -> DAffine3 {
     let parts = |m: DMat3| {
-        let turned = orthogonal(m) * m.determinant().signum();
+        let turned = nearest_rotation(m) * m.determinant().signum();
         (DQuat::from_mat3(&turned), turned.transpose() * m)
     };
     let ((turn_a, stretch_a), (turn_b, stretch_b)) = (parts(a.matrix3), parts(b.matrix3));
@@ -194,14 +204,14 @@ pub(crate) fn mixed(a: &DAffine3, b: &DAffine3, share: f64) -> DAffine3 {
 }
 
 /// Tolerance within which a matrix counts as a rotation and is used as it is: matrices of joints are f32 products.
-const ROUNDING: f64 = 1e-5;
+const ROTATION_TOLERANCE: f64 = 1e-5;
 
 /// Nearest rotation to a matrix, or nearest reflection if it mirrors: its polar factor (N. Higham, "Computing the polar decomposition",
 /// 1986), by Newton's method. A singular matrix gives a rotation that follows its non-zero axes.
-fn orthogonal(m: DMat3) -> DMat3 {
+fn nearest_rotation(m: DMat3) -> DMat3 {
     let off = m.transpose() * m - DMat3::IDENTITY;
     let far = |v: DVec3| v.abs().max_element();
-    if far(off.x_axis).max(far(off.y_axis)).max(far(off.z_axis)) < ROUNDING {
+    if far(off.x_axis).max(far(off.y_axis)).max(far(off.z_axis)) < ROTATION_TOLERANCE {
         return m;
     }
     let size = libm::cbrt(m.determinant().abs());

@@ -1,4 +1,4 @@
-//! Boxes hold what they say, in any pose, and are not much too large.
+//! Bounding boxes contain the posed vertices in any pose, and are tight.
 
 use crate::support::random::Random;
 use crate::support::*;
@@ -8,7 +8,7 @@ use choreo_stage::*;
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 use std::sync::Arc;
 
-fn pose(asset: &Asset, numbers: &mut Random) -> Vec<Affine3A> {
+fn random_pose(asset: &Asset, numbers: &mut Random) -> Vec<Affine3A> {
     let rest = asset.rest_model_from_joint();
     rest.iter()
         .map(|m| {
@@ -21,19 +21,25 @@ fn pose(asset: &Asset, numbers: &mut Random) -> Vec<Affine3A> {
         .collect()
 }
 
-fn holds(bounds: &Aabb, asset: &Asset, joints: &[Affine3A], weights: &[Vec<f32>], instance: usize) -> bool {
+fn bounds_contain_instance(
+    bounds: &Aabb,
+    asset: &Asset,
+    joints: &[Affine3A],
+    weights: &[Vec<f32>],
+    instance: usize,
+) -> bool {
     let posed = posed_meshes_in(asset, joints, weights, DAffine3::IDENTITY);
     let mut points = posed[instance].primitives.iter().flat_map(|p| &p.positions);
     points.all(|p| p.cmpge(bounds.min.as_dvec3()).all() && p.cmple(bounds.max.as_dvec3()).all())
 }
 
 #[test]
-fn animated_bounds_contain_every_pose() {
+fn animated_bounds_contain_every_random_pose() {
     let mut numbers = Random(7);
     let (mut smaller_fails, mut volumes) = (0, 0.0);
     for asset in [figure(), stick()] {
         for _ in 0..300 {
-            let joints = pose(&asset, &mut numbers);
+            let joints = random_pose(&asset, &mut numbers);
             let weights: Vec<Vec<f32>> = asset
                 .instances
                 .iter()
@@ -41,12 +47,13 @@ fn animated_bounds_contain_every_pose() {
                 .collect();
             for (index, reach) in asset.instance_bounds().iter().enumerate() {
                 let bounds = reach.posed(&joints, &weights[index]);
-                assert!(holds(&bounds, &asset, &joints, &weights, index));
+                assert!(bounds_contain_instance(&bounds, &asset, &joints, &weights, index));
                 let smaller = Aabb {
                     min: bounds.center().lerp(bounds.min, 0.6),
                     max: bounds.center().lerp(bounds.max, 0.6),
                 };
-                smaller_fails += usize::from(!holds(&smaller, &asset, &joints, &weights, index));
+                smaller_fails +=
+                    usize::from(!bounds_contain_instance(&smaller, &asset, &joints, &weights, index));
                 volumes += 1.0;
             }
         }
@@ -56,23 +63,23 @@ fn animated_bounds_contain_every_pose() {
 }
 
 #[test]
-fn rest_bounds_are_tight() {
+fn rest_bounds_equal_the_extent_of_the_rest_mesh() {
     let Aabb { min, max } = figure().rest_bounds();
-    close(min.as_dvec3(), v(-0.3, 0.0, -0.15), 1e-6);
-    close(max.as_dvec3(), v(0.3, 1.8, 0.15), 1e-6);
+    assert_close(min.as_dvec3(), v(-0.3, 0.0, -0.15), 1e-6);
+    assert_close(max.as_dvec3(), v(0.3, 1.8, 0.15), 1e-6);
     assert!(Asset::default().rest_bounds().is_empty());
     assert_eq!(Asset::default().rest_bounds().center(), Vec3::ZERO);
 }
 
 #[test]
-fn influences_without_weight_do_not_widen() {
+fn skin_influences_of_weight_zero_do_not_widen_bounds() {
     // The lower corners name joint 1 with weight 0: its box holds only the upper four.
     let chest = &figure().instance_bounds()[0].parts[1].reach.clone();
     assert_eq!(chest.min.y, 1.5 - 1.2);
 }
 
 #[test]
-fn broken_assets_have_boxes_too() {
+fn bounds_of_invalid_assets_are_empty_or_finite() {
     let mut asset = (*figure()).clone();
     asset.instances[0].mesh = 99;
     asset.instances[1].joint = 99;
@@ -90,7 +97,7 @@ fn broken_assets_have_boxes_too() {
 }
 
 #[test]
-fn posed_meshes_follow_skin_morphs_and_placement() {
+fn posed_meshes_apply_skin_morph_targets_and_placement() {
     let f = figure();
     let mut stage = Stage::default();
     stage.cast("anna", f.clone());
@@ -110,20 +117,20 @@ fn posed_meshes_follow_skin_morphs_and_placement() {
     let snapshot = stage.at(secs(0.0)).unwrap();
     let body = &posed_meshes(&f, &snapshot.actors[0])[0].primitives[0];
     // A lower corner stays; an upper one goes half way to where the chest, a quarter turn to the left, carries it.
-    close(body.positions[0], v(99.7, 0.0, -0.15), 1e-6);
-    close(body.positions[2], v(100.0 + (-0.3 - 0.3) / 2.0, (1.5 + 0.9) / 2.0, -0.15), 1e-6);
+    assert_close(body.positions[0], v(99.7, 0.0, -0.15), 1e-6);
+    assert_close(body.positions[2], v(100.0 + (-0.3 - 0.3) / 2.0, (1.5 + 0.9) / 2.0, -0.15), 1e-6);
     assert!(body.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-9));
     let stick_mesh = &posed_meshes(&stick(), &snapshot.actors[1])[0].primitives[0];
-    close(stick_mesh.positions[0], v(1.95, 0.0, -0.05), 1e-6);
-    // Not posed: nothing to show.
+    assert_close(stick_mesh.positions[0], v(1.95, 0.0, -0.05), 1e-6);
+    // An actor that is not posed has no posed meshes.
     stage.actors[0].visible = false;
     assert!(posed_meshes(&f, &stage.at(secs(0.0)).unwrap().actors[0]).is_empty());
 }
 
-/// An actor that is left out of an image is surely not in it, whatever brings the weights of morph targets about; one that is far away is left out, but where a
-/// callback may set any weight.
+/// A culled actor is never in the image, whatever sets the weights of its morph targets. Far away it is culled, unless a spline or a
+/// callback can give any weight.
 #[test]
-fn actors_with_morphs_are_culled_where_no_weight_brings_them_into_view() {
+fn actors_with_morph_targets_are_culled_only_outside_their_morph_range() {
     #[derive(Debug)]
     struct Pull;
     impl FrameHook for Pull {

@@ -8,16 +8,16 @@ use glam::{DQuat, DVec3};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::Arc;
 
-fn looks(snapshot: &Snapshot) -> DVec3 {
+fn view_direction(snapshot: &Snapshot) -> DVec3 {
     -snapshot.camera.world_from_view.matrix3.z_axis
 }
 
-fn look(target: Option<DVec3>, start: f64, blend: f64) -> CameraLook {
+fn camera_look(target: Option<DVec3>, start: f64, blend: f64) -> CameraLook {
     CameraLook { target: target.map(Target::Point), start: secs(start), blend: secs(blend) }
 }
 
 /// A camera at (0, 2, 0) that looks along −Z.
-fn shot() -> Stage {
+fn stage_with_camera() -> Stage {
     let mut stage = Stage::default();
     let rig = Rig::Fixed { position: v(0.0, 2.0, 0.0), rotation: DQuat::IDENTITY, look_at: None };
     stage.shoot(Camera::new("c", rig));
@@ -25,12 +25,12 @@ fn shot() -> Stage {
 }
 
 #[test]
-fn a_camera_turns_from_target_to_target_and_back() {
-    let mut stage = shot();
+fn camera_looks_blend_from_target_to_target_and_back() {
+    let mut stage = stage_with_camera();
     stage.cameras[0].looks = vec![
-        look(Some(v(5.0, 2.0, 0.0)), 1.0, 1.0),
-        look(Some(v(0.0, 2.0, 9.0)), 3.0, 0.0),
-        look(None, 4.0, 2.0),
+        camera_look(Some(v(5.0, 2.0, 0.0)), 1.0, 1.0),
+        camera_look(Some(v(0.0, 2.0, 9.0)), 3.0, 0.0),
+        camera_look(None, 4.0, 2.0),
     ];
     assert_eq!(stage.check().len(), 0, "{:?}", stage.check());
     let h = FRAC_1_SQRT_2;
@@ -43,16 +43,16 @@ fn a_camera_turns_from_target_to_target_and_back() {
         (3.0, v(0.0, 0.0, 1.0)),
         (6.0, v(0.0, 0.0, -1.0)),
     ] {
-        close(looks(&stage.at(secs(t)).unwrap()), expected, 1e-6);
+        assert_close(view_direction(&stage.at(secs(t)).unwrap()), expected, 1e-6);
     }
 }
 
 #[test]
-fn a_pan_keeps_the_horizon_level_and_does_not_jump() {
-    let mut stage = shot();
+fn camera_pan_keeps_the_horizon_level_and_is_continuous() {
+    let mut stage = stage_with_camera();
     // Down to the right, then up to the left: a shortest rotation between them would roll.
     stage.cameras[0].looks =
-        vec![look(Some(v(4.0, 0.0, -2.0)), 0.0, 0.0), look(Some(v(-4.0, 5.0, 1.0)), 1.0, 1.0)];
+        vec![camera_look(Some(v(4.0, 0.0, -2.0)), 0.0, 0.0), camera_look(Some(v(-4.0, 5.0, 1.0)), 1.0, 1.0)];
     let at = |t: f64| stage.at(secs(t)).unwrap().camera.world_from_view.matrix3;
     let mut before = at(1.0);
     let mut turned = 0.0f64;
@@ -73,8 +73,8 @@ fn a_pan_keeps_the_horizon_level_and_does_not_jump() {
 }
 
 #[test]
-fn a_target_that_moves_is_followed_and_may_be_a_joint_of_a_hidden_actor() {
-    let mut stage = shot();
+fn camera_look_follows_a_moving_joint_of_a_hidden_actor() {
+    let mut stage = stage_with_camera();
     let f = figure();
     stage.cast("anna", f.clone());
     stage.actors[0].visible = false;
@@ -82,7 +82,7 @@ fn a_target_that_moves_is_followed_and_may_be_a_joint_of_a_hidden_actor() {
     let target = Some(Target::Joint { actor: 0, joint: HIPS });
     stage.cameras[0].looks = vec![CameraLook { target, start: Time::ZERO, blend: Time::ZERO }];
     let snapshot = stage.at(secs(3.0)).unwrap();
-    close(looks(&snapshot), v(3.0, -2.0, 0.0).normalize(), 1e-6);
+    assert_close(view_direction(&snapshot), v(3.0, -2.0, 0.0).normalize(), 1e-6);
     // A near plane that is not set does not clip a close target away.
     let Projection::Perspective { near, .. } = snapshot.camera.projection else { panic!() };
     assert!((f64::from(near) - 0.01 * 13f64.sqrt()).abs() < 1e-6, "{near}");
@@ -102,16 +102,16 @@ fn shake() -> CameraShake {
 
 /// Pan and tilt of a camera that looks along −Z.
 fn pan_and_tilt(snapshot: &Snapshot) -> [f64; 2] {
-    let way = looks(snapshot);
+    let way = view_direction(snapshot);
     [(-way.x).atan2(-way.z), way.y.asin()]
 }
 
 #[test]
-fn a_shake_stays_in_its_bounds_and_is_smooth() {
-    let mut stage = shot();
+fn camera_shake_stays_in_its_amplitude_and_is_smooth() {
+    let mut stage = stage_with_camera();
     stage.cameras[0].shakes = vec![shake()];
     assert_eq!(stage.check().len(), 0);
-    let still = shot().at(secs(0.5)).unwrap().camera;
+    let still = stage_with_camera().at(secs(0.5)).unwrap().camera;
     for t in [0.5, 1.0, 21.0, 30.0] {
         assert_eq!(stage.at(secs(t)).unwrap().camera, still, "at {t}");
     }
@@ -142,8 +142,8 @@ fn a_shake_stays_in_its_bounds_and_is_smooth() {
 }
 
 #[test]
-fn shakes_of_other_seeds_differ_and_any_frame_may_come_first() {
-    let mut stage = shot();
+fn camera_shake_depends_on_its_seed_and_not_on_the_frame_order() {
+    let mut stage = stage_with_camera();
     stage.cameras[0].shakes = vec![shake()];
     let late = stage.at(secs(17.3)).unwrap().content_hash();
     let mut evaluator = Evaluator::new(Arc::new(stage.clone()));
@@ -172,20 +172,20 @@ impl FrameHook for Edits {
 }
 
 #[test]
-fn callbacks_aim_turn_and_zoom_for_one_frame() {
+fn camera_callbacks_aim_turn_and_zoom_for_one_frame() {
     let edited = |edits: Vec<(usize, CameraEdit)>| {
-        let mut stage = shot();
+        let mut stage = stage_with_camera();
         stage.hooks.push(Arc::new(Edits(edits)));
         stage.at(secs(1.0)).unwrap()
     };
     let (camera, target) = (0, Target::Point(v(7.0, 2.0, 0.0)));
     let aimed = (camera, CameraEdit::LookAt(target));
-    close(looks(&edited(vec![aimed.clone()])), v(1.0, 0.0, 0.0), 1e-12);
+    assert_close(view_direction(&edited(vec![aimed.clone()])), v(1.0, 0.0, 0.0), 1e-12);
     // From where a callback puts it.
     let moved = (camera, CameraEdit::MoveTo(v(7.0, 2.0, 4.0)));
-    close(looks(&edited(vec![aimed.clone(), moved])), v(0.0, 0.0, -1.0), 1e-12);
+    assert_close(view_direction(&edited(vec![aimed.clone(), moved])), v(0.0, 0.0, -1.0), 1e-12);
     let turned = (camera, CameraEdit::Turn(DQuat::from_rotation_y(0.5)));
-    close(looks(&edited(vec![aimed, turned])), v(0.5f64.cos(), 0.0, -0.5f64.sin()), 1e-12);
+    assert_close(view_direction(&edited(vec![aimed, turned])), v(0.5f64.cos(), 0.0, -0.5f64.sin()), 1e-12);
     let zoomed = edited(vec![(camera, CameraEdit::FieldOfView(0.25))]);
     assert!(matches!(
         zoomed.camera.projection,
@@ -194,12 +194,12 @@ fn callbacks_aim_turn_and_zoom_for_one_frame() {
     let flat = edited(vec![(camera, CameraEdit::Height(3.0))]);
     assert!(matches!(flat.camera.projection, Projection::Orthographic { height: 3.0, .. }));
     let other = edited(vec![(1, CameraEdit::FieldOfView(0.25))]);
-    assert_eq!(other.camera, shot().at(secs(1.0)).unwrap().camera);
+    assert_eq!(other.camera, stage_with_camera().at(secs(1.0)).unwrap().camera);
 }
 
 #[test]
-fn a_dissolve_keeps_the_camera_before_until_it_is_over() {
-    let mut stage = shot();
+fn dissolve_holds_the_previous_camera_until_it_ends() {
+    let mut stage = stage_with_camera();
     let rig = Rig::Fixed { position: v(5.0, 0.0, 0.0), rotation: DQuat::IDENTITY, look_at: None };
     stage.shoot(Camera::new("second", rig.clone()));
     stage.shoot(Camera::new("third", rig));
@@ -221,5 +221,5 @@ fn a_dissolve_keeps_the_camera_before_until_it_is_over() {
     // To the camera that is on already there is nothing to mix.
     assert_eq!(share(4.5), (2, None));
     let snapshot = stage.at(secs(1.5)).unwrap();
-    close(snapshot.dissolve.unwrap().camera.world_from_view.translation, v(0.0, 2.0, 0.0), 1e-12);
+    assert_close(snapshot.dissolve.unwrap().camera.world_from_view.translation, v(0.0, 2.0, 0.0), 1e-12);
 }

@@ -1,4 +1,4 @@
-//! Rigs, cuts and framing, where a script cannot say it; the rest is in `tests/suite/cameras`.
+//! Camera rigs, cuts and framing, in cases that scripts cannot express; other cases are in `tests/suite/cameras`.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -8,17 +8,17 @@ use glam::{DQuat, DVec3, Vec3};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-fn eye(snapshot: &Snapshot) -> DVec3 {
+fn camera_position(snapshot: &Snapshot) -> DVec3 {
     snapshot.camera.world_from_view.translation
 }
-fn looks(snapshot: &Snapshot) -> DVec3 {
+fn view_direction(snapshot: &Snapshot) -> DVec3 {
     -snapshot.camera.world_from_view.matrix3.z_axis
 }
-fn up(snapshot: &Snapshot) -> DVec3 {
+fn camera_up(snapshot: &Snapshot) -> DVec3 {
     snapshot.camera.world_from_view.matrix3.y_axis
 }
 
-fn shot(rig: Rig) -> Stage {
+fn stage_with_camera(rig: Rig) -> Stage {
     let mut stage = Stage::default();
     stage.cast("anna", figure());
     stage.shoot(Camera::new("c", rig));
@@ -35,36 +35,36 @@ fn rotation_is_sound(snapshot: &Snapshot) {
 }
 
 #[test]
-fn straight_down_straight_up_and_at_itself_are_finite() {
+fn look_at_straight_down_up_and_at_its_own_position_is_finite() {
     for (below, picture_up) in [(v(0.0, -3.0, 0.0), v(0.0, 0.0, -1.0)), (v(0.0, 3.0, 0.0), v(0.0, 0.0, 1.0))]
     {
         let position = v(5.0, 0.0, 5.0);
         let look_at = Some(Target::Point(position + below));
-        let stage = shot(Rig::Fixed { position, rotation: DQuat::IDENTITY, look_at });
+        let stage = stage_with_camera(Rig::Fixed { position, rotation: DQuat::IDENTITY, look_at });
         let snapshot = stage.at(Time::ZERO).unwrap();
-        close(looks(&snapshot), below / 3.0, 1e-12);
-        close(up(&snapshot), picture_up, 1e-12);
+        assert_close(view_direction(&snapshot), below / 3.0, 1e-12);
+        assert_close(camera_up(&snapshot), picture_up, 1e-12);
         rotation_is_sound(&snapshot);
     }
     let rotation = DQuat::from_rotation_y(1.0);
     let look_at = Some(Target::Point(v(1.0, 2.0, 3.0)));
-    let stage = shot(Rig::Fixed { position: v(1.0, 2.0, 3.0), rotation, look_at });
-    close(looks(&stage.at(Time::ZERO).unwrap()), rotation * DVec3::NEG_Z, 1e-9);
-    let stage = shot(Rig::Follow { target: Target::Actor(0), offset: DVec3::ZERO });
+    let stage = stage_with_camera(Rig::Fixed { position: v(1.0, 2.0, 3.0), rotation, look_at });
+    assert_close(view_direction(&stage.at(Time::ZERO).unwrap()), rotation * DVec3::NEG_Z, 1e-9);
+    let stage = stage_with_camera(Rig::Follow { target: Target::Actor(0), offset: DVec3::ZERO });
     rotation_is_sound(&stage.at(Time::ZERO).unwrap());
 }
 
 #[test]
-fn the_camera_of_a_file_follows_its_node() {
+fn camera_of_a_file_follows_its_node() {
     let f = figure();
-    let mut stage = shot(Rig::File { actor: 0, camera: 0 });
+    let mut stage = stage_with_camera(Rig::File { actor: 0, camera: 0 });
     stage.actors[0].transform =
         Placement { scale: DVec3::splat(2.0), ..Placement::at(0.0, 0.0, 7.0).turned(FRAC_PI_2) };
     stage.play(0, Cue { repeat: Repeat::Once, ..Cue::new(f.clips[NOD].clone()) });
     let snapshot = stage.at(secs(1.0)).unwrap();
-    close(eye(&snapshot), v(0.0, 3.2, 7.0), 1e-6);
+    assert_close(camera_position(&snapshot), v(0.0, 3.2, 7.0), 1e-6);
     let yaw = FRAC_PI_2 + 40f64.to_radians();
-    close(looks(&snapshot), -v(yaw.sin(), 0.0, yaw.cos()), 1e-6);
+    assert_close(view_direction(&snapshot), -v(yaw.sin(), 0.0, yaw.cos()), 1e-6);
     rotation_is_sound(&snapshot);
     // Distances of the file are in its own units.
     let Projection::Perspective { yfov, near, far } = snapshot.camera.projection else { panic!() };
@@ -72,7 +72,7 @@ fn the_camera_of_a_file_follows_its_node() {
 }
 
 #[test]
-fn a_near_plane_that_is_set_is_kept_by_every_rig() {
+fn near_plane_set_by_the_script_is_kept_by_every_rig() {
     let target = Target::Point(v(0.0, 0.0, 0.0));
     let rigs = [
         Rig::Fixed { position: v(0.0, 0.0, 3.0), rotation: DQuat::IDENTITY, look_at: Some(target) },
@@ -80,7 +80,7 @@ fn a_near_plane_that_is_set_is_kept_by_every_rig() {
         Rig::Orbit { target, distance: 3.0, elevation: 0.0, azimuth: 0.0, speed: 0.0 },
     ];
     for rig in rigs {
-        let mut stage = shot(rig);
+        let mut stage = stage_with_camera(rig);
         let near = |stage: &Stage| match stage.at(Time::ZERO).unwrap().camera.projection {
             Projection::Perspective { near, .. } => near,
             Projection::Orthographic { .. } => panic!(),
@@ -94,8 +94,9 @@ fn a_near_plane_that_is_set_is_kept_by_every_rig() {
 }
 
 #[test]
-fn cuts_keys_and_hooks() {
-    let mut stage = shot(Rig::Fixed { position: DVec3::ZERO, rotation: DQuat::IDENTITY, look_at: None });
+fn camera_cuts_keys_and_hooks_apply_at_their_times() {
+    let mut stage =
+        stage_with_camera(Rig::Fixed { position: DVec3::ZERO, rotation: DQuat::IDENTITY, look_at: None });
     let target = Target::Point(DVec3::ZERO);
     stage.shoot(Camera::new(
         "orbit",
@@ -118,7 +119,7 @@ fn cuts_keys_and_hooks() {
     ];
     assert_eq!(stage.check().len(), 0);
     let snapshot = stage.at(secs(0.5)).unwrap();
-    close(eye(&snapshot), v(1.0, 0.0, 0.0), 1e-12);
+    assert_close(camera_position(&snapshot), v(1.0, 0.0, 0.0), 1e-12);
     assert!(matches!(
         snapshot.camera.projection,
         Projection::Perspective { yfov: 1.0, near: 0.05, far: None }
@@ -133,10 +134,10 @@ fn cuts_keys_and_hooks() {
         }
     }
     stage.hooks.push(std::sync::Arc::new(Hook));
-    close(eye(&stage.at(secs(0.5)).unwrap()), v(0.0, 0.0, 9.0), 1e-12);
+    assert_close(camera_position(&stage.at(secs(0.5)).unwrap()), v(0.0, 0.0, 9.0), 1e-12);
 }
 
-/// Vertices of everything visible in clip space: x and y in -1..1 are in the image. Also the least distance before the eye.
+/// Largest |x| and |y| of all visible vertices in clip space, which are below 1 inside the image, and the least distance to the camera.
 fn projected(stage: &Stage, t: f64) -> (DVec3, f64) {
     let snapshot = stage.at(secs(t)).unwrap();
     let view = snapshot.camera.world_from_view.inverse();
@@ -166,7 +167,7 @@ fn projected(stage: &Stage, t: f64) -> (DVec3, f64) {
 }
 
 #[test]
-fn a_walker_stays_in_the_picture_and_the_camera_still() {
+fn framing_camera_is_static_and_keeps_a_walking_actor_in_the_frame() {
     let f = figure();
     let mut stage = Stage::default();
     stage.cast("anna", f.clone());
@@ -182,13 +183,13 @@ fn a_walker_stays_in_the_picture_and_the_camera_still() {
         widest = widest.max(reach.max_element());
     }
     assert!(widest > 0.8, "{widest}");
-    // Framed at the first frame only, she would have left: the same camera for a stage of no length.
+    // A camera that frames only the first frame loses her: a stage of length zero has one.
     stage.settings.length = Time::ZERO;
     assert!(projected(&stage, 3.9).0.max_element() > 1.0);
 }
 
 #[test]
-fn the_ground_need_not_be_seen_to_its_edges() {
+fn framing_ignores_a_large_ground_beside_other_actors() {
     let mut stage = Stage::default();
     stage.cast("anna", figure());
     let without = stage.at(Time::ZERO).unwrap().camera;
@@ -197,34 +198,37 @@ fn the_ground_need_not_be_seen_to_its_edges() {
     asset.meshes[0] = Arc::new(Mesh { primitives: vec![plane], ..Mesh::default() });
     stage.cast("floor", Arc::new(asset));
     assert_eq!(stage.at(Time::ZERO).unwrap().camera, without);
-    // Alone it is what there is to see.
+    // If the ground is the only visible actor, it is framed.
     stage.actors[0].visible = false;
-    assert!(eye(&stage.at(Time::ZERO).unwrap()).length() > 50.0);
+    assert!(camera_position(&stage.at(Time::ZERO).unwrap()).length() > 50.0);
 }
 
 #[test]
-fn nothing_to_see_is_framed_too() {
+fn framing_an_empty_stage_gives_a_finite_camera() {
     let mut stage = Stage::default();
     let snapshot = stage.at(Time::ZERO).unwrap();
     assert!(snapshot.camera.world_from_view.is_finite() && snapshot.camera.camera.is_none());
-    // The room of a person at the origin.
-    assert!(eye(&snapshot).length() < 20.0 && looks(&snapshot).dot(eye(&snapshot)) < 0.0);
+    // The camera frames the space of a person at the origin.
+    assert!(
+        camera_position(&snapshot).length() < 20.0
+            && view_direction(&snapshot).dot(camera_position(&snapshot)) < 0.0
+    );
     stage.cast("empty", std::sync::Arc::new(Asset::default()));
     stage.cast("hidden", figure());
     stage.actors[1].visible = false;
-    close(eye(&stage.at(Time::ZERO).unwrap()), eye(&snapshot), 0.0);
+    assert_close(camera_position(&stage.at(Time::ZERO).unwrap()), camera_position(&snapshot), 0.0);
 }
 
 #[test]
-fn a_camera_close_to_something_small_does_not_clip_it() {
-    let mut stage = shot(Rig::Follow { target: Target::Actor(0), offset: v(0.0, 0.0, 0.005) });
+fn near_plane_does_not_clip_a_small_close_target() {
+    let mut stage = stage_with_camera(Rig::Follow { target: Target::Actor(0), offset: v(0.0, 0.0, 0.005) });
     stage.actors[0].transform.scale = DVec3::splat(0.001);
     let (reach, nearest) = projected(&stage, 0.0);
     assert!(reach.max_element() < 1.0 && nearest < 0.006);
 }
 
 #[test]
-fn a_parameter_follows_a_target_in_front_of_each_camera() {
+fn effect_distance_is_the_depth_of_its_target_for_each_camera() {
     let mut stage = Stage::default();
     let anna = stage.cast("anna", figure());
     stage.actors[anna].transform.translation = v(1.0, 0.0, -4.0);

@@ -1,4 +1,4 @@
-//! Hands that reach, spines that turn, feet that stand.
+//! Constraints: reach, aim, look-at, joint limits and foot lock.
 
 use crate::support::random::Random;
 use crate::support::*;
@@ -18,8 +18,8 @@ const THIGH: u32 = 7;
 const SHIN: u32 = 8;
 const FOOT: u32 = 9;
 
-/// A body with a spine, a head, one arm of two bones and one leg; hips at 0.9 m.
-fn body() -> Arc<Asset> {
+/// A character with a spine, a head, one arm of two bones and one leg; hips at 0.9 m.
+fn character() -> Arc<Asset> {
     let skeleton = skeleton(&[
         ("Hips", None, at(0.0, 0.9, 0.0)),
         ("Spine", Some(0), at(0.0, 0.2, 0.0)),
@@ -35,7 +35,7 @@ fn body() -> Arc<Asset> {
     Arc::new(Asset { name: "body".into(), skeleton, ..Asset::default() })
 }
 
-fn reach(target: Target) -> ReachConstraint {
+fn reach_constraint(target: Target) -> ReachConstraint {
     ReachConstraint {
         joints: vec![UPPER, LOWER, PALM],
         target,
@@ -49,46 +49,47 @@ fn reach(target: Target) -> ReachConstraint {
 
 fn stage_with(constraints: Vec<Constraint>) -> Stage {
     let mut stage = Stage::default();
-    let anna = stage.cast("anna", body());
+    let anna = stage.cast("anna", character());
     stage.actors[anna].transform = Placement::at(3.0, 0.5, -2.0).turned(0.7);
     stage.actors[anna].constraints = constraints;
     stage
 }
 
 #[test]
-fn a_hand_is_where_it_should_be() {
+fn two_bone_reach_puts_the_hand_on_its_target() {
     let mut n = Random(4);
     for _ in 0..100 {
         let shoulder = joint_world(&stage_with(vec![]).at(Time::ZERO).unwrap(), 0, UPPER);
         let target = shoulder + n.vec3().normalize() * (0.1 + 0.4 * n.signed64().abs());
-        let stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(Target::Point(target))))]);
+        let stage =
+            stage_with(vec![Constraint::new(ConstraintKind::Reach(reach_constraint(Target::Point(target))))]);
         assert!(stage.check().is_empty());
         let snapshot = stage.at(secs(1.0)).unwrap();
-        close(joint_world(&snapshot, 0, PALM), target, 1e-6);
-        close(joint_world(&snapshot, 0, UPPER), shoulder, 1e-9);
+        assert_close(joint_world(&snapshot, 0, PALM), target, 1e-6);
+        assert_close(joint_world(&snapshot, 0, UPPER), shoulder, 1e-9);
         let bone = |a: u32, b: u32| (joint_world(&snapshot, 0, a) - joint_world(&snapshot, 0, b)).length();
         assert!((bone(UPPER, LOWER) - 0.300666).abs() < 1e-5 && (bone(LOWER, PALM) - 0.280713).abs() < 1e-5);
     }
 }
 
 #[test]
-fn goals_fade_and_end_and_half_a_weight_goes_half_the_way() {
+fn constraint_weight_fades_in_and_out_and_scales_the_reach() {
     let target = v(3.3, 1.9, -1.8);
     let constraint = Constraint {
         start: secs(1.0),
         end: Some(secs(3.0)),
         fade: secs(0.5),
-        ..Constraint::new(ConstraintKind::Reach(reach(Target::Point(target))))
+        ..Constraint::new(ConstraintKind::Reach(reach_constraint(Target::Point(target))))
     };
     let stage = stage_with(vec![constraint.clone()]);
     let hand = |t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, PALM);
     let rest = hand(0.0);
     assert_eq!((hand(1.0), hand(3.0), hand(9.0)), (rest, rest, rest));
-    close(hand(1.25), rest.lerp(target, 0.5), 1e-6);
-    close(hand(2.0), target, 1e-6);
-    close(hand(2.75), rest.lerp(target, 0.5), 1e-6);
+    assert_close(hand(1.25), rest.lerp(target, 0.5), 1e-6);
+    assert_close(hand(2.0), target, 1e-6);
+    assert_close(hand(2.75), rest.lerp(target, 0.5), 1e-6);
     let half = stage_with(vec![Constraint { weight: 0.5, ..constraint }]);
-    close(joint_world(&half.at(secs(2.0)).unwrap(), 0, PALM), rest.lerp(target, 0.5), 1e-6);
+    assert_close(joint_world(&half.at(secs(2.0)).unwrap(), 0, PALM), rest.lerp(target, 0.5), 1e-6);
 }
 
 /// Degrees between where the face points and an actor's center.
@@ -103,14 +104,14 @@ fn off_target(snapshot: &Snapshot, prop: usize, center: DVec3) -> f64 {
 
 /// Anna reaches for a point in front of her with a stick in her hand, and looks at the stick.
 #[test]
-fn a_look_at_a_prop_follows_the_hand_that_holds_it_and_reaches() {
+fn look_at_of_a_prop_in_the_own_hand_follows_the_reach_constraint() {
     let center = stick().rest_bounds().center().as_dvec3();
     let target = v(3.35, 1.75, -1.75);
     for (late, name) in [(false, "look"), (true, "aim of the spine, which carries the arm")] {
         let mut stage = stage_with(vec![Constraint {
             start: secs(1.0),
             fade: secs(0.4),
-            ..Constraint::new(ConstraintKind::Reach(reach(Target::Point(target))))
+            ..Constraint::new(ConstraintKind::Reach(reach_constraint(Target::Point(target))))
         }]);
         let prop = stage.cast("stick", stick());
         stage.actors[prop].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(PALM) })];
@@ -138,26 +139,26 @@ fn a_look_at_a_prop_follows_the_hand_that_holds_it_and_reaches() {
             let off = off_target(&snapshot, prop, center);
             assert!(off < most, "{name}: {off}° off at {t} s");
             if t >= 1.4 {
-                close(joint_world(&snapshot, 0, PALM), target, 1e-6);
+                assert_close(joint_world(&snapshot, 0, PALM), target, 1e-6);
             }
         }
     }
 }
 
-/// A stick goes from Anna's reaching hand to Boris's, in a while in which it is in both. Both look at it all the time.
+/// A stick blends from Anna's reaching hand to Boris's. Both look at it all the time.
 #[test]
-fn looks_at_a_prop_that_changes_hands_do_not_jump() {
+fn look_at_stays_continuous_while_its_prop_changes_parents() {
     let center = stick().rest_bounds().center().as_dvec3();
     let mut stage = stage_with(vec![]);
     stage.actors[0].transform = Placement::at(0.0, 0.0, 0.0);
-    let boris = stage.cast("boris", body());
+    let boris = stage.cast("boris", character());
     stage.actors[boris].transform = Placement::at(0.6, 0.0, 0.9).turned(std::f64::consts::PI);
     let prop = stage.cast("stick", stick());
     stage.actors[prop].transform.scale = DVec3::splat(0.1);
     for (actor, at) in [(0, v(0.32, 1.3, 0.4)), (boris, v(0.28, 1.3, 0.5))] {
         stage.actors[actor]
             .constraints
-            .push(Constraint::new(ConstraintKind::Reach(reach(Target::Point(at)))));
+            .push(Constraint::new(ConstraintKind::Reach(reach_constraint(Target::Point(at)))));
         let look = LookAt { fade: Time::ZERO, ..LookAt::new(FACE, Target::Actor(prop)) };
         stage.actors[actor].look_at.push(look);
     }
@@ -184,41 +185,41 @@ fn looks_at_a_prop_that_changes_hands_do_not_jump() {
     }
 }
 
-/// Boris reaches for a point, holds a stick; anna holds the stick's other end, wherever it goes; a lamp hangs on her hand.
+/// Boris reaches for a point and holds a stick; Anna reaches for the other end of the stick; a lamp is attached to her hand.
 #[test]
-fn hands_follow_props_in_hands_that_follow() {
+fn reach_for_a_prop_uses_the_solved_hand_that_holds_it() {
     let mut stage = stage_with(vec![]);
-    let boris = stage.cast("boris", body());
+    let boris = stage.cast("boris", character());
     let prop = stage.cast("stick", stick());
     let lamp = stage.cast("lamp", stick());
     stage.actors[boris].transform = Placement::at(3.2, 0.5, -1.4);
     stage.actors[boris]
         .constraints
-        .push(Constraint::new(ConstraintKind::Reach(reach(Target::Point(v(3.3, 1.8, -1.7))))));
+        .push(Constraint::new(ConstraintKind::Reach(reach_constraint(Target::Point(v(3.3, 1.8, -1.7))))));
     stage.actors[prop].parents = vec![Parenting::always(Attachment { actor: boris, joint: Some(PALM) })];
     stage.actors[prop].transform.scale = DVec3::splat(0.1);
     stage.actors[lamp].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(PALM) })];
     let offset = Some(v(0.0, 1.0, 0.0));
     stage.actors[0].constraints.push(Constraint::new(ConstraintKind::Reach(ReachConstraint {
         offset,
-        ..reach(Target::Actor(prop))
+        ..reach_constraint(Target::Actor(prop))
     })));
     assert!(stage.check().is_empty(), "{:?}", stage.check());
     let snapshot = stage.at(Time::ZERO).unwrap();
     let end = snapshot.actors[prop].world_from_model.transform_point3(v(0.0, 1.0, 0.0));
-    close(joint_world(&snapshot, boris, PALM), v(3.3, 1.8, -1.7), 1e-6);
-    close(joint_world(&snapshot, 0, PALM), end, 1e-6);
-    close(snapshot.actors[lamp].world_from_model.translation, end, 1e-6);
+    assert_close(joint_world(&snapshot, boris, PALM), v(3.3, 1.8, -1.7), 1e-6);
+    assert_close(joint_world(&snapshot, 0, PALM), end, 1e-6);
+    assert_close(snapshot.actors[lamp].world_from_model.translation, end, 1e-6);
 }
 
 #[test]
-fn who_hangs_on_each_other_is_finite_and_the_same_in_any_order() {
+fn mutual_reach_targets_are_solved_from_the_unconstrained_poses() {
     let mut stage = stage_with(vec![]);
-    let boris = stage.cast("boris", body());
+    let boris = stage.cast("boris", character());
     stage.actors[boris].transform = Placement::at(3.4, 0.5, -1.6).turned(3.0);
     for (who, whom) in [(0, boris), (boris, 0)] {
         let target = Target::Joint { actor: whom, joint: PALM };
-        stage.actors[who].constraints.push(Constraint::new(ConstraintKind::Reach(reach(target))));
+        stage.actors[who].constraints.push(Constraint::new(ConstraintKind::Reach(reach_constraint(target))));
     }
     let both = stage.at(Time::ZERO).unwrap();
     let alone = |who: usize| {
@@ -228,11 +229,11 @@ fn who_hangs_on_each_other_is_finite_and_the_same_in_any_order() {
     };
     // Each reaches for where the other's hand was before.
     for who in [0, boris] {
-        close(joint_world(&both, who, PALM), joint_world(&alone(who), who, PALM), 1e-9);
+        assert_close(joint_world(&both, who, PALM), joint_world(&alone(who), who, PALM), 1e-9);
     }
-    // An own joint is where the constraints before have brought it.
+    // A target on a joint of the same actor is where the earlier constraints have moved it.
     let target = Target::Joint { actor: 0, joint: FACE };
-    let mut own = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(target)))]);
+    let mut own = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach_constraint(target)))]);
     let aim = AimConstraint {
         joints: vec![SPINE, NECK],
         shares: vec![1.0, 1.0],
@@ -241,11 +242,11 @@ fn who_hangs_on_each_other_is_finite_and_the_same_in_any_order() {
     };
     own.actors[0].constraints.insert(0, Constraint::new(ConstraintKind::Aim(aim)));
     let snapshot = own.at(Time::ZERO).unwrap();
-    close(joint_world(&snapshot, 0, PALM), joint_world(&snapshot, 0, FACE), 1e-6);
+    assert_close(joint_world(&snapshot, 0, PALM), joint_world(&snapshot, 0, FACE), 1e-6);
 }
 
 #[test]
-fn spine_neck_and_head_share_the_turn() {
+fn aim_distributes_the_rotation_over_spine_neck_and_head() {
     let aim = |joints: Vec<u32>| AimConstraint {
         shares: vec![1.0; joints.len()],
         joints,
@@ -264,7 +265,7 @@ fn spine_neck_and_head_share_the_turn() {
     assert!(facing(&snapshot, FACE).dot(way) > 1.0 - 1e-9);
     let turned = |joint: u32| facing(&snapshot, joint).angle_between(facing(&rest, joint));
     assert!(turned(SPINE) > 0.1 && turned(NECK) > turned(SPINE) && turned(FACE) > turned(NECK));
-    // The arms hang on the spine.
+    // The arms move with the spine.
     assert!((joint_world(&snapshot, 0, PALM) - joint_world(&rest, 0, PALM)).length() > 0.05);
     let alone =
         stage_with(vec![Constraint::new(ConstraintKind::Aim(aim(vec![FACE])))]).at(Time::ZERO).unwrap();
@@ -272,9 +273,9 @@ fn spine_neck_and_head_share_the_turn() {
 }
 
 #[test]
-fn limits_hold_against_clips_and_goals() {
+fn joint_limits_clamp_clips_and_constraints() {
     let target = Target::Point(v(3.3, 1.9, -1.8));
-    let mut stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(target)))]);
+    let mut stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach_constraint(target)))]);
     let free = joint_world(&stage.at(Time::ZERO).unwrap(), 0, PALM);
     stage.actors[0].limits.push((LOWER, Limit::Hinge { axis: DVec3::Y, angle: (0.0, 0.1) }));
     let stiff = stage.at(Time::ZERO).unwrap();
@@ -299,7 +300,7 @@ fn limits_hold_against_clips_and_goals() {
 }
 
 /// A step every second that slides by 10 cm while the foot is down, and 0.6 m between.
-fn sliding() -> Stage {
+fn sliding_steps_stage() -> Stage {
     let mut stage = stage_with(vec![]);
     let mut keys: Vec<(f64, [f32; 3])> = Vec::new();
     for i in 0..4 {
@@ -314,7 +315,7 @@ fn sliding() -> Stage {
     stage
 }
 
-fn planted(ground: Option<usize>) -> Constraint {
+fn foot_lock(ground: Option<usize>) -> Constraint {
     let legs = vec![Leg { hip: THIGH, knee: SHIN, foot: FOOT, toe: None }];
     Constraint::new(ConstraintKind::FootLock(FootLock {
         legs,
@@ -325,8 +326,8 @@ fn planted(ground: Option<usize>) -> Constraint {
     }))
 }
 
-/// How far the foot goes between two times.
-fn slid(stage: &Stage, from: f64, to: f64) -> f64 {
+/// Largest distance of the foot from its place at the first time, until the second one, metres.
+fn foot_slide(stage: &Stage, from: f64, to: f64) -> f64 {
     let mut eyes = Evaluator::new(Arc::new(stage.clone()));
     let mut foot = |t: f64| joint_world(&eyes.at(secs(t)).unwrap(), 0, FOOT);
     let first = foot(from);
@@ -334,13 +335,13 @@ fn slid(stage: &Stage, from: f64, to: f64) -> f64 {
 }
 
 #[test]
-fn planted_feet_do_not_slide() {
-    let mut stage = sliding();
-    assert!(slid(&stage, 1.1, 1.5) > 0.06);
-    stage.actors[0].constraints.push(planted(None));
+fn foot_lock_keeps_planted_feet_from_sliding() {
+    let mut stage = sliding_steps_stage();
+    assert!(foot_slide(&stage, 1.1, 1.5) > 0.06);
+    stage.actors[0].constraints.push(foot_lock(None));
     assert!(stage.check().is_empty(), "{:?}", stage.check());
-    assert!(slid(&stage, 1.1, 1.5) < 1e-6, "{}", slid(&stage, 1.1, 1.5));
-    // Nothing jumps: at 240 Hz no frame goes farther than the fastest of the clip does, and a little.
+    assert!(foot_slide(&stage, 1.1, 1.5) < 1e-6, "{}", foot_slide(&stage, 1.1, 1.5));
+    // The foot does not jump: at 240 Hz it is at most a little faster than in the clip.
     let mut eyes = Evaluator::new(Arc::new(stage.clone()));
     let fastest = |planted: bool| {
         let mut stage = stage.clone();
@@ -358,14 +359,14 @@ fn planted_feet_do_not_slide() {
         most
     };
     assert!(fastest(true) < 1.6 * fastest(false) + 0.002);
-    // The same alone as after others.
+    // A frame evaluated alone equals the same frame after others.
     let there = eyes.at(secs(2.345)).unwrap();
     assert_eq!(there.content_hash(), stage.at(secs(2.345)).unwrap().content_hash());
 }
 
 #[test]
-fn feet_stand_on_the_ground_that_is_there() {
-    let mut stage = sliding();
+fn foot_lock_raises_feet_to_the_ground_mesh() {
+    let mut stage = sliding_steps_stage();
     stage.actors[0].transform = Placement::default();
     let mut steps = Asset { skeleton: skeleton(&[("Steps", None, at(0.0, 0.0, 0.0))]), ..Asset::default() };
     // A step 20 cm high from z = 0.5 on.
@@ -375,7 +376,7 @@ fn feet_stand_on_the_ground_that_is_there() {
     let ground = stage.cast("steps", Arc::new(steps));
     let foot = |stage: &Stage, t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, FOOT).y;
     let flat = [0.3, 1.3, 2.3].map(|t| foot(&stage, t));
-    stage.actors[0].constraints.push(planted(Some(ground)));
+    stage.actors[0].constraints.push(foot_lock(Some(ground)));
     let stepped = [0.3, 1.3, 2.3].map(|t| foot(&stage, t));
     // 0.05 m above the floor in the clip.
     assert!((stepped[0] - flat[0]).abs() < 1e-4, "{stepped:?} {flat:?}");
@@ -383,17 +384,18 @@ fn feet_stand_on_the_ground_that_is_there() {
 }
 
 #[test]
-fn invalid_targets_are_reported_and_poses_stay_finite() {
+fn invalid_constraint_targets_are_reported_and_poses_stay_finite() {
     for target in
         [Target::Actor(9), Target::Joint { actor: 9, joint: 0 }, Target::Joint { actor: 0, joint: 99 }]
     {
         let aim = AimConstraint { joints: vec![SPINE, NECK], shares: vec![1.0, 1.0], target, limit: 1.0 };
-        let poled = ReachConstraint { pole: Some(target), ..reach(Target::Point(v(3.0, 1.0, -2.0))) };
+        let poled =
+            ReachConstraint { pole: Some(target), ..reach_constraint(Target::Point(v(3.0, 1.0, -2.0))) };
         let mut stage = stage_with(vec![
-            Constraint::new(ConstraintKind::Reach(reach(target))),
+            Constraint::new(ConstraintKind::Reach(reach_constraint(target))),
             Constraint::new(ConstraintKind::Reach(poled)),
             Constraint::new(ConstraintKind::Aim(aim)),
-            planted(Some(9)),
+            foot_lock(Some(9)),
         ]);
         stage.actors[0].look_at.push(LookAt::new(FACE, target));
         assert!(!stage.check().is_empty());
@@ -403,10 +405,10 @@ fn invalid_targets_are_reported_and_poses_stay_finite() {
 }
 
 #[test]
-fn check_names_bad_goals() {
+fn check_reports_each_invalid_constraint_field() {
     let contacts = |change: fn(&mut Actor)| {
         let target = Target::Point(DVec3::ZERO);
-        let mut stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(target)))]);
+        let mut stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach_constraint(target)))]);
         change(&mut stage.actors[0]);
         let found: Vec<String> = stage.check().iter().map(ToString::to_string).collect();
         let _ = stage.at(secs(0.5));
@@ -433,7 +435,7 @@ fn check_names_bad_goals() {
     );
     assert_eq!(
         contacts(|a| kind(a).joints = vec![UPPER]),
-        with("actor \"anna\", reach: the chain has 1 of at least 2 joints")
+        with("actor \"anna\", reach: the number of joints is 1, must be at least 2")
     );
     assert_eq!(
         contacts(|a| kind(a).joints = vec![UPPER, 99]),

@@ -1,4 +1,4 @@
-//! Characters that are modelled facing another way: found, and turned to where they go and look.
+//! Characters modelled with another front than +Z: the front is detected, and they walk and look forward.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -8,7 +8,7 @@ use glam::{DVec3, Quat};
 use std::sync::Arc;
 
 /// A person with named sides, toes and eyes, turned about +Y from facing +Z.
-fn person(front: Front) -> Arc<Asset> {
+fn character_facing(front: Front) -> Arc<Asset> {
     let root = Transform { rotation: Quat::from_rotation_y(front.yaw_rad() as f32), ..Transform::IDENTITY };
     let skeleton = skeleton(&[
         ("Root", None, root),
@@ -29,21 +29,21 @@ fn person(front: Front) -> Arc<Asset> {
 }
 
 /// Where the front of an actor points in the world.
-fn ahead(stage: &Stage, time: f64) -> DVec3 {
+fn world_front(stage: &Stage, time: f64) -> DVec3 {
     let front = stage.actors[0].asset.front().direction();
     stage.at(secs(time)).unwrap().actors[0].world_from_model.transform_vector3(front)
 }
 
 #[test]
-fn the_front_is_found_by_feet_eyes_knees_and_sides() {
+fn model_front_is_detected_from_feet_eyes_knees_and_sides() {
     for (name, front) in Front::ALL {
-        let asset = person(front);
+        let asset = character_facing(front);
         let facing = asset.facing();
         assert_eq!((facing.front, facing.doubtful), (front, false), "{name}: {facing:?}");
         let parts: Vec<&str> = facing.evidence.iter().map(|e| e.part).collect();
         assert_eq!(parts, ["feet", "eyes", "knees", "left and right"]);
         for evidence in &facing.evidence {
-            close(evidence.direction, front.direction(), 1e-6);
+            assert_close(evidence.direction, front.direction(), 1e-6);
         }
         // The front that the script gives takes precedence.
         let given = Asset { front: Some(Front::MinusX), ..(*asset).clone() };
@@ -54,7 +54,7 @@ fn the_front_is_found_by_feet_eyes_knees_and_sides() {
 }
 
 #[test]
-fn without_feet_and_names_the_travel_of_clips_shows_it_and_contradictions_keep_plus_z() {
+fn model_front_falls_back_to_clip_travel_and_to_plus_z_on_contradiction() {
     // Its hips go along +X: alone they slide, on four limbs they walk.
     let f = figure();
     let along = &f.clips[ALONG_X..=ALONG_X];
@@ -64,7 +64,7 @@ fn without_feet_and_names_the_travel_of_clips_shows_it_and_contradictions_keep_p
     let curves = along[0].curves().iter().cloned().chain((1..5).map(swing)).collect();
     let facing = Facing::of(&f.skeleton, &[clip("walk", 5, curves)]);
     assert_eq!((facing.front, facing.evidence[0].part), (Front::PlusX, "travel of clips"));
-    let old = person(Front::MinusZ).skeleton.clone();
+    let old = character_facing(Front::MinusZ).skeleton.clone();
     let mut rest = old.rest().to_vec();
     // Eyes and knees at the back: two against two.
     [3, 4].iter().for_each(|eye: &usize| rest[*eye].translation.z = -0.08);
@@ -76,20 +76,20 @@ fn without_feet_and_names_the_travel_of_clips_shows_it_and_contradictions_keep_p
 }
 
 #[test]
-fn a_model_that_faces_minus_z_walks_and_looks_forward() {
+fn models_with_any_front_walk_and_look_forward() {
     for (name, front) in Front::ALL {
         let mut stage = Stage::default();
-        stage.cast("anna", person(front));
+        stage.cast("anna", character_facing(front));
         stage.cast("goal", Arc::new(Asset::default()));
         stage.actors[1].transform = Placement::at(3.0, 0.0, -2.0);
         stage.actors[0].face = Some(1);
-        close(ahead(&stage, 0.0), v(3.0, 0.0, -2.0).normalize(), 1e-12);
+        assert_close(world_front(&stage, 0.0), v(3.0, 0.0, -2.0).normalize(), 1e-12);
         stage.actors[0].face = None;
         let path = choreo_stage::Path::new(vec![DVec3::ZERO, v(5.0, 0.0, 5.0)], false).unwrap();
         let pace = Pace::Constant(1.0);
         stage.actors[0].path_following =
             Some(Arc::new(PathFollowing { path, start: Time::ZERO, pace, turns: true }));
-        close(ahead(&stage, 1.0), v(1.0, 0.0, 1.0).normalize(), 1e-9);
+        assert_close(world_front(&stage, 1.0), v(1.0, 0.0, 1.0).normalize(), 1e-9);
         stage.actors[0].path_following = None;
         // 0.5 rad to the side of ahead: the head turns there, and not to behind.
         let head = v(0.0, 1.6, 0.0);
@@ -97,7 +97,7 @@ fn a_model_that_faces_minus_z_walks_and_looks_forward() {
         stage.actors[0].look_at.push(LookAt::new(2, Target::Point(head + way * 2.0)));
         let snapshot = stage.at(Time::ZERO).unwrap();
         let eyes = (joint_world(&snapshot, 0, 3) + joint_world(&snapshot, 0, 4)) * 0.5 - head;
-        close(eyes.with_y(0.0).normalize(), way, 1e-5);
+        assert_close(eyes.with_y(0.0).normalize(), way, 1e-5);
         assert!(eyes.dot(way) > 0.0, "{name}");
     }
 }

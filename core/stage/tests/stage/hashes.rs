@@ -1,4 +1,4 @@
-//! Equal content, equal hash; anything else, another.
+//! Content hashes: equal for equal content, different after any change.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -19,22 +19,22 @@ fn scene() -> Stage {
     stage
 }
 
-fn on(change: fn(&mut Parenting)) -> Parenting {
+fn parenting_with(change: fn(&mut Parenting)) -> Parenting {
     let mut parent = Parenting::always(Attachment { actor: 0, joint: None });
     change(&mut parent);
     parent
 }
 
 #[derive(Debug)]
-struct Named(#[allow(dead_code)] &'static str);
-impl FrameHook for Named {
+struct NamedHook(#[allow(dead_code)] &'static str);
+impl FrameHook for NamedHook {
     fn run(&self, _: Time, _: &mut FrameEdits) -> Result<(), StageError> {
         Ok(())
     }
 }
 
 #[test]
-fn a_stage_built_twice_has_one_hash_and_every_change_another() {
+fn content_hash_of_a_stage_changes_with_every_field() {
     let first = scene().content_hash();
     assert_eq!(first, scene().content_hash());
     let mut warned = scene();
@@ -47,11 +47,11 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
         |s| s.actors[0].transform.translation.x = -0.0,
         |s| s.actors[0].parents = vec![Parenting::always(Attachment { actor: 0, joint: None })],
         |s| s.actors[0].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(0) })],
-        |s| s.actors[0].parents = vec![on(|p| p.scale = ParentScale::Inherit)],
-        |s| s.actors[0].parents = vec![on(|p| p.start = Time(1))],
-        |s| s.actors[0].parents = vec![on(|p| p.blend = Time(1))],
-        |s| s.actors[0].parents = vec![on(|p| p.keep = true)],
-        |s| s.actors[0].parents = vec![on(|p| p.placement = Some(Placement::default()))],
+        |s| s.actors[0].parents = vec![parenting_with(|p| p.scale = ParentScale::Inherit)],
+        |s| s.actors[0].parents = vec![parenting_with(|p| p.start = Time(1))],
+        |s| s.actors[0].parents = vec![parenting_with(|p| p.blend = Time(1))],
+        |s| s.actors[0].parents = vec![parenting_with(|p| p.keep = true)],
+        |s| s.actors[0].parents = vec![parenting_with(|p| p.placement = Some(Placement::default()))],
         |s| s.actors[0].face = Some(0),
         |s| s.actors[0].shadow.cast = false,
         |s| s.actors[0].shadow.receive = false,
@@ -69,8 +69,8 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
         |s| s.lights[0].light.kind = LightKind::Point,
         |s| s.lights[0].shadow = Some(Shadow::default()),
         |s| s.actors[0].asset = stick(),
-        |s| s.hooks.push(Arc::new(Named("a"))),
-        |s| s.hooks.push(Arc::new(Named("b"))),
+        |s| s.hooks.push(Arc::new(NamedHook("a"))),
+        |s| s.hooks.push(Arc::new(NamedHook("b"))),
     ];
     let mut seen = BTreeSet::from([first]);
     for (index, change) in changes.iter().enumerate() {
@@ -81,14 +81,14 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
 }
 
 #[test]
-fn equal_geometry_is_equal_whatever_it_is_painted_with() {
+fn content_hash_of_a_primitive_ignores_its_material() {
     let a = box_primitive(Vec3::ZERO, Vec3::ONE);
     let painted = Primitive { material: Some(3), ..a.clone() };
     assert_eq!(a.content_hash(), painted.content_hash());
     let mut moved = a.clone();
     moved.positions[7].z = f32::from_bits(moved.positions[7].z.to_bits() + 1);
     assert_ne!(a.content_hash(), moved.content_hash());
-    // The same numbers in another list are something else.
+    // The same numbers in another array give another hash.
     let normals_only = Primitive { normals: a.positions.clone(), positions: a.normals.clone(), ..a.clone() };
     assert_ne!(a.content_hash(), normals_only.content_hash());
     let mesh = |name: &str, p: &Primitive| {
@@ -99,7 +99,7 @@ fn equal_geometry_is_equal_whatever_it_is_painted_with() {
 }
 
 #[test]
-fn materials_count_by_their_images_and_slots() {
+fn content_hash_of_materials_covers_image_content_and_texture_slots() {
     let image =
         |v: u8| Arc::new(Image { name: format!("{v}"), width: 1, height: 1, rgba: vec![v; 4], file: None });
     let textured = |image: u32| {
@@ -129,7 +129,7 @@ fn materials_count_by_their_images_and_slots() {
 }
 
 #[test]
-fn an_asset_changed_in_a_copy_has_its_own_hash_and_bounds() {
+fn copy_of_an_asset_recomputes_hash_and_bounds_after_a_change() {
     let mut asset = figure();
     let (hash, bounds) = (asset.content_hash(), asset.rest_bounds());
     assert_eq!(hash, figure().content_hash());

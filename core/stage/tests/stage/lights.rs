@@ -1,4 +1,4 @@
-//! The lights that shine.
+//! Lights of a stage: the default sun, lights of files, parents, keys and hooks.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -7,13 +7,13 @@ use choreo_stage::*;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-fn candle(intensity: f32) -> Light {
+fn point_light(intensity: f32) -> Light {
     Light { kind: LightKind::Point, color: Vec3::ONE, intensity, range: Some(3.0) }
 }
 
 /// A figure whose file has a spot light in the hand.
 fn torch_bearer() -> Arc<Asset> {
-    let light = Light { kind: LightKind::Spot { inner: 0.1, outer: 0.3 }, ..candle(5.0) };
+    let light = Light { kind: LightKind::Spot { inner: 0.1, outer: 0.3 }, ..point_light(5.0) };
     Arc::new(Asset {
         lights: vec![AssetLight { name: "torch".into(), joint: HAND, light }],
         ..(*figure()).clone()
@@ -21,7 +21,7 @@ fn torch_bearer() -> Arc<Asset> {
 }
 
 #[test]
-fn a_stage_without_light_gets_a_sun_and_one_with_any_does_not() {
+fn default_sun_shines_only_on_a_stage_without_lights() {
     let mut stage = Stage::default();
     assert_eq!(stage.at(Time::ZERO).unwrap().lights, [default_sun()]);
     stage.cast("anna", torch_bearer());
@@ -33,12 +33,12 @@ fn a_stage_without_light_gets_a_sun_and_one_with_any_does_not() {
     stage.actors[0].file_lights = false;
     assert_eq!(stage.at(Time::ZERO).unwrap().lights, [default_sun()]);
     // A light of the stage that is off is still the author's choice of light.
-    stage.lights.push(StageLight::new("off", candle(0.0)));
+    stage.lights.push(StageLight::new("off", point_light(0.0)));
     assert!(stage.at(Time::ZERO).unwrap().lights.is_empty());
 }
 
 #[test]
-fn the_default_sun_and_ambient_show_white_as_about_one() {
+fn default_sun_and_ambient_light_white_to_about_one() {
     // A matte surface that faces it, under all of the ambient light from above.
     let LightState { light, direction, .. } = default_sun();
     let lit = light.color * light.intensity / std::f32::consts::PI + Settings::default().ambient_up;
@@ -48,7 +48,7 @@ fn the_default_sun_and_ambient_show_white_as_about_one() {
 }
 
 #[test]
-fn a_light_of_a_file_moves_with_its_joint() {
+fn light_of_a_file_moves_with_its_joint() {
     let asset = torch_bearer();
     let mut stage = Stage::default();
     stage.cast("anna", asset.clone());
@@ -56,17 +56,17 @@ fn a_light_of_a_file_moves_with_its_joint() {
     stage.play(0, Cue { repeat: Repeat::Once, ..Cue::new(asset.clips[RAISE].clone()) });
     let light = stage.at(secs(2.0)).unwrap().lights[0];
     // Arm straight up at x 0.3 of a model whose x is the world's -z.
-    close(light.position, v(0.0, 2.0, 2.7), 1e-6);
+    assert_close(light.position, v(0.0, 2.0, 2.7), 1e-6);
     // -Z of the hand: the model's -Z, the world's -X.
-    close(light.direction.as_dvec3(), v(-1.0, 0.0, 0.0), 1e-6);
+    assert_close(light.direction.as_dvec3(), v(-1.0, 0.0, 0.0), 1e-6);
 }
 
 #[test]
-fn parents_keys_and_hooks() {
+fn lights_follow_parents_keys_and_hooks() {
     let mut stage = Stage::default();
     stage.cast("anna", figure());
     stage.actors[0].transform = Placement::at(5.0, 0.0, 0.0).turned(std::f64::consts::FRAC_PI_2);
-    let mut lamp = StageLight::new("lamp", candle(2.0));
+    let mut lamp = StageLight::new("lamp", point_light(2.0));
     lamp.position = v(0.0, 0.0, 0.5);
     lamp.parent = Some(Attachment { actor: 0, joint: Some(HEAD) });
     let key = |property, values: &[f64]| Channel {
@@ -84,10 +84,10 @@ fn parents_keys_and_hooks() {
     stage.lights.push(sun);
     assert_eq!(stage.check().len(), 0, "{:?}", stage.check());
     let lights = stage.at(secs(1.0)).unwrap().lights;
-    close(lights[0].position, v(5.5, 1.6, 0.0), 1e-6);
+    assert_close(lights[0].position, v(5.5, 1.6, 0.0), 1e-6);
     assert_eq!((lights[0].light.intensity, lights[0].light.color), (1.0, Vec3::new(1.0, 0.5, 0.5)));
     // As in glTF a rotation turns -Z: here to straight down.
-    close(lights[1].direction.as_dvec3(), v(0.0, -1.0, 0.0), 1e-6);
+    assert_close(lights[1].direction.as_dvec3(), v(0.0, -1.0, 0.0), 1e-6);
     // Out at 2 s: not in the list at all.
     assert_eq!(stage.at(secs(2.0)).unwrap().lights.len(), 1);
     #[derive(Debug)]
@@ -106,16 +106,16 @@ fn parents_keys_and_hooks() {
     let lights = stage.at(secs(2.0)).unwrap().lights;
     assert_eq!(lights.len(), 1);
     assert_eq!((lights[0].light.intensity, lights[0].light.color), (9.0, Vec3::Y));
-    close(lights[0].position, v(5.0, 1.6, 0.0), 1e-6);
+    assert_close(lights[0].position, v(5.0, 1.6, 0.0), 1e-6);
 }
 
 #[test]
-fn lights_of_files_and_of_scripts_have_the_same_units() {
+fn lights_of_files_and_scripts_have_the_same_units() {
     let mut asset = (*torch_bearer()).clone();
-    asset.lights[0].light = Light { kind: LightKind::Directional, ..candle(5.0) };
+    asset.lights[0].light = Light { kind: LightKind::Directional, ..point_light(5.0) };
     let mut stage = Stage::default();
     stage.cast("anna", Arc::new(asset));
-    stage.lights.push(StageLight::new("mine", Light { kind: LightKind::Directional, ..candle(5.0) }));
+    stage.lights.push(StageLight::new("mine", Light { kind: LightKind::Directional, ..point_light(5.0) }));
     let intensities: Vec<f32> =
         stage.at(Time::ZERO).unwrap().lights.iter().map(|l| l.light.intensity).collect();
     assert_eq!(intensities, [5.0, 5.0]);

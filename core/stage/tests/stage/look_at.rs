@@ -1,4 +1,4 @@
-//! Heads that turn, where a script cannot say it; the rest is in `tests/suite/looks`.
+//! Look-at in cases that scripts cannot express; other cases are in `tests/suite/looks`.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -6,7 +6,7 @@ use choreo_stage::*;
 use glam::DVec3;
 use std::sync::Arc;
 
-fn one(target: Target) -> Stage {
+fn stage_with_look_at(target: Target) -> Stage {
     let mut stage = Stage::default();
     let anna = stage.cast("anna", figure());
     stage.actors[anna].transform = Placement::at(3.0, 1.0, -2.0).turned(0.5);
@@ -15,7 +15,7 @@ fn one(target: Target) -> Stage {
 }
 
 #[test]
-fn forward_is_the_models_z_however_the_joint_is_turned_at_rest() {
+fn look_at_uses_the_model_forward_axis_whatever_the_rest_rotation() {
     // A head joint whose own axes are permuted, under a joint that stands on its head.
     let rest = |q: glam::Quat| choreo_motion::Transform { rotation: q, ..at(0.0, 1.0, 0.0) };
     let skeleton = skeleton(&[
@@ -31,16 +31,17 @@ fn forward_is_the_models_z_however_the_joint_is_turned_at_rest() {
     let turn = joint_axes(&snapshot.actors[0].model_from_joint[1])
         * joint_axes(&asset.rest_model_from_joint()[1]).inverse();
     let way = (target - joint_world(&snapshot, 0, 1)).normalize();
-    close((turn * DVec3::Z).normalize(), way, 1e-6);
+    assert_close((turn * DVec3::Z).normalize(), way, 1e-6);
 }
 
 #[test]
-fn targets_behind_and_inside_stay_finite_and_continuous() {
+fn look_at_targets_behind_and_inside_the_head_stay_finite_and_continuous() {
     let mut last: Option<f64> = None;
     // All the way round, through straight behind.
     for i in 0..=720 {
         let angle = (i as f64 / 2.0).to_radians();
-        let mut stage = one(Target::Point(v(0.0, 1.6, 0.0) + v(angle.sin(), 0.0, angle.cos())));
+        let mut stage =
+            stage_with_look_at(Target::Point(v(0.0, 1.6, 0.0) + v(angle.sin(), 0.0, angle.cos())));
         stage.actors[0].transform = Placement::default();
         let snapshot = stage.at(secs(0.0)).unwrap();
         let z = joint_axes(&snapshot.actors[0].model_from_joint[HEAD as usize]) * DVec3::Z;
@@ -49,7 +50,7 @@ fn targets_behind_and_inside_stay_finite_and_continuous() {
         assert!(last.is_none_or(|l| (l - yaw).abs() < 0.6), "jumps from {last:?} to {yaw} at {i}");
         last = Some(yaw);
     }
-    let mut inside = one(Target::Point(DVec3::ZERO));
+    let mut inside = stage_with_look_at(Target::Point(DVec3::ZERO));
     inside.actors[0].transform = Placement::default();
     inside.actors[0].look_at[0].target = Target::Joint { actor: 0, joint: HEAD };
     let snapshot = inside.at(secs(0.0)).unwrap();
@@ -57,7 +58,7 @@ fn targets_behind_and_inside_stay_finite_and_continuous() {
 }
 
 #[test]
-fn eyes_make_up_for_what_the_head_leaves() {
+fn eye_bones_turn_by_the_angle_that_the_head_leaves() {
     use choreo_motion::{HumanBone, Humanoid};
     let q = glam::Quat::from_xyzw(0.5, 0.5, 0.5, 0.5);
     // Joints turned at rest, the eyes 6 cm apart.
@@ -117,7 +118,7 @@ fn eyes_make_up_for_what_the_head_leaves() {
 
 /// A head without bones for eyes: pupils are a texture and a morph target, and a smile holds them still.
 #[test]
-fn eyes_that_expressions_move_go_as_far_as_others_let_them() {
+fn gaze_expressions_are_reduced_by_expressions_that_override_gaze() {
     use choreo_motion::{HumanBone, Humanoid};
     use glam::Vec2;
     let skeleton = skeleton(&[("Hips", None, at(0.0, 0.0, 0.0)), ("Head", Some(0), at(0.0, 1.5, 0.0))]);

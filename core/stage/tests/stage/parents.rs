@@ -1,4 +1,4 @@
-//! Parents over time: what is attached keeps its size, stays where it is when its parent changes, and goes on with the new one.
+//! Parents over time: an attached actor keeps its size and, when its parent changes, its place; then it moves with the new parent.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -9,16 +9,16 @@ use std::f64::consts::{FRAC_PI_4, PI};
 use std::sync::Arc;
 
 /// One tick after a time, when a new parent has taken over.
-fn after(time: f64) -> Time {
+fn one_tick_after(time: f64) -> Time {
     secs(time) + Time(1)
 }
 
-fn world(stage: &Stage, actor: usize, time: Time) -> DAffine3 {
+fn world_from_actor(stage: &Stage, actor: usize, time: Time) -> DAffine3 {
     stage.at(time).unwrap().actors[actor].world_from_model
 }
 
 /// World from the hand of a [`figure`] that raises its arm, in closed form.
-fn hand(placement: &Placement, t: f64) -> DAffine3 {
+fn world_from_hand(placement: &Placement, t: f64) -> DAffine3 {
     let Placement { translation, rotation, scale } = *placement;
     let arm = DAffine3::from_rotation_translation(DQuat::from_rotation_z(FRAC_PI_4 * t), v(0.3, 1.4, 0.0));
     DAffine3::from_scale_rotation_translation(scale, rotation, translation)
@@ -26,7 +26,7 @@ fn hand(placement: &Placement, t: f64) -> DAffine3 {
         * DAffine3::from_translation(v(0.6, 0.0, 0.0))
 }
 
-/// Two who raise their arms, and a stick in the hand of the first.
+/// Two characters that raise their arms, with a stick in the hand of the first.
 fn handover() -> Stage {
     let mut stage = Stage::default();
     let f = figure();
@@ -38,31 +38,31 @@ fn handover() -> Stage {
     stage.cast("stick", stick());
     stage.actors[2].transform = Placement::at(0.1, 0.05, -0.2).turned(0.7);
     stage.actors[2].transform.scale = DVec3::splat(0.5);
-    stage.actors[2].parents = vec![on_hand(0)];
+    stage.actors[2].parents = vec![parenting_on_hand(0)];
     stage
 }
 
-fn on_hand(actor: usize) -> Parenting {
+fn parenting_on_hand(actor: usize) -> Parenting {
     Parenting::always(Attachment { actor, joint: Some(HAND) })
 }
 
-fn to_hand(actor: usize, start: f64) -> Parenting {
+fn parenting_to_hand_at(actor: usize, start: f64) -> Parenting {
     Parenting::from(Some(Attachment { actor, joint: Some(HAND) }), secs(start))
 }
 
-fn local(placement: &Placement) -> DAffine3 {
+fn parent_from_actor(placement: &Placement) -> DAffine3 {
     let Placement { translation, rotation, scale } = *placement;
     DAffine3::from_scale_rotation_translation(scale, rotation, translation)
 }
 
 #[track_caller]
-fn same(actual: &DAffine3, expected: &DAffine3, tolerance: f64) {
+fn assert_same_transform(actual: &DAffine3, expected: &DAffine3, tolerance: f64) {
     let error = (0..4).map(|i| (actual.to_cols_array_2d()[i], expected.to_cols_array_2d()[i]));
     let error = error.flat_map(|(a, b)| a.into_iter().zip(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(error <= tolerance, "expected {expected}, actual {actual}: {error} > {tolerance}");
 }
 
-/// A root that is scaled, turned and sheared by its child, as exporters leave them, with a hand.
+/// A scaled root with a rotated and scaled child, which gives a shear, and a hand below them, as some exporters write.
 fn scaled_skeleton(root: Transform, middle: Transform) -> Arc<Asset> {
     let skeleton = skeleton(&[
         ("Armature", None, root),
@@ -73,7 +73,7 @@ fn scaled_skeleton(root: Transform, middle: Transform) -> Arc<Asset> {
 }
 
 #[test]
-fn what_is_attached_keeps_its_size_in_metres_however_its_parent_is_scaled() {
+fn attached_actor_keeps_its_size_whatever_the_scale_of_its_parent() {
     let turned = Quat::from_rotation_x(1.1);
     let cases = [
         (Vec3::splat(0.01), Vec3::ONE),
@@ -101,42 +101,61 @@ fn what_is_attached_keeps_its_size_in_metres_however_its_parent_is_scaled() {
         assert!((placed.translation.distance(joint_world(&snapshot, 0, 2)) - 0.2).abs() < 1e-6);
         // Where the scale is inherited, as it was until now, it is all in the joint's matrix.
         stage.actors[1].parents[0].scale = ParentScale::Inherit;
-        let inherited = world(&stage, 1, Time::ZERO);
+        let inherited = world_from_actor(&stage, 1, Time::ZERO);
         let joint = snapshot.actors[0].model_from_joint[2];
         let joint = DAffine3::from_cols_array(&joint.to_cols_array().map(f64::from));
-        same(&inherited, &(joint * DAffine3::from_translation(v(0.0, 0.0, 0.2))), 1e-12);
+        assert_same_transform(&inherited, &(joint * DAffine3::from_translation(v(0.0, 0.0, 0.2))), 1e-12);
     }
 }
 
 #[test]
-fn a_stick_goes_from_one_moving_hand_to_another_without_a_jump() {
+fn parent_change_between_moving_hands_is_continuous() {
     let mut stage = handover();
-    stage.actors[2].parents.push(to_hand(1, 1.0));
+    stage.actors[2].parents.push(parenting_to_hand_at(1, 1.0));
     assert!(stage.check().is_empty(), "{:?}", stage.check());
     let [anna, boris, stick] = [0, 1, 2].map(|a| stage.actors[a].transform);
-    let given = hand(&anna, 1.0) * local(&stick);
+    let given = world_from_hand(&anna, 1.0) * parent_from_actor(&stick);
     for t in [0.0, 0.6, 1.0] {
-        same(&world(&stage, 2, secs(t)), &(hand(&anna, t) * local(&stick)), 1e-6);
+        assert_same_transform(
+            &world_from_actor(&stage, 2, secs(t)),
+            &(world_from_hand(&anna, t) * parent_from_actor(&stick)),
+            1e-6,
+        );
     }
-    let jump = world(&stage, 2, after(1.0)).translation.distance(world(&stage, 2, secs(1.0)).translation);
+    let jump = world_from_actor(&stage, 2, one_tick_after(1.0))
+        .translation
+        .distance(world_from_actor(&stage, 2, secs(1.0)).translation);
     assert!(jump < 2e-9, "{jump} m in {} s", 1.0 / Time::TICKS_PER_SECOND as f64);
     for t in [1.1, 1.5, 1.9] {
-        same(&world(&stage, 2, secs(t)), &(hand(&boris, t) * hand(&boris, 1.0).inverse() * given), 1e-6);
+        assert_same_transform(
+            &world_from_actor(&stage, 2, secs(t)),
+            &(world_from_hand(&boris, t) * world_from_hand(&boris, 1.0).inverse() * given),
+            1e-6,
+        );
     }
-    // Moved to its own place in the new hand instead.
+    // Without `keep` it moves to its own placement in the new hand.
     stage.actors[2].parents[1].keep = false;
-    same(&world(&stage, 2, secs(1.0)), &(hand(&boris, 1.0) * local(&stick)), 1e-6);
+    assert_same_transform(
+        &world_from_actor(&stage, 2, secs(1.0)),
+        &(world_from_hand(&boris, 1.0) * parent_from_actor(&stick)),
+        1e-6,
+    );
     let placement = Placement::at(0.0, 0.3, 0.0);
     stage.actors[2].parents[1].placement = Some(placement);
     let half = DAffine3::from_scale(DVec3::splat(0.5));
-    same(&world(&stage, 2, secs(1.5)), &(hand(&boris, 1.5) * local(&placement) * half), 1e-6);
+    assert_same_transform(
+        &world_from_actor(&stage, 2, secs(1.5)),
+        &(world_from_hand(&boris, 1.5) * parent_from_actor(&placement) * half),
+        1e-6,
+    );
 }
 
 #[test]
-fn a_blend_has_no_jump_and_ends_on_the_new_parent() {
+fn parent_blend_is_continuous_and_ends_on_the_new_parent() {
     let mut stage = handover();
     for keep in [true, false] {
-        stage.actors[2].parents = vec![on_hand(0), Parenting { keep, ..to_hand(1, 0.6) }];
+        stage.actors[2].parents =
+            vec![parenting_on_hand(0), Parenting { keep, ..parenting_to_hand_at(1, 0.6) }];
         let sharp = stage.clone();
         stage.actors[2].parents[1].blend = secs(0.8);
         let mut evaluator = Evaluator::new(Arc::new(stage.clone()));
@@ -149,21 +168,33 @@ fn a_blend_has_no_jump_and_ends_on_the_new_parent() {
             places.fold((first, 0.0f64), |(before, most), p| (p, most.max(before.distance(p))));
         // Metres a millisecond; sharp, the change without keeping is metres at once.
         assert!(fastest < if keep { 2e-3 } else { 8e-3 }, "keep {keep}: {fastest} m in a millisecond");
-        same(&world(&stage, 2, secs(0.6)), &world(&handover(), 2, secs(0.6)), 1e-7);
-        same(&world(&stage, 2, secs(1.4)), &world(&sharp, 2, secs(1.4)), 1e-12);
-        let between = world(&stage, 2, secs(1.0)).matrix3;
+        assert_same_transform(
+            &world_from_actor(&stage, 2, secs(0.6)),
+            &world_from_actor(&handover(), 2, secs(0.6)),
+            1e-7,
+        );
+        assert_same_transform(
+            &world_from_actor(&stage, 2, secs(1.4)),
+            &world_from_actor(&sharp, 2, secs(1.4)),
+            1e-12,
+        );
+        let between = world_from_actor(&stage, 2, secs(1.0)).matrix3;
         assert!((between.transpose() * between).abs_diff_eq(DMat3::IDENTITY * 0.25, 1e-6), "{between}");
     }
 }
 
 #[test]
-fn what_is_let_go_stays_in_the_world_and_can_be_taken_again() {
+fn released_actor_stays_in_the_world_until_its_next_parent() {
     let mut stage = handover();
-    stage.actors[2].parents.extend([Parenting::from(None, secs(0.5)), to_hand(1, 1.25)]);
-    let let_go = world(&stage, 2, secs(0.5));
-    same(&world(&stage, 2, secs(1.25)), &let_go, 1e-12);
+    stage.actors[2].parents.extend([Parenting::from(None, secs(0.5)), parenting_to_hand_at(1, 1.25)]);
+    let let_go = world_from_actor(&stage, 2, secs(0.5));
+    assert_same_transform(&world_from_actor(&stage, 2, secs(1.25)), &let_go, 1e-12);
     let boris = stage.actors[1].transform;
-    same(&world(&stage, 2, secs(1.9)), &(hand(&boris, 1.9) * hand(&boris, 1.25).inverse() * let_go), 1e-6);
+    assert_same_transform(
+        &world_from_actor(&stage, 2, secs(1.9)),
+        &(world_from_hand(&boris, 1.9) * world_from_hand(&boris, 1.25).inverse() * let_go),
+        1e-6,
+    );
     // Keys go on in the space that was kept.
     stage.actors[2].channels = vec![Channel {
         property: Property::Translation,
@@ -172,15 +203,18 @@ fn what_is_let_go_stays_in_the_world_and_can_be_taken_again() {
         values: vec![0.0, 0.0, 0.0, 0.0, 0.4, 0.0],
     }];
     for t in [0.5, 1.25] {
-        let jump = world(&stage, 2, after(t)).translation.distance(world(&stage, 2, secs(t)).translation);
+        let jump = world_from_actor(&stage, 2, one_tick_after(t))
+            .translation
+            .distance(world_from_actor(&stage, 2, secs(t)).translation);
         assert!(jump < 2e-9, "{jump} at {t} s");
     }
-    let moved = world(&stage, 2, secs(1.0)).translation - world(&stage, 2, secs(0.5)).translation;
+    let moved = world_from_actor(&stage, 2, secs(1.0)).translation
+        - world_from_actor(&stage, 2, secs(0.5)).translation;
     assert!((moved.length() - 0.1).abs() < 1e-9, "{moved}");
 }
 
 #[test]
-fn what_carries_and_what_is_carried_may_change_places() {
+fn parent_and_child_may_swap_roles_but_not_overlap() {
     let mut stage = Stage::default();
     let asset = Arc::new(Asset::default());
     let [tray, cup] = ["tray", "cup"].map(|name| stage.cast(name, asset.clone()));
@@ -191,7 +225,7 @@ fn what_carries_and_what_is_carried_may_change_places() {
         vec![Parenting { keep: false, ..on(tray, Time::MIN) }, Parenting::from(None, secs(1.0))];
     stage.actors[tray].parents = vec![on(cup, secs(1.0))];
     assert!(stage.check().is_empty(), "{:?}", stage.check());
-    let places = |stage: &Stage, t: f64| [tray, cup].map(|a| world(stage, a, secs(t)).translation);
+    let places = |stage: &Stage, t: f64| [tray, cup].map(|a| world_from_actor(stage, a, secs(t)).translation);
     assert_eq!(places(&stage, 0.5), [v(1.0, 0.0, 0.0), v(1.0, 0.2, 0.0)]);
     assert_eq!(places(&stage, 3.0), [v(1.0, 0.0, 0.0), v(1.0, 0.2, 0.0)]);
     // They cannot be attached to each other at the same time: here the cup is released later than the tray is attached to it.
@@ -204,11 +238,15 @@ fn what_carries_and_what_is_carried_may_change_places() {
 }
 
 #[test]
-fn a_chain_of_changes_is_the_same_in_any_order_on_any_thread() {
+fn chained_parent_changes_are_bit_identical_in_any_order_on_any_thread() {
     let mut stage = handover();
-    stage.actors[2].parents.extend([to_hand(1, 0.3), to_hand(0, 0.9), Parenting::from(None, secs(1.4))]);
+    stage.actors[2].parents.extend([
+        parenting_to_hand_at(1, 0.3),
+        parenting_to_hand_at(0, 0.9),
+        Parenting::from(None, secs(1.4)),
+    ]);
     stage.actors[2].parents[2].blend = secs(0.4);
-    // Another hangs on it, and changes at the same time.
+    // Another actor is attached to the stick and changes its parent at the same time.
     stage.cast("ribbon", stick());
     let on_stick = Parenting::from(Some(Attachment { actor: 2, joint: None }), secs(0.9));
     stage.actors[3].parents = vec![Parenting { blend: secs(0.2), ..on_stick }];
@@ -229,7 +267,7 @@ fn a_chain_of_changes_is_the_same_in_any_order_on_any_thread() {
 }
 
 #[test]
-fn a_hand_that_reaches_gives_without_a_jump_too() {
+fn parent_change_from_a_reaching_hand_is_continuous() {
     let mut stage = handover();
     for (actor, target) in [(0, v(0.9, 1.9, 0.3)), (1, v(1.2, 1.6, 0.1))] {
         let reach = ReachConstraint {
@@ -247,12 +285,16 @@ fn a_hand_that_reaches_gives_without_a_jump_too() {
             ..Constraint::new(ConstraintKind::Reach(reach))
         });
     }
-    stage.actors[2].parents.push(to_hand(1, 0.5));
+    stage.actors[2].parents.push(parenting_to_hand_at(1, 0.5));
     let mut moved = stage.clone();
     moved.actors.iter_mut().for_each(|actor| actor.constraints.clear());
-    let far = world(&moved, 2, secs(0.5)).translation.distance(world(&stage, 2, secs(0.5)).translation);
+    let far = world_from_actor(&moved, 2, secs(0.5))
+        .translation
+        .distance(world_from_actor(&stage, 2, secs(0.5)).translation);
     assert!(far > 0.01, "the constraint moves the hand by {far} m only");
-    let jump = world(&stage, 2, after(0.5)).translation.distance(world(&stage, 2, secs(0.5)).translation);
+    let jump = world_from_actor(&stage, 2, one_tick_after(0.5))
+        .translation
+        .distance(world_from_actor(&stage, 2, secs(0.5)).translation);
     assert!(jump < 2e-8, "{jump} m");
 }
 
@@ -266,23 +308,31 @@ impl FrameHook for Hook {
 }
 
 #[test]
-fn a_callback_sets_the_parent_of_its_frame() {
+fn callback_sets_the_parent_of_one_frame() {
     let mut stage = handover();
     stage.hooks.push(Arc::new(Hook(|t, edits| {
-        let parent = on_hand(1);
+        let parent = parenting_on_hand(1);
         let parent = if t > 1.5 { Parenting { to: None, ..parent } } else { parent };
         if t > 1.0 {
             edits.actors.push((2, ActorEdit::Attach(parent)));
         }
     })));
     let [anna, boris, stick] = [0, 1, 2].map(|a| stage.actors[a].transform);
-    same(&world(&stage, 2, secs(0.9)), &(hand(&anna, 0.9) * local(&stick)), 1e-6);
-    same(&world(&stage, 2, secs(1.2)), &(hand(&boris, 1.2) * local(&stick)), 1e-6);
-    same(&world(&stage, 2, secs(1.8)), &local(&stick), 1e-12);
+    assert_same_transform(
+        &world_from_actor(&stage, 2, secs(0.9)),
+        &(world_from_hand(&anna, 0.9) * parent_from_actor(&stick)),
+        1e-6,
+    );
+    assert_same_transform(
+        &world_from_actor(&stage, 2, secs(1.2)),
+        &(world_from_hand(&boris, 1.2) * parent_from_actor(&stick)),
+        1e-6,
+    );
+    assert_same_transform(&world_from_actor(&stage, 2, secs(1.8)), &parent_from_actor(&stick), 1e-12);
 }
 
 #[test]
-fn who_carries_is_posed_and_who_is_carried_out_of_view_is_culled_only_there() {
+fn visible_parents_are_posed_and_children_are_culled_after_the_blend() {
     let f = figure();
     let mut stage = Stage::default();
     for (name, x) in [("anna", 0.0), ("boris", 400.0)] {
@@ -299,8 +349,8 @@ fn who_carries_is_posed_and_who_is_carried_out_of_view_is_culled_only_there() {
     stage.actors[2].asset = Arc::new(plain);
     let placed = Placement::at(0.0, 0.1, 0.0);
     stage.actors[2].parents = vec![
-        on_hand(0),
-        Parenting { keep: false, placement: Some(placed), blend: secs(0.5), ..to_hand(1, 1.0) },
+        parenting_on_hand(0),
+        Parenting { keep: false, placement: Some(placed), blend: secs(0.5), ..parenting_to_hand_at(1, 1.0) },
     ];
     let rig = Rig::Fixed { position: v(0.0, 1.0, 5.0), rotation: DQuat::IDENTITY, look_at: None };
     stage.shoot(Camera::new("c", rig));

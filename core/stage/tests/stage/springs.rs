@@ -1,4 +1,4 @@
-//! Springs on the stage: any frame first, any rate, any thread.
+//! Springs of a stage, whose frames can be evaluated in any order, at any rate and on any thread.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -8,8 +8,8 @@ use choreo_stage::*;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-/// A body that runs to and fro, with a tail of four joints.
-fn dog() -> Arc<Asset> {
+/// A dog that runs to and fro, with a tail of four joints.
+fn dog_asset() -> Arc<Asset> {
     let skeleton = skeleton(&[
         ("Hips", None, at(0.0, 1.0, 0.0)),
         ("Tail1", Some(0), at(0.0, 0.0, -0.2)),
@@ -23,24 +23,24 @@ fn dog() -> Arc<Asset> {
     Arc::new(Asset { name: "dog".into(), skeleton, clips, ..Asset::default() })
 }
 
-fn springs() -> ActorSprings {
+fn tail_springs() -> ActorSprings {
     let rig = spring_rig(1..4, Vec3::NEG_Z * 0.1);
     ActorSprings { rig, ..ActorSprings::default() }
 }
 
-fn stage() -> Stage {
+fn dog_stage() -> Stage {
     let mut stage = Stage::default();
-    let dog = dog();
+    let dog = dog_asset();
     let rex = stage.cast("rex", dog.clone());
     stage.play(rex, Cue::new(dog.clips[0].clone()));
-    stage.actors[rex].springs = Some(Arc::new(springs()));
+    stage.actors[rex].springs = Some(Arc::new(tail_springs()));
     stage.actors[rex].transform = Placement::at(1.0, 0.0, 2.0).turned(0.4);
     stage
 }
 
 #[test]
-fn frame_4000_alone_is_frame_4000_after_playing() {
-    let stage = Arc::new(stage());
+fn springs_of_a_frame_evaluated_alone_equal_those_after_playback() {
+    let stage = Arc::new(dog_stage());
     let time = |frame: i64| choreo_motion::FrameRate { num: 30, den: 1 }.time_of(frame);
     let mut player = Evaluator::new(stage.clone());
     let mut played = Snapshot::default();
@@ -49,7 +49,7 @@ fn frame_4000_alone_is_frame_4000_after_playing() {
     }
     let alone = stage.at(time(4000)).unwrap();
     assert_eq!(played.content_hash(), alone.content_hash());
-    // And it is not where the clip has it, so that there was something to get wrong.
+    // The springs have an effect: without them the joint is elsewhere.
     let mut still = (*stage).clone();
     still.actors[0].springs = None;
     let off = joint_world(&alone, 0, 4) - joint_world(&still.at(time(4000)).unwrap(), 0, 4);
@@ -57,8 +57,8 @@ fn frame_4000_alone_is_frame_4000_after_playing() {
 }
 
 #[test]
-fn any_rate_any_order_and_any_thread_give_the_same_bits() {
-    let stage = Arc::new(stage());
+fn springs_are_bit_identical_at_any_frame_rate_order_and_thread() {
+    let stage = Arc::new(dog_stage());
     let times: Vec<Time> = [0.0, 0.1, 1.0 / 3.0, 0.5, 1.25, 2.0, 7.3, 7.31].map(secs).to_vec();
     let alone: Vec<_> = times.iter().map(|t| stage.at(*t).unwrap().content_hash()).collect();
     for fps in [12, 24, 30, 60, 144] {
@@ -85,36 +85,36 @@ fn any_rate_any_order_and_any_thread_give_the_same_bits() {
             });
         }
     });
-    // Before the beginning it hangs still.
+    // Before time 0 the springs are at rest.
     let early = |t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, 4);
-    close(early(-5.0), early(-0.01), 1e-9);
+    assert_close(early(-5.0), early(-0.01), 1e-9);
 }
 
 #[test]
-fn the_start_is_settled_and_a_pre_roll_begins_earlier() {
-    let mut stage = stage();
+fn springs_start_at_rest_unless_a_pre_roll_simulates_earlier_time() {
+    let mut stage = dog_stage();
     stage.actors[0].layers.clear();
     let tip = |stage: &Stage, t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, 4);
     for t in [0.1, 1.0, 3.0] {
-        close(tip(&stage, t), tip(&stage, 0.0), 1e-6);
+        assert_close(tip(&stage, t), tip(&stage, 0.0), 1e-6);
     }
     // A clip that runs before time 0 swings the tail at time 0, but only with a pre-roll.
-    let dog = dog();
+    let dog = dog_asset();
     stage.play(0, Cue { start: secs(-3.0), ..Cue::new(dog.clips[0].clone()) });
     let settled = tip(&stage, 0.0);
-    stage.actors[0].springs = Some(Arc::new(ActorSprings { pre_roll: secs(2.0), ..springs() }));
+    stage.actors[0].springs = Some(Arc::new(ActorSprings { pre_roll: secs(2.0), ..tail_springs() }));
     assert!((tip(&stage, 0.0) - settled).length() > 0.01);
 }
 
 #[test]
-fn springs_follow_springs_that_carry_them_and_goals_come_first() {
-    let mut stage = stage();
-    let bell = stage.cast("bell", dog());
+fn springs_of_a_child_actor_follow_the_springs_of_its_parent() {
+    let mut stage = dog_stage();
+    let bell = stage.cast("bell", dog_asset());
     stage.actors[bell].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(4) })];
-    stage.actors[bell].springs = Some(Arc::new(springs()));
+    stage.actors[bell].springs = Some(Arc::new(tail_springs()));
     let snapshot = stage.at(secs(2.2)).unwrap();
-    // It hangs on the swung tip.
-    close(snapshot.actors[bell].world_from_model.translation, joint_world(&snapshot, 0, 4), 1e-9);
+    // The bell is at the tip that the springs have moved.
+    assert_close(snapshot.actors[bell].world_from_model.translation, joint_world(&snapshot, 0, 4), 1e-9);
     let mut eyes = Evaluator::new(Arc::new(stage.clone()));
     for i in 0..=66 {
         eyes.at(secs(f64::from(i) / 30.0)).unwrap();
@@ -123,7 +123,7 @@ fn springs_follow_springs_that_carry_them_and_goals_come_first() {
 }
 
 #[test]
-fn wind_blows_and_callbacks_can_change_it() {
+fn wind_moves_springs_and_callbacks_override_it() {
     #[derive(Debug)]
     struct Gust;
     impl FrameHook for Gust {
@@ -133,7 +133,7 @@ fn wind_blows_and_callbacks_can_change_it() {
             Ok(())
         }
     }
-    let mut stage = stage();
+    let mut stage = dog_stage();
     stage.actors[0].layers.clear();
     stage.actors[0].transform = Placement::default();
     let x = |stage: &Stage, t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, 4).x;
@@ -141,28 +141,28 @@ fn wind_blows_and_callbacks_can_change_it() {
     stage.hooks.push(Arc::new(Gust));
     assert!(x(&stage, 0.9).abs() < 1e-6 && x(&stage, 3.0) > 0.05);
     stage.hooks.clear();
-    stage.actors[0].springs = Some(Arc::new(ActorSprings { wind: DVec3::X * 10.0, ..springs() }));
+    stage.actors[0].springs = Some(Arc::new(ActorSprings { wind: DVec3::X * 10.0, ..tail_springs() }));
     assert!((x(&stage, 0.0) - x(&stage, 3.0)).abs() < 1e-6 && x(&stage, 0.0) > 0.05);
 }
 
 #[test]
-fn a_hundred_hours_cost_no_more_than_eleven_minutes_and_stretches_join() {
-    let stage = Arc::new(stage());
+fn springs_stay_exact_at_100_hours_and_continuous_between_stretches() {
+    let stage = Arc::new(dog_stage());
     let tip = |eyes: &mut Evaluator, t: f64| joint_world(&eyes.at(secs(t)).unwrap(), 0, 4);
     let mut eyes = Evaluator::new(stage.clone());
     let late = tip(&mut eyes, 360_000.25);
     assert!(late.is_finite());
     // The clip lasts a second: the same motion as after ten minutes, which is another stretch.
-    close(late, tip(&mut eyes, 700.25), 1e-6);
-    // Where two stretches meet nothing is seen.
+    assert_close(late, tip(&mut eyes, 700.25), 1e-6);
+    // The motion is continuous where two stretches meet.
     let (before, at) = (tip(&mut eyes, 600.0 - 1e-9), tip(&mut eyes, 600.0));
-    close(before, at, 1e-6);
+    assert_close(before, at, 1e-6);
 }
 
 #[test]
-fn an_undamped_spring_swings_on_after_ten_minutes() {
-    let mut stage = stage();
-    let mut undamped = springs();
+fn undamped_spring_keeps_its_amplitude_between_stretches() {
+    let mut stage = dog_stage();
+    let mut undamped = tail_springs();
     undamped.rig.retain(|joint| joint == 1);
     // A step is exact without a load; a load's pull is approximated by a spring at each step.
     let swings = |b: &mut RigBone| (b.spring, b.gravity) = (SpringBone::new(2.5, 0.0), DVec3::ZERO);
@@ -184,13 +184,13 @@ fn an_undamped_spring_swings_on_after_ten_minutes() {
 }
 
 #[test]
-fn without_springs_a_seek_evaluates_a_single_pose() {
-    let mut stage = stage();
+fn seek_evaluates_one_pose_without_springs_and_reuses_checkpoints_with_springs() {
+    let mut stage = dog_stage();
     stage.actors[0].springs = None;
     let mut eyes = Evaluator::new(Arc::new(stage.clone()));
     eyes.at(secs(100.0)).unwrap();
     assert_eq!(eyes.total_poses(), 1);
-    stage.actors[0].springs = Some(Arc::new(springs()));
+    stage.actors[0].springs = Some(Arc::new(tail_springs()));
     let mut eyes = Evaluator::new(Arc::new(stage));
     eyes.at(secs(100.0)).unwrap();
     assert_eq!(eyes.total_poses(), 6002);
@@ -200,12 +200,12 @@ fn without_springs_a_seek_evaluates_a_single_pose() {
 }
 
 /// A stage in which a camera looks at rex until 2 s and again from 4 s on, and between at its back, where `away` is.
-fn seen_and_unseen() -> (Stage, usize) {
-    let mut stage = stage();
-    let dog = dog();
+fn stage_with_changing_view() -> (Stage, usize) {
+    let mut stage = dog_stage();
+    let dog = dog_asset();
     let away = stage.cast("away", dog.clone());
     stage.play(away, Cue::new(dog.clips[0].clone()));
-    stage.actors[away].springs = Some(Arc::new(springs()));
+    stage.actors[away].springs = Some(Arc::new(tail_springs()));
     stage.actors[away].transform = Placement::at(0.0, 0.0, 40.0);
     let behind = glam::DQuat::from_rotation_y(std::f64::consts::PI);
     for (rotation, at) in [(glam::DQuat::IDENTITY, 0.0), (behind, 2.0), (glam::DQuat::IDENTITY, 4.0)] {
@@ -216,10 +216,10 @@ fn seen_and_unseen() -> (Stage, usize) {
     (stage, away)
 }
 
-/// Only those in the image are simulated; one that comes into it later swings as if it had been simulated all the time.
+/// Only actors in the image are simulated; one that enters it later moves as if it had been simulated all the time.
 #[test]
-fn springs_out_of_view_are_not_simulated_and_catch_up() {
-    let (stage, away) = seen_and_unseen();
+fn culled_springs_are_not_simulated_and_catch_up_when_visible() {
+    let (stage, away) = stage_with_changing_view();
     let stage = Arc::new(stage);
     let mut all = Evaluator::new(stage.clone());
     let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
@@ -254,12 +254,12 @@ fn springs_out_of_view_are_not_simulated_and_catch_up() {
     }
 }
 
-/// A visible actor on the swinging joint of one that is not seen needs that one's springs, at all times before, too.
+/// A visible actor on a spring joint of a culled actor needs the springs of that actor, at all earlier times, too.
 #[test]
-fn springs_that_carry_what_is_seen_are_simulated() {
-    let (mut stage, away) = seen_and_unseen();
-    let bell = stage.cast("bell", dog());
-    stage.actors[bell].springs = Some(Arc::new(springs()));
+fn springs_of_a_culled_parent_are_simulated_for_visible_children() {
+    let (mut stage, away) = stage_with_changing_view();
+    let bell = stage.cast("bell", dog_asset());
+    stage.actors[bell].springs = Some(Arc::new(tail_springs()));
     let on_tail = Attachment { actor: away, joint: Some(4) };
     // Far from the tail, where the camera looks; on it since 1 s, and from 3 s on somewhere else.
     let mut parent = Parenting::from(Some(on_tail), secs(1.0));
@@ -287,9 +287,9 @@ fn springs_that_carry_what_is_seen_are_simulated() {
     assert_eq!(seen.costs(&image).spring_bones, 9);
 }
 
-/// A callback may attach what swings to what swings elsewhere; then all move together.
+/// A callback may attach an actor with springs to a spring joint of another actor; then both are simulated together.
 #[test]
-fn springs_that_callbacks_attach_are_simulated_together() {
+fn springs_attached_by_callbacks_are_simulated_together() {
     #[derive(Debug)]
     struct Hang(usize);
     impl FrameHook for Hang {
@@ -301,7 +301,7 @@ fn springs_that_callbacks_attach_are_simulated_together() {
             Ok(())
         }
     }
-    let (mut stage, away) = seen_and_unseen();
+    let (mut stage, away) = stage_with_changing_view();
     stage.hooks.push(Arc::new(Hang(away)));
     let stage = Arc::new(stage);
     let mut player = Evaluator::new(stage.clone());
@@ -316,9 +316,9 @@ fn springs_that_callbacks_attach_are_simulated_together() {
 }
 
 #[test]
-fn check_names_bad_springs() {
-    let mut stage = stage();
-    let mut bad = springs();
+fn check_reports_invalid_wind_and_damping_of_springs() {
+    let mut stage = dog_stage();
+    let mut bad = tail_springs();
     bad.wind = DVec3::NAN;
     bad.rig.bones_mut().for_each(|b| b.spring.damping = -1.0);
     stage.actors[0].springs = Some(Arc::new(bad));
@@ -333,8 +333,8 @@ fn check_names_bad_springs() {
 }
 
 #[test]
-fn a_joint_that_swings_lets_go_without_a_jump() {
-    let mut stage = stage();
+fn release_from_a_spring_joint_is_continuous() {
+    let mut stage = dog_stage();
     let bell = stage.cast("bell", stick());
     let on_tail = Attachment { actor: 0, joint: Some(4) };
     stage.actors[bell].parents = vec![Parenting::always(on_tail), Parenting::from(None, secs(0.7))];

@@ -1,5 +1,5 @@
-//! Cues that scripts cannot make: masks between 0 and 1, a speed of zero, two ways of one fold, the order of morph weights.
-//! All else of the timeline is tested against closed forms in `tests/suite/timeline` and `tests/suite/layers`.
+//! Cues that scripts cannot make: masks between 0 and 1, a speed of zero, the fused crossfade, the order of morph weights.
+//! Other cases are tested against closed forms in `tests/suite/timeline` and `tests/suite/layers`.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -11,7 +11,7 @@ fn cue(asset: &Asset, clip: usize, start: f64, fade_in: f64) -> Cue {
     Cue { start: secs(start), fade_in: secs(fade_in), ..Cue::new(asset.clips[clip].clone()) }
 }
 
-fn playing(cues: Vec<Cue>) -> Stage {
+fn stage_with_cues(cues: Vec<Cue>) -> Stage {
     let mut stage = Stage::default();
     let anna = stage.cast("anna", figure());
     cues.into_iter().for_each(|cue| stage.play(anna, cue));
@@ -19,58 +19,58 @@ fn playing(cues: Vec<Cue>) -> Stage {
     stage
 }
 
-fn hips(stage: &Stage, t: f64) -> glam::DVec3 {
+fn hips_position(stage: &Stage, t: f64) -> glam::DVec3 {
     joint_world(&stage.at(secs(t)).unwrap(), 0, HIPS)
 }
 
-fn layered(base: usize, mask: Option<Vec<f32>>, cues: Vec<Cue>) -> Stage {
+fn stage_with_layer(base: usize, mask: Option<Vec<f32>>, cues: Vec<Cue>) -> Stage {
     let f = figure();
-    let mut stage = playing(vec![cue(&f, base, 0.0, 0.0)]);
+    let mut stage = stage_with_cues(vec![cue(&f, base, 0.0, 0.0)]);
     stage.actors[0].layers.push(Layer { mask: mask.map(Arc::new), cues, ..Layer::default() });
     assert_eq!(stage.check().len(), 0, "{:?}", stage.check());
     stage
 }
 
 #[test]
-fn a_speed_of_zero_stands() {
-    let stage = playing(vec![Cue { speed: 0.0, ..cue(&figure(), ALONG_X, 1.0, 0.0) }]);
-    close(hips(&stage, 9.0), v(0.0, 0.0, 0.0), 1e-6);
+fn clip_with_speed_zero_holds_its_first_pose() {
+    let stage = stage_with_cues(vec![Cue { speed: 0.0, ..cue(&figure(), ALONG_X, 1.0, 0.0) }]);
+    assert_close(hips_position(&stage, 9.0), v(0.0, 0.0, 0.0), 1e-6);
 }
 
 #[test]
-fn a_mask_weighs_joints_and_what_the_upper_clip_leaves_alone_stays() {
+fn layer_mask_weights_joints_and_keeps_those_without_curves() {
     let f = figure();
     let mask = vec![0.0, 1.0, 1.0, 0.5, 1.0];
-    let stage = layered(ALONG_X, Some(mask), vec![cue(&f, RAISE, 0.0, 0.0)]);
+    let stage = stage_with_layer(ALONG_X, Some(mask), vec![cue(&f, RAISE, 0.0, 0.0)]);
     let snapshot = stage.at(secs(1.0)).unwrap();
-    close(joint_world(&snapshot, 0, HIPS), v(1.0, 0.0, 0.0), 1e-5);
+    assert_close(joint_world(&snapshot, 0, HIPS), v(1.0, 0.0, 0.0), 1e-5);
     // The arm is at 45° in the clip; halfway from rest is 22.5°.
     let angle = 22.5f64.to_radians();
     let hand = v(1.0 + 0.3 + 0.6 * angle.cos(), 1.4 + 0.6 * angle.sin(), 0.0);
-    close(joint_world(&snapshot, 0, HAND), hand, 1e-5);
+    assert_close(joint_world(&snapshot, 0, HAND), hand, 1e-5);
     // The hips still follow the base without a mask, because the clip does not animate them.
-    let stage = layered(ALONG_X, None, vec![cue(&f, RAISE, 0.0, 0.0)]);
-    close(hips(&stage, 1.0), v(1.0, 0.0, 0.0), 1e-5);
+    let stage = stage_with_layer(ALONG_X, None, vec![cue(&f, RAISE, 0.0, 0.0)]);
+    assert_close(hips_position(&stage, 1.0), v(1.0, 0.0, 0.0), 1e-5);
 }
 
 #[test]
-fn a_fused_crossfade_is_the_general_fold() {
+fn fused_crossfade_equals_the_general_blend() {
     // A third layer, empty, takes the general path.
     let f = figure();
     let cues = vec![cue(&f, RAISE, 0.0, 0.0), cue(&f, NOD, 1.0, 1.0)];
-    let fused = playing(cues.clone());
-    let mut general = playing(cues);
+    let fused = stage_with_cues(cues.clone());
+    let mut general = stage_with_cues(cues);
     general.actors[0].layers.push(Layer::default());
     for t in [1.1, 1.5, 1.9] {
         let (a, b) = (fused.at(secs(t)).unwrap(), general.at(secs(t)).unwrap());
         for joint in 0..5 {
-            close(joint_world(&a, 0, joint), joint_world(&b, 0, joint), 1e-6);
+            assert_close(joint_world(&a, 0, joint), joint_world(&b, 0, joint), 1e-6);
         }
     }
 }
 
 #[test]
-fn morph_weights_come_from_rest_clip_script_keys_and_hooks_in_this_order() {
+fn morph_weights_are_overridden_by_clip_script_keys_and_hooks_in_order() {
     let asset = stick();
     let mut stage = Stage::default();
     stage.cast("stick", asset.clone());

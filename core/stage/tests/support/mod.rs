@@ -176,7 +176,7 @@ pub fn joint_axes(m: &Affine3A) -> DMat3 {
 }
 
 #[track_caller]
-pub fn close(actual: DVec3, expected: DVec3, tolerance: f64) {
+pub fn assert_close(actual: DVec3, expected: DVec3, tolerance: f64) {
     let error = (actual - expected).length();
     assert!(error <= tolerance, "expected {expected}, actual {actual}: {error} > {tolerance}");
 }

@@ -49,7 +49,7 @@ impl Planner<'_> {
     pub(crate) fn effects_of(&self, actor: usize, material: Option<u32>) -> SurfaceEffects {
         let mut all = SurfaceEffects::default();
         for (i, effect) in self.scene_effects.iter().enumerate() {
-            if !EffectTarget::among(&effect.on, actor, material) {
+            if !EffectTarget::targets_include(&effect.on, actor, material) {
                 continue;
             }
             let needs = &effect.needs;

@@ -90,7 +90,10 @@ impl Planner<'_> {
     ) -> (f32, f32) {
         let material = self.material(entry.material, material_override);
         let own = material.has_outline().then(|| material.material.toon.as_ref()?.outline.as_ref()).flatten();
-        let on_it = self.effect_lines.iter().filter(|(_, on)| EffectTarget::among(on, actor, entry.of_asset));
+        let on_it = self
+            .effect_lines
+            .iter()
+            .filter(|(_, on)| EffectTarget::targets_include(on, actor, entry.of_asset));
         let of_effects = on_it.filter_map(|(line, _)| match line {
             SurfaceLine::Outline(outline) => Some(outline),
             SurfaceLine::Wireframe(_) => None,
@@ -134,7 +137,7 @@ impl Planner<'_> {
         let mut out = Vec::from_iter(own.then_some((false, material_override)));
         for i in 0..self.effect_lines.len() {
             let (line, on) = &self.effect_lines[i];
-            if !EffectTarget::among(on, item.actor as usize, entry.of_asset) {
+            if !EffectTarget::targets_include(on, item.actor as usize, entry.of_asset) {
                 continue;
             }
             let wireframe = matches!(line, SurfaceLine::Wireframe(_));

@@ -4,7 +4,7 @@ use crate::snapshot::{ActorState, CameraState};
 use choreo_asset::{Aabb, Asset, DAabb, Projection};
 use glam::DAffine3;
 
-/// Why something is not in the image.
+/// Reason why an actor is not in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum OutOfView {
     Behind,
@@ -30,22 +30,22 @@ impl OutOfView {
     }
 }
 
-pub(crate) struct Sight {
+pub(crate) struct CameraView {
     pub view_from_world: DAffine3,
     projection: Projection,
     /// Size of the image, pixels.
     size: [f64; 2],
 }
 
-impl Sight {
-    pub fn new(camera: &CameraState, size: [u32; 2]) -> Sight {
+impl CameraView {
+    pub fn new(camera: &CameraState, size: [u32; 2]) -> CameraView {
         let view_from_world = camera.world_from_view.inverse();
         let size = size.map(|n| f64::from(n.max(1)));
-        Sight { view_from_world, projection: camera.projection, size }
+        CameraView { view_from_world, projection: camera.projection, size }
     }
 
     /// Bounds of a posed actor in view axes (right, up, back); empty if it has no meshes or is not posed.
-    pub fn bounds(&self, asset: &Asset, state: &ActorState) -> DAabb {
+    pub fn actor_bounds(&self, asset: &Asset, state: &ActorState) -> DAabb {
         let mut bounds = DAabb::EMPTY;
         let view_from_model = self.view_from_world * state.world_from_model;
         for index in 0..asset.instances.len() {
@@ -60,7 +60,7 @@ impl Sight {
 
     /// Longer side, in pixels, of the area that a box in view axes covers, or the reason why the box is not in the image. The test is exact
     /// for such boxes: the view is widest at their greatest depth.
-    pub fn covers(&self, bounds: &DAabb) -> Result<f64, OutOfView> {
+    pub fn covered_pixels(&self, bounds: &DAabb) -> Result<f64, OutOfView> {
         let (nearest, farthest) = (-bounds.max.z, -bounds.min.z);
         let aspect = self.size[0] / self.size[1];
         // Half of the image's width and height at a depth.
@@ -107,18 +107,18 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    fn sight(projection: Projection) -> Sight {
-        Sight::new(&CameraState { projection, ..CameraState::default() }, [200, 100])
+    fn camera_view(projection: Projection) -> CameraView {
+        CameraView::new(&CameraState { projection, ..CameraState::default() }, [200, 100])
     }
 
     #[test]
-    fn boxes_are_found_where_they_are() {
+    fn boxes_outside_the_image_report_their_side() {
         // A field of view of 90°: at depth d the image is 2d high and 4d wide.
         let yfov = std::f32::consts::FRAC_PI_2;
-        let s = sight(Projection::Perspective { yfov, near: 0.5, far: Some(100.0) });
+        let s = camera_view(Projection::Perspective { yfov, near: 0.5, far: Some(100.0) });
         let at = |x: f64, y: f64, z: f64| {
             let p = DVec3::new(x, y, z);
-            s.covers(&DAabb { min: p - 0.5, max: p + 0.5 })
+            s.covered_pixels(&DAabb { min: p - 0.5, max: p + 0.5 })
         };
         // The box's front, 1 m high, is 9.5 m away, where the image is 19 m high: 100 / 19 pixels.
         assert!((at(0.0, 0.0, -10.0).unwrap() - 100.0 / 19.0).abs() < 1e-4);
@@ -131,11 +131,12 @@ mod tests {
         assert_eq!(at(-21.6, 0.0, -10.0), Err(OutOfView::Left));
         assert_eq!(at(0.0, 11.1, -10.0), Err(OutOfView::Above));
         assert_eq!(at(0.0, -11.1, -10.0), Err(OutOfView::Below));
-        // The camera stands in it.
+        // The camera is inside the box.
         assert!(at(0.0, 0.0, 0.0).is_ok_and(|pixels| pixels > 90.0));
-        let s = sight(Projection::Orthographic { height: 2.0, near: -5.0, far: 5.0 });
-        let cube =
-            |x: f64| s.covers(&DAabb { min: DVec3::new(x, 0.0, 0.0), max: DVec3::new(x + 1.0, 1.0, 1.0) });
+        let s = camera_view(Projection::Orthographic { height: 2.0, near: -5.0, far: 5.0 });
+        let cube = |x: f64| {
+            s.covered_pixels(&DAabb { min: DVec3::new(x, 0.0, 0.0), max: DVec3::new(x + 1.0, 1.0, 1.0) })
+        };
         assert!((cube(0.0).unwrap() - 50.0).abs() < 1e-9);
         assert_eq!(cube(2.1), Err(OutOfView::Right));
     }

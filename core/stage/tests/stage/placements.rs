@@ -8,16 +8,16 @@ use glam::{DQuat, DVec3, Quat, Vec4};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-fn place(snapshot: &Snapshot, actor: usize) -> DVec3 {
+fn actor_position(snapshot: &Snapshot, actor: usize) -> DVec3 {
     snapshot.actors[actor].world_from_model.translation
 }
 
-fn facing(snapshot: &Snapshot, actor: usize) -> DVec3 {
+fn actor_direction(snapshot: &Snapshot, actor: usize) -> DVec3 {
     snapshot.actors[actor].world_from_model.transform_vector3(DVec3::Z)
 }
 
 #[test]
-fn two_can_face_each_other_and_a_child_faces_in_its_parents_frame() {
+fn actors_face_each_other_also_below_a_rotated_parent() {
     let mut stage = Stage::default();
     let asset = Arc::new(Asset::default());
     let [anna, boris, cart] = ["anna", "boris", "cart"].map(|name| stage.cast(name, asset.clone()));
@@ -28,25 +28,25 @@ fn two_can_face_each_other_and_a_child_faces_in_its_parents_frame() {
     stage.actors[cart].transform = Placement::at(0.0, 0.0, 0.0).turned(1.0);
     let snapshot = stage.at(Time::ZERO).unwrap();
     let way = v(2.0, 0.0, 1.0).normalize();
-    close(facing(&snapshot, anna), way, 1e-12);
-    close(facing(&snapshot, boris), -way, 1e-12);
+    assert_close(actor_direction(&snapshot, anna), way, 1e-12);
+    assert_close(actor_direction(&snapshot, boris), -way, 1e-12);
     // She still faces him on a turned cart at another place.
     stage.actors[anna].parents = vec![Parenting::always(Attachment { actor: cart, joint: None })];
     stage.actors[boris].face = None;
     let snapshot = stage.at(Time::ZERO).unwrap();
-    let way = place(&snapshot, boris) - place(&snapshot, anna);
-    close(facing(&snapshot, anna), v(way.x, 0.0, way.z).normalize(), 1e-12);
+    let way = actor_position(&snapshot, boris) - actor_position(&snapshot, anna);
+    assert_close(actor_direction(&snapshot, anna), v(way.x, 0.0, way.z).normalize(), 1e-12);
     // Her own rotation comes first: a quarter turn more.
     stage.actors[anna].transform = stage.actors[anna].transform.turned(FRAC_PI_2);
-    let turned = facing(&stage.at(Time::ZERO).unwrap(), anna);
+    let turned = actor_direction(&stage.at(Time::ZERO).unwrap(), anna);
     assert!(turned.dot(v(way.x, 0.0, way.z)).abs() < 1e-9, "{turned}");
     // Straight above there is no direction to face: nothing turns.
-    stage.actors[boris].transform.translation = place(&snapshot, anna) + v(0.0, 5.0, 0.0);
-    assert!(facing(&stage.at(Time::ZERO).unwrap(), anna).is_finite());
+    stage.actors[boris].transform.translation = actor_position(&snapshot, anna) + v(0.0, 5.0, 0.0);
+    assert!(actor_direction(&stage.at(Time::ZERO).unwrap(), anna).is_finite());
 }
 
 #[test]
-fn loops_of_parents_and_of_facing_are_errors() {
+fn cycles_of_parents_and_of_facing_are_errors() {
     let mut stage = Stage::default();
     let asset = Arc::new(Asset::default());
     let [a, b, c] = ["a", "b", "c"].map(|name| stage.cast(name, asset.clone()));
@@ -69,7 +69,7 @@ fn loops_of_parents_and_of_facing_are_errors() {
 }
 
 #[test]
-fn ten_thousand_in_a_chain_are_no_deeper_a_stack() {
+fn parent_chain_of_10000_actors_does_not_overflow_the_stack() {
     let mut stage = Stage::default();
     let asset = Arc::new(Asset::default());
     for i in 0..10_000usize {
@@ -79,13 +79,13 @@ fn ten_thousand_in_a_chain_are_no_deeper_a_stack() {
         let next = Attachment { actor: i + 1, joint: None };
         stage.actors[actor].parents = (i < 9_999).then(|| Parenting::always(next)).into_iter().collect();
     }
-    close(place(&stage.at(Time::ZERO).unwrap(), 0), v(10_000.0, 0.0, 0.0), 1e-9);
+    assert_close(actor_position(&stage.at(Time::ZERO).unwrap(), 0), v(10_000.0, 0.0, 0.0), 1e-9);
     stage.actors[9_999].parents = vec![Parenting::always(Attachment { actor: 3, joint: None })];
     let error = stage.at(Time::ZERO).unwrap_err().to_string();
     assert!(error.ends_with("\"link\", and 9988 more"), "{error}");
 }
 
-fn keys(property: Property, interpolation: Interpolation, times: &[f64], values: &[f64]) -> Channel {
+fn channel(property: Property, interpolation: Interpolation, times: &[f64], values: &[f64]) -> Channel {
     let times = times.iter().map(|t| secs(*t)).collect();
     Channel { property, interpolation, times, values: values.to_vec() }
 }
@@ -102,10 +102,15 @@ fn keyed_properties_follow_their_closed_forms() {
     set(
         &mut stage,
         vec![
-            keys(Property::Translation, Interpolation::Linear, &[1.0, 3.0], &[0.0, 0.0, 0.0, 4.0, -2.0, 8.0]),
-            keys(Property::Scale, Interpolation::Step, &[0.0, 2.0], &[1.0, 1.0, 1.0, 3.0, 3.0, 3.0]),
-            keys(Property::Visible, Interpolation::Step, &[0.0, 2.5], &[1.0, 0.0]),
-            keys(
+            channel(
+                Property::Translation,
+                Interpolation::Linear,
+                &[1.0, 3.0],
+                &[0.0, 0.0, 0.0, 4.0, -2.0, 8.0],
+            ),
+            channel(Property::Scale, Interpolation::Step, &[0.0, 2.0], &[1.0, 1.0, 1.0, 3.0, 3.0, 3.0]),
+            channel(Property::Visible, Interpolation::Step, &[0.0, 2.5], &[1.0, 0.0]),
+            channel(
                 Property::Tint,
                 Interpolation::Linear,
                 &[0.0, 2.0],
@@ -114,7 +119,7 @@ fn keyed_properties_follow_their_closed_forms() {
         ],
     );
     for (t, expected) in [(0.0, v(0.0, 0.0, 0.0)), (1.5, v(1.0, -0.5, 2.0)), (9.0, v(4.0, -2.0, 8.0))] {
-        close(place(&at(&stage, t), a), expected, 1e-12);
+        assert_close(actor_position(&at(&stage, t), a), expected, 1e-12);
     }
     let scale = |t: f64| at(&stage, t).actors[a].world_from_model.matrix3.x_axis.length();
     assert_eq!((scale(1.999), scale(2.0)), (1.0, 3.0));
@@ -123,19 +128,19 @@ fn keyed_properties_follow_their_closed_forms() {
 
     // Hermite, tangents per second, over 2 s: x(t) = t³ has value and slope (1, 3) at 1 and (27, 27) at 3.
     let spline = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 3.0, 0.0, 0.0, 27.0, 0.0, 0.0, 27.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    set(&mut stage, vec![keys(Property::Translation, Interpolation::CubicSpline, &[1.0, 3.0], &spline)]);
+    set(&mut stage, vec![channel(Property::Translation, Interpolation::CubicSpline, &[1.0, 3.0], &spline)]);
     for t in [1.0, 1.3, 2.0, 2.9, 3.0] {
-        close(place(&at(&stage, t), a), v(t * t * t, 0.0, 0.0), 1e-8);
+        assert_close(actor_position(&at(&stage, t), a), v(t * t * t, 0.0, 0.0), 1e-8);
     }
     // With tangents per key interval, as some tools write them, x(2) would differ from 8.0: the test can fail.
     let halved: Vec<f64> =
         spline.iter().enumerate().map(|(i, v)| if (i / 3) % 3 == 1 { *v } else { v / 2.0 }).collect();
-    set(&mut stage, vec![keys(Property::Translation, Interpolation::CubicSpline, &[1.0, 3.0], &halved)]);
-    assert!((place(&at(&stage, 1.5), a).x - 3.375).abs() > 0.1);
+    set(&mut stage, vec![channel(Property::Translation, Interpolation::CubicSpline, &[1.0, 3.0], &halved)]);
+    assert!((actor_position(&at(&stage, 1.5), a).x - 3.375).abs() > 0.1);
 }
 
 #[test]
-fn keyed_rotations_go_round_at_an_even_pace_on_the_shortest_way() {
+fn keyed_rotations_turn_at_constant_speed_along_the_shortest_arc() {
     let mut stage = Stage::default();
     let a = stage.cast("a", Arc::new(Asset::default()));
     for (degrees, sign) in [(170.0f64, 1.0), (170.0, -1.0), (90.0, 1.0), (1e-3, 1.0), (1e-7, -1.0)] {
@@ -143,9 +148,9 @@ fn keyed_rotations_go_round_at_an_even_pace_on_the_shortest_way() {
         let mut values = DQuat::IDENTITY.to_array().to_vec();
         values.extend(end.to_array());
         stage.actors[a].channels =
-            vec![keys(Property::Rotation, Interpolation::Linear, &[0.0, 2.0], &values)];
+            vec![channel(Property::Rotation, Interpolation::Linear, &[0.0, 2.0], &values)];
         for share in [0.25, 0.5, 0.9] {
-            let z = facing(&stage.at(secs(2.0 * share)).unwrap(), a);
+            let z = actor_direction(&stage.at(secs(2.0 * share)).unwrap(), a);
             let error = z.x.atan2(z.z) - (degrees * share).to_radians();
             assert!(error.abs() < 1e-13, "{degrees}° at {share}: {error}");
         }
@@ -161,10 +166,10 @@ impl FrameHook for Hook {
 }
 
 #[test]
-fn hooks_edit_after_keys_and_in_order() {
+fn hooks_edit_keyed_values_in_the_order_of_the_hooks() {
     let mut stage = Stage::default();
     let a = stage.cast("a", figure());
-    stage.actors[a].channels = vec![keys(
+    stage.actors[a].channels = vec![channel(
         Property::Translation,
         Interpolation::Linear,
         &[0.0, 1.0],
@@ -181,21 +186,21 @@ fn hooks_edit_after_keys_and_in_order() {
         Ok(())
     })));
     let snapshot = stage.at(secs(0.5)).unwrap();
-    close(place(&snapshot, a), v(0.5, 0.5, 0.0), 1e-12);
+    assert_close(actor_position(&snapshot, a), v(0.5, 0.5, 0.0), 1e-12);
     assert_eq!(snapshot.actors[a].tint, Vec4::splat(0.5));
     assert_eq!(snapshot.ambient_up, glam::Vec3::ONE);
     let hand = v(0.3 + 0.6 * 1f64.cos(), 1.4 + 0.6 * 1f64.sin(), 0.0);
-    close(joint_world(&snapshot, a, HAND), v(0.5, 0.5 + 2.0 * hand.y, -2.0 * hand.x), 1e-6);
+    assert_close(joint_world(&snapshot, a, HAND), v(0.5, 0.5 + 2.0 * hand.y, -2.0 * hand.x), 1e-6);
     // Turned about the parent's axes, after its own rotation: an actor tipped on its back has +Z up, and keeps it up.
     stage.actors[a].transform.rotation = DQuat::from_rotation_x(-FRAC_PI_2);
-    close(facing(&stage.at(secs(0.5)).unwrap(), a), v(0.0, 2.0, 0.0), 1e-12);
+    assert_close(actor_direction(&stage.at(secs(0.5)).unwrap(), a), v(0.0, 2.0, 0.0), 1e-12);
     stage.actors[a].transform.rotation = DQuat::IDENTITY;
     stage.hooks.push(Arc::new(Hook(|_, edits| {
         edits.actors.push((0, ActorEdit::MoveTo(v(7.0, 0.0, 0.0))));
         edits.actors.push((0, ActorEdit::MoveBy(v(0.0, 0.0, 1.0))));
         Ok(())
     })));
-    close(place(&stage.at(secs(0.5)).unwrap(), a), v(7.0, 0.0, 1.0), 1e-12);
+    assert_close(actor_position(&stage.at(secs(0.5)).unwrap(), a), v(7.0, 0.0, 1.0), 1e-12);
     stage.hooks.push(Arc::new(Hook(|_, _| {
         Err(StageError::Hook { error: Arc::from(Box::from("walk.rhai:3:1: no")), time: secs(0.5) })
     })));
@@ -236,7 +241,7 @@ fn culled_actors_are_not_posed() {
     stage.cameras[0].rig = Rig::Follow { target: Target::Actor(sword), offset: DVec3::Z };
     let (count, snapshot) = poses(&stage);
     assert_eq!(count, 1, "the hand that carries the sword");
-    close(snapshot.camera.world_from_view.translation, v(0.9, 1.9, 1.0), 1e-6);
+    assert_close(snapshot.camera.world_from_view.translation, v(0.9, 1.9, 1.0), 1e-6);
     stage.cameras[0].rig = Rig::Follow { target: Target::Actor(boris), offset: DVec3::Z };
     assert_eq!(poses(&stage).0, 0, "the middle of the rest bounds needs no pose");
 }

@@ -1,4 +1,4 @@
-//! Curves through keys: no overshoot, and no worse on smooth motions.
+//! Tangents of keys: limited tangents do not overshoot, and equal Catmull–Rom on smooth motions.
 
 use choreo_motion::Time;
 use choreo_stage::{Path, Tangents};
@@ -29,7 +29,7 @@ fn overshoot(tangents: Tangents, times: &[f64], values: &[Vec<f64>], vector: boo
 }
 
 #[test]
-fn a_short_gap_throws_no_value_out_of_its_range() {
+fn limited_tangents_do_not_overshoot_at_short_key_gaps() {
     for gap in [0.1, 1e-3, 1e-6] {
         let times = [0.0, 1.0, 1.0 + gap, 2.0 + gap];
         for ends in [[0.0, 3.0], [2.0, 1.0], [1.5, -5.0]] {
@@ -47,7 +47,7 @@ fn a_short_gap_throws_no_value_out_of_its_range() {
 }
 
 #[test]
-fn a_circle_of_eight_keys_is_as_round_as_by_catmull_rom() {
+fn limited_tangents_of_a_circle_equal_catmull_rom() {
     let times: Vec<Time> = (0..9).map(|i| Time::from_secs(f64::from(i))).collect();
     let on = |i: i32| libm::sincos(0.3 + f64::from(i) * std::f64::consts::FRAC_PI_4);
     let values: Vec<Vec<f64>> = (0..9).map(|i| vec![on(i).0, on(i).1]).collect();
@@ -58,7 +58,7 @@ fn a_circle_of_eight_keys_is_as_round_as_by_catmull_rom() {
 }
 
 #[test]
-fn a_jump_ends_a_curve_and_begins_another() {
+fn tangents_are_zero_at_both_keys_of_a_jump() {
     let times = [0, 1000, 2000, 2001, 3000, 4000].map(Time);
     let values: Vec<Vec<f64>> = [0.0, 1.0, 2.0, 7.0, 8.0, 9.0].iter().map(|v| vec![*v]).collect();
     let tangents = Tangents::Limited.of(&times, &values, false);
@@ -68,7 +68,7 @@ fn a_jump_ends_a_curve_and_begins_another() {
 
 /// A hairpin of 0.3 m behind a straight of 10 m. With the same time from each point to the next a path swings out by 1.25 m.
 #[test]
-fn a_path_hardly_swings_out_where_its_points_lie_close_together() {
+fn path_hardly_overshoots_where_its_points_are_close_together() {
     let points = [[0.0, 0.0], [10.0, 0.0], [10.0, 0.3], [0.0, 0.3]].map(|[x, z]| DVec3::new(x, 0.0, z));
     let path = Path::new(points.into(), false).unwrap();
     let places = (0..=4000).map(|i| path.at(path.length() * f64::from(i) / 4000.0).0.x);

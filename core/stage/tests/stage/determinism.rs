@@ -6,7 +6,7 @@ use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
 use std::sync::Arc;
 
-/// Something of everything.
+/// A stage with clips, layers, look-ats, parents, keys, cameras and cuts.
 fn scene() -> Stage {
     let f = figure();
     let mut stage = Stage::default();
@@ -53,7 +53,7 @@ fn times() -> Vec<Time> {
 }
 
 #[test]
-fn any_order_gives_the_same_bits() {
+fn snapshots_are_bit_identical_in_any_frame_order_on_any_thread() {
     let stage = Arc::new(scene());
     let fresh: Vec<ContentHash> = times().iter().map(|t| stage.at(*t).unwrap().content_hash()).collect();
     assert!(fresh.windows(2).all(|w| w[0] != w[1]), "frames differ, or the hash sees nothing");
@@ -79,7 +79,7 @@ fn any_order_gives_the_same_bits() {
 }
 
 #[test]
-fn an_evaluator_forgets_the_stage_that_its_snapshot_held() {
+fn evaluator_overwrites_a_snapshot_of_another_stage() {
     let mut snapshot = Snapshot::default();
     Evaluator::new(Arc::new(scene())).at_into(secs(1.0), &mut snapshot).unwrap();
     let mut small = Stage::default();
@@ -90,7 +90,7 @@ fn an_evaluator_forgets_the_stage_that_its_snapshot_held() {
 }
 
 #[test]
-fn one_bit_more_is_another_hash() {
+fn content_hash_of_a_snapshot_changes_with_one_bit() {
     let stage = scene();
     let mut snapshot = stage.at(secs(1.0)).unwrap();
     let before = snapshot.content_hash();
@@ -101,7 +101,7 @@ fn one_bit_more_is_another_hash() {
 
 /// A crowd is posed by as many threads as there are.
 #[test]
-fn any_number_of_threads_gives_the_same_bits() {
+fn snapshots_are_bit_identical_for_any_number_of_threads() {
     let f = figure();
     let mut stage = Stage::default();
     for i in 0..120 {

@@ -1,9 +1,9 @@
 //! An importer script whose manifest alone is read at first; the rest is compiled when a file is loaded that the importer might
 //! claim.
 
-use crate::engine::manifest_engine;
-use crate::importer::{RhaiImporter, manifest_of, without_mark};
-use crate::script_error::{Script, ScriptError};
+use crate::engine::build_manifest_engine;
+use crate::importer::{RhaiImporter, call_manifest, strip_byte_order_mark};
+use crate::script_error::{ScriptError, ScriptSource};
 use choreo_asset::Asset;
 use choreo_plugin::{
     Claim, Files, ImportError, ImportOptions, ImportScope, Importer, LazyPlugin, Manifest, PluginError,
@@ -12,41 +12,41 @@ use choreo_plugin::{
 use rhai::{Engine, Position, Token};
 
 /// An importer that is compiled at its first use.
-pub struct ImporterOnUse {
+pub struct LazyImporter {
     manifest: Manifest,
     /// The text may define `fn claim(file)`, which is called for every file.
     may_have_claim: bool,
-    made: LazyPlugin<RhaiImporter>,
+    importer: LazyPlugin<RhaiImporter>,
 }
 
-impl ImporterOnUse {
+impl LazyImporter {
     /// Compiles and runs `fn manifest()` of the text alone, or compiles the whole text if that fails, for example because the
     /// function calls others. `file` is the name in messages; `make` reads the file again and compiles all of it.
     pub fn new(
         file: &str,
         text: &str,
         make: impl FnOnce() -> Result<RhaiImporter, PluginError> + Send + 'static,
-    ) -> Result<ImporterOnUse, ScriptError> {
-        let text = without_mark(text);
+    ) -> Result<LazyImporter, ScriptError> {
+        let text = strip_byte_order_mark(text);
         let alone = manifest_function(text).and_then(|function| {
-            let ast = manifest_engine().compile(function).ok()?.clone_functions_only();
-            manifest_of(&ast, &Script { file, text }).ok()
+            let ast = build_manifest_engine().compile(function).ok()?.clone_functions_only();
+            call_manifest(&ast, &ScriptSource { file, text }).ok()
         });
         let manifest = match alone {
             Some(manifest) => manifest,
             None => RhaiImporter::from_text(file, text)?.manifest().clone(),
         };
         let may_have_claim = text.contains("claim");
-        Ok(ImporterOnUse { manifest, may_have_claim, made: LazyPlugin::new(make) })
+        Ok(LazyImporter { manifest, may_have_claim, importer: LazyPlugin::new(make) })
     }
 
     /// The importer, compiled now unless it is compiled already. Other threads that need it wait.
     pub fn get(&self) -> Result<&RhaiImporter, &PluginError> {
-        self.made.get()
+        self.importer.get()
     }
 }
 
-impl Importer for ImporterOnUse {
+impl Importer for LazyImporter {
     fn manifest(&self) -> &Manifest {
         &self.manifest
     }
@@ -103,7 +103,7 @@ fn manifest_function(text: &str) -> Option<String> {
             Token::RightBrace if named => {
                 depth = depth.checked_sub(1)?;
                 if depth == 0 {
-                    let (from, to) = (byte_of(text, start?)?, byte_of(text, at)?);
+                    let (from, to) = (byte_offset(text, start?)?, byte_offset(text, at)?);
                     let before = text[..from].chars();
                     let blanks: String = before.map(|c| if c == '\n' { '\n' } else { ' ' }).collect();
                     return Some(blanks + &text[from..=to]);
@@ -117,7 +117,7 @@ fn manifest_function(text: &str) -> Option<String> {
 }
 
 /// The byte offset of a Rhai position, whose columns count characters.
-fn byte_of(text: &str, at: Position) -> Option<usize> {
+fn byte_offset(text: &str, at: Position) -> Option<usize> {
     let start: usize = text.split_inclusive('\n').take(at.line()?.checked_sub(1)?).map(str::len).sum();
     let (within, _) = text.get(start..)?.char_indices().nth(at.position()?.checked_sub(1)?)?;
     Some(start + within)
@@ -130,7 +130,7 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    const TEXT: &str = "// é \"}\n/* } */ fn load(file) { mesh(#{ positions: [0.0] }); }\n\
+    const IMPORTER_TEXT: &str = "// é \"}\n/* } */ fn load(file) { mesh(#{ positions: [0.0] }); }\n\
         fn manifest() { #{ name: \"dots\", extensions: \"dots\", about: \"}\" } }\n fn after() { 1 }\n";
 
     fn source(name: &str) -> Source {
@@ -138,7 +138,7 @@ mod tests {
     }
 
     /// The importer, and the number of times it was compiled.
-    fn on_use(text: &str) -> (Result<ImporterOnUse, ScriptError>, Arc<AtomicUsize>) {
+    fn counting_importer(text: &str) -> (Result<LazyImporter, ScriptError>, Arc<AtomicUsize>) {
         let made = Arc::new(AtomicUsize::new(0));
         let (count, all) = (made.clone(), text.to_string());
         let make = move || {
@@ -146,16 +146,16 @@ mod tests {
             let fault = |e: ScriptError| PluginError { text: e.to_string(), files: Vec::new() };
             RhaiImporter::from_text("d.importer.rhai", &all).map_err(fault)
         };
-        (ImporterOnUse::new("d.importer.rhai", text, make), made)
+        (LazyImporter::new("d.importer.rhai", text, make), made)
     }
 
     #[test]
-    fn the_manifest_is_read_without_compiling_the_rest() {
-        let function = manifest_function(TEXT).unwrap();
-        assert_eq!(function.lines().nth(2).unwrap(), TEXT.lines().nth(2).unwrap());
+    fn manifest_is_read_without_compiling_other_functions() {
+        let function = manifest_function(IMPORTER_TEXT).unwrap();
+        assert_eq!(function.lines().nth(2).unwrap(), IMPORTER_TEXT.lines().nth(2).unwrap());
         assert!(!function.contains("load") && !function.contains("after"));
         // The text after `fn manifest()` is not parsed.
-        let (importer, made) = on_use(&format!("\u{feff}{TEXT} fn broken( {{ ) ` ${{"));
+        let (importer, made) = counting_importer(&format!("\u{feff}{IMPORTER_TEXT} fn broken( {{ ) ` ${{"));
         let mut registry = Registry::default();
         registry.add_importer(importer.unwrap());
         let known = registry.importer_for(&source("a.dots"), None).unwrap();
@@ -175,29 +175,30 @@ mod tests {
     }
 
     #[test]
-    fn a_manifest_that_calls_functions_is_read_too() {
+    fn manifest_may_call_functions_of_the_script() {
         let text = "fn manifest() { #{ name: name(), extensions: `${name()}` } }\nfn name() { \"dots\" }\nfn load(f) {}";
-        let (importer, made) = on_use(text);
+        let (importer, made) = counting_importer(text);
         assert_eq!(importer.unwrap().manifest().extensions, ["dots"]);
         assert_eq!(made.load(Ordering::Relaxed), 0);
     }
 
     #[test]
-    fn an_importer_with_a_claim_is_compiled_when_a_file_is_asked_about() {
-        let (importer, made) = on_use(&format!("{TEXT} fn claim(file) {{ file.name == \"a.other\" }}"));
+    fn importer_with_claim_is_compiled_at_the_first_claim() {
+        let (importer, made) =
+            counting_importer(&format!("{IMPORTER_TEXT} fn claim(file) {{ file.name == \"a.other\" }}"));
         let importer = importer.unwrap();
         assert_eq!(importer.claim(&source("a.other")), Claim::Content(90));
         assert_eq!(importer.claim(&source("a.third")), Claim::NotMine);
         assert_eq!(made.load(Ordering::Relaxed), 1);
         // A script with a fault claims by extension only.
-        let (importer, _) = on_use(&format!("{TEXT} fn claim(file) {{"));
+        let (importer, _) = counting_importer(&format!("{IMPORTER_TEXT} fn claim(file) {{"));
         assert_eq!(importer.unwrap().claim(&source("a.dots")), Claim::Extension);
     }
 
     #[test]
-    fn a_manifest_that_works_without_end_is_refused_soon() {
+    fn endless_manifest_exceeds_the_size_limit() {
         let text = "fn manifest() { let a = \"x\"; loop { a += a; } }\nfn load(f) {}";
-        let error = on_use(text).0.err().unwrap();
+        let error = counting_importer(text).0.err().unwrap();
         assert!(error.message.contains("which is the limit"), "{error}");
     }
 }

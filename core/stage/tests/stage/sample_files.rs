@@ -1,4 +1,4 @@
-//! Other people's characters: every clip stays in its boxes and in the framed image, heads turn the right way.
+//! Sample files of other authors: every clip stays in its bounds and in the framed image, and look-at turns the head to its target.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -40,7 +40,7 @@ const FILES: [&str; 6] = [
 ];
 
 #[test]
-fn clips_stay_in_their_boxes_and_in_the_framed_picture() {
+fn vertices_of_sample_files_stay_in_their_bounds_and_in_the_frame() {
     for name in FILES {
         let Some(asset) = load(name) else { continue };
         let (mut widest, mut slack, mut clips) = (0f64, 0f64, 0);
@@ -95,7 +95,7 @@ fn clips_stay_in_their_boxes_and_in_the_framed_picture() {
 }
 
 #[test]
-fn a_real_head_faces_what_it_looks_at() {
+fn look_at_turns_the_head_of_a_sample_file_to_its_target() {
     let Some(asset) = load("Knight.glb") else { return };
     let head = (0..asset.skeleton.len()).find(|j| asset.skeleton.names()[*j].eq_ignore_ascii_case("head"));
     let head = head.expect("the Knight has a head") as u32;
@@ -111,11 +111,11 @@ fn a_real_head_faces_what_it_looks_at() {
     let turn = joint_axes(&after.actors[0].model_from_joint[head as usize])
         * joint_axes(&before.actors[0].model_from_joint[head as usize]).inverse();
     let facing = (after.actors[0].world_from_model.matrix3 * turn * DVec3::Z).normalize();
-    close(facing, (target - from).normalize(), 1e-5);
+    assert_close(facing, (target - from).normalize(), 1e-5);
 }
 
 #[test]
-fn a_sword_lies_in_the_knights_hand_through_a_clip() {
+fn attached_sword_stays_at_the_hand_joint_of_a_sample_file() {
     let Some(asset) = load("Knight.glb") else { return };
     let named = |name: &str| asset.skeleton.find(name);
     let hand = named("handslot.r").or(named("hand.r")).expect("the Knight has a right hand") as u32;
@@ -127,6 +127,6 @@ fn a_sword_lies_in_the_knights_hand_through_a_clip() {
     stage.actors[1].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(hand) })];
     for i in 0..20 {
         let snapshot = stage.at(secs(f64::from(i) * 0.13)).unwrap();
-        close(snapshot.actors[1].world_from_model.translation, joint_world(&snapshot, 0, hand), 1e-9);
+        assert_close(snapshot.actors[1].world_from_model.translation, joint_world(&snapshot, 0, hand), 1e-9);
     }
 }
