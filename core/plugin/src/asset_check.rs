@@ -98,7 +98,7 @@ fn check_references(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault>
         let of = clip.joint_count();
         Err(fault(
             format!("clip \"{}\"", clip.name),
-            format!("is made for {of} joints, but there are {joints}"),
+            format!("is made for {of} joints, but the number of joints is {joints}"),
         ))
     })
 }
@@ -107,7 +107,7 @@ fn in_range(place: &dyn Fn() -> String, what: &str, index: u32, count: usize) ->
     if (index as usize) < count {
         return Ok(());
     }
-    Err(fault(place(), format!("{what} {index} does not exist, there are {count}")))
+    Err(fault(place(), format!("{what} {index} does not exist (count: {count})")))
 }
 
 fn check_instances(asset: &Asset) -> Result<(), AssetFault> {
@@ -178,7 +178,7 @@ fn check_materials(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> 
 fn check_skin(asset: &Asset, skin: &Skin, place: &dyn Fn() -> String) -> Result<(), AssetFault> {
     let joints = asset.skeleton.len();
     if let Some(joint) = skin.joints.iter().find(|joint| **joint as usize >= joints) {
-        return Err(fault(place(), format!("joint {joint} does not exist, there are {joints}")));
+        return Err(fault(place(), format!("joint {joint} does not exist (count: {joints})")));
     }
     if skin.joints.len() != skin.inverse_bind.len() {
         return Err(fault(
@@ -239,7 +239,7 @@ fn check_primitive(
         return Err(fault(place(), format!("has the index {index}, but {vertices} vertices")));
     }
     if let Some(material) = primitive.material.filter(|material| *material as usize >= materials) {
-        return Err(fault(place(), format!("material {material} does not exist, there are {materials}")));
+        return Err(fault(place(), format!("material {material} does not exist (count: {materials})")));
     }
     let not_finite = [
         ("position", primitive.positions.iter().position(|v| !v.is_finite())),
@@ -355,16 +355,16 @@ mod tests {
         assert_eq!(checked(valid_asset(), ImportScope::ALL).unwrap().warnings, []);
         type Change = fn(&mut Asset);
         let cases: [(Change, &str); 24] = [
-            (|a| a.instances[0].joint = 1, "instances[0]: joint 1 does not exist, there are 1"),
-            (|a| a.instances[0].mesh = 7, "instances[0]: mesh 7 does not exist, there are 1"),
-            (|a| a.instances[0].skin = Some(1), "instances[0]: skin 1 does not exist, there are 1"),
+            (|a| a.instances[0].joint = 1, "instances[0]: joint 1 does not exist (count: 1)"),
+            (|a| a.instances[0].mesh = 7, "instances[0]: mesh 7 does not exist (count: 1)"),
+            (|a| a.instances[0].skin = Some(1), "instances[0]: skin 1 does not exist (count: 1)"),
             (
                 |a| a.instances[0].weights = vec![0.0; 3],
                 "instances[0]: has 3 morph weights, but the mesh has 1 targets",
             ),
             (|a| a.instances[0].weights = vec![f32::NAN], "instances[0]: has a number that is not finite"),
             (|a| a.placements = vec![Affine3A::NAN].into(), "placements: has a number that is not finite"),
-            (|a| a.skins[0].joints = vec![3], "skins[0]: joint 3 does not exist, there are 1"),
+            (|a| a.skins[0].joints = vec![3], "skins[0]: joint 3 does not exist (count: 1)"),
             (
                 |a| a.skins[0].inverse_bind.clear(),
                 "skins[0]: needs a bind matrix for each joint; joints: 1, bind matrices: 0",
@@ -394,7 +394,7 @@ mod tests {
             ),
             (|a| first_primitive(a).joint_indices[4] = 1, "has the joint index 1, but its skin has 1 joints"),
             (|a| first_primitive(a).joint_weights[5] = -1.0, "a weight of vertex 1 is -1, must be 0 or more"),
-            (|a| first_primitive(a).material = Some(0), "material 0 does not exist, there are 0"),
+            (|a| first_primitive(a).material = Some(0), "material 0 does not exist (count: 0)"),
             (
                 |a| {
                     let light =
@@ -405,7 +405,7 @@ mod tests {
             ),
             (
                 |a| a.clips.push(Arc::new(choreo_motion::Clip::new("wave".into(), 5, Vec::new()).unwrap())),
-                "clip \"wave\": is made for 5 joints, but there are 1",
+                "clip \"wave\": is made for 5 joints, but the number of joints is 1",
             ),
         ];
         for (change, expected) in cases {

@@ -312,8 +312,15 @@ fn add_image(scene: &SharedBuild, budget: &Budget, map: &Map) -> Result<i64, Nat
     match f.value("pixels").and_then(|v| v.read_lock::<Bytes>()) {
         Some(bytes) => add(width, height, bytes.slice()),
         None => {
-            let pixels = f.numbers("pixels")?.into_iter().map(|v| libm::round(v) as u8);
-            add(width, height, &pixels.collect::<Vec<_>>())
+            let values = f.numbers("pixels")?;
+            let rounded: Vec<f64> = values.iter().map(|v| libm::round(*v)).collect();
+            if let Some(at) = rounded.iter().position(|v| !(0.0..=255.0).contains(v)) {
+                return Err(native_error(format!(
+                    "image: pixels[{at}] is {}, must be from 0 to 255",
+                    values[at]
+                )));
+            }
+            add(width, height, &rounded.iter().map(|v| *v as u8).collect::<Vec<_>>())
         }
     }
 }

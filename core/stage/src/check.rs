@@ -91,7 +91,7 @@ impl Checker<'_> {
     }
 
     fn check_index(&mut self, place: &str, what: &str, index: usize, count: usize) {
-        self.require(index < count, place, || format!("{what} {index} does not exist, there are {count}"));
+        self.require(index < count, place, || format!("{what} {index} does not exist (count: {count})"));
     }
 
     fn check_span(&mut self, place: &str, start: Time, end: Option<Time>) {

@@ -83,7 +83,7 @@ fn read(bytes: &[u8], scale: f32, builder: &mut AssetBuilder) -> Result<MeshData
                 let vertices = numbers::<u32>(words).map_err(|e| (at, e))?;
                 let points = mesh.positions.len() / 3;
                 if let Some(bad) = vertices.iter().find(|c| **c as usize >= points) {
-                    return Err((at, format!("point {bad} does not exist, there are {points} so far")));
+                    return Err((at, format!("point {bad} does not exist (count so far: {points})")));
                 }
                 // Triangulates a convex polygon as a fan around its first vertex.
                 if let [first, rest @ ..] = vertices.as_slice() {

@@ -43,7 +43,7 @@ fn errors_name_their_line() {
     let text = |file: &str| import(file).unwrap_err().to_string();
     assert_eq!(text("point 1 2"), "a.example: line 1: a point has 3 numbers, this one has 2");
     assert_eq!(text("point 1 2 x"), "a.example: line 1: \"x\" is not a valid number");
-    assert_eq!(text("\nface 0 1 2"), "a.example: line 2: point 0 does not exist, there are 0 so far");
+    assert_eq!(text("\nface 0 1 2"), "a.example: line 2: point 0 does not exist (count so far: 0)");
     assert_eq!(text(""), "a.example: mesh \"example\": positions must have 3 numbers for each vertex, has 0");
     let odd = import("point 0 0 0\npoint 1 0 0\npoint 0 1 0\nface 0 1 2\ncolor red").unwrap();
     assert_eq!((odd.warnings[0].place.as_str(), odd.warnings.len()), ("line 5", 1));

@@ -102,7 +102,9 @@ fn decode(file: &File<'_>, data: &[u8], broken: &dyn Fn(String) -> Problem) -> R
     MeshDecoder::new().decode(&mut buffer, &mut mesh).map_err(|e| broken(e.to_string()))?;
     let points = mesh.num_points();
     match mesh.faces().iter().flatten().find(|point| point.0 as usize >= points) {
-        Some(point) => Err(broken(format!("a triangle has vertex {}, but there are {points}", point.0))),
+        Some(point) => {
+            Err(broken(format!("a triangle has vertex {}, but the number of vertices is {points}", point.0)))
+        }
         None => Ok(mesh),
     }
 }

@@ -210,7 +210,7 @@ fn indices(
             if let Some(at) = read.iter().position(|i| *i as usize >= vertices) {
                 return Err(Problem::new(
                     format!("{} (accessors[{}])", user(), accessor.value()),
-                    format!("element {at} is vertex {}, but there are {vertices} vertices", read[at]),
+                    format!("element {at} is vertex {}, but the number of vertices is {vertices}", read[at]),
                 ));
             }
             read

@@ -395,7 +395,7 @@ fn face_vertex(word: &[u8], counts: [usize; 3]) -> Result<[Option<u32>; 3]> {
                 let back = index.unsigned_abs();
                 if back > count as u64 {
                     let what = format!(
-                        "refers to {name} {index}, counted from the end, but there are {count} so far"
+                        "refers to {name} {index}, counted from the end, but the number so far is {count}"
                     );
                     return Err(what.into());
                 }

@@ -122,7 +122,7 @@ impl Springs {
             false => Err(SpringError { place: place(), what }),
         };
         let joint = |joint: u32, place: &dyn Fn() -> String| {
-            let what = format!("joint {joint} does not exist, there are {joint_count}");
+            let what = format!("joint {joint} does not exist (count: {joint_count})");
             require((joint as usize) < joint_count, place, what)
         };
         for (index, collider) in self.colliders.iter().enumerate() {

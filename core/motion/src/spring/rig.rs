@@ -114,7 +114,7 @@ impl SpringRig {
         let bad = |place: String, what: String| Err(SpringError { place, what });
         for (index, collider) in self.colliders.iter().enumerate() {
             if collider.joint as usize >= joint_count {
-                let what = format!("joint {} does not exist, there are {joint_count}", collider.joint);
+                let what = format!("joint {} does not exist (count: {joint_count})", collider.joint);
                 return bad(format!("colliders[{index}]"), what);
             }
         }
@@ -122,13 +122,10 @@ impl SpringRig {
             let place = format!("bone of joint {}", bone.joint);
             let joints = [Some(bone.joint), bone.center];
             if let Some(joint) = joints.into_iter().flatten().find(|j| *j as usize >= joint_count) {
-                return bad(place, format!("joint {joint} does not exist, there are {joint_count}"));
+                return bad(place, format!("joint {joint} does not exist (count: {joint_count})"));
             }
             if let Some(c) = bone.colliders.iter().find(|c| **c as usize >= self.colliders.len()) {
-                return bad(
-                    place,
-                    format!("collider {c} does not exist, there are {}", self.colliders.len()),
-                );
+                return bad(place, format!("collider {c} does not exist (count: {})", self.colliders.len()));
             }
             let SpringBone { stiffness, damping } = bone.spring;
             for (name, value) in

@@ -527,6 +527,6 @@ fn check_names_the_invalid_field() {
     let joint: fn(&mut SpringRig) = |r| r.add(rig_bone(9, SpringBone::default()));
     assert_eq!(
         error_text(joint, 0.0),
-        "`SpringStep.rig`: bone of joint 9: joint 9 does not exist, there are 3"
+        "`SpringStep.rig`: bone of joint 9: joint 9 does not exist (count: 3)"
     );
 }

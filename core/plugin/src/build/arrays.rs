@@ -47,7 +47,7 @@ pub(super) fn take_primitive(data: &mut MeshData) -> Result<Primitive> {
         return fail(format!("{what} must be {each}, got {}", indices.len()));
     }
     if let Some(at) = indices.iter().position(|i| *i as usize >= vertices) {
-        return fail(format!("indices[{at}] is {}, but there are {vertices} vertices", indices[at]));
+        return fail(format!("indices[{at}] is {}, but the number of vertices is {vertices}", indices[at]));
     }
     let positions: Vec<Vec3> = rows(&mut data.positions).map(Vec3::from_array).collect();
     let normals = match data.normals.is_empty() {

@@ -160,7 +160,7 @@ impl AssetBuilder {
             && parent as usize >= count
         {
             return fail(format!(
-                "joint \"{name}\": its parent is number {parent}, but there are {count} joints so far"
+                "joint \"{name}\": its parent is number {parent}, but the number of joints so far is {count}"
             ));
         }
         if !rest.is_finite() {
@@ -249,7 +249,7 @@ impl AssetBuilder {
         let images = self.asset.images.len();
         if let Some(texture) = textures.into_iter().flatten().find(|t| t.image as usize >= images) {
             return fail(format!(
-                "material \"{}\": image {} does not exist, there are {images}",
+                "material \"{}\": image {} does not exist (count: {images})",
                 material.name, texture.image
             ));
         }
@@ -280,7 +280,7 @@ impl AssetBuilder {
             && material as usize >= self.asset.materials.len()
         {
             let count = self.asset.materials.len();
-            return fail(format!("mesh \"{name}\": material {material} does not exist, there are {count}"));
+            return fail(format!("mesh \"{name}\": material {material} does not exist (count: {count})"));
         }
         let mut primitive = arrays::take_primitive(&mut data).map_err(with)?;
         let skin = match data.weights.is_empty() && data.joints.is_empty() {
@@ -308,7 +308,7 @@ impl AssetBuilder {
         let count = self.names.len();
         match joint {
             Some(joint) if joint as usize >= count => {
-                fail(format!("{what}: joint {joint} does not exist, there are {count}"))
+                fail(format!("{what}: joint {joint} does not exist (count: {count})"))
             }
             Some(joint) => Ok(joint),
             None => self.joint(name, None, Transform::IDENTITY),
@@ -458,7 +458,7 @@ impl AssetBuilder {
         }
         let count = self.names.len();
         if let Some(at) = data.joints.iter().position(|j| *j as usize >= count) {
-            return fail(format!("joints[{at}] is {}, but there are {count} joints", data.joints[at]));
+            return fail(format!("joints[{at}] is {}, but the number of joints is {count}", data.joints[at]));
         }
         if let Some(at) = data.weights.iter().position(|w| !w.is_finite() || *w < 0.0) {
             return fail(format!("weights[{at}] is {}, must not be negative", data.weights[at]));

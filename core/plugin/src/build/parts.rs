@@ -34,7 +34,7 @@ pub(super) fn split_into_parts(
     }
     let missing = parts.iter().filter_map(|part| part.material).find(|m| *m as usize >= materials);
     if let Some(material) = missing {
-        return fail(format!("material {material} does not exist, there are {materials}"));
+        return fail(format!("material {material} does not exist (count: {materials})"));
     }
     Ok(parts
         .iter()

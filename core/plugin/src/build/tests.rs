@@ -43,7 +43,7 @@ fn invalid_arrays_are_reported_with_their_name_and_element() {
         (MeshData { positions: vec![], ..t() }, "positions must have 3 numbers for each vertex, has 0"),
         (MeshData { positions: vec![f32::NAN; 9], ..t() }, "positions[0] is NaN, must be finite"),
         (MeshData { indices: vec![0, 1], ..t() }, "indices must be three for each triangle, got 2"),
-        (MeshData { indices: vec![0, 1, 3], ..t() }, "indices[2] is 3, but there are 3 vertices"),
+        (MeshData { indices: vec![0, 1, 3], ..t() }, "indices[2] is 3, but the number of vertices is 3"),
         (MeshData { positions: vec![0.0; 12], ..t() }, "vertices must be three for each triangle, got 4"),
         (
             MeshData { normals: vec![0.0; 6], ..t() },
@@ -54,15 +54,15 @@ fn invalid_arrays_are_reported_with_their_name_and_element() {
             MeshData { colors: vec![0.0; 5], ..t() },
             "colors must have 4 numbers for each of the 3 vertices, has 5",
         ),
-        (MeshData { joint: Some(4), ..t() }, "joint 4 does not exist, there are 1"),
-        (MeshData { material: Some(0), ..t() }, "material 0 does not exist, there are 0"),
+        (MeshData { joint: Some(4), ..t() }, "joint 4 does not exist (count: 1)"),
+        (MeshData { material: Some(0), ..t() }, "material 0 does not exist (count: 0)"),
         (
             MeshData { weights: vec![1.0; 3], ..t() },
             "joints and weights must have 1 to 8 numbers for each of the 3 vertices, have 0 and 3",
         ),
         (
             MeshData { weights: vec![1.0; 3], joints: vec![0, 0, 7], ..t() },
-            "joints[2] is 7, but there are 2 joints",
+            "joints[2] is 7, but the number of joints is 2",
         ),
         (
             MeshData { weights: vec![1.0, -1.0, 1.0], joints: vec![0; 3], ..t() },
@@ -149,7 +149,7 @@ fn parts_have_a_material_and_the_vertices_that_they_use() {
     let both = MeshData { parts: parts.clone(), material: Some(0), ..square() };
     assert!(refused(both, &mut b).contains("leave indices and material out"));
     let missing = MeshData { parts: vec![part([0, 1, 2], 7)], ..square() };
-    assert_eq!(refused(missing, &mut b), "mesh \"m\": material 7 does not exist, there are 2");
+    assert_eq!(refused(missing, &mut b), "mesh \"m\": material 7 does not exist (count: 2)");
     let none = MeshData { parts: vec![parts[0].clone(), MeshPart::default()], ..square() };
     assert_eq!(refused(none, &mut b), "mesh \"m\": parts[1] has no indices");
     let short = MorphData { name: "short".into(), positions: vec![0.0; 3], normals: vec![] };
@@ -199,7 +199,7 @@ fn cameras_and_lights_are_attached_to_joints() {
     let refused = |result: Result<u32>| result.unwrap_err().0;
     assert_eq!(
         refused(b.camera("far", Some(7), Projection::default())),
-        "camera \"far\": joint 7 does not exist, there are 2"
+        "camera \"far\": joint 7 does not exist (count: 2)"
     );
     let cone = LightKind::Spot { inner: 1.0, outer: 0.5 };
     assert_eq!(

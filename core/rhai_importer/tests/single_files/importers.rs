@@ -246,13 +246,17 @@ fn errors_state_the_script_line_and_the_byte_of_the_file() {
         ),
         (
             "mesh(#{ positions: [0,0,0], indices: [0, 0, 1] })",
-            "mesh \"mesh 0\": indices[2] is 1, but there are 1 vertices",
+            "mesh \"mesh 0\": indices[2] is 1, but the number of vertices is 1",
         ),
         (
             "mesh(#{ positions: [0,0,0], indices: [0.5, 0, 1] })",
             "mesh: indices[0] is 0.5, must be a whole number from 0",
         ),
         ("mesh(#{ positions: \"a\" })", "mesh: positions must be numbers, or an array of numbers, got text"),
+        (
+            "image(#{ width: 1, height: 1, pixels: [0, 255, 256, 255] })",
+            "image: pixels[2] is 256, must be from 0 to 255",
+        ),
         ("read(\"../x\")", "cannot read \"../x\": no such file"),
         ("loop { }", "more than 50000000 steps, which is the limit: is there an endless loop?"),
         (

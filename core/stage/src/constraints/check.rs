@@ -22,7 +22,7 @@ pub(crate) fn constraint_problems(stage: &Stage, actor: &Actor) -> Vec<(String, 
             bad(name, format!("ends at {end} s, before it starts at {start} s"));
         }
         match joints_of(&constraint.kind).into_iter().find(|j| *j as usize >= joints) {
-            Some(joint) => bad(name, format!("joint {joint} does not exist, there are {joints}")),
+            Some(joint) => bad(name, format!("joint {joint} does not exist (count: {joints})")),
             None => {
                 kind_problems(stage, actor, &constraint.kind).into_iter().for_each(|what| bad(name, what))
             }
@@ -30,7 +30,7 @@ pub(crate) fn constraint_problems(stage: &Stage, actor: &Actor) -> Vec<(String, 
     }
     for (joint, limit) in &actor.limits {
         if *joint as usize >= joints {
-            bad("limit", format!("joint {joint} does not exist, there are {joints}"));
+            bad("limit", format!("joint {joint} does not exist (count: {joints})"));
         }
         if let Err(what) = limit.check() {
             bad("limit", what.to_string());
@@ -59,11 +59,11 @@ fn target_problem(stage: &Stage, target: &Target) -> Option<String> {
         Target::Joint { actor, joint } => (actor, Some(joint)),
     };
     let Some(other) = stage.actors.get(index) else {
-        return Some(format!("target actor {index} does not exist, there are {}", stage.actors.len()));
+        return Some(format!("target actor {index} does not exist (count: {})", stage.actors.len()));
     };
     let count = other.asset.skeleton.len();
     let unknown = joint.filter(|j| *j as usize >= count);
-    unknown.map(|j| format!("target joint {j} does not exist, there are {count}"))
+    unknown.map(|j| format!("target joint {j} does not exist (count: {count})"))
 }
 
 /// Errors of a constraint whose joints exist.
@@ -99,7 +99,7 @@ fn kind_problems(stage: &Stage, actor: &Actor, kind: &ConstraintKind) -> Vec<Str
         ConstraintKind::FootLock(foot_lock) => {
             let count = stage.actors.len();
             let unknown = foot_lock.ground.iter().find(|g| **g >= count);
-            let text = |g| format!("ground actor {g} does not exist, there are {count}");
+            let text = |g| format!("ground actor {g} does not exist (count: {count})");
             return unknown.map(text).into_iter().collect();
         }
         ConstraintKind::Mirror(mirroring) => {

@@ -33,7 +33,7 @@ pub enum PathError {
 }
 
 choreo_motion::error_texts! { PathError:
-    Self::TooFew(count) => "a path needs at least 2 points, there are {count}";
+    Self::TooFew(count) => "a path needs at least 2 points; the number of points is {count}";
     Self::NotFinite(index) => "point {index} is not finite";
     Self::SamePlace(first, second) => "points {first} and {second} are in the same place";
 }

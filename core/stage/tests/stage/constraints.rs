@@ -439,11 +439,11 @@ fn check_reports_each_invalid_constraint_field() {
     );
     assert_eq!(
         contacts(|a| kind(a).joints = vec![UPPER, 99]),
-        with("actor \"anna\", reach: joint 99 does not exist, there are 10")
+        with("actor \"anna\", reach: joint 99 does not exist (count: 10)")
     );
     assert_eq!(
         contacts(|a| kind(a).target = Target::Actor(7)),
-        with("actor \"anna\", reach: target actor 7 does not exist, there are 1")
+        with("actor \"anna\", reach: target actor 7 does not exist (count: 1)")
     );
     assert_eq!(
         contacts(|a| a.limits.push((0, Limit::Hinge { axis: DVec3::ZERO, angle: (0.0, 1.0) }))),

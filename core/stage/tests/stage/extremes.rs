@@ -134,10 +134,10 @@ fn check_reports_each_planted_fault_and_evaluation_does_not_panic() {
         ),
         (
             |s| s.actors[0].parents = vec![Parenting::always(Attachment { actor: 9, joint: None })],
-            "actor \"anna\": parent actor 9 does not exist, there are 1",
+            "actor \"anna\": parent actor 9 does not exist (count: 1)",
         ),
         (|s| s.actors[0].face = Some(0), "actor \"anna\": faces itself"),
-        (|s| s.actors[0].face = Some(4), "actor \"anna\": faced actor 4 does not exist, there are 1"),
+        (|s| s.actors[0].face = Some(4), "actor \"anna\": faced actor 4 does not exist (count: 1)"),
         (
             |s| s.actors[0].layers[0].mask = Some(Arc::new(vec![1.0])),
             "actor \"anna\", layer 0: the number of mask weights is 1, must be that of joints, 5",
@@ -171,7 +171,7 @@ fn check_reports_each_planted_fault_and_evaluation_does_not_panic() {
         ),
         (
             |s| s.actors[0].look_at.push(LookAt::new(77, Target::Point(DVec3::ZERO))),
-            "actor \"anna\", look_at: joint 77 does not exist, there are 5",
+            "actor \"anna\", look_at: joint 77 does not exist (count: 5)",
         ),
         (
             |s| s.actors[0].look_at.push(LookAt::new(2, Target::Point(DVec3::NAN))),
@@ -179,7 +179,7 @@ fn check_reports_each_planted_fault_and_evaluation_does_not_panic() {
         ),
         (
             |s| s.actors[0].morphs.push((0, 3, 1.0)),
-            "actor \"anna\": morph target 3 does not exist, there are 0",
+            "actor \"anna\": morph target 3 does not exist (count: 0)",
         ),
         (
             |s| s.actors[0].channels[0].values[1] = f64::NAN,
@@ -208,9 +208,9 @@ fn check_reports_each_planted_fault_and_evaluation_does_not_panic() {
         ),
         (
             |s| s.cameras[0].rig = Rig::File { actor: 0, camera: 8 },
-            "camera \"c\": camera of the file 8 does not exist, there are 1",
+            "camera \"c\": camera of the file 8 does not exist (count: 1)",
         ),
-        (|s| s.cuts.push(Cut::new(secs(1.0), 3)), "cut 0 at 1 s: camera 3 does not exist, there are 1"),
+        (|s| s.cuts.push(Cut::new(secs(1.0), 3)), "cut 0 at 1 s: camera 3 does not exist (count: 1)"),
         (|s| s.lights[0].direction = Vec3::ZERO, "light \"sun\": direction has length 0, must be 1"),
         (
             |s| s.lights[0].light.intensity = f32::NAN,

@@ -126,7 +126,7 @@ fn wrong_counts_and_indices_are_errors() {
     bin[common::sample::INDICES + 4] = 9;
     assert_eq!(
         common::error_text(import(&json, &bin)),
-        "bad.glb: meshes[0].primitives[0].indices (accessors[1]): element 2 is vertex 9, but there are 3 vertices"
+        "bad.glb: meshes[0].primitives[0].indices (accessors[1]): element 2 is vertex 9, but the number of vertices is 3"
     );
     let (json, mut bin) = sample();
     bin[common::sample::JOINTS + 1] = 2;

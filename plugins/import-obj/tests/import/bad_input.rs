@@ -24,11 +24,11 @@ fn errors_name_the_line() {
         ("f 1/1/1 2", "f 9/1/1 2", "line 16: refers to vertex 9, but the file has 5"),
         ("f 1/1/1 2", "f 1/9/1 2", "line 16: refers to texture coordinate 9, but the file has 4"),
         ("f 1/1/1 2", "f 1/1/9 2", "line 16: refers to normal 9, but the file has 1"),
-        ("f -5/", "f -6/", "line 18: refers to vertex -6, counted from the end, but there are 5 so far"),
+        ("f -5/", "f -6/", "line 18: refers to vertex -6, counted from the end, but the number so far is 5"),
         (
             "f 1/1/1 2",
             "f 1/-5/1 2",
-            "line 16: refers to texture coordinate -5, counted from the end, but there are 4 so far",
+            "line 16: refers to texture coordinate -5, counted from the end, but the number so far is 4",
         ),
         (
             "f 1/1/1 2",
