@@ -9,10 +9,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-const SMALL: &[&str] = &["--device", "cpu", "--size", "160x90", "--samples", "1", "--quiet"];
+const SMALL_RENDER: &[&str] = &["--device", "cpu", "--size", "160x90", "--samples", "1", "--quiet"];
 
 fn render<'a>(input: &'a str, output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    [&["render", input, "-o", output], SMALL, more].concat()
+    [&["render", input, "-o", output], SMALL_RENDER, more].concat()
 }
 
 fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
@@ -35,12 +35,12 @@ fn with_file_limit(folder: &Path, blocks: usize, args: &[&str]) -> Run {
     let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\"");
     let mut command = Command::new("sh");
     command.current_dir(folder).args(["-c", &script, "sh", env!("CARGO_BIN_EXE_choreo")]).args(args);
-    finished(command.stdin(Stdio::null()).output().unwrap())
+    run_result(command.stdin(Stdio::null()).output().unwrap())
 }
 
 /// A file that existed before stays; finished frames are kept, and the render can be resumed.
 #[test]
-fn a_disk_that_fills_up_loses_nothing() {
+fn a_full_disk_keeps_the_old_file_and_finished_frames() {
     for (output, blocks) in [("o.y4m", 300), ("o.gif", 20), ("o.mp4", 60)] {
         let dir = folder();
         let d = dir.path();
@@ -61,12 +61,12 @@ fn a_disk_that_fills_up_loses_nothing() {
         let whole = format!("whole{}", &output[1..]);
         assert_eq!(choreo(d, &render("tri.gltf", &whole, frames)).code, 0);
         assert!(resumed == read(d, &whole), "{output}");
-        assert_eq!(parts(d), Vec::<String>::new());
+        assert_eq!(part_files(d), Vec::<String>::new());
     }
 }
 
 #[test]
-fn a_picture_that_does_not_fit_leaves_the_old_one() {
+fn an_image_that_does_not_fit_keeps_the_old_file() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(d.join("o.png"), "old").unwrap();
@@ -115,7 +115,7 @@ fn a_video_whose_folder_vanishes_ends_at_once() {
             std::fs::metadata(d.join(format!("{output}.part/journal"))).is_ok_and(|m| m.len() > 600)
         });
         std::fs::rename(d.join("v"), d.join("gone")).unwrap();
-        let run = finished(child.wait_with_output().unwrap());
+        let run = run_result(child.wait_with_output().unwrap());
         assert_eq!(run.code, 3, "{}", run.err);
         let line = run.err.lines().last().unwrap_or_default();
         assert_eq!(line, format!("{output}: cannot write: no such file or folder"));
@@ -123,7 +123,7 @@ fn a_video_whose_folder_vanishes_ends_at_once() {
 }
 
 #[test]
-fn what_must_not_be_written_is_not() {
+fn read_only_files_and_folders_are_not_written() {
     let dir = folder();
     let d = dir.path();
     for output in ["o.mp4", "o.png", "o.gif", "o.y4m"] {
@@ -158,7 +158,7 @@ fn what_must_not_be_written_is_not() {
 }
 
 /// A scene with an image, a module, a plugin and a test, in `scene`; beside it a file and a folder that nobody may change.
-fn planted() -> tempfile::TempDir {
+fn scene_with_guarded_files() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("scene");
     std::fs::create_dir_all(scene.join("suite")).unwrap();
@@ -176,7 +176,7 @@ fn planted() -> tempfile::TempDir {
 /// Every name that a command writes under, with a link that a stranger has put there. Of each: the link, whether it names a
 /// folder, and the command.
 #[test]
-fn links_in_the_way_are_refused_and_named() {
+fn symbolic_links_at_outputs_are_refused_and_named() {
     let render = |output: &'static str| {
         vec!["render", "tri.gltf", "-o", output, "--frames", "0..2", "--device", "cpu", "--size", "32x18"]
     };
@@ -228,7 +228,7 @@ fn links_in_the_way_are_refused_and_named() {
         ("target/choreo-test/pictures".into(), true, test("--quiet")),
     ]);
     for (link, is_folder, args) in &cases {
-        let dir = planted();
+        let dir = scene_with_guarded_files();
         let d = dir.path().join("scene");
         let target = dir.path().join(if *is_folder { "far" } else { "bashrc" });
         std::fs::create_dir_all(d.join(link).parent().unwrap()).unwrap();
@@ -248,10 +248,10 @@ fn links_in_the_way_are_refused_and_named() {
 
 /// Nor does a render go on into files that are links, or that have a second name.
 #[test]
-fn parts_to_go_on_with_that_have_other_names_are_refused() {
+fn part_files_that_are_links_are_not_resumed() {
     for file in ["body", "journal", "frames"] {
         for is_hard in [false, true] {
-            let dir = planted();
+            let dir = scene_with_guarded_files();
             let d = dir.path().join("scene");
             let run = with_file_limit(&d, 60, &render("tri.gltf", "o.mp4", &["--frames", "0..24"]));
             assert!(run.code == 3 && d.join("o.mp4.part").is_dir(), "{}", run.err);
@@ -277,14 +277,14 @@ fn a_hard_link_in_the_place_of_a_part_is_replaced() {
     for (part, output) in
         [("o.png.part", "o.png"), ("o.y4m.part/body", "o.y4m"), ("o.y4m.part/journal", "o.y4m")]
     {
-        let dir = planted();
+        let dir = scene_with_guarded_files();
         let d = dir.path().join("scene");
         std::fs::create_dir_all(d.join(part).parent().unwrap()).unwrap();
         std::fs::hard_link(dir.path().join("bashrc"), d.join(part)).unwrap();
         let run = choreo(&d, &render("tri.gltf", output, &["--frames", "0"]));
         assert_eq!(run.code, 0, "{part}: {}", run.err);
         assert_eq!(read(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{part}");
-        assert!(read(&d, output).len() > 100 && parts(&d).is_empty());
+        assert!(read(&d, output).len() > 100 && part_files(&d).is_empty());
     }
 }
 
@@ -292,7 +292,7 @@ fn a_hard_link_in_the_place_of_a_part_is_replaced() {
 /// root runs the tests; a unit test of choreo-files looks at it without writing.
 #[test]
 fn streams_of_the_program_can_be_written() {
-    let dir = planted();
+    let dir = scene_with_guarded_files();
     let d = dir.path().join("scene");
     for place in ["/proc/self/fd/1", "/dev/fd/1"] {
         let run = choreo(&d, &["test", "suite", "--accept", "--quiet", &format!("--html={place}")]);
@@ -302,8 +302,8 @@ fn streams_of_the_program_can_be_written() {
 
 /// A pipe as an output: an error where nobody reads it, else what a file would hold.
 #[test]
-fn pipes_are_written_where_somebody_reads_them() {
-    let dir = planted();
+fn pipes_are_written_only_if_they_have_a_reader() {
+    let dir = scene_with_guarded_files();
     let d = &dir.path().join("scene");
     let cases: [(&str, Vec<&str>); 5] = [
         ("o.y4m", render("tri.gltf", "o.y4m", &["--frames", "0..3"])),
@@ -320,7 +320,7 @@ fn pipes_are_written_where_somebody_reads_them() {
         // `timeout` ends what waits for ever, with code 124.
         let mut command = Command::new("timeout");
         command.args(["60", env!("CARGO_BIN_EXE_choreo")]).args(&args).current_dir(d).stdin(Stdio::null());
-        let run = finished(command.output().unwrap());
+        let run = run_result(command.output().unwrap());
         let words = format!("{name}: cannot write: nobody reads from this pipe; start its reader first\n");
         assert!(run.code == 3 && run.err.ends_with(&words), "{name}: {} {}", run.code, run.err);
         let reader =
@@ -329,13 +329,13 @@ fn pipes_are_written_where_somebody_reads_them() {
         assert_eq!(run.code, 0, "{name}: {}", run.err);
         let read = reader.unwrap().wait_with_output().unwrap();
         assert!(read.status.success() && read.stdout == expected, "{name}: {} bytes", read.stdout.len());
-        assert_eq!(parts(d), Vec::<String>::new());
+        assert_eq!(part_files(d), Vec::<String>::new());
     }
 }
 
 /// A folder beside the script that is a link to elsewhere. What the user's own path leads to is followed.
 #[test]
-fn a_linked_folder_in_the_scenes_own_leads_no_output_out_of_it() {
+fn a_linked_folder_beside_the_script_is_not_written_through() {
     let dir = tempfile::tempdir().unwrap();
     let (scene, far) = (dir.path().join("scene"), dir.path().join("far"));
     std::fs::create_dir_all(scene.join("inner")).unwrap();
@@ -358,7 +358,7 @@ fn a_linked_folder_in_the_scenes_own_leads_no_output_out_of_it() {
 /// Each kind of file that a scene is made of, each kind of output, and each way to name the file.
 #[test]
 fn an_output_in_the_place_of_an_input_is_refused() {
-    let dir = planted();
+    let dir = scene_with_guarded_files();
     let d = &dir.path().join("scene");
     let write = |name: &str, bytes: &[u8]| {
         std::fs::create_dir_all(d.join(name).parent().unwrap()).unwrap();
@@ -449,10 +449,10 @@ fn the_second_of_two_renders_to_one_output_is_refused() {
         assert!(begun());
         let killed = Command::new("kill").args(["-KILL", &first.id().to_string()]).status().unwrap();
         assert!(killed.success());
-        finished(first.wait_with_output().unwrap());
+        run_result(first.wait_with_output().unwrap());
         let run = choreo(d, &render("long.gltf", output, &["--frames", overlap]));
         assert_eq!(run.code, 0, "{}", run.err);
-        let left = if output.contains('/') { parts(&d.join("f")) } else { parts(d) };
+        let left = if output.contains('/') { part_files(&d.join("f")) } else { part_files(d) };
         // An image that the first was writing may still lie there, under its number.
         assert!(left.iter().all(|n| n.ends_with(".png.part")), "{left:?}");
     }
@@ -460,7 +460,7 @@ fn the_second_of_two_renders_to_one_output_is_refused() {
 
 /// The halves of a video by two processes at once.
 #[test]
-fn numbered_pictures_can_be_shared_out() {
+fn two_processes_can_share_numbered_images() {
     let dir = folder();
     let d = dir.path();
     let start = |frames: &'static str| {
@@ -470,7 +470,7 @@ fn numbered_pictures_can_be_shared_out() {
             .unwrap()
     };
     for child in [start("0..15"), start("15..30")] {
-        let run = finished(child.wait_with_output().unwrap());
+        let run = run_result(child.wait_with_output().unwrap());
         assert_eq!(run.code, 0, "{}", run.err);
     }
     assert_eq!(names(&d.join("f")).len(), 30);

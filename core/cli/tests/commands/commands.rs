@@ -3,16 +3,16 @@
 use crate::common::*;
 use serde_json::Value;
 
-fn json(folder: &std::path::Path, args: &[&str]) -> Value {
+fn json_output(folder: &std::path::Path, args: &[&str]) -> Value {
     let run = choreo(folder, args);
     assert_eq!(run.code, 0, "{}", run.err);
     serde_json::from_str(&run.out).unwrap()
 }
 
 #[test]
-fn pose_gives_joints_in_the_world() {
+fn pose_prints_joints_in_world_space() {
     let dir = folder();
-    let value = json(dir.path(), &["pose", "tri.gltf", "--at", "0.25", "--json"]);
+    let value = json_output(dir.path(), &["pose", "tri.gltf", "--at", "0.25", "--json"]);
     let joints = value["actors"][0]["joints"].as_array().unwrap();
     let joint = |name: &str| joints.iter().find(|j| j["name"] == name).unwrap();
     let slider = joint("Slider");
@@ -46,9 +46,9 @@ fn pose_writes_meshes_in_the_file_s_vertex_order() {
 }
 
 #[test]
-fn info_counts_what_is_in_a_file() {
+fn info_counts_the_contents_of_a_file() {
     let dir = folder();
-    let value = json(dir.path(), &["info", "tri.gltf", "--json", "--joints"]);
+    let value = json_output(dir.path(), &["info", "tri.gltf", "--json", "--joints"]);
     assert_eq!(
         (&value["vertices"], &value["triangles"], &value["joints"]),
         (&3.into(), &1.into(), &2.into())
@@ -61,9 +61,9 @@ fn info_counts_what_is_in_a_file() {
 }
 
 #[test]
-fn explain_names_what_is_left_out() {
+fn explain_lists_what_the_plan_leaves_out() {
     let dir = folder();
-    let value = json(dir.path(), &["explain", "tri.gltf", "--json"]);
+    let value = json_output(dir.path(), &["explain", "tri.gltf", "--json"]);
     assert_eq!(value["frame"]["draws"], 1);
     let left: Vec<&str> =
         value["left_out"].as_array().unwrap().iter().map(|l| l["what"].as_str().unwrap()).collect();
@@ -87,7 +87,7 @@ fn explain_names_what_is_left_out() {
 }
 
 #[test]
-fn explain_says_how_many_sub_frames_motion_blur_takes_and_why() {
+fn explain_states_the_number_of_motion_blur_sub_frames_and_the_reason() {
     let dir = tempfile::tempdir().unwrap();
     let script = |turn: f64| {
         format!(
@@ -116,7 +116,7 @@ fn explain_states_the_cost_of_each_pass() {
     let script = "stage(#{ size: [64, 36], length: 1.0, samples: 4 });\ncast(\"box\", shape(\"box\"));\n";
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
     let costs = |passes: &[&str]| -> Vec<(String, String, u64)> {
-        let value = json(dir.path(), &[&["explain", "s.rhai", "--json"], passes].concat());
+        let value = json_output(dir.path(), &[&["explain", "s.rhai", "--json"], passes].concat());
         let parts = value["in"].as_array().unwrap();
         let asked = |p: &serde_json::Value| p["asked_by"]["other"].as_str().unwrap_or_default().to_string();
         let row = |p: &serde_json::Value| {
@@ -143,12 +143,12 @@ fn explain_states_the_cost_of_each_pass() {
 
 /// Shadow maps have no materials: nothing that the box alone asks for names those of the figure, which come first. The tables fit the terminal.
 #[test]
-fn explain_names_the_materials_of_what_it_is_about() {
+fn explain_names_only_the_materials_that_an_actor_uses() {
     let dir = folder();
     let script = "sun(#{ shadow: true });\nlet m = load(\"choreo:mannequin\");\ncast(\"figure\", m);\n\
         cast(\"box\", shape(\"box\")).at(1, 0, 0);\ncamera(\"c\").at(0, 1, 5).look_at([0, 1, 0]);";
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
-    let value = json(dir.path(), &["explain", "s.rhai", "--json"]);
+    let value = json_output(dir.path(), &["explain", "s.rhai", "--json"]);
     let of_box = |part: &&serde_json::Value| {
         let actors = part["asked_by"]["actors"].as_array().unwrap();
         actors.len() == 1 && actors[0]["name"] == "box"
@@ -162,24 +162,24 @@ fn explain_names_the_materials_of_what_it_is_about() {
     }
     for columns in ["80", "120"] {
         let run =
-            finished(command(dir.path(), &["explain", "s.rhai"]).env("COLUMNS", columns).output().unwrap());
+            run_result(command(dir.path(), &["explain", "s.rhai"]).env("COLUMNS", columns).output().unwrap());
         let table: Vec<&str> = run.out.lines().skip_while(|line| !line.contains("requested by")).collect();
         assert!(
             table.len() > 20 && table.iter().all(|line| line.chars().count() <= columns.parse().unwrap())
         );
     }
     let mut piped = command(dir.path(), &["explain", "s.rhai"]);
-    let run = finished(piped.env_remove("COLUMNS").output().unwrap());
+    let run = run_result(piped.env_remove("COLUMNS").output().unwrap());
     assert!(run.out.lines().any(|line| line.chars().count() > 120), "{}", run.out);
 }
 
 #[test]
-fn explain_says_where_in_the_script_something_was_asked_for() {
+fn explain_states_the_script_line_that_requests_a_feature() {
     let dir = tempfile::tempdir().unwrap();
     let script = "stage(#{ length: 1.0 });\nlet m = load(\"choreo:mannequin\");\ncast(\"ada\", m).play(m.clip(\"Walk\"));\n\
                   cast(\"box\", shape(\"box\")).at(1.0, 0.0, 0.0);\neffect(\"vignette\");\n";
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
-    let value = json(dir.path(), &["explain", "s.rhai", "--json"]);
+    let value = json_output(dir.path(), &["explain", "s.rhai", "--json"]);
     let part = |kind: &str, what: &str| {
         let parts = value["in"].as_array().unwrap();
         parts
@@ -202,12 +202,13 @@ fn explain_says_where_in_the_script_something_was_asked_for() {
 }
 
 #[test]
-fn measure_names_a_way_for_each_choice() {
+fn measure_reports_every_numerical_choice_with_its_reason() {
     let dir = tempfile::tempdir().unwrap();
     let script = "stage(#{ size: [64, 48], length: 2.0 });\nlet m = load(\"choreo:mannequin\");\n\
                   cast(\"ada\", m).play(m.clip(\"Walk\")).until(1.0).then(m.clip(\"Run\"), #{ fade: 0.4 });\n";
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
-    let value = json(dir.path(), &["measure", "s.rhai", "--device", "cpu", "--json", "--plot", "m.svg"]);
+    let value =
+        json_output(dir.path(), &["measure", "s.rhai", "--device", "cpu", "--json", "--plot", "m.svg"]);
     let choices = value["choices"].as_array().unwrap();
     let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
     assert_eq!(named, ["bake", "crossfade", "skinning", "normals", "weights", "renderer", "video"]);
@@ -237,7 +238,7 @@ fn measure_names_a_way_for_each_choice() {
 }
 
 #[test]
-fn measure_compares_springs_chains_skies_and_tones() {
+fn measure_compares_springs_ik_sky_maps_and_tone_curves() {
     let dir = tempfile::tempdir().unwrap();
     let flag = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/flag.gltf");
     std::fs::copy(flag, dir.path().join("flag.gltf")).unwrap();
@@ -252,7 +253,7 @@ fn measure_compares_springs_chains_skies_and_tones() {
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
     let mut arguments = vec!["measure", "s.rhai", "--device", "cpu", "--json"];
     arguments.extend(["springs", "ik", "sky", "tones"].iter().flat_map(|key| ["--only", key]));
-    let value = json(dir.path(), &arguments);
+    let value = json_output(dir.path(), &arguments);
     let choices = value["choices"].as_array().unwrap();
     let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
     assert_eq!(named, ["springs", "ik", "sky_maps", "sky_diffuse", "agx"]);
@@ -299,7 +300,7 @@ fn measure_compares_shadows_and_sub_frames() {
         "--only",
         "motion_blur",
     ];
-    let value = json(dir.path(), &arguments);
+    let value = json_output(dir.path(), &arguments);
     let choices = value["choices"].as_array().unwrap();
     let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
     assert_eq!(named, ["shadows", "motion_blur"]);
@@ -320,7 +321,7 @@ fn measure_compares_shadows_and_sub_frames() {
 }
 
 #[test]
-fn a_walk_alone_sets_position_and_rotation() {
+fn walk_to_conflicts_with_other_positions_and_rotations() {
     let dir = tempfile::tempdir().unwrap();
     let script = "let m = load(\"choreo:mannequin\");\nlet a = cast(\"a\", m).at(0, 0, 1);\na.play(m.clip(\"Idle\"));\n\
                   a.walk_to([2, 0, 0]);\na.face([0, 0, 5]);\na.turn(90);\na.at(1, 0, 0);\n\
@@ -337,9 +338,9 @@ fn a_walk_alone_sets_position_and_rotation() {
 }
 
 #[test]
-fn plugins_and_help_are_complete() {
+fn plugins_and_help_list_all_plugins_and_exit_codes() {
     let dir = folder();
-    let value = json(dir.path(), &["plugins", "--json"]);
+    let value = json_output(dir.path(), &["plugins", "--json"]);
     let names = |kind: &str| -> Vec<String> {
         value[kind].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap().to_string()).collect()
     };
@@ -367,7 +368,7 @@ fn a_script_is_checked_posed_and_rendered() {
     std::fs::write(d.join("s.rhai"), script).unwrap();
     let run = choreo(d, &["check", "s.rhai"]);
     assert_eq!((run.code, run.out.as_str()), (0, "s.rhai: good, 10 frames, no warnings\n"), "{}", run.err);
-    let value = json(d, &["pose", "s.rhai", "--at", "0.5", "--json"]);
+    let value = json_output(d, &["pose", "s.rhai", "--at", "0.5", "--json"]);
     assert_eq!(value["actors"][0]["name"], "a");
     assert_eq!(value["actors"][0]["world_from_model"][12], 1.0);
     let run = choreo(d, &["render", "s.rhai", "-o", "f/%d.png", "--device", "cpu", "--quiet"]);
@@ -376,7 +377,7 @@ fn a_script_is_checked_posed_and_rendered() {
 }
 
 #[test]
-fn plugins_show_what_each_importer_says_of_a_file() {
+fn plugins_for_a_file_lists_the_claim_of_each_importer() {
     let dir = folder();
     std::fs::write(dir.path().join("what.dat"), "?").unwrap();
     let run = choreo(dir.path(), &["plugins", "--for", "tri.gltf"]);
@@ -388,7 +389,7 @@ fn plugins_show_what_each_importer_says_of_a_file() {
     assert!(run.out.contains("  mannequin    not mine\n"), "{}", run.out);
     let run = choreo(dir.path(), &["plugins", "--for", "what.dat"]);
     assert!(run.out.starts_with("what.dat: no importer knows this kind of file\n"), "{}", run.out);
-    let value = json(dir.path(), &["plugins", "--for", "tri.gltf", "--json"]);
+    let value = json_output(dir.path(), &["plugins", "--for", "tri.gltf", "--json"]);
     assert_eq!(value["read_by"], "gltf");
     assert_eq!(
         value["claims"][0],
@@ -466,7 +467,7 @@ fn body_bvh(names: [&str; 17]) -> String {
 /// A clip of 17 joints on a body of which names and structure tell hips and legs alone, and on one of which they tell nothing: what
 /// plays it, what retargets it and what tells of it agree.
 #[test]
-fn body_parts_that_do_not_follow_are_named_by_every_command() {
+fn body_parts_that_are_not_retargeted_are_named_by_every_command() {
     let mixamo = [
         "Hips",
         "Spine",
@@ -539,11 +540,11 @@ fn body_parts_that_do_not_follow_are_named_by_every_command() {
 }
 
 /// ESC, carriage return, a line of its own, a line separator of terminals (C1), and characters that turn the order around.
-const EVIL: &str = "e\u{1b}[31mv\r\nerror: il\u{9b}2J\u{202e}\u{2066}";
+const HOSTILE_NAME: &str = "e\u{1b}[31mv\r\nerror: il\u{9b}2J\u{202e}\u{2066}";
 
 /// The triangle with such a name for everything that has one.
 fn hostile_model() -> String {
-    let evil = serde_json::to_string(EVIL).unwrap();
+    let evil = serde_json::to_string(HOSTILE_NAME).unwrap();
     let evil = evil.trim_matches('"');
     let mut text = triangle(1.0);
     for name in ["Root", "Slider", "Tri", "Slide"] {
@@ -556,13 +557,13 @@ fn hostile_model() -> String {
 
 /// No command lets names of a file steer the terminal or begin a line; as JSON they are what they are.
 #[test]
-fn names_of_files_do_not_reach_the_terminal_as_they_are() {
+fn control_characters_in_names_do_not_reach_the_terminal() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     std::fs::write(d.join("evil.gltf"), hostile_model()).unwrap();
     let script = format!(
         "let m = load(\"evil.gltf\");\nlet a = cast({0}, m).play(m.clip(0));\nprint({0});\na.joint({0});\n",
-        serde_json::to_string(&format!("anna{EVIL}")).unwrap().replace("\\u001b", "\\x1b")
+        serde_json::to_string(&format!("anna{HOSTILE_NAME}")).unwrap().replace("\\u001b", "\\x1b")
     );
     std::fs::write(d.join("evil.rhai"), &script).unwrap();
     let section = "test(\"s\\x1b[2J\\nerror: x\", || { expect(1).equals(2); });";
@@ -601,8 +602,8 @@ fn names_of_files_do_not_reach_the_terminal_as_they_are() {
         }
     }
     assert!(named >= 9, "the names are told by {named} commands");
-    let value = json(d, &["pose", "evil.gltf", "--json"]);
-    assert_eq!(value["actors"][0]["joints"][0]["name"], format!("Root{EVIL}"));
+    let value = json_output(d, &["pose", "evil.gltf", "--json"]);
+    assert_eq!(value["actors"][0]["joints"][0]["name"], format!("Root{HOSTILE_NAME}"));
 }
 
 #[test]
@@ -617,7 +618,7 @@ fn a_matrix_is_one_line_of_json() {
 }
 
 /// Legs that face −z, in centimetres.
-fn legs_to_the_back() -> String {
+fn legs_facing_minus_z_bvh() -> String {
     let leg = |side: &str, x: i32| {
         let joint = |name: &str, offset: &str, below: &str| {
             format!(
@@ -638,7 +639,7 @@ fn legs_to_the_back() -> String {
 
 /// The recipe of a hand-over states the axes of the built-in character's hands.
 #[test]
-fn axes_of_hands_are_named() {
+fn info_states_the_axes_of_hands() {
     let dir = folder();
     let run = choreo(dir.path(), &["info", "choreo:mannequin"]);
     let line = run.out.lines().find(|line| line.starts_with("hands "));
@@ -648,10 +649,10 @@ fn axes_of_hands_are_named() {
     assert!(recipe.contains(
         "hands of the built-in character and of Mixamo y runs along the fingers\n  and z out of the palm"
     ));
-    let told = json(dir.path(), &["info", "choreo:mannequin", "--json"])["character"]["hands"].clone();
+    let told = json_output(dir.path(), &["info", "choreo:mannequin", "--json"])["character"]["hands"].clone();
     assert_eq!(told.as_array().unwrap().len(), 2, "{told}");
     // VRM 0.x: joints have the axes of the model, in which the arms are stretched out.
-    let Some(assets) = assets() else { return };
+    let Some(assets) = sample_assets_folder() else { return };
     let model = assets.join("vrm/cool_loops.vrm");
     let run = choreo(dir.path(), &["info", model.to_str().unwrap()]);
     let line = run.out.lines().find(|line| line.starts_with("hands "));
@@ -660,12 +661,12 @@ fn axes_of_hands_are_named() {
 }
 
 #[test]
-fn a_character_that_faces_minus_z_is_named_so_and_walks_forwards() {
+fn a_character_that_faces_minus_z_is_detected_and_walks_forwards() {
     let dir = folder();
-    std::fs::write(dir.path().join("legs.bvh"), legs_to_the_back()).unwrap();
+    std::fs::write(dir.path().join("legs.bvh"), legs_facing_minus_z_bvh()).unwrap();
     let run = choreo(dir.path(), &["info", "legs.bvh"]);
     assert!(run.out.contains("\nfacing     -z (feet, knees, left and right)\n"), "{}{}", run.out, run.err);
-    let facing = json(dir.path(), &["info", "legs.bvh", "--json"])["facing"].clone();
+    let facing = json_output(dir.path(), &["info", "legs.bvh", "--json"])["facing"].clone();
     assert_eq!((&facing["front"], &facing["doubtful"]), (&"-z".into(), &false.into()));
     // How far its toes are before its heels on the way, in metres.
     let ahead = |options: &str| {
@@ -673,7 +674,7 @@ fn a_character_that_faces_minus_z_is_named_so_and_walks_forwards() {
             "cast(\"a\", load(\"legs.bvh\", #{{ scale: 0.01{options} }})).path([[0, 0, 0], [4, 0, 0]], #{{ speed: 1.0 }});\nstage(#{{ length: 2.0 }});\n"
         );
         std::fs::write(dir.path().join("walks.rhai"), script).unwrap();
-        let value = json(dir.path(), &["pose", "walks.rhai", "--at", "1", "--json"]);
+        let value = json_output(dir.path(), &["pose", "walks.rhai", "--at", "1", "--json"]);
         let joints = value["actors"][0]["joints"].as_array().unwrap().clone();
         let x = |name: &str| {
             let joint = joints.iter().find(|j| j["name"] == name).unwrap();

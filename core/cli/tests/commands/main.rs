@@ -11,4 +11,4 @@ mod help;
 mod new;
 mod poses;
 mod project_file;
-mod short_answers;
+mod short_messages;

@@ -5,7 +5,7 @@ use choreo_importer_kit_testing::outside;
 use std::path::Path;
 
 #[test]
-fn single_files_work_as_they_are() {
+fn new_single_file_plugins_work_unchanged() {
     let dir = folder();
     let run = choreo(dir.path(), &["new", "importer", "my_format", "--single"]);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -50,7 +50,7 @@ fn single_files_work_as_they_are() {
 const OUTPUTS: &str = env!("CARGO_TARGET_TMPDIR");
 
 /// What cargo prints about the crates in a folder.
-fn cargo(folder: &Path, arguments: &[&str]) -> String {
+fn run_cargo(folder: &Path, arguments: &[&str]) -> String {
     let output = outside::cargo(OUTPUTS, folder).args(arguments).arg("--offline").output().unwrap();
     let text = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat();
     assert!(output.status.success(), "{text}");
@@ -61,7 +61,7 @@ const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "outline", "
 
 /// A crate of each kind and an effect of each hook, members of one workspace, with their own tests.
 #[test]
-fn crates_build_and_pass_their_tests() {
+fn new_plugin_crates_build_and_pass_their_tests() {
     let (dir, sources) = (outside::folder(OUTPUTS, "new"), outside::sources());
     std::fs::write(dir.join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
         .unwrap();
@@ -90,7 +90,7 @@ fn crates_build_and_pass_their_tests() {
         assert!(!format!("{source}{readme}").contains(" to copy"), "{readme}");
     }
     HOOKS.iter().for_each(|hook| new("effect", &format!("of_{hook}"), &["--hook", hook]));
-    let text = cargo(&dir, &["test", "--workspace", "--no-fail-fast"]);
+    let text = run_cargo(&dir, &["test", "--workspace", "--no-fail-fast"]);
     let passed = |tests: usize| text.matches(&format!("test result: ok. {tests} passed")).count();
     // The importer has three tests; the exporter and the eight effects have two each.
     assert_eq!((passed(3), passed(2)), (1, 9), "{text}");
@@ -103,16 +103,16 @@ fn crates_build_and_pass_their_tests() {
 
 /// Outside a workspace a crate is one.
 #[test]
-fn a_crate_on_its_own_builds() {
+fn a_new_crate_outside_a_workspace_builds() {
     let (dir, sources) = (folder(), outside::sources());
     let run = choreo(dir.path(), &["new", "exporter", "alone", "--sources", sources.to_str().unwrap()]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let text = cargo(&dir.path().join("export-alone"), &["check", "--tests"]);
+    let text = run_cargo(&dir.path().join("export-alone"), &["check", "--tests"]);
     assert!(text.contains("Checking export-alone"), "{text}");
 }
 
 #[test]
-fn nothing_is_overwritten_and_names_are_checked() {
+fn new_overwrites_nothing_and_checks_names() {
     let dir = folder();
     std::fs::write(dir.path().join("a.wgsl"), "mine").unwrap();
     let run = choreo(dir.path(), &["new", "effect", "a", "--single"]);
@@ -130,7 +130,7 @@ fn nothing_is_overwritten_and_names_are_checked() {
 
 /// A project is checked, tested and drawn as it is written, and its test fails where the scene breaks what it says.
 #[test]
-fn a_project_works_as_it_is() {
+fn a_new_project_is_checked_tested_and_rendered_unchanged() {
     let dir = folder();
     let run = choreo(dir.path(), &["new", "project", "my-film"]);
     assert!(run.code == 0 && run.out.contains("choreo view my-film.rhai"), "{}{}", run.out, run.err);
@@ -187,7 +187,7 @@ fn settings_of_a_project_are_well_formed() {
 }
 
 #[test]
-fn a_project_takes_the_place_of_nothing() {
+fn a_new_project_overwrites_nothing_and_its_name_is_checked() {
     let dir = folder();
     std::fs::create_dir(dir.path().join("there")).unwrap();
     let run = choreo(dir.path(), &["new", "project", "there"]);

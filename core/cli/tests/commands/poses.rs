@@ -19,7 +19,7 @@ const CASES: &[(&str, &str, f64)] = &[
 ];
 
 /// Largest difference, as a share of the model's size: f32 through a dozen joints.
-const ALLOWED: f64 = 1e-6;
+const MAX_RELATIVE_ERROR: f64 = 1e-6;
 
 struct PoseOutput {
     joints: Vec<DVec3>,
@@ -29,7 +29,7 @@ struct PoseOutput {
 /// The output of the program, and the file that it writes.
 fn pose_output(file: &str, clip: &str, at: f64) -> PoseOutput {
     let folder = tempfile::tempdir().unwrap();
-    let file = assets().unwrap().join("gltf").join(file);
+    let file = sample_assets_folder().unwrap().join("gltf").join(file);
     let args = ["pose", file.to_str().unwrap(), "--clip", clip, "--json", "--mesh", "posed.obj", "--at"];
     let run = choreo(folder.path(), &[&args[..], &[&at.to_string()]].concat());
     assert_eq!(run.code, 0, "{}", run.err);
@@ -73,8 +73,8 @@ fn worst_distances(output: &PoseOutput, oracle: &Oracle, clip: &str, at: f64) ->
 }
 
 #[test]
-fn joints_and_meshes_are_where_the_specification_puts_them() {
-    let Some(folder) = assets() else { return };
+fn posed_joints_and_vertices_match_the_gltf_specification() {
+    let Some(folder) = sample_assets_folder() else { return };
     for (file, clip, at) in CASES {
         let output = pose_output(file, clip, *at);
         let mut oracle = Oracle::open(&folder.join("gltf").join(file));
@@ -83,11 +83,14 @@ fn joints_and_meshes_are_where_the_specification_puts_them() {
             "{file} {clip} {at} s: joints {joints:.1e}, {} vertices {vertices:.1e}",
             output.vertices.len()
         );
-        assert!(joints < ALLOWED && vertices < ALLOWED, "{file}: joints {joints:e}, vertices {vertices:e}");
+        assert!(
+            joints < MAX_RELATIVE_ERROR && vertices < MAX_RELATIVE_ERROR,
+            "{file}: joints {joints:e}, vertices {vertices:e}"
+        );
         // A fiftieth of a second late is seen.
         oracle.fault = Some(Fault::Late { secs: 0.02 });
         let (joints, vertices) = worst_distances(&output, &oracle, clip, *at);
-        assert!(joints.max(vertices) > 100.0 * ALLOWED, "{file}: a late pose passes");
+        assert!(joints.max(vertices) > 100.0 * MAX_RELATIVE_ERROR, "{file}: a late pose passes");
     }
 }
 

@@ -1,8 +1,8 @@
 //! Scenes exported to memory and to a folder, for tests of scene exporters.
 #![allow(dead_code)]
 
-#[path = "unhurried.rs"]
-pub mod unhurried;
+#[path = "long_time_limits.rs"]
+pub mod long_time_limits;
 
 use crate::common::choreo;
 use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue};
@@ -61,7 +61,7 @@ pub fn tolerance(metres: f64) -> [(&'static str, OptionValue); 1] {
 
 /// The stage of a lesson.
 pub fn stage_of(lesson: &Path) -> Stage {
-    let run = run_file(lesson, &choreo::registry(), &unhurried::unhurried());
+    let run = run_file(lesson, &choreo::registry(), &long_time_limits::script_options());
     run.unwrap_or_else(|e| panic!("{}: {e:?}", lesson.display())).stage
 }
 
@@ -110,12 +110,18 @@ impl Exported {
         exported
     }
 
-    pub fn lesson(path: &Path, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+    pub fn from_lesson(path: &Path, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
         Exported::of(stage_of(path), extension, options)
     }
 
-    pub fn script(text: &str, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
-        let run = run_text("scene.rhai", text, &scripts(), &choreo::registry(), &unhurried::unhurried());
+    pub fn from_script(text: &str, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+        let run = run_text(
+            "scene.rhai",
+            text,
+            &scripts(),
+            &choreo::registry(),
+            &long_time_limits::script_options(),
+        );
         Exported::of(run.unwrap_or_else(|e| panic!("{e:?}")).stage, extension, options)
     }
 

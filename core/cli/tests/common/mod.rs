@@ -19,7 +19,7 @@ pub fn command(folder: &Path, args: &[&str]) -> Command {
     command
 }
 
-pub fn finished(output: Output) -> Run {
+pub fn run_result(output: Output) -> Run {
     let run = Run {
         code: output.status.code().unwrap_or(-1),
         out: String::from_utf8_lossy(&output.stdout).into_owned(),
@@ -30,7 +30,7 @@ pub fn finished(output: Output) -> Run {
 }
 
 pub fn choreo(folder: &Path, args: &[&str]) -> Run {
-    finished(command(folder, args).output().unwrap())
+    run_result(command(folder, args).output().unwrap())
 }
 
 /// A process beside the test, which ends with it, stopped or not.
@@ -47,8 +47,8 @@ impl Process {
         assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
     }
 
-    pub fn ended(mut self) -> Run {
-        finished(self.0.take().unwrap().wait_with_output().unwrap())
+    pub fn wait(mut self) -> Run {
+        run_result(self.0.take().unwrap().wait_with_output().unwrap())
     }
 }
 
@@ -69,11 +69,11 @@ pub fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-pub fn parts(folder: &Path) -> Vec<String> {
+pub fn part_files(folder: &Path) -> Vec<String> {
     names(folder).into_iter().filter(|n| n.contains(".part")).collect()
 }
 
-pub fn assets() -> Option<PathBuf> {
+pub fn sample_assets_folder() -> Option<PathBuf> {
     let folder = std::env::var_os("CHOREO_ASSETS")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets"), PathBuf::from);
     if !folder.is_dir() {

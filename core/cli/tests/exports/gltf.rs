@@ -36,7 +36,7 @@ const LESSONS: [&str; 6] = [
 /// The parts of an exported glTF file that the tests read.
 trait Gltf {
     fn json(&self) -> Value;
-    fn again(&self) -> Stage;
+    fn imported_stage(&self) -> Stage;
 }
 
 impl Gltf for Exported {
@@ -53,7 +53,7 @@ impl Gltf for Exported {
     }
 
     /// The file, imported, as a scene of one actor that plays the timeline, with the original's settings and cuts.
-    fn again(&self) -> Stage {
+    fn imported_stage(&self) -> Stage {
         let asset = import(&self.path());
         let mut stage = Stage { settings: self.stage.settings.clone(), ..Stage::default() };
         let shots: Vec<Value> =
@@ -114,9 +114,9 @@ impl Joints {
 }
 
 /// The worst distance of a joint at 20 times between frames, with its place; actors that are not seen aside.
-fn worst(exported: &Exported) -> (f64, String) {
+fn worst_joint_error(exported: &Exported) -> (f64, String) {
     let stage = &exported.stage;
-    let again = Arc::new(exported.again());
+    let again = Arc::new(exported.imported_stage());
     let joints = Joints::of(exported);
     let (mut one, mut other) = (Evaluator::new(stage.clone()), Evaluator::new(again).posing_hidden());
     let mut worst = (0.0, String::new());
@@ -152,11 +152,11 @@ fn draw(stage: &Stage, time: Time) -> Frame {
 }
 
 /// Images of the scene, without what glTF has no words for, and of the file.
-fn images(exported: &Exported, share: f64) -> (Comparison, Frame, Frame) {
+fn compare_images(exported: &Exported, share: f64) -> (Comparison, Frame, Frame) {
     let mut own = Stage::clone(&exported.stage);
     (own.effects, own.layers_2d, own.settings.size) = (Vec::new(), Vec::new(), SIZE);
     own.lights.iter_mut().for_each(|light| light.shadow = None);
-    let mut again = exported.again();
+    let mut again = exported.imported_stage();
     // The sky is left out, and one model is simplified otherwise than many.
     again.sky = own.sky.clone();
     own.settings.levels_of_detail = false;
@@ -171,10 +171,10 @@ fn is_same(c: &Comparison) -> bool {
 }
 
 #[test]
-fn joints_of_lessons_are_where_they_were_between_frames_too() {
+fn exported_joints_of_lessons_match_the_scene_between_frames() {
     for name in LESSONS {
-        let exported = Exported::lesson(&scripts().join(name), "glb", &[]);
-        let (metres, place) = worst(&exported);
+        let exported = Exported::from_lesson(&scripts().join(name), "glb", &[]);
+        let (metres, place) = worst_joint_error(&exported);
         let stated = exported.files.deviation.clone().unwrap();
         println!(
             "{name}: {metres:.1e} m, {place}; it states {:.1e} m, {} {}",
@@ -185,15 +185,15 @@ fn joints_of_lessons_are_where_they_were_between_frames_too() {
 }
 
 #[test]
-fn the_images_of_the_file_are_those_of_the_scene() {
-    let exported = Exported::script(SCENE, "glb", &[]);
-    let (metres, place) = worst(&exported);
+fn images_of_the_exported_file_match_the_scene() {
+    let exported = Exported::from_script(SCENE, "glb", &[]);
+    let (metres, place) = worst_joint_error(&exported);
     assert!(metres < TOLERANCE, "{metres:e} m, {place}");
     for share in [0.1, 0.35, 0.5, 0.8] {
-        let (c, own, again) = images(&exported, share);
+        let (c, own, again) = compare_images(&exported, share);
         println!("at {share} of the scene: {c}");
         assert!(is_same(&c), "at {share} of the scene: {c}");
-        keep(&format!("{share}"), [&own, &again]);
+        save_images(&format!("{share}"), [&own, &again]);
     }
     let stated: Vec<f64> = exported.json()["nodes"]
         .as_array()
@@ -205,7 +205,7 @@ fn the_images_of_the_file_are_those_of_the_scene() {
 }
 
 /// Puts the images of a scene and of its file into the folder that the environment names, to be looked at.
-fn keep(name: &str, images: [&Frame; 2]) {
+fn save_images(name: &str, images: [&Frame; 2]) {
     let Some(folder) = std::env::var_os("CHOREO_KEEP_IMAGES") else { return };
     std::fs::create_dir_all(&folder).unwrap();
     for (frame, whose) in images.into_iter().zip(["own", "again"]) {
@@ -217,9 +217,9 @@ fn keep(name: &str, images: [&Frame; 2]) {
 /// Each fault in the file is found by what compares it with the scene.
 #[test]
 fn planted_faults_are_found() {
-    let exported = Exported::script(SCENE, "gltf", &[]);
-    assert!(worst(&exported).0 < TOLERANCE);
-    assert!(is_same(&images(&exported, 0.35).0));
+    let exported = Exported::from_script(SCENE, "gltf", &[]);
+    assert!(worst_joint_error(&exported).0 < TOLERANCE);
+    assert!(is_same(&compare_images(&exported, 0.35).0));
     let json = exported.json();
     // A key time that is 20 ms late.
     let sampler = &json["animations"][0]["samplers"][1];
@@ -233,7 +233,7 @@ fn planted_faults_are_found() {
         bytes[key..key + 4].copy_from_slice(&(time + 0.02).to_le_bytes());
     }
     std::fs::write(exported.folder.path().join("out.bin"), &bytes).unwrap();
-    let (metres, place) = worst(&exported);
+    let (metres, place) = worst_joint_error(&exported);
     println!("late keys: {metres:.1e} m, {place}");
     assert!(metres > 2.0 * TOLERANCE, "late keys are not found: {metres:e} m");
     exported.write(&exported.files.main);
@@ -241,7 +241,7 @@ fn planted_faults_are_found() {
     let mut wrong = json.clone();
     wrong["skins"][0]["joints"].as_array_mut().unwrap().swap(3, 14);
     std::fs::write(exported.path(), wrong.to_string()).unwrap();
-    let c = images(&exported, 0.35).0;
+    let c = compare_images(&exported, 0.35).0;
     println!("joints in the wrong order: {c}");
     assert!(!is_same(&c), "joints in the wrong order are not found: {c}");
 }
@@ -252,7 +252,7 @@ const TILE: &str = "fn manifest() { #{ name: \"tile\", extensions: \"tile\" } }\
     mesh(#{ positions: [0, 0, 0, 1, 0, 0, 0, 1, 0], uvs: [0, 1, 1, 1, 0, 0], indices: [0, 1, 2], material: look });\n}\n";
 
 /// A script with five images from files, one of them by an importer beside it and one changed; the files, and the bytes of the unchanged ones.
-fn pictures() -> (tempfile::TempDir, [Vec<u8>; 4]) {
+fn script_with_image_files() -> (tempfile::TempDir, [Vec<u8>; 4]) {
     let dir = tempfile::tempdir().unwrap();
     let image = image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([(8 * x) as u8, (16 * y) as u8, 99]));
     let names = ["a.png", "b.jpg", "c.webp"];
@@ -274,8 +274,8 @@ fn pictures() -> (tempfile::TempDir, [Vec<u8>; 4]) {
 
 /// The file of an image is written unchanged where the image is used unchanged.
 #[test]
-fn files_of_images_stay_as_they_are() {
-    let (dir, originals) = pictures();
+fn unchanged_image_files_are_exported_byte_for_byte() {
+    let (dir, originals) = script_with_image_files();
     let d = dir.path();
     for (output, endings) in [
         ("s.gltf", ["s_0.png", "s_1.jpg", "s_2.webp", "s_3.jpg", "s_4.png"]),
@@ -312,7 +312,8 @@ fn files_of_images_stay_as_they_are() {
 
 #[test]
 fn each_actor_can_have_an_animation() {
-    let exported = Exported::script(SCENE, "gltf", &[("animations", OptionValue::Text("actors".into()))]);
+    let exported =
+        Exported::from_script(SCENE, "gltf", &[("animations", OptionValue::Text("actors".into()))]);
     let json = exported.json();
     let names: Vec<&str> =
         json["animations"].as_array().unwrap().iter().map(|a| a["name"].as_str().unwrap()).collect();
@@ -323,10 +324,10 @@ fn each_actor_can_have_an_animation() {
 }
 
 #[test]
-fn a_larger_tolerance_has_fewer_bytes_and_is_kept() {
+fn a_larger_tolerance_gives_smaller_files_within_the_tolerance() {
     let sizes = [1e-5, 1e-4, 1e-2].map(|tolerance| {
-        let exported = Exported::script(SCENE, "glb", &exported::tolerance(tolerance));
-        let (metres, place) = worst(&exported);
+        let exported = Exported::from_script(SCENE, "glb", &exported::tolerance(tolerance));
+        let (metres, place) = worst_joint_error(&exported);
         println!("{tolerance} m: {} bytes, {metres:.1e} m, {place}", exported.files.main.len());
         assert!(metres <= tolerance, "{tolerance} m: {metres:e} m, {place}");
         exported.files.main.len()
@@ -341,8 +342,8 @@ fn clips_that_play_unchanged_keep_their_keys() {
         let m = load("choreo:mannequin");
         for i in 0..20 { cast("dancer " + i, m).at(0.05 * i, 0, 0).play(m.clip("Walk")).from(-0.5 * (i % 2)); }
         camera("c").at(0, 1, 5);"#;
-    let exported = Exported::script(text, "glb", &[]);
-    let (metres, place) = worst(&exported);
+    let exported = Exported::from_script(text, "glb", &[]);
+    let (metres, place) = worst_joint_error(&exported);
     // The keys are as exact as f32 times.
     assert!(metres < 2e-6, "{metres:e} m, {place}");
     let json = exported.json();
@@ -356,7 +357,7 @@ fn clips_that_play_unchanged_keep_their_keys() {
 
 /// The clip stays on the spot, and its floor passes at 1.2 m/s.
 #[test]
-fn clips_are_animations_and_travel_where_they_are_asked_to() {
+fn clips_become_animations_with_the_requested_root_motion() {
     let text = r#"
         stage(#{ length: 2.0 });
         let m = load("choreo:mannequin");
@@ -369,7 +370,7 @@ fn clips_are_animations_and_travel_where_they_are_asked_to() {
     let moved = |root: &str| {
         let options = [("animations", "clips"), ("root_motion", root)];
         let options = options.map(|(name, value)| (name, OptionValue::Text(value.into())));
-        let exported = Exported::script(text, "glb", &options);
+        let exported = Exported::from_script(text, "glb", &options);
         let asset = import(&exported.path());
         let names: Vec<&str> = asset.clips.iter().map(|clip| clip.name.as_str()).collect();
         assert_eq!(names, ["Walk", "Wave", "cleo Walk"]);
@@ -406,12 +407,12 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
 }
 
 #[test]
-fn the_khronos_validator_has_nothing_to_say_about_files_beside_each_other() {
-    validate(&[Exported::script(SCENE, "gltf", &[]).path()]);
+fn the_khronos_validator_accepts_a_gltf_file_with_separate_buffers() {
+    validate(&[Exported::from_script(SCENE, "gltf", &[]).path()]);
 }
 
 /// The largest distance of a joint in three.js from where it is in the scene, `late` seconds later; metres, and where.
-fn worst_in_three(three: &Packages, exported: &Exported, late: f64) -> (f64, String) {
+fn worst_joint_error_in_three_js(three: &Packages, exported: &Exported, late: f64) -> (f64, String) {
     let stage = &exported.stage;
     let times = times_between_frames(stage);
     let file = exported.folder.path().join("times.json");
@@ -444,26 +445,26 @@ fn worst_in_three(three: &Packages, exported: &Exported, late: f64) -> (f64, Str
 
 /// The loader and the mixer of three.js, in node: the same places, by another program. 20 ms late is found.
 #[test]
-fn three_js_has_the_joints_where_they_were() {
+fn joints_imported_by_three_js_match_the_scene() {
     let packages = ["three@0.187.0"];
     let Some(three) = Packages::install(env!("CARGO_TARGET_TMPDIR"), "three", &packages) else { return };
-    let lesson = |name: &str| Exported::lesson(&scripts().join(name), "glb", &[]);
+    let lesson = |name: &str| Exported::from_lesson(&scripts().join(name), "glb", &[]);
     for exported in
-        [lesson("01_first_dance.rhai"), lesson("12_together.rhai"), Exported::script(SCENE, "glb", &[])]
+        [lesson("01_first_dance.rhai"), lesson("12_together.rhai"), Exported::from_script(SCENE, "glb", &[])]
     {
-        let (metres, place) = worst_in_three(&three, &exported, 0.0);
+        let (metres, place) = worst_joint_error_in_three_js(&three, &exported, 0.0);
         println!("three.js: {metres:.1e} m, {place}");
         assert!(metres < TOLERANCE, "{metres:e} m, {place}");
     }
-    let late = worst_in_three(&three, &Exported::script(SCENE, "glb", &[]), 0.02).0;
+    let late = worst_joint_error_in_three_js(&three, &Exported::from_script(SCENE, "glb", &[]), 0.02).0;
     assert!(late > 10.0 * TOLERANCE, "20 ms late is not found: {late:e} m");
 }
 
 /// Blender's importer makes bones of joints: the same places, by another program.
 #[test]
-fn blender_has_the_joints_where_they_were() {
+fn joints_imported_by_blender_match_the_scene() {
     let Some(python) = blender() else { return };
-    let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "glb", &[]);
+    let exported = Exported::from_lesson(&scripts().join("01_first_dance.rhai"), "glb", &[]);
     let stage = &exported.stage;
     let times = times_between_frames(stage);
     let actors: Vec<&str> = stage.actors.iter().map(|a| a.name.as_str()).collect();
@@ -508,7 +509,7 @@ fn has_plugins(lesson: &Path) -> bool {
 }
 
 #[test]
-fn all_lessons_are_valid_and_have_their_joints_where_they_were() {
+fn all_exported_lessons_are_valid_and_their_joints_match() {
     let dir = tempfile::tempdir().unwrap();
     let (mut wrong, mut files) = (Vec::new(), Vec::new());
     for (number, path) in lessons().into_iter().enumerate() {
@@ -522,9 +523,9 @@ fn all_lessons_are_valid_and_have_their_joints_where_they_were() {
             println!("{name}: it states {}", printed["worst_error"]);
             assert!(printed["worst_error"]["metres"].as_f64().unwrap() < TOLERANCE);
         } else {
-            let exported = Exported::lesson(&path, "glb", &[]);
+            let exported = Exported::from_lesson(&path, "glb", &[]);
             std::fs::write(&out, &exported.files.main).unwrap();
-            let (metres, place) = worst(&exported);
+            let (metres, place) = worst_joint_error(&exported);
             println!("{name}: {metres:.1e} m, {place}");
             if metres > TOLERANCE {
                 wrong.push(format!("{name}: {metres:e} m, {place}"));
@@ -541,8 +542,8 @@ fn all_lessons_are_valid_and_have_their_joints_where_they_were() {
 fn images_of_all_lessons() {
     for path in lessons().into_iter().filter(|path| !has_plugins(path)) {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let (c, own, again) = images(&Exported::lesson(&path, "glb", &[]), 0.45);
-        keep(&name, [&own, &again]);
+        let (c, own, again) = compare_images(&Exported::from_lesson(&path, "glb", &[]), 0.45);
+        save_images(&name, [&own, &again]);
         println!("{name}: {c}");
     }
 }

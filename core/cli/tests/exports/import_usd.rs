@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 const USD: &str = "usd-core==26.5";
 /// Metres between what is imported and what usd-core has.
-const SAME: f64 = 1e-5;
+const MAX_ERROR_M: f64 = 1e-5;
 
 fn import(path: &Path) -> Arc<Asset> {
     let registry = choreo::registry();
@@ -28,7 +28,7 @@ fn import(path: &Path) -> Arc<Asset> {
 }
 
 /// The asset, which plays its clip.
-fn staged(asset: &Arc<Asset>) -> Arc<Stage> {
+fn stage_playing_clip(asset: &Arc<Asset>) -> Arc<Stage> {
     let mut stage = Stage::default();
     let actor = stage.cast("again", asset.clone());
     if let Some(clip) = asset.clips.first() {
@@ -38,7 +38,7 @@ fn staged(asset: &Arc<Asset>) -> Arc<Stage> {
 }
 
 /// World positions of all vertices of triangles, in f64.
-fn vertices(asset: &Asset, state: &choreo_stage::ActorState) -> Vec<DVec3> {
+fn world_vertices(asset: &Asset, state: &choreo_stage::ActorState) -> Vec<DVec3> {
     let in_world = |joint: u32| DMat4::from(state.world_from_joint(joint as usize).unwrap());
     let mut out = Vec::new();
     for (number, instance) in asset.instances.iter().enumerate() {
@@ -69,7 +69,7 @@ fn vertices(asset: &Asset, state: &choreo_stage::ActorState) -> Vec<DVec3> {
 }
 
 /// What usd-core has in a file at some time codes, in metres with +Y up.
-fn read(python: &Path, path: &Path, codes: &[f64]) -> Value {
+fn read_with_usd_core(python: &Path, path: &Path, codes: &[f64]) -> Value {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/usd.py");
     let codes = serde_json::to_string(codes).unwrap();
     let run = Command::new(python).arg(script).arg(path).arg(codes).output().unwrap();
@@ -80,9 +80,9 @@ fn read(python: &Path, path: &Path, codes: &[f64]) -> Value {
 }
 
 /// The farthest that some of usd-core's vertices are from any vertex of the import, at a time code; how many were compared.
-fn farthest(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize) {
-    let state = Evaluator::new(staged(asset)).at(Time::from_secs(secs)).unwrap().actors.remove(0);
-    let own = vertices(asset, &state);
+fn farthest_vertex(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize) {
+    let state = Evaluator::new(stage_playing_clip(asset)).at(Time::from_secs(secs)).unwrap().actors.remove(0);
+    let own = world_vertices(asset, &state);
     let (metres, is_z) = (truth["metres"].as_f64().unwrap(), truth["up"] == "Z");
     let (mut worst, mut count) = (0.0f64, 0);
     for prim in truth["prims"].as_object().unwrap().values() {
@@ -99,8 +99,8 @@ fn farthest(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize) {
 
 /// The largest difference of the camera's matrix (metres) and angle (radians) from usd-core's at a time code, and of the lights' numbers from
 /// closed forms of what `usd_write.py` wrote; `late` seconds later.
-fn lens_and_lights(asset: &Arc<Asset>, truth: &Value, code: f64, late: f64) -> [f64; 2] {
-    let mut stage = Stage::clone(&staged(asset));
+fn camera_and_light_errors(asset: &Arc<Asset>, truth: &Value, code: f64, late: f64) -> [f64; 2] {
+    let mut stage = Stage::clone(&stage_playing_clip(asset));
     stage.cameras.push(Camera::new("", Rig::File { actor: 0, camera: 0 }));
     let snapshot = stage.at(Time::from_secs((code - 1.0) / 24.0 + late)).unwrap();
     let camera = &truth["cameras"]["lens"];
@@ -134,7 +134,7 @@ fn lens_and_lights(asset: &Arc<Asset>, truth: &Value, code: f64, late: f64) -> [
 }
 
 #[test]
-fn our_own_files_have_their_vertices_where_usd_core_has_them() {
+fn vertices_of_our_exports_match_usd_core() {
     let Some(python) = python_with("pxr", USD) else { return };
     for (name, extension) in [
         ("01_first_dance.rhai", "usdc"),
@@ -142,17 +142,20 @@ fn our_own_files_have_their_vertices_where_usd_core_has_them() {
         ("19_faces.rhai", "usdz"),
         ("20_materials.rhai", "usdc"),
     ] {
-        let exported = Exported::lesson(&scripts().join(name), extension, &[]);
+        let exported = Exported::from_lesson(&scripts().join(name), extension, &[]);
         let path = exported.path();
         let asset = import(&path);
-        let truth = read(&python, &path, &[37.0]);
+        let truth = read_with_usd_core(&python, &path, &[37.0]);
         let secs = 37.0 / truth["rate"].as_f64().unwrap();
-        let (metres, count) = farthest(&asset, &truth, secs);
+        let (metres, count) = farthest_vertex(&asset, &truth, secs);
         println!("{name} as {extension}: {count} vertices, {metres:.1e} m; {:?}", asset.warnings);
-        assert!(count > 100 && metres < SAME, "{name}: {metres:e} m of {count} vertices");
+        assert!(count > 100 && metres < MAX_ERROR_M, "{name}: {metres:e} m of {count} vertices");
         // The comparison finds what is late.
-        let (late, _) = farthest(&asset, &truth, secs + 0.1);
-        assert!(name != "01_first_dance.rhai" || late > 100.0 * SAME, "a late clip is not found: {late:e} m");
+        let (late, _) = farthest_vertex(&asset, &truth, secs + 0.1);
+        assert!(
+            name != "01_first_dance.rhai" || late > 100.0 * MAX_ERROR_M,
+            "a late clip is not found: {late:e} m"
+        );
     }
 }
 
@@ -175,14 +178,14 @@ fn files_by_usd_core_are_read_in_all_formats() {
             "{name}"
         );
         for code in [1.0, 7.5, 25.0] {
-            let truth = read(&python, &path, &[code]);
-            let (metres, count) = farthest(&asset, &truth, (code - 1.0) / 24.0);
+            let truth = read_with_usd_core(&python, &path, &[code]);
+            let (metres, count) = farthest_vertex(&asset, &truth, (code - 1.0) / 24.0);
             println!("{name} at {code}: {count} vertices, {metres:.1e} m");
-            assert!(count >= 36 && metres < SAME, "{name} at {code}: {metres:e} m of {count}");
-            let [lens, lights] = lens_and_lights(&asset, &truth, code, 0.0);
+            assert!(count >= 36 && metres < MAX_ERROR_M, "{name} at {code}: {metres:e} m of {count}");
+            let [lens, lights] = camera_and_light_errors(&asset, &truth, code, 0.0);
             println!("{name} at {code}: the lens {lens:.1e}, lights {lights:.1e}");
             assert!(lens < 1e-4 && lights < 1e-4, "{name} at {code}: {lens:e}, {lights:e}");
-            let late = lens_and_lights(&asset, &truth, code, if code < 13.0 { 0.1 } else { -0.1 });
+            let late = camera_and_light_errors(&asset, &truth, code, if code < 13.0 { 0.1 } else { -0.1 });
             assert!(late.iter().all(|off| *off > 1e-3), "a late lens or light is not found: {late:?}");
         }
         assert!((asset.ambient - glam::Vec3::new(0.2, 0.1, 0.4)).length() < 1e-6, "{}", asset.ambient);
@@ -193,7 +196,7 @@ fn files_by_usd_core_are_read_in_all_formats() {
 }
 
 #[test]
-fn a_dome_is_the_ambient_light_unless_the_script_gives_another() {
+fn a_dome_light_sets_the_ambient_light_unless_the_script_does() {
     let folder = tempfile::tempdir().unwrap();
     let dome = "#usda 1.0\ndef DomeLight \"sky\" {\n color3f inputs:color = (0.5, 1, 0.25)\n float inputs:intensity = 0.4\n}\n";
     std::fs::write(folder.path().join("a.usda"), dome).unwrap();
@@ -212,8 +215,8 @@ fn a_dome_is_the_ambient_light_unless_the_script_gives_another() {
 
 /// The largest distances of a camera and a lamp of a file from where Blender has them, `late` seconds later: of the camera's matrix, of its
 /// angle, of the lamp's place.
-fn move_apart(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3] {
-    let mut stage = Stage::clone(&staged(asset));
+fn camera_move_errors(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3] {
+    let mut stage = Stage::clone(&stage_playing_clip(asset));
     stage.actors[0].file_lights = true;
     stage.cameras.push(Camera::new("", Rig::File { actor: 0, camera: 0 }));
     let numbers =
@@ -237,7 +240,7 @@ fn move_apart(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3] {
 
 /// A camera move and a lamp of Blender (lesson 49), as FBX and as USD; the importer of glTF has its own test.
 #[test]
-fn camera_moves_of_blender_are_where_blender_has_them() {
+fn imported_camera_moves_match_blender() {
     let Some(blender) = blender() else { return };
     let folder = tempfile::tempdir().unwrap();
     let files = ["move.glb", "move.json", "move.fbx", "move.usdc"].map(|name| folder.path().join(name));
@@ -248,10 +251,10 @@ fn camera_moves_of_blender_are_where_blender_has_them() {
     assert!(truth.len() >= 13);
     for file in [&files[0], &files[2], &files[3]] {
         let asset = import(file);
-        let found = move_apart(&asset, &truth, 0.0);
+        let found = camera_move_errors(&asset, &truth, 0.0);
         println!("{}: {found:?}", file.display());
         assert!(found.iter().all(|off| *off < 1e-5), "{}: {found:?}", file.display());
-        let late = move_apart(&asset, &truth, 1.0 / 24.0);
+        let late = camera_move_errors(&asset, &truth, 1.0 / 24.0);
         assert!(late.iter().all(|off| *off > 1e-3), "a frame late is not found: {late:?}");
     }
 }
@@ -259,7 +262,7 @@ fn camera_moves_of_blender_are_where_blender_has_them() {
 #[test]
 fn files_by_blender_are_read() {
     let (Some(python), Some(blender)) = (python_with("pxr", USD), blender()) else { return };
-    let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "usdc", &[]);
+    let exported = Exported::from_lesson(&scripts().join("01_first_dance.rhai"), "usdc", &[]);
     let (path, again) = (exported.path(), exported.folder.path().join("blender.usdc"));
     let code = "import bpy, sys\nbpy.ops.wm.read_factory_settings(use_empty=True)\nbpy.context.scene.render.fps = 30\n\
                 bpy.ops.wm.usd_import(filepath=sys.argv[1])\nbpy.context.scene.frame_end = 60\n\
@@ -267,9 +270,9 @@ fn files_by_blender_are_read() {
     let run = Command::new(blender).args(["-c", code]).arg(&path).arg(&again).output().unwrap();
     assert!(again.is_file(), "{}", String::from_utf8_lossy(&run.stderr));
     let asset = import(&again);
-    let truth = read(&python, &again, &[30.0]);
+    let truth = read_with_usd_core(&python, &again, &[30.0]);
     let start = 0.0;
-    let (metres, count) = farthest(&asset, &truth, (30.0 - start) / truth["rate"].as_f64().unwrap());
+    let (metres, count) = farthest_vertex(&asset, &truth, (30.0 - start) / truth["rate"].as_f64().unwrap());
     println!("Blender: {count} vertices, {metres:.1e} m; {:?}", asset.warnings);
-    assert!(count > 300 && metres < SAME, "{metres:e} m of {count} vertices");
+    assert!(count > 300 && metres < MAX_ERROR_M, "{metres:e} m of {count} vertices");
 }

@@ -16,7 +16,7 @@ fn folder_with_scene() -> tempfile::TempDir {
 }
 
 /// Renders the second frame of the scene; false where there is no Vulkan driver.
-fn rendered(folder: &Path, device: &str, output: &str, options: &[&str]) -> bool {
+fn render_second_frame(folder: &Path, device: &str, output: &str, options: &[&str]) -> bool {
     let at = (1.0f64 / 24.0).to_string();
     let mut args = vec!["render", "scene.rhai", "--at", &at, "--device", device, "-o", output, "-q"];
     args.extend(options);
@@ -29,8 +29,10 @@ fn rendered(folder: &Path, device: &str, output: &str, options: &[&str]) -> bool
 }
 
 /// All images of a device that check.py compares; false where there is no Vulkan driver.
-fn all_images(folder: &Path, device: &str) -> bool {
-    let image = |name: &str, options: &[&str]| rendered(folder, device, &format!("{device}{name}"), options);
+fn render_all_images(folder: &Path, device: &str) -> bool {
+    let image = |name: &str, options: &[&str]| {
+        render_second_frame(folder, device, &format!("{device}{name}"), options)
+    };
     let none = ["--set", "view=none", "--samples", "1"];
     let dim = ["--set", "background=#00000000", "--set", "light=2"];
     let neutral = ["--set", "view=neutral", "--samples", "1"];
@@ -49,23 +51,23 @@ fn all_images(folder: &Path, device: &str) -> bool {
 }
 
 #[test]
-fn openexr_reads_what_closed_forms_say() {
+fn openexr_pixels_equal_closed_forms() {
     let Some(python) = python_with("OpenEXR", "OpenEXR==3.4.4") else { return };
     let folder = folder_with_scene();
-    let devices = ["cpu", "vulkan"].map(|device| all_images(folder.path(), device).then_some(device));
+    let devices = ["cpu", "vulkan"].map(|device| render_all_images(folder.path(), device).then_some(device));
     if devices[1].is_none() {
         println!("SKIP 1: no Vulkan driver");
     }
     let mut check = Command::new(python);
     check.current_dir(folder.path()).arg(CHECK).args(devices.into_iter().flatten()).stdin(Stdio::null());
-    let run = finished(check.output().unwrap());
+    let run = run_result(check.output().unwrap());
     println!("{}", run.out);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
 }
 
 /// OpenImageIO finds the channels of OpenEXR's own library, with the same numbers.
 #[test]
-fn openimageio_reads_the_same() {
+fn openimageio_and_openexr_read_the_same_pixels() {
     let (Some(openexr), Some(openimageio)) =
         (python_with("OpenEXR", "OpenEXR==3.4.4"), python_with("OpenImageIO", "OpenImageIO==3.2.2.0"))
     else {
@@ -80,12 +82,12 @@ fn openimageio_reads_the_same() {
         ("rows.exr", ["--export", "compression=zips"]),
         ("plain.exr", ["--export", "compression=none"]),
     ] {
-        assert!(rendered(d, "cpu", output, &[&["--passes", all][..], &options].concat()));
+        assert!(render_second_frame(d, "cpu", output, &[&["--passes", all][..], &options].concat()));
     }
     let files = ["half.exr", "float.exr", "rows.exr", "plain.exr"];
     let run = |python: &Path, code: &str| {
         let mut command = Command::new(python);
-        let run = finished(command.current_dir(d).args(["-c", code]).args(files).output().unwrap());
+        let run = run_result(command.current_dir(d).args(["-c", code]).args(files).output().unwrap());
         assert_eq!(run.code, 0, "{}{}", run.out, run.err);
         run.out
     };
@@ -113,7 +115,7 @@ fn openimageio_reads_the_same() {
 }
 
 #[test]
-fn a_stopped_sequence_goes_on_with_the_images_that_lack() {
+fn resuming_a_sequence_renders_only_the_missing_images() {
     let folder = folder_with_scene();
     let d = folder.path();
     let render = |more: &[&str]| {
@@ -148,7 +150,7 @@ fn a_stopped_sequence_goes_on_with_the_images_that_lack() {
 }
 
 #[test]
-fn wrong_passes_are_refused_before_the_first_frame() {
+fn invalid_passes_are_refused_before_the_first_frame() {
     let folder = folder_with_scene();
     let d = folder.path();
     let refused = |output: &str, options: &[&str], why: &str| {
@@ -204,7 +206,7 @@ fn pillow_shows_the_frames_of_an_animation() {
             assert frames == images, name\n    \
             assert frames[::-1] != images, 'another order is found'\n";
     std::fs::write(d.join("check.py"), check).unwrap();
-    let run = finished(Command::new(python).current_dir(d).arg("check.py").output().unwrap());
+    let run = run_result(Command::new(python).current_dir(d).arg("check.py").output().unwrap());
     assert_eq!(run.code, 0, "{}", run.err);
     let about = choreo(d, &["info", "a.webp"]);
     assert!(

@@ -18,7 +18,7 @@ fn text(folder: &Path, name: &str) -> String {
 }
 
 #[test]
-fn joints_are_where_the_keys_put_them_at_each_frame() {
+fn csv_export_has_the_keyed_joint_positions() {
     let dir = project();
     let d = dir.path();
     let run = choreo(d, &["export", "a.rhai", "-o", "a.csv", "--json"]);
@@ -45,7 +45,7 @@ fn joints_are_where_the_keys_put_them_at_each_frame() {
 }
 
 #[test]
-fn images_and_scenes_name_each_others_command() {
+fn render_and_export_suggest_each_other_for_wrong_formats() {
     let dir = project();
     let d = dir.path();
     let run = choreo(d, &["export", "a.rhai", "-o", "a.png"]);
@@ -114,7 +114,7 @@ fn an_exporter_in_a_file_writes_all_its_files_or_none() {
 }
 
 #[test]
-fn an_input_is_not_replaced() {
+fn export_does_not_overwrite_its_input() {
     let dir = project();
     let d = dir.path();
     std::fs::rename(d.join("tri.gltf"), d.join("tri.csv")).unwrap();
@@ -131,27 +131,27 @@ const TALK: &str = "stage(#{ length: 3.0, fps: 25, size: [64, 36] });\n\
     text(\"Hello\").from(0.5).until(1.5);\nmarker(\"beat\", 2.0);\n";
 const CUTS: &str = "close.cut(1.0, #{ dissolve: 0.4 });\nwide.cut(2.2);\n";
 
-fn exported(folder: &Path, script: &str, output: &str) -> String {
+fn export_text(folder: &Path, script: &str, output: &str) -> String {
     let run = choreo(folder, &["export", script, "-o", output]);
     assert_eq!(run.code, 0, "{}", run.err);
     text(folder, output)
 }
 
 #[test]
-fn an_edited_list_of_cuts_is_read_back() {
+fn an_edited_otio_file_changes_the_cuts() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
-    let edl = exported(d, "a.rhai", "a.edl");
+    let edl = export_text(d, "a.rhai", "a.edl");
     assert!(edl.contains("D    010 00:00:01:00 00:00:02:05"), "{edl}");
-    let otio = exported(d, "a.rhai", "a.otio");
+    let otio = export_text(d, "a.rhai", "a.otio");
     std::fs::write(d.join("b.rhai"), format!("{TALK}cuts(\"a.otio\");\n")).unwrap();
-    assert_eq!(exported(d, "b.rhai", "b.edl").replace("b.", "a."), edl);
+    assert_eq!(export_text(d, "b.rhai", "b.edl").replace("b.", "a."), edl);
     // An editor makes the first shot five frames longer.
     let longer = otio.replacen("\"value\": 25.0", "\"value\": 30.0", 1);
     assert_ne!(longer, otio);
     std::fs::write(d.join("a.otio"), longer).unwrap();
-    assert!(exported(d, "b.rhai", "b.edl").contains("D    010 00:00:01:05 00:00:02:10"));
+    assert!(export_text(d, "b.rhai", "b.edl").contains("D    010 00:00:01:05 00:00:02:10"));
     // A camera that the script lacks, and a file that is none.
     std::fs::write(d.join("a.otio"), otio.replace("\"close\"", "\"clos\"")).unwrap();
     let run = choreo(d, &["export", "b.rhai", "-o", "b.edl"]);
@@ -169,7 +169,7 @@ fn opentimelineio_reads_the_timeline() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
-    exported(d, "a.rhai", "a.otio");
+    export_text(d, "a.rhai", "a.otio");
     let Some(python) = python_with("opentimelineio", "OpenTimelineIO==0.18.1") else { return };
     let code = "import opentimelineio as otio\nt = otio.adapters.read_from_file('a.otio')\n\
         assert t.duration() == otio.opentime.RationalTime(75, 25), t.duration()\n\
@@ -186,16 +186,16 @@ fn opentimelineio_reads_the_timeline() {
 }
 
 #[test]
-fn a_bvh_file_moves_as_its_actor_did() {
+fn an_exported_bvh_file_reproduces_the_motion() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), TALK).unwrap();
-    exported(d, "a.rhai", "a.bvh");
+    export_text(d, "a.rhai", "a.bvh");
     let again = "stage(#{ length: 3.0, fps: 25 });\nlet b = load(\"a.bvh\", #{ scale: 0.01 });\n\
         cast(\"ada\", b).play(b.clip(\"a\"), #{ repeat: \"once\" });\n";
     std::fs::write(d.join("b.rhai"), again).unwrap();
     let positions = |script: &str, output: &str| -> Vec<(String, [f64; 3])> {
-        let text = exported(d, script, output);
+        let text = export_text(d, script, output);
         let line = |line: &str| {
             let (rest, z) = line.rsplit_once(',').unwrap();
             let (rest, y) = rest.rsplit_once(',').unwrap();
@@ -217,14 +217,14 @@ fn a_bvh_file_moves_as_its_actor_did() {
 
 /// An editor written with OpenTimelineIO itself: what it has read and written again has the same cuts, and those that it has moved are moved.
 #[test]
-fn cuts_come_back_through_opentimelineio() {
+fn cuts_survive_a_round_trip_through_opentimelineio() {
     let dir = folder();
     let d = dir.path();
     let Some(python) = python_with("opentimelineio", "OpenTimelineIO==0.18.1") else { return };
     std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
     std::fs::write(d.join("b.rhai"), format!("{TALK}cuts(\"edit.otio\");\n")).unwrap();
-    let edl = exported(d, "a.rhai", "a.edl");
-    exported(d, "a.rhai", "a.otio");
+    let edl = export_text(d, "a.rhai", "a.edl");
+    export_text(d, "a.rhai", "a.otio");
     let edited = |frames: u32| {
         let code = format!(
             "import opentimelineio as otio\nt = otio.adapters.read_from_file('a.otio')\n\
@@ -235,7 +235,7 @@ fn cuts_come_back_through_opentimelineio() {
         );
         let run = std::process::Command::new(&python).args(["-c", &code]).current_dir(d).output().unwrap();
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-        exported(d, "b.rhai", "b.edl").replace("b.", "a.")
+        export_text(d, "b.rhai", "b.edl").replace("b.", "a.")
     };
     assert_eq!(edited(0), edl);
     let later = edited(5);
@@ -244,13 +244,13 @@ fn cuts_come_back_through_opentimelineio() {
 
 /// Blender's own importer of BVH, whose first frame is 1, has the joints where `choreo export` to CSV has them, at every frame.
 #[test]
-fn blender_has_the_joints_of_a_bvh_file_where_they_were() {
+fn bvh_joints_imported_by_blender_match_the_scene() {
     let dir = folder();
     let d = dir.path();
     let Some(python) = blender() else { return };
     std::fs::write(d.join("a.rhai"), TALK).unwrap();
-    exported(d, "a.rhai", "a.bvh");
-    let truth = exported(d, "a.rhai", "a.csv");
+    export_text(d, "a.rhai", "a.bvh");
+    let truth = export_text(d, "a.rhai", "a.csv");
     let code = "import bpy, json\nbpy.ops.wm.read_factory_settings(use_empty=True)\nscene = bpy.context.scene\n\
         bpy.ops.import_anim.bvh(filepath='a.bvh', global_scale=0.01, rotate_mode='QUATERNION')\n\
         rig = next(o for o in scene.objects if o.type == 'ARMATURE')\nout = {bone.name: [] for bone in rig.pose.bones}\n\

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// Metres that a joint may be off at a frame where the tolerance is as large.
-const AT_FRAMES: f64 = 1e-5;
+const MAX_ERROR_AT_FRAMES_M: f64 = 1e-5;
 
 /// The version whose validators were looked at.
 const USD: &str = "usd-core==26.5";
@@ -79,7 +79,7 @@ struct Worst {
 }
 
 impl Worst {
-    fn take(&mut self, metres: f64, place: impl FnOnce() -> String) {
+    fn add(&mut self, metres: f64, place: impl FnOnce() -> String) {
         self.count += 1;
         if metres > self.metres || metres.is_nan() {
             (self.metres, self.place) = (metres, place());
@@ -88,7 +88,7 @@ impl Worst {
 }
 
 /// Joints and vertices of the scene against those that usd-core has.
-fn compared(exported: &Exported, read: &Value, times: &[Time]) -> [Worst; 2] {
+fn joint_and_vertex_errors(exported: &Exported, read: &Value, times: &[Time]) -> [Worst; 2] {
     let stage = &exported.stage;
     let mut evaluator = Evaluator::new(stage.clone()).posing_hidden();
     let (mut joints, mut points) = (Worst::default(), Worst::default());
@@ -106,7 +106,7 @@ fn compared(exported: &Exported, read: &Value, times: &[Time]) -> [Worst; 2] {
             }
             let place = |what: &str| format!("{} {what} at {:.4} s", actor.name, time.as_secs());
             let origin = matrix(&found["world"][number]).w_axis.truncate();
-            joints.take(origin.distance(state.world_from_model.translation), || place("itself"));
+            joints.add(origin.distance(state.world_from_model.translation), || place("itself"));
             for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
                 let (Some(own), Some(found)) =
                     (state.world_from_joint(joint), found["joints"][name][number].as_array())
@@ -114,11 +114,11 @@ fn compared(exported: &Exported, read: &Value, times: &[Time]) -> [Worst; 2] {
                     continue;
                 };
                 let found: Vec<f64> = found.iter().map(|v| v.as_f64().unwrap()).collect();
-                joints.take(own.translation.distance(DVec3::from_slice(&found)), || place(name));
+                joints.add(own.translation.distance(DVec3::from_slice(&found)), || place(name));
             }
             // Copies are instances of one mesh.
             if number + 1 == times.len() && !actor.asset.has_copies() {
-                let own = vertices(actor, state);
+                let own = world_vertices(actor, state);
                 let lists = found["points"].as_array().unwrap();
                 assert_eq!(own.len(), lists.len(), "meshes of {}", actor.name);
                 for (own, list) in own.iter().zip(lists) {
@@ -126,7 +126,7 @@ fn compared(exported: &Exported, read: &Value, times: &[Time]) -> [Worst; 2] {
                     let step = (own.len() / 60).max(1);
                     assert_eq!(own.iter().step_by(step).count(), list.len());
                     for (own, found) in own.iter().step_by(step).zip(list) {
-                        points.take(own.distance(DVec3::from_slice(&numbers(found))), || place("vertex"));
+                        points.add(own.distance(DVec3::from_slice(&numbers(found))), || place("vertex"));
                     }
                 }
             }
@@ -136,7 +136,7 @@ fn compared(exported: &Exported, read: &Value, times: &[Time]) -> [Worst; 2] {
 }
 
 /// World positions of the vertices of each primitive, in f64.
-fn vertices(actor: &choreo_stage::Actor, state: &ActorState) -> Vec<Vec<DVec3>> {
+fn world_vertices(actor: &choreo_stage::Actor, state: &ActorState) -> Vec<Vec<DVec3>> {
     let asset = &actor.asset;
     let in_world = |joint: u32| -> DMat4 { DMat4::from(state.world_from_joint(joint as usize).unwrap()) };
     let mut out = Vec::new();
@@ -172,30 +172,36 @@ fn vertices(actor: &choreo_stage::Actor, state: &ActorState) -> Vec<Vec<DVec3>> 
     out
 }
 
-fn frames(stage: &Stage, count: u64) -> Vec<Time> {
+fn spread_frames(stage: &Stage, count: u64) -> Vec<Time> {
     let all = stage.settings.fps.frames_in(stage.settings.length).max(1) as u64;
     (0..count).map(|i| stage.settings.fps.time_of(((i * all + all / 3) / count) as _)).collect()
 }
 
 #[test]
-fn joints_and_vertices_of_lessons_are_where_they_were() {
+fn exported_joints_and_vertices_of_lessons_match_the_scene() {
     let Some(python) = python_with("pxr", USD) else { return };
     for name in LESSONS {
-        let exported = Exported::lesson(&scripts().join(name), "usdc", &tolerance(AT_FRAMES));
-        let times = frames(&exported.stage, 8);
+        let exported =
+            Exported::from_lesson(&scripts().join(name), "usdc", &tolerance(MAX_ERROR_AT_FRAMES_M));
+        let times = spread_frames(&exported.stage, 8);
         let read = exported.read(&python, &times);
-        let [joints, points] = compared(&exported, &read, &times);
+        let [joints, points] = joint_and_vertex_errors(&exported, &read, &times);
         println!(
             "{name}: {} joints {:.1e} m, {}; {} vertices {:.1e} m, {}",
             joints.count, joints.metres, joints.place, points.count, points.metres, points.place
         );
         assert!(
-            joints.count > 8 && joints.metres < AT_FRAMES,
+            joints.count > 8 && joints.metres < MAX_ERROR_AT_FRAMES_M,
             "{name}: {:e} m, {}",
             joints.metres,
             joints.place
         );
-        assert!(points.metres < 2.0 * AT_FRAMES, "{name}: {:e} m, {}", points.metres, points.place);
+        assert!(
+            points.metres < 2.0 * MAX_ERROR_AT_FRAMES_M,
+            "{name}: {:e} m, {}",
+            points.metres,
+            points.place
+        );
     }
 }
 
@@ -205,14 +211,14 @@ fn text_crate_files_and_packages_hold_the_same_scene() {
     let Some(python) = python_with("pxr", USD) else { return };
     let mut known: Option<Value> = None;
     for extension in ["usda", "usdc", "usdz"] {
-        let exported = Exported::script(SCENE, extension, &[]);
+        let exported = Exported::from_script(SCENE, extension, &[]);
         let times: Vec<Time> =
             times_between_frames(&exported.stage).into_iter().map(Time::from_secs).collect();
         let mut read = exported.read(&python, &times);
-        let [joints, points] = compared(&exported, &read, &times);
+        let [joints, points] = joint_and_vertex_errors(&exported, &read, &times);
         println!("{extension}: {:.1e} m, {}; vertices {:.1e} m", joints.metres, joints.place, points.metres);
         assert!(joints.metres < TOLERANCE && points.metres < 2.0 * TOLERANCE, "{:e}", joints.metres);
-        cameras(&exported, &read, &times);
+        assert_cameras_match(&exported, &read, &times);
         assert_eq!((&read["up"], &read["metres"]), (&"Y".into(), &1.0.into()));
         assert_eq!((&read["rate"], &read["end"]), (&24.0.into(), &72.0.into()));
         let lamp = numbers(&read["lights"]["point_2"]["intensity"]);
@@ -251,7 +257,7 @@ print('compared', count)
 
 /// Each kind of value is what text says it is: numbers of materials, too, which no skeleton shows.
 #[test]
-fn crate_files_say_what_text_says() {
+fn usdc_files_have_the_same_values_as_usda() {
     let Some(python) = python_with("pxr", USD) else { return };
     for name in
         ["01_first_dance.rhai", "19_faces.rhai", "20_materials.rhai", "32_crowd.rhai", "42_lanterns.rhai"]
@@ -259,7 +265,7 @@ fn crate_files_say_what_text_says() {
         let stage = stage_of(&scripts().join(name));
         let files = ["usda", "usdc"].map(|extension| Exported::of(stage.clone(), extension, &[]));
         let mut compare = Command::new(&python);
-        let run = finished(
+        let run = run_result(
             compare.args(["-c", COMPARE]).args(files.each_ref().map(Exported::path)).output().unwrap(),
         );
         println!("{name}: {}", run.out);
@@ -268,7 +274,7 @@ fn crate_files_say_what_text_says() {
 }
 
 /// The camera that is on has the scene's matrix and angle.
-fn cameras(exported: &Exported, read: &Value, times: &[Time]) {
+fn assert_cameras_match(exported: &Exported, read: &Value, times: &[Time]) {
     let mut evaluator = Evaluator::new(exported.stage.clone());
     let all = read["cameras"].as_object().unwrap();
     let rate = f64::from(exported.stage.settings.fps.num);
@@ -294,12 +300,12 @@ fn cameras(exported: &Exported, read: &Value, times: &[Time]) {
 #[test]
 fn planted_faults_are_found() {
     let Some(python) = python_with("pxr", USD) else { return };
-    let exported = Exported::script(SCENE, "usda", &[]);
-    let times = frames(&exported.stage, 6);
+    let exported = Exported::from_script(SCENE, "usda", &[]);
+    let times = spread_frames(&exported.stage, 6);
     let worst = |text: &str| {
         exported.write(text.as_bytes());
         let read = exported.read(&python, &times);
-        let [joints, points] = compared(&exported, &read, &times);
+        let [joints, points] = joint_and_vertex_errors(&exported, &read, &times);
         (joints.metres, points.metres)
     };
     let text = String::from_utf8(exported.files.main.clone()).unwrap();
@@ -346,10 +352,11 @@ fn planted_faults_are_found() {
 
 /// Blender's importer makes bones of joints and shape keys of blend shapes: the same places, by another program.
 #[test]
-fn blender_has_the_joints_where_they_were() {
+fn joints_imported_by_blender_match_the_scene() {
     let Some(python) = blender() else { return };
     for (lesson, extension) in [("01_first_dance.rhai", "usdc"), ("19_faces.rhai", "usdz")] {
-        let exported = Exported::lesson(&scripts().join(lesson), extension, &tolerance(AT_FRAMES));
+        let exported =
+            Exported::from_lesson(&scripts().join(lesson), extension, &tolerance(MAX_ERROR_AT_FRAMES_M));
         let stage = &exported.stage;
         let last = stage.settings.fps.frames_in(stage.settings.length) as usize;
         let frames: Vec<usize> = (0..20).map(|i| i * (last - 1) / 19).collect();
@@ -382,7 +389,7 @@ fn blender_has_the_joints_where_they_were() {
                             continue;
                         };
                         let apart = place.translation.distance(DVec3::from_slice(&numbers(found)));
-                        worst.take(apart, || format!("{} {name} at frame {frame}", actor.name));
+                        worst.add(apart, || format!("{} {name} at frame {frame}", actor.name));
                     }
                 }
             }
@@ -405,7 +412,7 @@ fn blender_has_the_joints_where_they_were() {
 #[test]
 fn the_same_scene_has_the_same_bytes() {
     for extension in ["usda", "usdc", "usdz"] {
-        let [one, other] = [(); 2].map(|()| Exported::script(SCENE, extension, &[]).files);
+        let [one, other] = [(); 2].map(|()| Exported::from_script(SCENE, extension, &[]).files);
         assert_eq!((one.main, one.beside), (other.main, other.beside), "{extension}");
     }
 }
@@ -455,7 +462,7 @@ print('RESULT ' + json.dumps([found, dome.GetIntensityAttr().Get(), file.path]))
 
 /// The sky is a dome with its image, turned as it is in the scene; the file stays as it is where USD has a place for its format.
 #[test]
-fn the_sky_is_a_dome_with_its_own_file() {
+fn the_sky_becomes_a_dome_light_with_its_image_file() {
     let Some(python) = python_with("pxr", USD) else { return };
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
@@ -478,7 +485,7 @@ fn the_sky_is_a_dome_with_its_own_file() {
         assert!(run.code == 0 && !run.err.contains("the sky"), "{}", run.err);
         let mut read = Command::new(&python);
         read.args(["-c", SKY, output]).arg(serde_json::to_string(&lists).unwrap()).current_dir(d);
-        let run = finished(read.output().unwrap());
+        let run = run_result(read.output().unwrap());
         let result = run.out.lines().find_map(|line| line.strip_prefix("RESULT "));
         let result: Value =
             serde_json::from_str(result.unwrap_or_else(|| panic!("{}{}", run.out, run.err))).unwrap();
@@ -493,12 +500,12 @@ fn the_sky_is_a_dome_with_its_own_file() {
                 pixels = OpenEXR.File('c.exr').channels()['RGB'].pixels\nassert pixels.shape == (16, 32, 3), pixels.shape\n\
                 wrong = lambda rows: [1 for y in range(16) for x in range(32) if abs(pixels[y][x][0] - x / 16) + abs(pixels[y][x][1] - rows(y) / 16) > 1e-2]\n\
                 assert not wrong(lambda y: y) and wrong(lambda y: 15 - y), pixels\n";
-    let run = finished(Command::new(openexr).args(["-c", code]).current_dir(d).output().unwrap());
+    let run = run_result(Command::new(openexr).args(["-c", code]).current_dir(d).output().unwrap());
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
 }
 
 #[test]
-fn all_lessons_are_valid_and_have_their_vertices_where_they_were() {
+fn all_exported_lessons_are_valid_and_their_vertices_match() {
     let Some(python) = python_with("pxr", USD) else { return };
     let mut wrong = Vec::new();
     for path in lessons() {
@@ -516,10 +523,10 @@ fn all_lessons_are_valid_and_have_their_vertices_where_they_were() {
             read_by_usd_core(&python, &out, &[0.0]);
             continue;
         }
-        let exported = Exported::lesson(&path, "usdc", &[]);
-        let times = frames(&exported.stage, 5);
+        let exported = Exported::from_lesson(&path, "usdc", &[]);
+        let times = spread_frames(&exported.stage, 5);
         let read = exported.read(&python, &times);
-        let [joints, points] = compared(&exported, &read, &times);
+        let [joints, points] = joint_and_vertex_errors(&exported, &read, &times);
         println!(
             "{name}: {} joints {:.1e} m, {}; {} vertices {:.1e} m, {}",
             joints.count, joints.metres, joints.place, points.count, points.metres, points.place

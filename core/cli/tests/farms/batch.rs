@@ -30,13 +30,13 @@ fn scene() -> tempfile::TempDir {
     dir
 }
 
-fn batch(folder: &Path, more: &[&str]) -> Run {
+fn render_batch(folder: &Path, more: &[&str]) -> Run {
     let args = ["render", "s.rhai", "--set-from", "rows.csv", "--device", "cpu", "--samples", "1", "--quiet"];
     choreo(folder, &[&args[..], more].concat())
 }
 
 #[test]
-fn each_row_has_the_bytes_of_its_own_render() {
+fn each_row_gives_the_bytes_of_a_single_render() {
     let dir = scene();
     let d = dir.path();
     for output in ["one/first.mp4", "one/second.mp4", "one/fifth.mp4"] {
@@ -50,10 +50,10 @@ fn each_row_has_the_bytes_of_its_own_render() {
         args.extend(set.iter().flat_map(|set| ["--set", set]));
         assert_eq!(choreo(d, &args).code, 0);
     }
-    let run = batch(d, &["-o", "out/{_file}.mp4", "--json"]);
+    let run = render_batch(d, &["-o", "out/{_file}.mp4", "--json"]);
     assert!(run.code == 1 && run.err.contains("the folder out does not exist"), "{}", run.err);
     std::fs::create_dir(d.join("out")).unwrap();
-    let run = batch(d, &["-o", "out/{_file}.mp4", "--json"]);
+    let run = render_batch(d, &["-o", "out/{_file}.mp4", "--json"]);
     assert_eq!(run.code, 1);
     let lines: Vec<&str> = run.err.lines().collect();
     assert!(lines.iter().any(|line| line.starts_with("row 3: ") && line.contains("nonsense")), "{}", run.err);
@@ -91,7 +91,7 @@ fn each_row_has_the_bytes_of_its_own_render() {
 
 /// Values of rows lead to no other folder, no two rows write one file, and nothing is rendered then.
 #[test]
-fn names_from_rows_stay_in_their_folder() {
+fn output_names_from_rows_cannot_leave_their_folder() {
     let dir = scene();
     let d = dir.path();
     std::fs::create_dir_all(d.join("deep/out")).unwrap();
@@ -99,7 +99,7 @@ fn names_from_rows_stay_in_their_folder() {
     for bad in ["../evil", "/tmp/evil", "..", "a/b", "\"a\\b\"", "%02d"] {
         std::fs::write(d.join("rows.csv"), format!("name\nfine\n{bad}\n")).unwrap();
         for pattern in ["deep/out/{name}.mp4", "deep/out/{name}/film.mp4"] {
-            let run = batch(d, &["-o", pattern]);
+            let run = render_batch(d, &["-o", pattern]);
             assert!(run.code == 1 && run.err.contains("row 2: name = "), "{bad}: {}", run.err);
             let job = [
                 "farm",
@@ -120,23 +120,23 @@ fn names_from_rows_stay_in_their_folder() {
         assert!(names(&d.join("deep/out")).is_empty(), "{bad}");
     }
     std::fs::write(d.join("rows.csv"), "name\nZoe\nzoe\n").unwrap();
-    let run = batch(d, &["-o", "deep/out/{name}.mp4"]);
+    let run = render_batch(d, &["-o", "deep/out/{name}.mp4"]);
     assert!(run.code == 1 && run.err.contains("rows 1 and 2 would both be deep/out/zoe.mp4"), "{}", run.err);
     // A link that is there is not followed.
     #[cfg(unix)]
     {
         std::fs::write(d.join("precious"), "as it was").unwrap();
         std::os::unix::fs::symlink("../../precious", d.join("deep/out/Zoe.gif")).unwrap();
-        let run = batch(d, &["-o", "deep/out/{name}{row}.gif", "--row", "1"]);
+        let run = render_batch(d, &["-o", "deep/out/{name}{row}.gif", "--row", "1"]);
         assert_eq!(run.code, 0, "{}", run.err);
-        let run = batch(d, &["-o", "deep/out/{name}.gif", "--row", "1"]);
+        let run = render_batch(d, &["-o", "deep/out/{name}.gif", "--row", "1"]);
         assert_eq!(run.code, 1, "{}", run.err);
         assert_eq!(read(d, "precious"), b"as it was");
     }
 }
 
 #[test]
-fn tables_that_mean_nothing_are_refused() {
+fn invalid_tables_are_refused() {
     let dir = scene();
     let d = dir.path();
     let said = |table: (&str, &str), more: &[&str]| {
@@ -163,7 +163,7 @@ fn tables_that_mean_nothing_are_refused() {
 
 /// A triangle with a texture of its own, which takes 21 MB with its mipmaps.
 #[cfg(target_os = "linux")]
-fn textured(folder: &Path, number: u8) {
+fn write_textured_model(folder: &Path, number: u8) {
     let image = image::RgbImage::from_pixel(2048, 2048, image::Rgb([number, 90, 200 - number]));
     image.save(folder.join(format!("{number}.png"))).unwrap();
     let positions: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0];
@@ -198,10 +198,10 @@ fn textured(folder: &Path, number: u8) {
 fn models_of_earlier_rows_are_released() {
     let dir = scene();
     let d = dir.path();
-    (0..20).for_each(|number| textured(d, number));
+    (0..20).for_each(|number| write_textured_model(d, number));
     let rows = (0..20).map(|number| format!("{number},{number}.gltf\n"));
     std::fs::write(d.join("rows.csv"), "_file,model\n".to_string() + &rows.collect::<String>()).unwrap();
-    let run = batch(d, &["-o", "out{_file}.png", "--at", "0", "--limit", "memory=300000000"]);
+    let run = render_batch(d, &["-o", "out{_file}.png", "--at", "0", "--limit", "memory=300000000"]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!((0..20).all(|number| d.join(format!("out{number}.png")).is_file()));
 }

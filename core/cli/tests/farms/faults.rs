@@ -24,7 +24,7 @@ fn scene() -> tempfile::TempDir {
 }
 
 /// The film of one machine.
-fn whole(folder: &Path) -> Vec<u8> {
+fn render_on_one_machine(folder: &Path) -> Vec<u8> {
     assert_eq!(choreo(folder, &RENDER).code, 0);
     let bytes = read(folder, "film.mp4");
     std::fs::remove_file(folder.join("film.mp4")).unwrap();
@@ -36,21 +36,21 @@ fn worker_args<'a>(frames: &'a str, into: &'a str) -> Vec<&'a str> {
 }
 
 /// Frames that a worker has drawn.
-fn drawn(worker: Process) -> u64 {
-    let run = worker.ended();
+fn drawn_frames(worker: Process) -> u64 {
+    let run = worker.wait();
     assert_eq!(run.code, 0, "{}", run.err);
-    drawn_of(&run.out)
+    drawn_in_summary(&run.out)
 }
 
-fn worker(folder: &Path, frames: &str) -> Process {
+fn start_worker(folder: &Path, frames: &str) -> Process {
     Process::spawn(&mut command(folder, &worker_args(frames, "segments")))
 }
 
-fn drawn_of(summary: &str) -> u64 {
+fn drawn_in_summary(summary: &str) -> u64 {
     serde_json::from_str::<serde_json::Value>(summary).unwrap()["drawn"].as_u64().unwrap()
 }
 
-fn joined(folder: &Path, more: &[&str]) -> Vec<u8> {
+fn join_segments(folder: &Path, more: &[&str]) -> Vec<u8> {
     let run = choreo(folder, &[&["join", "segments", "-o", "film.mp4", "--quiet"][..], more].concat());
     assert_eq!(run.code, 0, "{}", run.err);
     read(folder, "film.mp4")
@@ -87,7 +87,7 @@ fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String
     let segments = folder.join("segments");
     let start = format!("{segment}.segment.");
     let part = || {
-        let names = if segments.is_dir() { parts(&segments) } else { Vec::new() };
+        let names = if segments.is_dir() { part_files(&segments) } else { Vec::new() };
         names.into_iter().find(|name| name.starts_with(&start) && !known.contains(&name.as_str()))
     };
     let frames = |part: &str| finished_frames(&segments.join(part).join("journal"));
@@ -96,7 +96,7 @@ fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String
     part().unwrap()
 }
 
-fn state_of(folder: &Path, segment: &str) -> serde_json::Value {
+fn report_of_segment(folder: &Path, segment: &str) -> serde_json::Value {
     let report = read(&folder.join("segments"), &format!("{segment}.report"));
     let line = report.split(|byte| *byte == b'\n').next().unwrap();
     serde_json::from_slice(&line[65..]).unwrap()
@@ -104,35 +104,35 @@ fn state_of(folder: &Path, segment: &str) -> serde_json::Value {
 
 /// SIGTERM, as engines send it before they take the machine away: the frame ends, what is finished stays, and a successor makes the rest.
 #[test]
-fn a_worker_that_gets_notice_keeps_its_frames() {
+fn a_terminated_worker_keeps_its_frames() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
-    let first = worker(d, "0-59");
+    let film = render_on_one_machine(d);
+    let first = start_worker(d, "0-59");
     wait_for_frames(d, "0000000-0000059");
     first.signal("-TERM");
-    let run = first.ended();
+    let run = first.wait();
     assert_eq!(run.code, 130, "{}", run.err);
     assert!(!d.join("segments/0000000-0000059.segment").exists());
-    let state = state_of(d, "0000000-0000059");
+    let state = report_of_segment(d, "0000000-0000059");
     let done = state["done"].as_u64().unwrap();
     assert!(state["state"] == "stopped" && done > 0 && done < 60, "{state}");
-    let rest = drawn(worker(d, "0-59"));
+    let rest = drawn_frames(start_worker(d, "0-59"));
     assert_eq!(done + rest, 60);
-    assert!(joined(d, &[]) == film);
+    assert!(join_segments(d, &[]) == film);
     assert_eq!(names(&d.join("segments")), ["0000000-0000059.report", "0000000-0000059.segment"]);
 }
 
 /// Killed without a word, and the clocks of the machines differ by decades: file times say nothing.
 #[test]
-fn a_killed_worker_has_a_successor_whatever_the_clocks_say() {
+fn a_killed_worker_is_continued_regardless_of_file_times() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
+    let film = render_on_one_machine(d);
     let year = Duration::from_secs(365 * 86_400);
     let times = [SystemTime::UNIX_EPOCH + year, SystemTime::now() + 70 * year];
-    assert_eq!(drawn(worker(d, "0-23")), 24);
-    let first = worker(d, "24-59");
+    assert_eq!(drawn_frames(start_worker(d, "0-23")), 24);
+    let first = start_worker(d, "24-59");
     wait_for_frames(d, "0000024-0000059");
     drop(first);
     let mut next = times.into_iter().cycle();
@@ -141,13 +141,13 @@ fn a_killed_worker_has_a_successor_whatever_the_clocks_say() {
     }
     let status = || choreo(d, &["join", "segments", "-o", "film.mp4"]);
     assert!(status().err.contains("of 60 frames these are missing: 24..=59"));
-    let rest = drawn(worker(d, "24-59"));
+    let rest = drawn_frames(start_worker(d, "24-59"));
     assert!(rest > 0 && rest < 36, "{rest}");
-    assert_eq!(drawn(worker(d, "0-23")), 0);
+    assert_eq!(drawn_frames(start_worker(d, "0-23")), 0);
     for path in files_below(&d.join("segments")) {
         std::fs::File::options().write(true).open(path).unwrap().set_modified(next.next().unwrap()).unwrap();
     }
-    assert!(joined(d, &[]) == film);
+    assert!(join_segments(d, &[]) == film);
 }
 
 fn files_below(folder: &Path) -> Vec<PathBuf> {
@@ -158,27 +158,27 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
 /// Three workers of one chunk, of which the one that draws is killed: one of the others goes on with its frames, and the last one finds
 /// the segment whole.
 #[test]
-fn several_workers_of_one_chunk_make_it_once() {
+fn several_workers_of_one_chunk_render_it_once() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
-    let first = worker(d, "0-59");
+    let film = render_on_one_machine(d);
+    let first = start_worker(d, "0-59");
     wait_for_frames(d, "0000000-0000059");
     // The stopped worker holds the segment, and draws no more.
     first.signal("-STOP");
-    let others = [worker(d, "0-59"), worker(d, "0-59")];
+    let others = [start_worker(d, "0-59"), start_worker(d, "0-59")];
     // The other workers are there, and wait.
     std::thread::sleep(Duration::from_millis(300));
     drop(first);
-    let mut counts = others.map(drawn);
+    let mut counts = others.map(drawn_frames);
     counts.sort_unstable();
     assert!(counts[0] == 0 && counts[1] > 0 && counts[1] < 60, "{counts:?}");
-    assert!(joined(d, &[]) == film);
+    assert!(join_segments(d, &[]) == film);
 }
 
 /// A library for `LD_PRELOAD` that answers `flock` as file systems do without locks: those that refuse them, and those whose locks do not reach from one
 /// machine to another. `None` where it cannot be built.
-fn without_locks(folder: &Path) -> Option<PathBuf> {
+fn flock_library(folder: &Path) -> Option<PathBuf> {
     let source = r#"#include <errno.h>
 #include <stdlib.h>
 int flock(int file, int operation) {
@@ -201,8 +201,8 @@ int flock(int file, int operation) {
 fn file_systems_without_locks_lose_nothing() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
-    let Some(library) = without_locks(d) else {
+    let film = render_on_one_machine(d);
+    let Some(library) = flock_library(d) else {
         println!("SKIP 1: no library can be built that refuses locks");
         return;
     };
@@ -247,27 +247,27 @@ fn lose_nothing_without_locks(d: &Path, film: &[u8], worker: impl Fn(&str) -> Co
     slow.signal("-STOP");
     let journal = std::fs::read(segments.join(&own).join("journal")).unwrap();
     assert!(journal.starts_with(&kept) && journal.len() > kept.len());
-    let fast = drawn(Process::spawn(&mut worker("cleo")));
+    let fast = drawn_frames(Process::spawn(&mut worker("cleo")));
     assert!(fast > 0 && fast < 60, "{fast}");
     assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
     slow.signal("-CONT");
-    let run = slow.ended();
+    let run = slow.wait();
     assert_eq!(run.code, 0, "{}", run.err);
-    assert_eq!(drawn_of(&run.out), 0, "{}", run.out);
-    assert!(joined(d, &[]) == film);
-    assert_eq!(drawn(Process::spawn(&mut worker("dora"))), 0);
+    assert_eq!(drawn_in_summary(&run.out), 0, "{}", run.out);
+    assert!(join_segments(d, &[]) == film);
+    assert_eq!(drawn_frames(Process::spawn(&mut worker("dora"))), 0);
     assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
     std::fs::remove_dir_all(&segments).unwrap();
 }
 
 /// A file system on which segments are seen late and in pieces: the join waits as long as `--wait` says, and names what is missing then.
 #[test]
-fn a_join_waits_for_segments_that_are_seen_late() {
+fn join_waits_for_segments_that_appear_late() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
+    let film = render_on_one_machine(d);
     for frames in ["0-23", "24-47", "48-59"] {
-        drawn(worker(d, frames));
+        drawn_frames(start_worker(d, frames));
     }
     let late: Vec<(PathBuf, Vec<u8>)> = ["0000024-0000047.segment", "0000048-0000059.segment"]
         .map(|name| d.join("segments").join(name))
@@ -286,14 +286,14 @@ fn a_join_waits_for_segments_that_are_seen_late() {
     std::fs::write(&late[1].0, &late[1].1).unwrap();
     pause();
     std::fs::write(&late[0].0, &late[0].1).unwrap();
-    let run = join.ended();
+    let run = join.wait();
     assert!(run.code == 0 && !run.err.contains("warning"), "{}", run.err);
     assert!(read(d, "film.mp4") == film);
 }
 
 /// A disk that fills up: exit code 3, no segment, and after there is room the render goes on with the frames that fitted.
 #[test]
-fn a_full_disk_costs_no_finished_frame() {
+fn a_full_disk_loses_no_finished_frame() {
     let dir = scene();
     let d = dir.path();
     let unshare = |script: &str, args: &[&str]| {
@@ -307,7 +307,7 @@ fn a_full_disk_costs_no_finished_frame() {
         println!("SKIP 1: no file system of its own may be mounted here");
         return;
     }
-    let film = whole(d);
+    let film = render_on_one_machine(d);
     std::fs::create_dir_all(d.join("segments")).unwrap();
     std::fs::create_dir_all(d.join("small")).unwrap();
     let script = r#"mount -t tmpfs -o size=150k none small || exit 99
@@ -317,13 +317,13 @@ mount -o remount,size=100m small || exit 99
 "$0" "$@" || exit 98
 cp small/*.segment segments/
 "#;
-    let run = finished(unshare(script, &worker_args("0-59", "small")).unwrap());
+    let run = run_result(unshare(script, &worker_args("0-59", "small")).unwrap());
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(run.err.contains("cannot write: the disk is full"), "{}", run.err);
     assert!(run.err.contains("\ncode 3\n"), "{}", run.err);
     assert!(!run.err.contains("\n0000000-0000059.segment\n"), "{}", run.err);
     let last = run.out.rfind("\n{").map_or(0, |at| at + 1);
-    let rest = drawn_of(&run.out[last..]);
+    let rest = drawn_in_summary(&run.out[last..]);
     assert!(rest > 0 && rest < 60, "{rest} {}", run.err);
-    assert!(joined(d, &[]) == film);
+    assert!(join_segments(d, &[]) == film);
 }

@@ -27,7 +27,7 @@ fn scene() -> tempfile::TempDir {
 }
 
 /// The job in the folder `job`, and its summary.
-fn job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_json::Value {
+fn make_job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_json::Value {
     let mut args = vec!["farm", "scene/it's.rhai", "-o", film, "--for", engine, "--to", "job", "--json"];
     let of_mp4 = |option: &&&str| film.ends_with(".mp4") || !["--export", "keyframes=0.8"].contains(*option);
     args.extend(OPTIONS.iter().filter(of_mp4));
@@ -38,7 +38,7 @@ fn job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_json::Va
 }
 
 /// The film of one machine, from the script and its files, which are gone then.
-fn one_machine(folder: &Path) -> Vec<u8> {
+fn render_on_one_machine(folder: &Path) -> Vec<u8> {
     let mut args = vec!["render", "scene/it's.rhai", "-o", "one.mp4", "--device", "cpu"];
     args.extend(OPTIONS);
     let run = choreo(folder, &args);
@@ -48,11 +48,11 @@ fn one_machine(folder: &Path) -> Vec<u8> {
 }
 
 /// `openjd` with its arguments, in an environment of its own.
-fn openjd(args: &[&str]) -> Option<Run> {
+fn run_openjd(args: &[&str]) -> Option<Run> {
     let python = python_with("openjd.cli", "openjd-cli==0.8.0")?;
     let program = python.with_file_name("openjd");
     let run = Command::new(program).args(args).output().unwrap();
-    Some(finished(run))
+    Some(run_result(run))
 }
 
 #[test]
@@ -60,16 +60,16 @@ fn openjd_runs_the_whole_job() {
     let dir = scene();
     let d = dir.path();
     let film = "it's a {film}.mp4";
-    let summary = job(d, "openjd", film, &["--chunk", "25"]);
+    let summary = make_job(d, "openjd", film, &["--chunk", "25"]);
     assert_eq!(summary["chunks"], serde_json::json!([[0, 24], [25, 49], [50, 59]]));
     assert_eq!(names(&d.join("job")), ["film.choreo", "job.json", "output", "segments", "template.json"]);
-    let whole = one_machine(d);
+    let whole = render_on_one_machine(d);
     let template = d.join("job/template.json").display().to_string();
-    let Some(check) = openjd(&["check", &template, "--extensions", "TASK_CHUNKING"]) else { return };
+    let Some(check) = run_openjd(&["check", &template, "--extensions", "TASK_CHUNKING"]) else { return };
     assert_eq!(check.code, 0, "{}{}", check.out, check.err);
     let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
     let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
-    let run = openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()).unwrap();
+    let run = run_openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()).unwrap();
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(names(&d.join("job/segments")).len() >= 3, "{:?}", names(&d.join("job/segments")));
     assert_eq!(names(&d.join("job/output")).len(), 1);
@@ -101,7 +101,7 @@ else
 fi
 "#;
 
-fn slurm(folder: &Path, sbatch: &str) -> std::process::Output {
+fn submit_to_slurm(folder: &Path, sbatch: &str) -> std::process::Output {
     let bin: PathBuf = folder.join("bin");
     std::fs::create_dir_all(&bin).unwrap();
     std::fs::write(bin.join("sbatch"), sbatch).unwrap();
@@ -122,22 +122,22 @@ fn slurm_scripts_make_the_film() {
     let dir = scene();
     let d = dir.path();
     let film = "it's a film.mp4";
-    let summary = job(d, "slurm", film, &["--chunk", "14"]);
+    let summary = make_job(d, "slurm", film, &["--chunk", "14"]);
     assert_eq!(summary["chunks"].as_array().unwrap().len(), 5);
     assert_eq!(
         names(&d.join("job")),
         ["chunks.txt", "film.choreo", "job.json", "join.sh", "output", "render.sh", "segments", "submit.sh"]
     );
     assert_eq!(read(d, "job/chunks.txt"), b"0-13\n14-27\n28-41\n42-55\n56-59\n");
-    let whole = one_machine(d);
-    let run = finished(slurm(d, SBATCH));
+    let whole = render_on_one_machine(d);
+    let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     assert_eq!(run.out, "render: job 41, 5 tasks; join: job 42\n");
     assert!(read(d, &format!("job/output/{film}")) == whole);
     let options = String::from_utf8(read(d, "job/options.txt")).unwrap();
     assert!(options.contains("--partition=long") && options.contains("--parsable"), "{options}");
     // A task that runs again makes nothing anew, and a job in a folder with segments is not written over.
-    let run = finished(slurm(d, SBATCH));
+    let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     std::fs::create_dir(d.join("scene")).unwrap();
     std::fs::write(d.join("scene/s.rhai"), "stage(#{ length: 0.1 });").unwrap();
@@ -156,7 +156,7 @@ fn measured_chunks_cover_the_film() {
     let dir = scene();
     let d = dir.path();
     for engine in ["openjd", "slurm"] {
-        let summary = job(d, engine, "film.mp4", &["--size", "160x90"]);
+        let summary = make_job(d, engine, "film.mp4", &["--size", "160x90"]);
         let chunks: Vec<[u64; 2]> = serde_json::from_value(summary["chunks"].clone()).unwrap();
         let mut next = 0;
         for [first, last] in &chunks {
@@ -169,7 +169,7 @@ fn measured_chunks_cover_the_film() {
         std::fs::remove_dir_all(d.join("job")).unwrap();
     }
     // 360 frames: no chunk is longer than AWS Deadline Cloud takes.
-    let summary = job(d, "openjd", "film.mp4", &["--fps", "240", "--chunk", "400"]);
+    let summary = make_job(d, "openjd", "film.mp4", &["--fps", "240", "--chunk", "400"]);
     assert_eq!(summary["chunks"].as_array().unwrap().len(), 4);
 }
 
@@ -204,9 +204,9 @@ fn a_preview_has_every_eighth_frame_at_half_the_size() {
     };
     render("32x18", &["--frames", "0..60:8", "-o", "every/%04d.png"]);
     render("64x36", &["--frames", "0..60:8", "-o", "large/%04d.png"]);
-    let summary = job(d, "slurm", "film/%02d.png", &["--chunk", "14", "--preview", "1/8"]);
+    let summary = make_job(d, "slurm", "film/%02d.png", &["--chunk", "14", "--preview", "1/8"]);
     assert_eq!(summary["films"][0]["output"], "preview/film/%02d.png");
-    let run = finished(slurm(d, SBATCH));
+    let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(
         run.out.starts_with("preview render: job 41, 1 tasks; preview join: job 42\nrender: "),
@@ -226,12 +226,12 @@ fn a_preview_has_every_eighth_frame_at_half_the_size() {
     // The frames differ, so that a wrong one would be found.
     assert!(pixels("every/0000.png".into()) != pixels("every/0032.png".into()));
     std::fs::remove_dir_all(d.join("job")).unwrap();
-    job(d, "openjd", "film.mp4", &["--chunk", "24", "--preview", "1/8"]);
-    let whole = one_machine(d);
+    make_job(d, "openjd", "film.mp4", &["--chunk", "24", "--preview", "1/8"]);
+    let whole = render_on_one_machine(d);
     let template = d.join("job/template.json").display().to_string();
     let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
     let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
-    let Some(run) = openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()) else { return };
+    let Some(run) = run_openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()) else { return };
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(read(d, "job/output/film.mp4") == whole);
     assert!(d.join("job/output/preview/film.mp4").is_file());
@@ -276,11 +276,11 @@ fn a_batch_is_one_job() {
         assert_eq!(summary["films"][1]["output"], "films/3 blue.mp4");
         assert_eq!(summary["failed_rows"][0]["row"], 2);
         let run = match engine {
-            "slurm" => finished(slurm(d, SBATCH)),
+            "slurm" => run_result(submit_to_slurm(d, SBATCH)),
             _ => {
                 let template = d.join("job/template.json").display().to_string();
                 let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
-                match openjd(&["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo]) {
+                match run_openjd(&["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo]) {
                     Some(run) => run,
                     None => return,
                 }
@@ -296,7 +296,7 @@ fn a_batch_is_one_job() {
 /// The guide's lines for machines without a scheduler, as they stand there: with an ssh that runs each command on this machine, and a
 /// machine that fails at first.
 #[test]
-fn the_guide_lines_for_machines_without_a_scheduler_make_the_film() {
+fn the_guide_commands_for_machines_without_a_scheduler_render_the_film() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/guide/src/recipes/render_farm.md");
     let page = std::fs::read_to_string(page).unwrap();
     let section = page.split("## Machines without a scheduler").nth(1).unwrap();
@@ -321,7 +321,7 @@ fn the_guide_lines_for_machines_without_a_scheduler_make_the_film() {
         let mut shell = Command::new("sh");
         shell.args(["-c", lines]).current_dir(d).env("PATH", path).env("CHOREO_PLUGINS", "");
         shell.env_remove("SLURM_JOB_ID");
-        finished(shell.env("HOSTS", d.join("used.txt")).env("DEAD", dead).output().unwrap())
+        run_result(shell.env("HOSTS", d.join("used.txt")).env("DEAD", dead).output().unwrap())
     };
     let first = run(&lines, "ben");
     assert!(

@@ -2,7 +2,7 @@
 //! what does not fit is refused by name, and nothing is left behind.
 
 use crate::common;
-use crate::common::{Run, choreo, names, parts, read};
+use crate::common::{Run, choreo, names, part_files, read};
 use std::path::Path;
 
 /// 60 frames: still, then a box that moves, then a title that changes over a still scene. The mannequin-free scene draws fast.
@@ -26,7 +26,7 @@ fn render(folder: &Path, output: &str, more: &[&str]) -> Run {
 }
 
 /// A segment in `folder`, whose name is given.
-fn segment(folder: &Path, output: &str, into: &str, frames: &str) -> String {
+fn render_segment(folder: &Path, output: &str, into: &str, frames: &str) -> String {
     render(folder, output, &["--frames", frames, "--segment", into]);
     let (first, last) = frames.split_once('-').unwrap();
     format!("{into}/{first:0>7}-{last:0>7}.segment")
@@ -39,7 +39,7 @@ fn scene() -> tempfile::TempDir {
 }
 
 /// All bytes of an output: those of its file, or of the images in its folder one after the other.
-fn bytes(folder: &Path, output: &str) -> Vec<u8> {
+fn output_bytes(folder: &Path, output: &str) -> Vec<u8> {
     let Some((inner, _)) = output.split_once('/') else { return read(folder, output) };
     let names = names(&folder.join(inner));
     assert_eq!(names.len(), 60);
@@ -47,7 +47,7 @@ fn bytes(folder: &Path, output: &str) -> Vec<u8> {
 }
 
 /// Copied and encoded frames of a join.
-fn join(folder: &Path, output: &str, segments: &[&str]) -> (u64, u64) {
+fn join_segments(folder: &Path, output: &str, segments: &[&str]) -> (u64, u64) {
     let mut args = vec!["join", "-o", output, "--json"];
     args.extend(segments);
     let run = choreo(folder, &args);
@@ -57,75 +57,75 @@ fn join(folder: &Path, output: &str, segments: &[&str]) -> (u64, u64) {
     (summary["copied"].as_u64().unwrap(), summary["encoded"].as_u64().unwrap())
 }
 
-fn refused(folder: &Path, args: &[&str]) -> String {
+fn refused_join(folder: &Path, args: &[&str]) -> String {
     let mut all = vec!["join", "-o", "film.gif"];
     all.extend(args);
     let run = choreo(folder, &all);
     assert_eq!(run.code, 1, "{}", run.err);
-    assert!(!folder.join("film.gif").exists() && parts(folder).is_empty(), "{:?}", names(folder));
+    assert!(!folder.join("film.gif").exists() && part_files(folder).is_empty(), "{:?}", names(folder));
     run.err
 }
 
 /// One format: `whole` and `joined` are its outputs, `copied` the frames that are copied of each chunking.
-fn equal_to_one_render(whole: &str, joined: &str, copied: [u64; 4]) {
+fn assert_join_equals_one_render(whole: &str, joined: &str, copied: [u64; 4]) {
     let dir = scene();
     let d = dir.path();
     render(d, whole, &[]);
-    let whole = bytes(d, whole);
-    let make = |frames: &str| segment(d, joined, "chunks", frames);
+    let whole = output_bytes(d, whole);
+    let make = |frames: &str| render_segment(d, joined, "chunks", frames);
     let [a, b, c] = ["0-23", "24-47", "48-59"].map(make);
     let [e, f, g] = ["0-6", "7-30", "31-59"].map(make);
     let [h, i] = ["0-39", "20-59"].map(make);
     let all = make("0-59");
     let chunkings: [&[&str]; 4] = [&[&c, &a, &b], &[&f, &g, &e, &f], &[&i, &h], &[&all]];
     for (segments, copied) in chunkings.into_iter().zip(copied) {
-        assert_eq!(join(d, joined, segments), (copied, 60 - copied), "{joined}: {segments:?}");
-        assert!(bytes(d, joined) == whole, "{joined}: {segments:?}");
-        assert!(parts(d).is_empty());
+        assert_eq!(join_segments(d, joined, segments), (copied, 60 - copied), "{joined}: {segments:?}");
+        assert!(output_bytes(d, joined) == whole, "{joined}: {segments:?}");
+        assert!(part_files(d).is_empty());
     }
     // All of them in their folder, and some twice.
-    join(d, joined, &["chunks", &a, &h]);
-    assert!(bytes(d, joined) == whole, "{joined}: overlapping");
+    join_segments(d, joined, &["chunks", &a, &h]);
+    assert!(output_bytes(d, joined) == whole, "{joined}: overlapping");
 }
 
 #[test]
-fn mp4() {
-    equal_to_one_render("one.mp4", "film.mp4", [48, 0, 48, 48]);
+fn mp4_segments_join_to_the_bytes_of_one_render() {
+    assert_join_equals_one_render("one.mp4", "film.mp4", [48, 0, 48, 48]);
 }
 
 #[test]
-fn gif() {
-    equal_to_one_render("one.gif", "film.gif", [0; 4]);
+fn gif_segments_join_to_the_bytes_of_one_render() {
+    assert_join_equals_one_render("one.gif", "film.gif", [0; 4]);
 }
 
 #[test]
-fn apng() {
-    equal_to_one_render("one.apng", "film.apng", [0; 4]);
+fn apng_segments_join_to_the_bytes_of_one_render() {
+    assert_join_equals_one_render("one.apng", "film.apng", [0; 4]);
 }
 
 #[test]
-fn y4m() {
-    equal_to_one_render("one.y4m", "film.y4m", [60; 4]);
+fn y4m_segments_join_to_the_bytes_of_one_render() {
+    assert_join_equals_one_render("one.y4m", "film.y4m", [60; 4]);
 }
 
 #[test]
-fn png() {
-    equal_to_one_render("one/%04d.png", "film/%04d.png", [60; 4]);
+fn png_segments_join_to_the_bytes_of_one_render() {
+    assert_join_equals_one_render("one/%04d.png", "film/%04d.png", [60; 4]);
 }
 
 #[test]
-fn exr() {
-    equal_to_one_render("one/%04d.exr", "film/%04d.exr", [60; 4]);
+fn exr_segments_join_to_the_bytes_of_one_render() {
+    assert_join_equals_one_render("one/%04d.exr", "film/%04d.exr", [60; 4]);
 }
 
 /// Cut at any place or with any bit changed, a segment gives the frames before the damage, is named, and others fill in.
 #[test]
-fn damaged_segments_are_named_and_others_fill_in() {
+fn damaged_segments_are_named_and_replaced_by_others() {
     let dir = scene();
     let d = dir.path();
     render(d, "one.mp4", &[]);
-    let [first, all] = ["0-23", "0-59"].map(|frames| segment(d, "film.mp4", "a", frames));
-    let rest = segment(d, "film.mp4", "b", "24-59");
+    let [first, all] = ["0-23", "0-59"].map(|frames| render_segment(d, "film.mp4", "a", frames));
+    let rest = render_segment(d, "film.mp4", "b", "24-59");
     let whole = read(d, &all);
     for (at, bit) in [(0, 1), (70, 2), (900, 4), (whole.len() / 2, 16), (whole.len() - 3, 128)] {
         for cut in [true, false] {
@@ -153,7 +153,7 @@ fn damaged_segments_are_named_and_others_fill_in() {
             }
             assert_eq!(run.code, 1);
             assert!(run.err.contains("of 60 frames these are missing: "), "{}", run.err);
-            assert!(parts(d).is_empty() && !d.join("film.mp4").exists());
+            assert!(part_files(d).is_empty() && !d.join("film.mp4").exists());
         }
     }
     // The frames before the damage count.
@@ -167,8 +167,8 @@ fn damaged_segments_are_named_and_others_fill_in() {
 fn missing_frames_are_named() {
     let dir = scene();
     let d = dir.path();
-    let [a, b] = ["5-9", "20-58"].map(|frames| segment(d, "film.gif", "a", frames));
-    let text = refused(d, &[&a, &b]);
+    let [a, b] = ["5-9", "20-58"].map(|frames| render_segment(d, "film.gif", "a", frames));
+    let text = refused_join(d, &[&a, &b]);
     let expected = "film.gif: of 60 frames these are missing: 0..=4, 10..=19, 59\n    \
                     hint: render them with choreo render --segment --frames\n";
     assert_eq!(text, expected);
@@ -179,15 +179,15 @@ fn missing_frames_are_named() {
 }
 
 /// A segment with another head: what another version or device would have written.
-fn with_head(segment: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
+fn with_changed_head(segment: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let mut lines = segment.splitn(3, |byte| *byte == b'\n');
     let (magic, head, rest) = (lines.next().unwrap(), lines.next().unwrap(), lines.next().unwrap());
     let mut value = serde_json::from_slice(&head[65..]).unwrap();
     change(&mut value);
-    [magic, b"\n", &line(&value), rest].concat()
+    [magic, b"\n", &hashed_line(&value), rest].concat()
 }
 
-fn line(value: &serde_json::Value) -> Vec<u8> {
+fn hashed_line(value: &serde_json::Value) -> Vec<u8> {
     let json = value.to_string();
     format!("{} {json}\n", blake3::hash(json.as_bytes()).to_hex()).into_bytes()
 }
@@ -201,12 +201,12 @@ fn set_provenance(head: &mut serde_json::Value, keyword: &str, text: &str) {
 fn segments_of_other_films_versions_and_devices_are_refused() {
     let dir = scene();
     let d = dir.path();
-    let a = segment(d, "film.gif", "a", "0-29");
-    let b = segment(d, "film.gif", "b", "30-59");
-    let text = |b: &str| refused(d, &[&a, b]);
+    let a = render_segment(d, "film.gif", "a", "0-29");
+    let b = render_segment(d, "film.gif", "b", "30-59");
+    let text = |b: &str| refused_join(d, &[&a, b]);
     let whole = read(d, &b);
     let forge = |keyword: &str, text: &str| {
-        let forged = with_head(&whole, |head| set_provenance(head, keyword, text));
+        let forged = with_changed_head(&whole, |head| set_provenance(head, keyword, text));
         std::fs::write(d.join("b/forged.segment"), forged).unwrap();
     };
     let another = "b/forged.segment: it belongs to another film than a/0000000-0000029.segment\n    ";
@@ -219,11 +219,11 @@ fn segments_of_other_films_versions_and_devices_are_refused() {
     forge("Software", "choreo 9.9.9");
     let version = text("b/forged.segment");
     assert!(version.starts_with(&format!("{another}Software: choreo 9.9.9, there choreo ")), "{version}");
-    let version = refused(d, &["b/forged.segment"]);
+    let version = refused_join(d, &["b/forged.segment"]);
     assert!(version.contains("choreo 9.9.9 made it, but this program is choreo "), "{version}");
     // Another text of the script that draws the same, another size, other options.
     std::fs::write(d.join("s.rhai"), format!("{SCRIPT}// more\n")).unwrap();
-    let script = text(&segment(d, "film.gif", "c", "30-59"));
+    let script = text(&render_segment(d, "film.gif", "c", "30-59"));
     assert!(script.contains("\n    script: ") && !script.contains("stage: "), "{script}");
     std::fs::write(d.join("s.rhai"), SCRIPT).unwrap();
     render(
@@ -244,29 +244,29 @@ fn segments_of_other_films_versions_and_devices_are_refused() {
 fn segments_that_disagree_are_refused() {
     let dir = scene();
     let d = dir.path();
-    let a = segment(d, "film.gif", "a", "0-59");
-    let b = segment(d, "film.gif", "b", "25-25");
+    let a = render_segment(d, "film.gif", "a", "0-59");
+    let b = render_segment(d, "film.gif", "b", "25-25");
     // The image of frame 30, as frame 25.
-    let c = read(d, &segment(d, "film.gif", "b", "30-30"));
+    let c = read(d, &render_segment(d, "film.gif", "b", "30-30"));
     let mut lines = c.splitn(4, |byte| *byte == b'\n');
     let (magic, head, record) = (lines.next().unwrap(), lines.next().unwrap(), lines.next().unwrap());
     let mut value: serde_json::Value = serde_json::from_slice(&record[65..]).unwrap();
     value["first"] = 25.into();
-    let forged = [magic, b"\n", head, b"\n", &line(&value), lines.next().unwrap()].concat();
-    assert_eq!(join(d, "film.gif", &[&a, &b]), (0, 60));
+    let forged = [magic, b"\n", head, b"\n", &hashed_line(&value), lines.next().unwrap()].concat();
+    assert_eq!(join_segments(d, "film.gif", &[&a, &b]), (0, 60));
     std::fs::remove_file(d.join("film.gif")).unwrap();
     std::fs::write(d.join(&b), forged).unwrap();
-    let text = refused(d, &[&a, &b]);
+    let text = refused_join(d, &[&a, &b]);
     let expected = format!("film.gif: frame 25 differs between {a} and {b}\n");
     assert!(text.starts_with(&expected), "{text}");
 }
 
 /// A segment that is there and whole is not made again with --resume, and one that is cut is.
 #[test]
-fn a_whole_segment_is_not_made_again() {
+fn a_complete_segment_is_not_rendered_again() {
     let dir = scene();
     let d = dir.path();
-    let a = segment(d, "film.mp4", "a", "10-40");
+    let a = render_segment(d, "film.mp4", "a", "10-40");
     let whole = read(d, &a);
     let again = || {
         let more = ["--frames", "10-40", "--segment", "a", "--resume", "--json"];
@@ -282,7 +282,7 @@ fn a_whole_segment_is_not_made_again() {
 /// Several processes that make one segment with --resume, as a farm that starts a task again while its first process still runs: one
 /// makes it, the others wait for it, and all succeed.
 #[test]
-fn several_makers_of_one_segment_do_not_fail() {
+fn several_processes_can_render_one_segment() {
     let dir = scene();
     let d = dir.path();
     let args = [
@@ -309,7 +309,7 @@ fn several_makers_of_one_segment_do_not_fail() {
     let made: Vec<u64> = [start(), start(), start()]
         .into_iter()
         .map(|child| {
-            let run = common::finished(child.wait_with_output().unwrap());
+            let run = common::run_result(child.wait_with_output().unwrap());
             assert_eq!(run.code, 0);
             serde_json::from_str::<serde_json::Value>(&run.out).unwrap()["drawn"].as_u64().unwrap()
         })
@@ -319,7 +319,7 @@ fn several_makers_of_one_segment_do_not_fail() {
 }
 
 #[test]
-fn command_lines_that_mean_nothing_are_refused() {
+fn invalid_segment_and_join_options_are_refused() {
     let dir = scene();
     let d = dir.path();
     let usage = |args: &[&str]| {
@@ -332,9 +332,9 @@ fn command_lines_that_mean_nothing_are_refused() {
     assert!(render(&["-o", "-", "--segment", "a"]).contains("--segment is for videos"));
     assert!(render(&["-o", "a.mp4", "--frames", "0,5", "--segment", "a"]).contains("one range of frames"));
     std::fs::create_dir(d.join("empty")).unwrap();
-    assert_eq!(refused(d, &["empty"]), "empty: there is no .segment file\n");
+    assert_eq!(refused_join(d, &["empty"]), "empty: there is no .segment file\n");
     assert!(
-        refused(d, &["s.rhai"])
+        refused_join(d, &["s.rhai"])
             .contains("s.rhai: it is not a segment that choreo render --segment has written")
     );
     assert!(usage(&["join", "s.rhai", "-o", "-"]).contains("join writes files"));

@@ -39,7 +39,7 @@ const PAIRS: [(&str, f64, &str, &str, f64); 10] = [
 ];
 
 /// A foot counts as planted after this time, in 240ths of a second.
-const SHORTEST: u32 = 12;
+const MIN_PLANTED_SAMPLES: u32 = 12;
 
 struct StepErrors {
     /// Farthest that a planted foot went, metres of the world, and how often one was planted.
@@ -50,14 +50,14 @@ struct StepErrors {
 }
 
 /// `planted`: by leg and time, whether it should be.
-fn watch(
+fn measure_steps(
     stage: &Stage,
     legs: &[Leg],
     from: f64,
     to: f64,
     planted: &dyn Fn(usize, Time) -> bool,
 ) -> StepErrors {
-    let mut eyes = Evaluator::new(Arc::new(stage.clone()));
+    let mut evaluator = Evaluator::new(Arc::new(stage.clone()));
     let mut errors = StepErrors { moved: 0.0, stands: 0, step: 0.0 };
     // Where, how long ago in looks, how far since.
     let mut begun: Vec<Option<(DVec3, u32, f64)>> = vec![None; legs.len()];
@@ -65,7 +65,7 @@ fn watch(
     let count = ((to - from) * 240.0) as i64;
     for i in 0..=count {
         let time = Time::from_secs(from + i as f64 / 240.0);
-        let snapshot = eyes.at(time).unwrap();
+        let snapshot = evaluator.at(time).unwrap();
         let state = &snapshot.actors[0];
         for (index, leg) in legs.iter().enumerate() {
             let m = state.model_from_joint[leg.toe.unwrap_or(leg.foot) as usize];
@@ -80,8 +80,8 @@ fn watch(
             *looks += 1;
             *moved = moved.max((now - *first).length());
             // A touch of less than a twentieth of a second is no stand.
-            if *looks > SHORTEST {
-                errors.stands += usize::from(*looks == SHORTEST + 1);
+            if *looks > MIN_PLANTED_SAMPLES {
+                errors.stands += usize::from(*looks == MIN_PLANTED_SAMPLES + 1);
                 errors.moved = errors.moved.max(*moved);
             }
         }
@@ -90,8 +90,8 @@ fn watch(
 }
 
 #[test]
-fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
-    let Some(folder) = common::assets() else { return };
+fn planted_feet_do_not_slide_in_a_fade_from_walk_to_run() {
+    let Some(folder) = common::sample_assets_folder() else { return };
     println!(
         "| file | from | to | at, s | planted feet | move, mm | without planting, mm | fastest foot, m/s | without, m/s |"
     );
@@ -131,8 +131,8 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
                 .collect();
             // Down where the clip that counts more says so.
             let planted = |leg: usize, time: Time| {
-                let heard = actor.active_clips(time);
-                let Some(most) = heard.iter().rev().find(|h| h.weight >= 0.5) else { return false };
+                let active_clips = actor.active_clips(time);
+                let Some(most) = active_clips.iter().rev().find(|h| h.weight >= 0.5) else { return false };
                 let round = actor.layers[0].cues[most.cue].trim.1;
                 let at = most.clip_time;
                 let stands = &contacts[most.cue].intervals[leg];
@@ -142,8 +142,10 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
                 within(at) || within(at + round)
             };
             let (begin, end) = (start, start + fade);
-            let (own, plain) =
-                (watch(&stage, &legs, begin, end, &planted), watch(&without, &legs, begin, end, &planted));
+            let (own, plain) = (
+                measure_steps(&stage, &legs, begin, end, &planted),
+                measure_steps(&without, &legs, begin, end, &planted),
+            );
             println!(
                 "| {file} | {from} | {to} | {start} | {} | {:.2} | {:.1} | {:.2} | {:.2} |",
                 own.stands,
@@ -172,7 +174,7 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
 }
 
 /// Stands as seen in the clips' own frames, seconds: when heel or ball stops going down or forward, and when the ball goes up.
-const BY_HAND: [(&str, &str, &str, f64, f64); 7] = [
+const CONTACTS_SEEN: [(&str, &str, &str, f64, f64); 7] = [
     ("gltf/Knight.glb", "Walking_A", "foot.l", 0.02, 0.48),
     ("gltf/Knight.glb", "Walking_A", "foot.r", 0.55, 1.01),
     ("gltf/Knight.glb", "Running_A", "foot.l", 0.12, 0.19),
@@ -183,11 +185,11 @@ const BY_HAND: [(&str, &str, &str, f64, f64); 7] = [
 ];
 
 #[test]
-fn contacts_of_others_clips_are_where_they_are_seen() {
-    let Some(folder) = common::assets() else { return };
+fn detected_contacts_match_the_contacts_seen_in_the_clips() {
+    let Some(folder) = common::sample_assets_folder() else { return };
     println!("| file | clip | foot | found, s | seen, s |");
     println!("| --- | --- | --- | --- | --- |");
-    for (file, clip, foot, from, to) in BY_HAND {
+    for (file, clip, foot, from, to) in CONTACTS_SEEN {
         let stage = stage(
             &folder,
             &format!(

@@ -25,13 +25,13 @@ const CHARACTERS: [(&str, &str); 9] = [
 
 const LIMBS: [(&str, &str); 4] = [("upleg", "leg"), ("leg", "foot"), ("arm", "forearm"), ("forearm", "hand")];
 
-pub struct Sampled {
+pub struct Character {
     pub asset: Arc<Asset>,
     pub clip: Option<Arc<Clip>>,
 }
 
 /// Files and their clips, by name or number.
-pub fn characters(folder: &std::path::Path, wanted: &[(&str, &str)]) -> Vec<Sampled> {
+pub fn characters(folder: &std::path::Path, wanted: &[(&str, &str)]) -> Vec<Character> {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_fbx::FbxImporter);
@@ -47,13 +47,13 @@ pub fn characters(folder: &std::path::Path, wanted: &[(&str, &str)]) -> Vec<Samp
         let asset = loader.load(name, &ImportChoice::default()).unwrap_or_else(|e| panic!("{name}: {e:?}"));
         let found = asset.clips.iter().find(|c| c.name == *clip);
         let clip = found.or(clip.parse().ok().and_then(|i: usize| asset.clips.get(i))).cloned();
-        Sampled { clip, asset }
+        Character { clip, asset }
     };
     wanted.iter().map(load).collect()
 }
 
 /// f64.
-pub fn model(skeleton: &Skeleton, clip: Option<&Clip>, time: Time) -> Vec<DAffine3> {
+pub fn model_space_pose(skeleton: &Skeleton, clip: Option<&Clip>, time: Time) -> Vec<DAffine3> {
     let mut pose = Pose::rest(skeleton);
     if let Some(clip) = clip {
         Sample { clip, time, pose: &mut pose }.run();
@@ -87,7 +87,7 @@ fn limbs_apart(humans: [&HumanoidJoints; 2], models: [&[DAffine3]; 2], yaw_degre
 }
 
 /// Height of the lowest foot over that at rest, the rest pose standing on y = 0 or on its lowest joint.
-pub fn clearance(human: &HumanoidJoints, rest: &[DAffine3], model: &[DAffine3], with_toes: bool) -> f64 {
+pub fn foot_clearance(human: &HumanoidJoints, rest: &[DAffine3], model: &[DAffine3], with_toes: bool) -> f64 {
     let parts: &[&str] = if with_toes { &["foot", "toebase"] } else { &["foot"] };
     let joints = ["left", "right"].iter().flat_map(|s| parts.iter().map(move |p| format!("{s} {p}")));
     let ends = joints.clone().filter_map(|n| human.joint(&n));
@@ -98,8 +98,8 @@ pub fn clearance(human: &HumanoidJoints, rest: &[DAffine3], model: &[DAffine3], 
 }
 
 #[test]
-fn every_character_moves_as_every_other() {
-    let Some(folder) = common::assets() else { return };
+fn clips_retargeted_between_all_characters_keep_limb_directions_and_feet() {
+    let Some(folder) = common::sample_assets_folder() else { return };
     let characters = characters(&folder, &CHARACTERS);
     println!(
         "| clip of | on | joints | scale | turned | limbs, ° | standing foot, mm | there and back, mm | a second time, mm | hips then, mm | sampled joints | keys of these |"
@@ -124,7 +124,7 @@ fn every_character_moves_as_every_other() {
             let back = homeward.clip(&on).0;
             let twice = homeward.clip(&there.clip(&back).0).0;
             let humans = [&from.asset, &to.asset].map(|a| HumanoidJoints::of(&a.skeleton));
-            let rests = [&from.asset, &to.asset].map(|a| model(&a.skeleton, None, Time::ZERO));
+            let rests = [&from.asset, &to.asset].map(|a| model_space_pose(&a.skeleton, None, Time::ZERO));
             let toes =
                 ["left toebase", "right toebase"].iter().all(|n| humans.iter().all(|h| h.joint(n).is_some()));
             let hips = humans[0].joint("hips").unwrap() as usize;
@@ -132,16 +132,16 @@ fn every_character_moves_as_every_other() {
                 (0.0f64, 0.0f64, 0.0f64, 0.0f64, 0.0f64);
             for i in 0..40 {
                 let time = Time(clip.duration.0 / 40 * i + 12_345);
-                let source = model(&from.asset.skeleton, Some(clip), time);
-                let target = model(&to.asset.skeleton, Some(&on), time);
-                let again = model(&from.asset.skeleton, Some(&back), time);
-                let twice = model(&from.asset.skeleton, Some(&twice), time);
+                let source = model_space_pose(&from.asset.skeleton, Some(clip), time);
+                let target = model_space_pose(&to.asset.skeleton, Some(&on), time);
+                let again = model_space_pose(&from.asset.skeleton, Some(&back), time);
+                let twice = model_space_pose(&from.asset.skeleton, Some(&twice), time);
                 limbs =
                     limbs.max(limbs_apart([&humans[0], &humans[1]], [&source, &target], there.yaw_degrees()));
                 // Where a sole stands: elsewhere the hips go smoothly (`hips.rs`).
-                if clearance(&humans[0], &rests[0], &source, false) < 0.005 {
-                    let wanted = clearance(&humans[0], &rests[0], &source, toes) * there.scale();
-                    feet = feet.max((clearance(&humans[1], &rests[1], &target, toes) - wanted).abs());
+                if foot_clearance(&humans[0], &rests[0], &source, false) < 0.005 {
+                    let wanted = foot_clearance(&humans[0], &rests[0], &source, toes) * there.scale();
+                    feet = feet.max((foot_clearance(&humans[1], &rests[1], &target, toes) - wanted).abs());
                 }
                 for side in ["left", "right"] {
                     for (_, joint) in LIMBS {
@@ -177,8 +177,8 @@ fn every_character_moves_as_every_other() {
                 let closer = Retarget::new(&from.asset.skeleton, &to.asset.skeleton, close).clip(clip).0;
                 let left = (0..40).map(|i| {
                     let time = Time(clip.duration.0 / 40 * i + 12_345);
-                    let source = model(&from.asset.skeleton, Some(clip), time);
-                    let target = model(&to.asset.skeleton, Some(&closer), time);
+                    let source = model_space_pose(&from.asset.skeleton, Some(clip), time);
+                    let target = model_space_pose(&to.asset.skeleton, Some(&closer), time);
                     limbs_apart([&humans[0], &humans[1]], [&source, &target], there.yaw_degrees())
                 });
                 let left = left.fold(0.0, f64::max);

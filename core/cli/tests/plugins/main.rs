@@ -3,7 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
-mod effects_shown;
+mod effect_samples;
 mod faulty_plugins;
 mod packages;
 mod plugin_files;

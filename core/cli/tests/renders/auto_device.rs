@@ -17,7 +17,7 @@ fn summary(folder: &Path, device: &str) -> Option<serde_json::Value> {
 }
 
 #[test]
-fn a_driver_that_draws_on_the_cpu_is_used_where_it_is_named() {
+fn auto_device_avoids_a_vulkan_driver_that_draws_on_the_cpu() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.rhai"), SCRIPT).unwrap();
     let auto = summary(dir.path(), "auto").unwrap();
@@ -43,7 +43,7 @@ fn a_driver_that_draws_on_the_cpu_is_used_where_it_is_named() {
 
 /// Names of the rasterizer threads of a process, seen while it runs.
 #[cfg(target_os = "linux")]
-fn rasterizers(folder: &Path, jobs: &str) -> BTreeSet<String> {
+fn rasterizer_threads(folder: &Path, jobs: &str) -> BTreeSet<String> {
     let args = ["render", "a.rhai", "-o", "a.y4m", "--device", "vulkan", "--jobs", jobs, "--quiet"];
     let mut child = command(folder, &args).spawn().unwrap();
     let mut seen = BTreeSet::new();
@@ -61,10 +61,10 @@ fn rasterizers(folder: &Path, jobs: &str) -> BTreeSet<String> {
 fn jobs_bound_the_threads_of_the_driver() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.rhai"), SCRIPT).unwrap();
-    let one = rasterizers(dir.path(), "1");
+    let one = rasterizer_threads(dir.path(), "1");
     if one.is_empty() {
         println!("SKIP 1: no Vulkan driver that draws on the CPU");
         return;
     }
-    assert_eq!((one.len(), rasterizers(dir.path(), "3").len()), (1, 3));
+    assert_eq!((one.len(), rasterizer_threads(dir.path(), "3").len()), (1, 3));
 }

@@ -47,12 +47,12 @@ fn signals_leave_finished_frames_and_the_old_file() {
         let child = start(d, "o.mp4", more);
         wait_for("finished frame", || has_frames(d, "o.mp4"));
         signal(&child, name);
-        let run = finished(child.wait_with_output().unwrap());
+        let run = run_result(child.wait_with_output().unwrap());
         assert_eq!(run.code, 130, "{}", run.err);
         assert_eq!(run.err.lines().last(), Some("interrupted"));
         assert_eq!(read(d, "o.mp4"), b"old");
         let discarded = more.contains(&"--discard");
-        assert_eq!(parts(d).is_empty(), discarded, "{name} {more:?}");
+        assert_eq!(part_files(d).is_empty(), discarded, "{name} {more:?}");
         let kept = "frames are kept in o.mp4.part; to go on with them: ";
         let command = run.err.lines().find_map(|line| line.split_once(kept).map(|(_, command)| command));
         assert_eq!(command.is_none(), discarded, "{}", run.err);
@@ -70,7 +70,7 @@ fn images_finished_before_an_interrupt_are_complete() {
     let child = start(d, "f/%05d.png", &[]);
     wait_for("fifth image", || d.join("f/00005.png").exists());
     signal(&child, "-INT");
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, 130, "{}", run.err);
     let made = names(&d.join("f"));
     assert!(made.len() > 5 && made.iter().all(|n| n.ends_with(".png")), "{made:?}");
@@ -81,13 +81,13 @@ fn images_finished_before_an_interrupt_are_complete() {
 }
 
 #[test]
-fn a_reader_that_goes_away_ends_it_quietly() {
+fn a_closed_pipe_ends_the_render_quietly() {
     let dir = long_folder();
     let mut child = start(dir.path(), "-", &[]);
     let mut pipe = child.stdout.take().unwrap();
     pipe.read_exact(&mut [0; 1000]).unwrap();
     drop(pipe);
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, 141, "{}", run.err);
     assert!(!run.err.contains("rror") && !run.err.contains("write"), "{}", run.err);
 }
@@ -102,7 +102,7 @@ fn a_killed_render_leaves_the_old_file() {
     wait_for("part file", || !parts(d).is_empty());
     std::thread::sleep(Duration::from_millis(100));
     signal(&child, "-KILL");
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, -1, "{}", run.err);
     assert_eq!(read(d, "o.y4m"), b"old");
     let args =
@@ -120,7 +120,7 @@ fn a_folder_that_vanishes_is_named() {
     wait_for("picture", || d.join("f/00001.png").exists());
     // The folder goes at once: file by file, new ones would be added meanwhile.
     std::fs::rename(d.join("f"), d.join("gone")).unwrap();
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, 3, "{}", run.err);
     let line = run.err.lines().last().unwrap_or_default();
     assert!(line.starts_with("f/") && line.ends_with(".png: cannot write: no such file or folder"), "{line}");
@@ -144,7 +144,7 @@ fn a_signal_ends_the_viewer_too() {
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     wait_for("viewer", || d.join("pid").exists());
     signal(&child, "-TERM");
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!((run.code, run.err.lines().last()), (130, Some("interrupted")), "{}", run.err);
     let viewer = std::fs::read_to_string(d.join("pid")).unwrap();
     let there = Command::new("kill").args(["-0", viewer.trim()]).stderr(Stdio::null()).status().unwrap();

@@ -51,7 +51,11 @@ fn triangles(resources: &SceneResources, plan: &Plan) -> usize {
 }
 
 /// With and without levels: images, triangles.
-fn both(stage: &Stage, resources: &Arc<SceneResources>, snapshot: &Snapshot) -> ([Frame; 2], [usize; 2]) {
+fn draw_with_and_without_levels(
+    stage: &Stage,
+    resources: &Arc<SceneResources>,
+    snapshot: &Snapshot,
+) -> ([Frame; 2], [usize; 2]) {
     let plan = |full_detail| {
         let options = PlanOptions { full_detail, ..PlanOptions::new(SIZE, 4) };
         Plan::new(resources, stage, snapshot, &options)
@@ -72,7 +76,7 @@ fn mean_color(frame: &Frame) -> [f64; 3] {
     sum.map(|s| s / count)
 }
 
-fn write(name: &str, frame: &Frame) {
+fn save_image(name: &str, frame: &Frame) {
     if let Ok(folder) = std::env::var("LEVELS_OUT") {
         let path = Path::new(&folder).join(name);
         image::save_buffer(path, &frame.rgba, frame.width, frame.height, image::ColorType::Rgba8).unwrap();
@@ -92,13 +96,13 @@ const COLOR: f64 = 2.5;
 
 #[test]
 fn crowds_from_afar_look_as_with_all_triangles() {
-    let Some(folder) = common::assets() else { return };
+    let Some(folder) = common::sample_assets_folder() else { return };
     for (model, clip, distance, most) in CROWDS {
         let stage = stage(&crowd(model, clip, 60, distance), &folder);
         let resources = Arc::new(SceneResources::new(&stage));
         let snapshot = stage.at(Time::from_secs(0.4)).unwrap();
         let different = |resources: &Arc<SceneResources>, name: &str| {
-            let ([levels, full], [few, all]) = both(&stage, resources, &snapshot);
+            let ([levels, full], [few, all]) = draw_with_and_without_levels(&stage, resources, &snapshot);
             let flip = choreo_image_diff::flip(&levels, &full).unwrap().mean;
             let [a, b] = [mean_color(&levels), mean_color(&full)];
             let color = (0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
@@ -106,8 +110,8 @@ fn crowds_from_afar_look_as_with_all_triangles() {
                 "{model} at {distance} m, {name}: {few} of {all} triangles, FLIP {flip:.4}, color {color:.2}"
             );
             let file = model.rsplit(['/', ':']).next().unwrap();
-            write(&format!("{file}-{distance}-{name}.png"), &levels);
-            write(&format!("{file}-{distance}-full.png"), &full);
+            save_image(&format!("{file}-{distance}-{name}.png"), &levels);
+            save_image(&format!("{file}-{distance}-full.png"), &full);
             (few as f64 / all as f64, flip, color)
         };
         let (left, flip, color) = different(&resources, "levels");

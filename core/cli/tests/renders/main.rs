@@ -4,9 +4,9 @@
 mod common;
 
 mod auto_device;
+mod culling;
 mod interrupt;
 mod levels_of_detail;
-mod out_of_view;
 mod render;
 mod render_watch;
 mod resume;

@@ -11,7 +11,7 @@ fn render(folder: &std::path::Path, args: &[&str]) -> Run {
 }
 
 #[test]
-fn numbered_pictures_of_two_processes_equal_those_of_one() {
+fn numbered_images_of_two_processes_equal_those_of_one() {
     let dir = folder();
     let d = dir.path();
     for (range, out) in [("0..12", "whole"), ("6..12", "halves"), ("0..6", "halves"), ("..", "again")] {
@@ -32,7 +32,7 @@ fn numbered_pictures_of_two_processes_equal_those_of_one() {
 }
 
 #[test]
-fn videos_are_whole_and_repeat_byte_for_byte() {
+fn videos_are_complete_and_the_same_bytes_in_each_run() {
     let dir = folder();
     let d = dir.path();
     for format in ["mp4", "gif", "y4m"] {
@@ -43,7 +43,7 @@ fn videos_are_whole_and_repeat_byte_for_byte() {
         }
         assert!(read(d, &format!("a.{format}")) == read(d, &format!("b.{format}")), "{format}");
     }
-    assert_eq!(parts(d), Vec::<String>::new());
+    assert_eq!(part_files(d), Vec::<String>::new());
     let probe = Command::new("ffprobe")
         .current_dir(d)
         .args([
@@ -78,7 +78,7 @@ fn standard_output_is_y4m_and_nothing_else() {
 }
 
 #[test]
-fn one_picture_from_a_model_at_a_time_or_a_frame() {
+fn a_single_image_is_chosen_by_time_or_frame() {
     let dir = folder();
     let d = dir.path();
     for (args, note) in [
@@ -100,7 +100,7 @@ fn one_picture_from_a_model_at_a_time_or_a_frame() {
 }
 
 #[test]
-fn quiet_says_nothing_and_json_says_it_for_machines() {
+fn quiet_prints_nothing_and_json_prints_a_summary() {
     let dir = folder();
     let run = render(dir.path(), &["tri.gltf", "-o", "a.gif", "--frames", "0..2", "--quiet"]);
     assert_eq!((run.code, run.out.as_str(), run.err.as_str()), (0, "", ""));
@@ -120,7 +120,7 @@ fn quiet_says_nothing_and_json_says_it_for_machines() {
 }
 
 #[test]
-fn jobs_change_nothing_but_the_time() {
+fn the_number_of_jobs_does_not_change_images() {
     let dir = folder();
     let d = dir.path();
     for jobs in ["1", "3"] {
@@ -141,7 +141,7 @@ fn info(folder: &std::path::Path, name: &str) -> serde_json::Value {
 }
 
 #[test]
-fn pictures_and_videos_tell_how_they_were_made() {
+fn images_and_videos_contain_their_provenance() {
     let dir = folder();
     let d = dir.path();
     let mut ids = Vec::new();
@@ -171,7 +171,7 @@ fn pictures_and_videos_tell_how_they_were_made() {
 
 /// Nothing of where and when a render runs, under what name, of which frames, is in its bytes; what changes the image is.
 #[test]
-fn how_it_was_made_depends_on_nothing_else() {
+fn provenance_depends_only_on_what_changes_the_image() {
     let script = "let who = param(\"who\", \"x\");\nlet m = load(\"models/tri.gltf\");\nlet a = cast(who, m);\n\
                   a.play(m.clip(\"Slide\"));\nstage(#{ length: 1.0 });";
     let place = |script: &str| {
@@ -245,7 +245,7 @@ fn a_model_is_framed_completely_in_a_tall_image() {
 
 /// The stages of a rasterizer, an image each. The output must be a folder.
 #[test]
-fn stages_are_six_pictures_in_a_folder() {
+fn rasterizer_stages_are_six_images_in_a_folder() {
     let dir = folder();
     let d = dir.path();
     let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "steps", "--size", "96x54"]);
@@ -277,7 +277,7 @@ fn stages_are_six_pictures_in_a_folder() {
 }
 
 #[test]
-fn lists_and_steps_of_frames() {
+fn the_option_frames_accepts_lists_and_steps() {
     let dir = folder();
     let run = render(dir.path(), &["tri.gltf", "-o", "f/%02d.png", "--frames", "0..30:12,29,3..5"]);
     assert_eq!(run.code, 0, "{}", run.err);

@@ -110,7 +110,7 @@ fn clear(folder: &Path, output: &str) {
 /// Renders that are killed again and again, `kills` times each, and gone on with each time: what is finished is never drawn
 /// again, and the end is that of an undisturbed render. (A render killed once is the first kill of each.) On a busy machine a render
 /// may be done before it is killed: more renders are made then, until most of `renders * kills` kills fell among the frames.
-fn killed(output: &str, renders: usize, kills: usize, seed: u64) {
+fn assert_resumes_after_kills(output: &str, renders: usize, kills: usize, seed: u64) {
     let dir = scene();
     let d = dir.path();
     let mut random = Random(seed);
@@ -151,28 +151,28 @@ fn killed(output: &str, renders: usize, kills: usize, seed: u64) {
             whole.iter().map(|(n, _)| n).collect::<Vec<_>>()
         );
         assert!(now == whole, "{output}: other bytes, render {render}, killed at {moments:?}");
-        assert_eq!(parts(d), Vec::<String>::new());
+        assert_eq!(part_files(d), Vec::<String>::new());
     }
 }
 
 #[test]
-fn killed_at_twenty_moments_pictures_go_on() {
-    killed("f/%04d.png", 5, 4, 11);
+fn a_killed_image_sequence_resumes() {
+    assert_resumes_after_kills("f/%04d.png", 5, 4, 11);
 }
 
 #[test]
-fn killed_at_twenty_moments_an_mp4_goes_on() {
-    killed("o.mp4", 5, 4, 12);
+fn a_killed_mp4_resumes() {
+    assert_resumes_after_kills("o.mp4", 5, 4, 12);
 }
 
 #[test]
-fn killed_gifs_and_streams_go_on() {
-    killed("o.gif", 2, 3, 13);
-    killed("o.y4m", 2, 3, 14);
+fn killed_gifs_and_y4m_streams_resume() {
+    assert_resumes_after_kills("o.gif", 2, 3, 13);
+    assert_resumes_after_kills("o.y4m", 2, 3, 14);
 }
 
 /// The part folder of a render killed among its frames.
-fn stopped(d: &Path, output: &str) -> usize {
+fn kill_render_midway(d: &Path, output: &str) -> usize {
     for _ in 0..200 {
         clear(d, output);
         let mut child = start(d, output, &[]);
@@ -198,14 +198,14 @@ fn copy_folder(from: &Path, to: &Path) {
 
 /// Cut or bent anywhere: what is whole is used, the rest is drawn again, the bytes are the same.
 #[test]
-fn damaged_parts_give_what_is_whole_of_them() {
+fn undamaged_frames_of_a_damaged_part_are_reused() {
     let dir = scene();
     let d = dir.path();
     let mut random = Random(16);
     for output in ["o.mp4", "o.gif"] {
         assert_eq!(choreo(d, &args(output, &[])).code, 0);
         let whole = read(d, output);
-        let finished = stopped(d, output);
+        let finished = kill_render_midway(d, output);
         let (part, saved) = (d.join(format!("{output}.part")), d.join("saved"));
         copy_folder(&part, &saved);
         let mut less = 0;
@@ -232,10 +232,10 @@ fn damaged_parts_give_what_is_whole_of_them() {
 
 /// The message names the difference, and nothing is touched.
 #[test]
-fn a_render_made_otherwise_is_refused() {
+fn resuming_a_render_with_other_settings_is_refused() {
     let dir = scene();
     let d = dir.path();
-    stopped(d, "o.mp4");
+    kill_render_midway(d, "o.mp4");
     let before = read(&d.join("o.mp4.part"), "journal");
     let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
     let refused = |more: &[&str], expected: &[&str]| {
@@ -275,7 +275,7 @@ fn a_render_made_otherwise_is_refused() {
 }
 
 /// Ends a render by a signal once five frames are finished; what it said. `None` where it was faster than the signal.
-fn signalled(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
+fn interrupt_render(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
     let loud: Vec<&str> = args("o.mp4", more).into_iter().filter(|a| *a != "--json").collect();
     let mut child = command(d, &loud).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     while finished_frames(d, "o.mp4") < 5 && child.try_wait().unwrap().is_none() {
@@ -283,7 +283,7 @@ fn signalled(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
     }
     let sent = std::process::Command::new("kill").args([name, &child.id().to_string()]).status();
     assert!(sent.unwrap().success());
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     if run.code == 0 {
         std::fs::remove_file(d.join("o.mp4")).unwrap();
         return None;
@@ -294,13 +294,13 @@ fn signalled(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
 }
 
 /// The command line that a message ends with, typed into a shell.
-fn type_in(d: &Path, command: &str) -> Run {
+fn run_in_shell(d: &Path, command: &str) -> Run {
     let mut shell = std::process::Command::new("sh");
-    finished(shell.args(["-c", command]).current_dir(d).stdin(Stdio::null()).output().unwrap())
+    run_result(shell.args(["-c", command]).current_dir(d).stdin(Stdio::null()).output().unwrap())
 }
 
 #[test]
-fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() {
+fn an_interrupted_render_prints_the_command_that_resumes_it() {
     let dir = scene();
     let d = dir.path();
     assert_eq!(resume(d, "o.mp4"), (FRAMES, 0), "with nothing there it renders");
@@ -308,7 +308,7 @@ fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() 
     std::fs::remove_file(d.join("o.mp4")).unwrap();
     let mut ended = 0;
     for (name, more) in [("-INT", &[][..]), ("-TERM", &["--quiet"]), ("-HUP", &[]), ("-INT", &["--resume"])] {
-        let Some(run) = signalled(d, name, more) else { continue };
+        let Some(run) = interrupt_render(d, name, more) else { continue };
         ended += 1;
         let finished = finished_frames(d, "o.mp4");
         let said = format!("{finished} frames are kept in o.mp4.part; to go on with them: ");
@@ -316,20 +316,20 @@ fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() 
         let command = line.unwrap_or_else(|| panic!("{name}: no \"{said}\" in {}", run.err));
         assert!(command.contains("choreo render --resume s.rhai -o o.mp4 --jobs 1"), "{command}");
         assert_eq!(command.matches("--resume").count(), 1, "{command}");
-        let run = type_in(d, command);
+        let run = run_in_shell(d, command);
         assert_eq!(run.code, 0, "{command}: {}", run.err);
         assert!(
             more.contains(&"--quiet") || run.err.contains(&format!("{finished} of them finished before")),
             "{}",
             run.err
         );
-        assert!(read(d, "o.mp4") == whole && parts(d).is_empty());
+        assert!(read(d, "o.mp4") == whole && part_files(d).is_empty());
         std::fs::remove_file(d.join("o.mp4")).unwrap();
     }
     assert!(ended > 0, "always faster than the signal");
     // Who says so keeps nothing.
-    if let Some(run) = signalled(d, "-INT", &["--discard"]) {
-        assert!(!run.err.contains("kept") && parts(d).is_empty(), "{}", run.err);
+    if let Some(run) = interrupt_render(d, "-INT", &["--discard"]) {
+        assert!(!run.err.contains("kept") && part_files(d).is_empty(), "{}", run.err);
     }
     let run = choreo(d, &["render", "s.rhai", "-o", "-", "--resume"]);
     assert!(run.code == 2 && run.err.contains("standard output cannot be resumed"), "{}", run.err);
@@ -337,11 +337,11 @@ fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() 
 
 /// Frames of this very render are thrown away only where the user says so; those of another are in nobody's way.
 #[test]
-fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
+fn a_resumable_render_is_discarded_only_with_the_option() {
     let dir = scene();
     let d = dir.path();
     let plain: Vec<&str> = args("o.mp4", &[]).into_iter().filter(|a| *a != "--json").collect();
-    let finished = stopped(d, "o.mp4");
+    let finished = kill_render_midway(d, "o.mp4");
     let journal = read(&d.join("o.mp4.part"), "journal");
     let run = choreo(d, &plain);
     let expected = format!(
@@ -359,24 +359,24 @@ fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
          differ: script"
     );
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
-    assert!(d.join("o.mp4").exists() && parts(d).is_empty());
+    assert!(d.join("o.mp4").exists() && part_files(d).is_empty());
     // Said so.
-    let finished = stopped(d, "o.mp4");
+    let finished = kill_render_midway(d, "o.mp4");
     let run = choreo(d, &[&plain[..], &["--discard"]].concat());
     let expected =
         format!("o.mp4: starts anew; {finished} frames of a render that was stopped are deleted\n");
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
-    assert!(d.join("o.mp4").exists() && parts(d).is_empty());
+    assert!(d.join("o.mp4").exists() && part_files(d).is_empty());
     let run = choreo(d, &[&plain[..], &["--discard", "--resume"]].concat());
     assert_eq!(run.code, 2, "{}", run.err);
 }
 
 /// Killed between the renaming of the result and the removal of its folder.
 #[test]
-fn a_result_in_its_place_is_found_there() {
+fn a_result_that_was_already_renamed_is_recognized_by_resume() {
     let dir = scene();
     let d = dir.path();
-    stopped(d, "o.y4m");
+    kill_render_midway(d, "o.y4m");
     // Open, the journal outlives its folder.
     let part = d.join("o.y4m.part");
     let mut journal = std::fs::File::open(part.join("journal")).unwrap();

@@ -25,7 +25,7 @@ fn render(folder: &Path, output: &str, more: &[&str]) -> Option<serde_json::Valu
     Some(serde_json::from_str(&run.out).unwrap())
 }
 
-fn equal_frames(device: &str) {
+fn assert_reused_frames_equal_single_renders(device: &str) {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), SCRIPT).unwrap();
@@ -62,17 +62,17 @@ fn equal_frames(device: &str) {
 }
 
 #[test]
-fn equal_frames_on_the_cpu() {
-    equal_frames("cpu");
+fn reused_frames_equal_single_renders_on_the_cpu() {
+    assert_reused_frames_equal_single_renders("cpu");
 }
 
 #[test]
-fn equal_frames_on_vulkan() {
-    equal_frames("vulkan");
+fn reused_frames_equal_single_renders_on_vulkan() {
+    assert_reused_frames_equal_single_renders("vulkan");
 }
 
 #[test]
-fn the_summary_counts_them() {
+fn the_summary_counts_reused_frames() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.rhai"), SCRIPT).unwrap();
     let run = choreo(dir.path(), &["render", "a.rhai", "-o", "a.y4m", "--samples", "1", "--device", "cpu"]);

@@ -5,7 +5,7 @@ use crate::common;
 use crate::common::{choreo, folder};
 
 /// The triangle with its clip taken away.
-fn still(d: &std::path::Path) {
+fn write_model_without_clips(d: &std::path::Path) {
     let text = common::triangle(1.0);
     let (before, rest) = text.split_once("\"animations\"").unwrap();
     let (_, after) = rest.split_once("}] }],").unwrap();
@@ -13,10 +13,10 @@ fn still(d: &std::path::Path) {
 }
 
 #[test]
-fn lengths_and_frames_of_models() {
+fn messages_state_the_length_and_frame_range_of_models() {
     let dir = folder();
     let d = dir.path();
-    still(d);
+    write_model_without_clips(d);
     let small = ["--size", "16x16", "--samples", "1", "--device", "cpu"];
     let run = choreo(d, &[&["render", "still.gltf", "-o", "a.y4m", "--length", "0.5"][..], &small].concat());
     assert_eq!(run.code, 0, "{}", run.err);
@@ -29,8 +29,8 @@ fn lengths_and_frames_of_models() {
 
 /// A file of clips that rests in a stride, on a character: the warning has a rule, and says how to allow it.
 #[test]
-fn a_warning_about_another_body_can_be_allowed() {
-    let Some(assets) = common::assets() else { return };
+fn a_retargeting_warning_can_be_allowed() {
+    let Some(assets) = common::sample_assets_folder() else { return };
     let dir = folder();
     let d = dir.path();
     for file in ["vrm/cool_loops.vrm", "fbx/pab/locomotions.fbx"] {
@@ -54,8 +54,8 @@ fn a_warning_about_another_body_can_be_allowed() {
 
 /// The robot has a bone "Body", and the other file a mesh of that name beside its bones.
 #[test]
-fn a_mesh_beside_the_bones_follows_no_bone() {
-    let Some(assets) = common::assets() else { return };
+fn a_mesh_with_the_name_of_a_bone_is_not_mapped_to_it() {
+    let Some(assets) = common::sample_assets_folder() else { return };
     let dir = folder();
     let file = |name: &str| assets.join(name).to_string_lossy().into_owned();
     let (robot, godette) = (file("gltf/RobotExpressive.glb"), file("vrm/Godette_vrm_v4.vrm"));
@@ -72,7 +72,7 @@ fn info_names_meshes_and_the_nodes_that_show_them() {
 }
 
 #[test]
-fn explain_counts_reused_frames_in_the_words_of_render() {
+fn explain_and_render_count_the_same_reused_frames() {
     let dir = folder();
     let d = dir.path();
     let script = r##"stage(#{ size: [16, 16], fps: 8, length: 1.0 });
