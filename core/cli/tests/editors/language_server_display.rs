@@ -55,7 +55,7 @@ fn hints(editor: &mut Editor, uri: &str, text: &str, lines: std::ops::Range<usiz
     let found = editor.request("textDocument/inlayHint", p).unwrap();
     let shown = |hint: &Value| {
         assert_eq!(hint["paddingLeft"], true);
-        let before = &text[..byte(text, &hint["position"])];
+        let before = &text[..byte_of_position(text, &hint["position"])];
         let start = before.len().saturating_sub(12);
         let start = (start..).find(|at| before.is_char_boundary(*at)).unwrap();
         (before[start..].to_string(), hint["label"].as_str().unwrap().to_string())
