@@ -1,4 +1,4 @@
-//! `scripts/README.md` says where each capability is shown and judged; this holds that it is.
+//! Checks that each capability in the table of `scripts/README.md` occurs in the lessons and test sections that the table names.
 
 use choreo_stage::{Described, Shadow, Sky, StageLight};
 use std::path::{Path, PathBuf};
@@ -12,12 +12,12 @@ fn link_targets(cell: &str) -> Vec<&str> {
     cell.split("](").skip(1).filter_map(|rest| rest.split(')').next()).collect()
 }
 
-/// The texts between pairs of a mark.
+/// The texts between pairs of a delimiter.
 fn texts_between(cell: &str, mark: char) -> Vec<&str> {
     cell.split(mark).skip(1).step_by(2).collect()
 }
 
-/// Errors of a table's row; `None` for lines that are no rows.
+/// The errors of a table row, or `None` if the line is not a row.
 fn row_errors(line: &str) -> Option<Vec<String>> {
     let cells: Vec<&str> = line.strip_prefix("| ")?.trim_end_matches(" |").split(" | ").collect();
     if cells[0] == "what" {
@@ -42,7 +42,7 @@ fn row_errors(line: &str) -> Option<Vec<String>> {
         wrong.push(format!("{what}: no words, or no lessons"));
     }
     for word in words {
-        // A method is called, not another one that begins like it.
+        // With the parenthesis, a method is not confused with one whose name begins the same.
         let word = if word.starts_with('.') { format!("{word}(") } else { word.to_string() };
         if !shown.contains(&word) {
             wrong.push(format!("{what}: {word} is in none of its lessons"));
@@ -75,7 +75,7 @@ fn the_capability_table_names_existing_calls_lessons_and_sections() {
     assert!(rows.len() >= 40, "{} rows", rows.len());
     let found = rows.concat();
     assert!(found.is_empty(), "{} mistakes:\n{}", found.len(), found.join("\n"));
-    // Planted faults are found: a word, a lesson and a section that are not there.
+    // Faults that this test adds must be found: a word, a lesson and a section that do not exist.
     let row = text.lines().find(|line| line.starts_with("| trim |")).unwrap();
     for (from, to) in [(".trim", ".trams"), ("18_times", "18_thyme"), ("over a part", "over a party")] {
         assert!(!wrong(&row.replace(from, to)).unwrap().is_empty(), "{from} → {to}");
@@ -86,14 +86,14 @@ fn script_source(file: &str) -> String {
     std::fs::read_to_string(scripts_folder().join("../core/script/src").join(file)).unwrap()
 }
 
-/// The texts of the first list in square brackets after a mark of a source file.
+/// The text of the first list in square brackets after a marker in a source file.
 fn quoted_list(text: &str, mark: &str) -> Vec<String> {
     let rest = text.split_once(mark).unwrap_or_else(|| panic!("{mark} is gone")).1;
     let rest = rest.split_once('[').unwrap().1;
     texts_between(rest.split(']').next().unwrap(), '"').into_iter().map(String::from).collect()
 }
 
-/// The names by which scripts set keyframes of a type's fields.
+/// The names that scripts use for the animatable fields of a type.
 fn keyframe_names<T: Described>() -> Vec<String> {
     T::FIELDS.iter().filter_map(|field| Some(field.keyed?.0.to_string())).collect()
 }
@@ -140,7 +140,7 @@ fn every_light_and_texture_option_is_in_a_lesson() {
     let wanted = required_words();
     assert!(wanted.len() >= 30, "{wanted:?}");
     assert_eq!(missing_words(&wanted, &lessons), Vec::<String>::new(), "in no lesson");
-    // A word that is removed is missed, and no other one is.
+    // If a word is removed from the lessons, exactly that word is reported.
     for word in ["kelvin:", "\"specular_color\"", "\"range\"", "attenuation:", "\"cone\""] {
         assert_eq!(missing_words(&wanted, &lessons.replace(word, "")), [word], "{word}");
     }

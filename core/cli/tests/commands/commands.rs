@@ -1,4 +1,4 @@
-//! info, explain, check, pose and plugins on good input.
+//! The commands `info`, `explain`, `check`, `pose` and `plugins` on valid input.
 
 use crate::common::*;
 use serde_json::Value;
@@ -98,18 +98,18 @@ fn explain_states_the_number_of_motion_blur_sub_frames_and_the_reason() {
              camera(\"front\").at(0.0, 0.0, 4.0).look_at([0.0, 0.0, 0.0]);\n"
         )
     };
-    for (turn, said) in [
+    for (turn, expected) in [
         (0.0, "blur       1 sub-frame: nothing visible moves while the shutter is open"),
         (400.0, "blur       2 sub-frames: nothing moves by more than 1."),
         (20000.0, "blur       16 sub-frames: something moves by "),
     ] {
         std::fs::write(dir.path().join("s.rhai"), script(turn)).unwrap();
         let run = choreo(dir.path(), &["explain", "s.rhai", "--at", "0.5"]);
-        assert!(run.out.contains(said), "{turn}: {}", run.out);
+        assert!(run.out.contains(expected), "{turn}: {}", run.out);
     }
 }
 
-/// What a pass draws and holds is named with the pass; one that is not named costs nothing.
+/// The draws and memory of a pass are listed with the name of the pass. A pass that is not requested costs nothing.
 #[test]
 fn explain_states_the_cost_of_each_pass() {
     let dir = tempfile::tempdir().unwrap();
@@ -141,7 +141,8 @@ fn explain_states_the_cost_of_each_pass() {
     assert!(one.iter().all(|(by, ..)| by == "the pass depth" || by == "the passes of the frame"), "{one:?}");
 }
 
-/// Shadow maps have no materials: nothing that the box alone asks for names those of the figure, which come first. The tables fit the terminal.
+/// The shadow map has no materials: what the box alone requests does not list the materials of the figure, which come first in the
+/// scene. The tables fit the width of the terminal.
 #[test]
 fn explain_names_only_the_materials_that_an_actor_uses() {
     let dir = folder();
@@ -425,7 +426,7 @@ fn import_options_of_model_files_come_from_the_manifest() {
     }
 }
 
-/// A body of 17 joints as BVH, two frames: names and places of its joints, each with its depth below the hips.
+/// A character of 17 joints as BVH with two frames. `names` are the names of the joints from the hips down, depth first.
 fn body_bvh(names: [&str; 17]) -> String {
     let places = [
         (0, "0 90 0"),
@@ -464,8 +465,8 @@ fn body_bvh(names: [&str; 17]) -> String {
     format!("{text}MOTION\nFrames: 2\nFrame Time: 0.5\n{}{}", frame("0"), frame("10"))
 }
 
-/// A clip of 17 joints on a body of which names and structure tell hips and legs alone, and on one of which they tell nothing: what
-/// plays it, what retargets it and what tells of it agree.
+/// A clip of 17 joints on two characters: on the first, names and structure identify only the hips and legs; on the second, they identify
+/// nothing. Scripts that play the clip, scripts that retarget it and `info --on` give the same message.
 #[test]
 fn body_parts_that_are_not_retargeted_are_named_by_every_command() {
     let mixamo = [
@@ -519,10 +520,10 @@ fn body_parts_that_are_not_retargeted_are_named_by_every_command() {
     let parts = "9 of 17 animated joints have a partner; these body parts stay at rest: spine, head, left arm, right arm";
     for script in ["plays.rhai", "retargets.rhai", "fits.rhai"] {
         let run = choreo(dir.path(), &["check", script]);
-        let said = format!("{}{}", run.out, run.err);
+        let output = format!("{}{}", run.out, run.err);
         let warning = format!("clip \"walk\" of \"walk.bvh\" on \"legs.bvh\": {parts}");
-        assert_eq!((run.code, said.matches(&warning).count()), (0, 1), "{script}: {said}");
-        assert!(said.contains("name their partners: clip.retarget(asset, #{ joints:"), "{said}");
+        assert_eq!((run.code, output.matches(&warning).count()), (0, 1), "{script}: {output}");
+        assert!(output.contains("name their partners: clip.retarget(asset, #{ joints:"), "{output}");
     }
     let run = choreo(dir.path(), &["info", "walk.bvh", "--on", "legs.bvh"]);
     assert!(run.code == 0 && run.out.contains(&format!("\n{parts}\n")), "{}{}", run.out, run.err);
@@ -539,10 +540,11 @@ fn body_parts_that_are_not_retargeted_are_named_by_every_command() {
     }
 }
 
-/// ESC, carriage return, a line of its own, a line separator of terminals (C1), and characters that turn the order around.
+/// A name with ESC, a carriage return, a line feed with a forged error message, a C1 control character, and characters that change the
+/// direction of text.
 const HOSTILE_NAME: &str = "e\u{1b}[31mv\r\nerror: il\u{9b}2J\u{202e}\u{2066}";
 
-/// The triangle with such a name for everything that has one.
+/// The triangle, with `HOSTILE_NAME` in the name of each part.
 fn hostile_model() -> String {
     let evil = serde_json::to_string(HOSTILE_NAME).unwrap();
     let evil = evil.trim_matches('"');
@@ -555,7 +557,8 @@ fn hostile_model() -> String {
         .replace("\"accessors\":", &format!("{material}\n  \"accessors\":"))
 }
 
-/// No command lets names of a file steer the terminal or begin a line; as JSON they are what they are.
+/// No command prints control characters from names in a file, so that they can neither control the terminal nor begin a new line.
+/// JSON output has the names unchanged.
 #[test]
 fn control_characters_in_names_do_not_reach_the_terminal() {
     let dir = tempfile::tempdir().unwrap();
@@ -568,10 +571,10 @@ fn control_characters_in_names_do_not_reach_the_terminal() {
     std::fs::write(d.join("evil.rhai"), &script).unwrap();
     let section = "test(\"s\\x1b[2J\\nerror: x\", || { expect(1).equals(2); });";
     std::fs::write(d.join("evil_test.rhai"), section).unwrap();
-    let steers = |c: char| {
+    let controls_terminal = |c: char| {
         (c.is_control() && c != '\n') || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
     };
-    let mut named = 0;
+    let mut commands_with_names = 0;
     for args in [
         &["info", "evil.gltf", "--joints"][..],
         &["info", "evil.gltf", "--on", "evil.gltf"],
@@ -590,18 +593,18 @@ fn control_characters_in_names_do_not_reach_the_terminal() {
     ] {
         let run = choreo(d, args);
         let text = format!("{}{}", run.out, run.err);
-        assert_eq!(text.chars().find(|c| steers(*c)), None, "{args:?}: {}", text.escape_debug());
+        assert_eq!(text.chars().find(|c| controls_terminal(*c)), None, "{args:?}: {}", text.escape_debug());
         assert!(!text.lines().any(|line| line.starts_with("error: ")), "{args:?}: {text}");
-        named += usize::from(text.contains("\u{fffd}"));
+        commands_with_names += usize::from(text.contains("\u{fffd}"));
         if let ["info" | "pose" | "explain" | "check", ..] = args {
             let run = choreo(d, &[args, &["--json"]].concat());
-            assert_eq!(run.out.chars().find(|c| steers(*c)), None, "{args:?}: {}", run.out.escape_debug());
+            assert_eq!(run.out.chars().find(|c| controls_terminal(*c)), None, "{args:?}: {}", run.out.escape_debug());
             let value: Value = serde_json::from_str(&run.out).unwrap();
             let whole = value.to_string();
             assert!(!whole.contains('\u{fffd}'), "{args:?}: {whole}");
         }
     }
-    assert!(named >= 9, "the names are told by {named} commands");
+    assert!(commands_with_names >= 9, "only {commands_with_names} commands print the names");
     let value = json_output(d, &["pose", "evil.gltf", "--json"]);
     assert_eq!(value["actors"][0]["joints"][0]["name"], format!("Root{HOSTILE_NAME}"));
 }
@@ -617,7 +620,7 @@ fn a_matrix_is_one_line_of_json() {
     });
 }
 
-/// Legs that face −z, in centimetres.
+/// The hips and legs of a character that faces −z, in centimetres, as BVH.
 fn legs_facing_minus_z_bvh() -> String {
     let leg = |side: &str, x: i32| {
         let joint = |name: &str, offset: &str, below: &str| {
@@ -649,8 +652,8 @@ fn info_states_the_axes_of_hands() {
     assert!(recipe.contains(
         "hands of the built-in character and of Mixamo y runs along the fingers\n  and z out of the palm"
     ));
-    let told = json_output(dir.path(), &["info", "choreo:mannequin", "--json"])["character"]["hands"].clone();
-    assert_eq!(told.as_array().unwrap().len(), 2, "{told}");
+    let hands = json_output(dir.path(), &["info", "choreo:mannequin", "--json"])["character"]["hands"].clone();
+    assert_eq!(hands.as_array().unwrap().len(), 2, "{hands}");
     // VRM 0.x: joints have the axes of the model, in which the arms are stretched out.
     let Some(assets) = sample_assets_folder() else { return };
     let model = assets.join("vrm/cool_loops.vrm");
@@ -668,7 +671,7 @@ fn a_character_that_faces_minus_z_is_detected_and_walks_forwards() {
     assert!(run.out.contains("\nfacing     -z (feet, knees, left and right)\n"), "{}{}", run.out, run.err);
     let facing = json_output(dir.path(), &["info", "legs.bvh", "--json"])["facing"].clone();
     assert_eq!((&facing["front"], &facing["doubtful"]), (&"-z".into(), &false.into()));
-    // How far its toes are before its heels on the way, in metres.
+    // How far the toes are in front of the heel, in the direction of travel, in metres.
     let ahead = |options: &str| {
         let script = format!(
             "cast(\"a\", load(\"legs.bvh\", #{{ scale: 0.01{options} }})).path([[0, 0, 0], [4, 0, 0]], #{{ speed: 1.0 }});\nstage(#{{ length: 2.0 }});\n"
@@ -684,6 +687,6 @@ fn a_character_that_faces_minus_z_is_detected_and_walks_forwards() {
     };
     let (found, stated) = (ahead(""), ahead(", facing: \"+z\""));
     assert!((found - 0.12).abs() < 1e-3, "{found}");
-    // The front that the script gives takes precedence; everyone was taken to face +z, so this was a moonwalk.
+    // The front that the script gives takes precedence: with +z the character walks backwards.
     assert!((stated + 0.12).abs() < 1e-3, "{stated}");
 }

@@ -1,4 +1,4 @@
-//! `choreo format`: what it changes, what it refuses, and that scenes stay the same.
+//! `choreo format`: what it changes, what it refuses, and that the scenes of scripts do not change.
 
 use crate::common::{choreo, command, names, run_result};
 use choreo_script::ScriptOptions;
@@ -77,7 +77,7 @@ fn lessons() -> Vec<PathBuf> {
     paths
 }
 
-/// Badly laid out: without indentation and with more blanks and blank lines, but with the same tokens.
+/// The text with the same tokens in a bad layout: without indentation, and with additional spaces and blank lines.
 fn badly_formatted(text: &str) -> String {
     let line = |line: &str| match line.contains(['"', '`', '/']) {
         true => line.trim().to_string(),
@@ -96,10 +96,10 @@ fn formatted_lessons_make_the_same_scenes() {
         let scene = |text: &str| {
             let run =
                 choreo_script::run_text("scene.rhai", text, path.parent().unwrap(), &registry, &options);
-            // The hash of a callback contains its place in the script.
+            // The hash of a callback depends on its position in the script.
             run.map(|mut script| (script.stage.hooks.drain(..).count(), script.stage.content_hash()))
         };
-        // A lesson that needs a plugin file of its own is compared by its tokens only.
+        // Of a lesson that needs its own plugin file only the tokens are compared.
         let Ok(expected) = scene(&text) else { continue };
         let new = formatted(&text).unwrap();
         assert_ne!(new, text, "{}", path.display());

@@ -1,4 +1,4 @@
-//! `choreo help`: words of the field, of scripts and commands.
+//! `choreo help`: terms of the field, of scripts and of commands.
 
 use crate::common::*;
 use choreo_script::ScriptOptions;
@@ -78,7 +78,7 @@ fn help_finds_commands_rules_and_pages_of_the_guide() {
     );
 }
 
-/// The table of rules has every rule that a script of these tests is answered with.
+/// The table of rules in the documentation has every rule that occurs in the expected output of `checked`.
 #[test]
 fn the_readme_lists_every_rule_of_check() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked");

@@ -1,4 +1,4 @@
-//! Commands that describe and check, on good input.
+//! Commands that describe and check valid input.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,4 +1,4 @@
-//! `choreo.toml`: folders and default options, their limits, and messages about mistakes in it.
+//! `choreo.toml`: folders and default options, their limits, and error messages.
 
 use crate::common::{Run, choreo, folder};
 use std::path::Path;
@@ -31,7 +31,7 @@ fn rendered_size(d: &Path, more: &[&str]) -> serde_json::Value {
 fn the_project_file_sets_folders_and_defaults_and_the_command_line_overrides_them() {
     let dir = project();
     let d = dir.path();
-    // Without the folder the model is not found.
+    // Without the folder in `search` the model is not found.
     let run = choreo(d, &["check", "scenes/a.rhai"]);
     assert!(run.code == 1 && run.err.contains("tri.gltf"), "{}", run.err);
     write_project_file(
@@ -41,13 +41,13 @@ fn the_project_file_sets_folders_and_defaults_and_the_command_line_overrides_the
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 0);
     assert_eq!(rendered_size(d, &[]), serde_json::json!([48, 32]));
     assert_eq!(rendered_size(d, &["--size", "20x10"]), serde_json::json!([20, 10]));
-    // A typed option wins over one that excludes it, too: --timings and --watch exclude each other.
+    // An option of the command line also overrides an option of the file that excludes it: --timings and --watch exclude each other.
     write_project_file(d, "search = [\"assets\"]\n[render]\ntimings = true\n");
     let run = choreo(d, &["render", "scenes/a.rhai", "-o", "missing/a.xyz", "--watch"]);
     assert!(!run.err.contains("cannot be used with"), "{}", run.err);
     let run = choreo(d, &["check", "scenes/a.rhai", "--no-project-file"]);
     assert!(run.code == 1 && run.err.contains("tri.gltf"), "{}", run.err);
-    // The nearest file counts alone.
+    // Only the nearest file applies.
     std::fs::write(d.join("scenes/choreo.toml"), "[render]\nsize = \"8x8\"\n").unwrap();
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 1);
 }
@@ -64,20 +64,20 @@ fn the_nearest_project_file_in_a_parent_folder_is_used() {
         assert_eq!(choreo(d, &["check", "scenes/more/b.rhai"]).code, 0);
         assert_eq!(choreo(&deep, &["check", "b.rhai"]).code, 0);
         let (_, dir) = (std::fs::remove_dir(d.join(".git")), d.join("scenes"));
-        // A folder as an argument counts from itself upwards.
+        // For an argument that is a folder, the search for `choreo.toml` begins in this folder.
         assert_eq!(choreo(&dir, &["check", "../scenes/more/b.rhai"]).code, 0);
     }
-    // strict counts in the folder below, too.
+    // `strict` also applies in folders below.
     std::fs::write(deep.join("b.rhai"), format!("{SCRIPT} camera(\"a\"); camera(\"never\");")).unwrap();
     let run = choreo(&deep, &["check", "b.rhai"]);
     assert!(run.code == 1 && run.err.contains("--strict"), "{}{}", run.out, run.err);
-    // A repository inside the project is a project of its own.
+    // A repository inside the project is a separate project.
     std::fs::create_dir(deep.join(".git")).unwrap();
     assert_eq!(choreo(&deep, &["check", "b.rhai"]).code, 1);
     assert!(choreo(&deep, &["check", "b.rhai"]).err.contains("tri.gltf"));
 }
 
-/// A file in a folder that others may write to must not reach into the folders of everybody.
+/// A `choreo.toml` of another user, in a folder that everyone may write to, is ignored.
 #[cfg(unix)]
 #[test]
 fn a_project_file_of_another_owner_is_ignored_outside_a_repository() {
@@ -86,7 +86,7 @@ fn a_project_file_of_another_owner_is_ignored_outside_a_repository() {
     std::fs::remove_dir(d.join(".git")).unwrap();
     write_project_file(d, "search = [\"assets\"]\n");
     if std::os::unix::fs::chown(d.join("choreo.toml"), Some(12345), None).is_err() {
-        eprintln!("only root may give files to others");
+        eprintln!("only root may change the owner of a file");
         return;
     }
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 1);
@@ -94,7 +94,7 @@ fn a_project_file_of_another_owner_is_ignored_outside_a_repository() {
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 0);
 }
 
-/// A single-file importer in a folder that only `choreo.toml` names.
+/// A single-file importer is found in a folder that only `choreo.toml` names.
 #[test]
 fn plugins_in_folders_of_the_project_file_are_found() {
     let dir = project();
@@ -119,7 +119,7 @@ fn plugins_in_folders_of_the_project_file_are_found() {
     assert!(run.err.contains("choreo.toml:1:12: plugins: there is no folder \"tols\""), "{}", run.err);
 }
 
-/// A test reads in its project, whatever folder the command is started in, and takes the project's options.
+/// A test reads the files and takes the options of its project, whatever the current folder is.
 #[test]
 fn tests_of_a_project_run_from_every_folder() {
     let dir = project();
