@@ -1,4 +1,4 @@
-//! An editor for tests: starts `choreo lsp` and speaks the protocol with it, independently of the server's own code.
+//! A client for tests: starts `choreo lsp` and implements the protocol independently of the server's code.
 #![allow(dead_code)]
 
 use serde_json::{Value, json};
@@ -17,7 +17,7 @@ pub struct Editor {
     pub input: Option<ChildStdin>,
     messages: Receiver<Value>,
     next_id: i64,
-    /// Messages that came while another was waited for.
+    /// Messages that arrived while the test waited for another one.
     unread_messages: Vec<Value>,
     /// Last diagnostics by URI, with the version.
     pub diagnostics: BTreeMap<String, (i64, Vec<Value>)>,
@@ -71,7 +71,7 @@ impl Editor {
         Editor::initialize(Editor::uninitialized(folder), folder, json!({}))
     }
 
-    /// Begins a session with capabilities beside those of texts.
+    /// Initializes a session with capabilities in addition to those for text documents.
     pub fn initialize(mut editor: Editor, folder: &Path, mut capabilities: Value) -> Editor {
         capabilities["textDocument"] =
             json!({ "completion": { "completionItem": { "snippetSupport": true } } });
@@ -96,7 +96,7 @@ impl Editor {
         self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
     }
 
-    /// Sends a request; its number.
+    /// Sends a request and returns its id.
     pub fn send_request(&mut self, method: &str, parameters: Value) -> i64 {
         self.next_id += 1;
         let id = self.next_id;
@@ -104,7 +104,7 @@ impl Editor {
         id
     }
 
-    /// The result, or the error's code.
+    /// The result of the request with this id, or the error code.
     pub fn request(&mut self, method: &str, parameters: Value) -> Result<Value, i64> {
         let id = self.send_request(method, parameters);
         self.response(id)
@@ -118,7 +118,7 @@ impl Editor {
         }
     }
 
-    /// The next message that fits; others are kept.
+    /// The next message that matches; others are kept for later.
     pub fn wait_for_message(&mut self, fits: impl Fn(&Value) -> bool) -> Value {
         if let Some(index) = self.unread_messages.iter().position(&fits) {
             return self.unread_messages.remove(index);
@@ -150,7 +150,7 @@ impl Editor {
         self.notify("textDocument/didOpen", json!({ "textDocument": document }));
     }
 
-    /// Replaces the text as a whole.
+    /// Replaces the whole text.
     pub fn replace_text(&mut self, uri: &str, text: &str) {
         let version = self.texts[uri].0 + 1;
         self.texts.insert(uri.to_string(), (version, text.to_string()));
@@ -162,7 +162,7 @@ impl Editor {
         self.notify("textDocument/didChange", json!({ "textDocument": document, "contentChanges": changes }));
     }
 
-    /// Opens a text or replaces it, without the mark `¦`; the place of the mark.
+    /// Opens a text or replaces it, without the mark `¦`. Returns the position of the mark.
     pub fn open_marked_text(&mut self, uri: &str, marked: &str) -> Value {
         let text = marked.replacen('¦', "", 1);
         let before = &marked[..marked.find('¦').expect("a mark")];
@@ -175,7 +175,7 @@ impl Editor {
         json!({ "line": line, "character": character })
     }
 
-    /// A request about a marked place.
+    /// Sends a request for the marked position.
     pub fn request_at_mark(&mut self, method: &str, uri: &str, marked: &str) -> Value {
         let position = self.open_marked_text(uri, marked);
         let p = json!({ "textDocument": { "uri": uri }, "position": position });
@@ -228,7 +228,7 @@ impl Editor {
         self.diagnostics[uri].1.clone()
     }
 
-    /// A request about a document as a whole.
+    /// Sends a request for a whole document.
     pub fn request_about_document(&mut self, method: &str, uri: &str) -> Value {
         self.request(method, json!({ "textDocument": { "uri": uri } })).unwrap()
     }
@@ -244,14 +244,14 @@ impl Editor {
         }
     }
 
-    /// Ends the server in order; its exit code.
+    /// Shuts the server down as the protocol requires, and returns its exit code.
     pub fn shut_down(mut self) -> i32 {
         self.request("shutdown", Value::Null).unwrap();
         self.notify("exit", Value::Null);
         self.wait_for_exit()
     }
 
-    /// Waits for the end.
+    /// Waits until the server exits.
     pub fn wait_for_exit(mut self) -> i32 {
         drop(self.input.take());
         self.child.wait().unwrap().code().unwrap_or(-1)

@@ -1,4 +1,4 @@
-//! `choreo lsp`, as an editor meets it.
+//! Tests of `choreo lsp` through the protocol, as an editor uses it.
 
 use crate::common;
 use crate::editor;
@@ -22,7 +22,7 @@ fn project_folder() -> tempfile::TempDir {
     folder
 }
 
-/// A saved script, so that modules are found.
+/// A saved script, because modules are searched relative to its file.
 fn script(folder: &Path, text: &str) -> String {
     let path = folder.canonicalize().unwrap().join("scene.rhai");
     std::fs::write(&path, text).unwrap();
@@ -52,7 +52,7 @@ fn diagnostics_of_unsaved_text_are_those_of_check() {
     let range = json!({ "start": { "line": 2, "character": 19 }, "end": { "line": 2, "character": 25 } });
     assert_eq!((&found[0]["range"], &found[0]["severity"]), (&range, &json!(1)));
 
-    // One letter makes it right; the rule is the code then.
+    // After one letter is corrected, the only finding is a warning, whose code is the name of the rule.
     editor.change(&uri, 2, json!([{ "range": { "start": { "line": 2, "character": 24 }, "end": { "line": 2, "character": 24 } }, "text": "e" }]));
     let fits = |m: &Value| m["method"] == "textDocument/publishDiagnostics" && m["params"]["version"] == 2;
     let found = editor.wait_for_message(fits)["params"]["diagnostics"].as_array().unwrap().clone();
@@ -62,7 +62,7 @@ fn diagnostics_of_unsaved_text_are_those_of_check() {
     assert_eq!(editor.shut_down(), 0);
 }
 
-/// The same findings as the command prints, for every script of its own tests.
+/// For every script of the tests of `choreo check`, the diagnostics are the findings that the command prints.
 #[test]
 fn diagnostics_equal_the_findings_of_the_check_command() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked").canonicalize().unwrap();
@@ -241,7 +241,7 @@ fn completion_offers_methods_options_values_and_files() {
     has("let x = 1;\n¦", &["character", "x", "camera"], &["play"]);
 }
 
-/// The files that `choreo export` has written come behind those that a script is likely to load.
+/// In completions, files that `choreo export` has written come after those that a script is likely to load.
 #[test]
 fn completion_offers_exports_last() {
     let folder = project_folder();
@@ -282,11 +282,11 @@ fn completion_of_a_large_character_reads_its_file() {
         "{joints:?}"
     );
     let about = editor.hover_text(&uri, &format!("{head}r.play(robot.clip(\"Walk¦ing\"));"));
-    // The file's own times: the clip has 0.958 s.
+    // The length comes from the file: the clip has 0.958 s.
     assert!(about.contains("0.96 s") && about.contains("29 frames at 30 fps"), "{about}");
 }
 
-/// Joints by the short names of the guide, and a file that does not state its format.
+/// Joints are offered with the short names that the guide uses, also for a file that does not state its format.
 #[test]
 fn short_names_of_joints_are_known() {
     let Some(assets) = sample_assets_folder() else { return };
@@ -315,7 +315,7 @@ fn short_names_of_joints_are_known() {
     }
 }
 
-/// Clients filter by the label: each joint is offered by a name that begins as the guide writes it, and scripts may use it.
+/// Clients filter by the label: each joint is offered with a name that begins as in the guide, and scripts accept this name.
 #[test]
 fn joints_are_offered_by_their_short_names() {
     let folder = project_folder();
@@ -347,7 +347,7 @@ fn joints_are_offered_by_their_short_names() {
     }
 }
 
-/// The rows of the guide's dialogue, and the actors of a scene in its test.
+/// Completions in the rows of the guide's dialogue, and of the actors of a scene in its test.
 #[test]
 fn completion_knows_values_in_maps_and_actors_of_scenes() {
     let folder = project_folder();
@@ -385,7 +385,7 @@ fn completion_knows_values_in_maps_and_actors_of_scenes() {
     has(&test, format!("{film}    film.camera(\"¦\")"), &["wide"], &["hero"]);
     has(&test, format!("{film}    film.actor(\"hero\").¦"), &["joint", "play"], &["cut"]);
     has(&test, format!("{film}    film.actor(\"hero\").joint(\"¦\")"), &["Root", "Slider"], &[]);
-    // Nothing outside the folder that is open.
+    // Nothing outside the open folder is offered.
     has(
         &test,
         "test(\"a\", || {\n    let film = scene(\"../../../scene.rhai\");\n    film.actor(\"¦\")".into(),
@@ -397,7 +397,7 @@ fn completion_knows_values_in_maps_and_actors_of_scenes() {
     assert!(about.starts_with("**who**: Actor \"hero\" of models/tri.gltf"), "{about}");
 }
 
-/// A test beside a scene: its sections are run while they are typed, and nothing is missing on stage.
+/// The sections of a test beside a scene are run while they are typed, without warnings that nothing is on stage.
 #[test]
 fn sections_of_tests_have_diagnostics() {
     let folder = project_folder();
@@ -420,7 +420,7 @@ fn sections_of_tests_have_diagnostics() {
     assert_eq!(found[0]["range"]["start"]["line"], 2);
     editor.replace_text(&uri, &text("hero"));
     assert_eq!(messages(&editor.wait_for_diagnostics(&uri)), [""; 0]);
-    // An error of the scene lies in the scene's file.
+    // An error of the scene is reported in the file of the scene.
     std::fs::write(root.join("scene.rhai"), format!("{HEAD}hero.plya();")).unwrap();
     editor.replace_text(&uri, &(text("hero") + "// again"));
     let scene = self::uri(&root.join("scene.rhai"));
@@ -430,7 +430,7 @@ fn sections_of_tests_have_diagnostics() {
     assert!(told["params"]["diagnostics"][0]["message"].as_str().unwrap().contains("plya"), "{told}");
 }
 
-/// A new test that was never saved is checked as a saved one is.
+/// A new test that was never saved is checked like a saved one.
 #[test]
 fn sections_of_new_files_have_diagnostics() {
     let folder = project_folder();
@@ -460,7 +460,7 @@ fn sections_of_new_files_have_diagnostics() {
         }
         editor.replace_text(uri, &of_film("expect(film.actor(\"hero\")).y().above(-9.0)"));
         assert_eq!(messages(&editor.wait_for_diagnostics(uri)), [""; 0], "{uri}");
-        // A test of its own stage, which only compares an image.
+        // A test that sets up its own stage and only compares an image.
         editor.replace_text(uri, "test(\"looks\", || {\n    expect_image(\"a\", #{ sz: [8, 8] });\n});\n");
         let found = messages(&editor.wait_for_diagnostics(uri));
         assert!(found.len() == 1 && found[0].contains("unknown option \"sz\""), "{uri}: {found:?}");
@@ -558,7 +558,7 @@ fn the_server_survives_invalid_and_cancelled_requests() {
     let p = json!({ "textDocument": { "uri": uri }, "position": { "line": 39_999, "character": 4 } });
     assert!(editor.request("textDocument/completion", p).is_ok());
 
-    // Requests that are called off before their turn are refused.
+    // Requests that are cancelled before they are processed are refused.
     editor.replace_text(&uri, "let a = 1;");
     let p = json!({ "textDocument": { "uri": uri }, "position": { "line": 0, "character": 4 } });
     let mut bytes = Vec::new();
@@ -580,7 +580,7 @@ fn the_server_survives_invalid_and_cancelled_requests() {
     assert_ne!(editor.wait_for_exit(), 0);
 }
 
-/// A file outside the folders is neither read nor listed, whatever the script writes.
+/// A file outside the folders is neither read nor listed, whatever path the script contains.
 #[test]
 fn nothing_outside_the_folders_is_read() {
     let outer = tempfile::tempdir().unwrap();
@@ -600,7 +600,7 @@ fn nothing_outside_the_folders_is_read() {
     assert!(!editor.completion_labels(&uri, "load(\"../¦\");").iter().any(|l| l.contains("secret")));
 }
 
-/// A script of 500 lines, edited a hundred times: from the key to the diagnostics.
+/// Measures the time from a change to its diagnostics, for a hundred changes of a script of 500 lines.
 #[test]
 fn time_from_an_edit_to_its_diagnostics_is_printed() {
     let folder = project_folder();
@@ -638,7 +638,7 @@ fn time_from_an_edit_to_its_diagnostics_is_printed() {
     assert_eq!(times.len(), 100);
 }
 
-/// The text of a range of a single line.
+/// The text of a range within one line.
 fn text_in_range(text: &str, range: &Value) -> String {
     let line = text.split('\n').nth(range["start"]["line"].as_u64().unwrap() as usize).unwrap();
     let units: Vec<u16> = line.encode_utf16().collect();
@@ -685,7 +685,7 @@ fn names_are_found_and_renamed_only_in_their_scope() {
             "{refused}"
         );
     }
-    // The code inside a text is renamed, from there, too; its letters are not.
+    // Variables in the code inside a string are renamed, also if the rename starts there; the other letters of the string are not changed.
     for marked in [
         "let kai¦ = [1];\nprint(`kai ${kai[0]} ${#{ kai: kai.len() }.kai} ${`${kai}`}`);\n",
         "let kai = [1];\nprint(`kai ${k¦ai[0]} ${#{ kai: kai.len() }.kai} ${`${kai}`}`);\n",
@@ -751,8 +751,8 @@ fn symbols_and_folding_ranges_show_the_structure() {
     assert_eq!(lines, [(0, 1), (3, 5), (7, 9)]);
 }
 
-/// The options that are offered are those that the calls accept: an unknown one is answered with their list. (The lists of `shape` and
-/// `mesh` are cut there.)
+/// The options that are offered are those that the calls accept: the error for an unknown option lists them. (The lists of `shape` and
+/// `mesh` are shortened in the message.)
 #[test]
 fn offered_options_equal_the_options_that_calls_accept() {
     let calls = "stage(OPT)|lines(OPT)|panel(OPT)|text(\"a\", OPT)|letterbox(2.0, OPT)|sun(OPT)|\
@@ -761,7 +761,7 @@ fn offered_options_equal_the_options_that_calls_accept() {
         h.detach(OPT)|h.surfaces(OPT)|h.springs(OPT)|h.spring(\"Head\", OPT)|h.walk_to([1,0,1], OPT)|h.joint(\"Head\").limit(OPT)|\
         h.play(a.clip(\"Walk\")).on(\"Spine..\", OPT)|camera(\"c\").orbit([0,0,0], OPT)|camera(\"c\").look_at([0,0,0], OPT)|\
         camera(\"c\").shake(OPT)|perform(h, |w| { w.hide(); }, OPT)|a.clip(\"Walk\").retarget(a, OPT)|a.clip(\"Walk\").reduce(0.01, OPT)";
-    // Described inside the text of another option.
+    // These are documented within the description of another option.
     let nested = ["sharpness"];
     let folder = project_folder();
     let uri = script(folder.path(), "");
@@ -792,7 +792,7 @@ fn offered_options_equal_the_options_that_calls_accept() {
     assert!(compared > 100, "{compared}");
 }
 
-/// A call of each entry that takes options, `OPT`; of several, one must accept an option that is offered.
+/// For each entry that takes options, calls with the placeholder `OPT`. At least one of the calls must accept each option that is offered.
 const CALLS: &str = "\
     stage: stage(OPT)
     load: load(\"models/tri.gltf\", OPT)
@@ -868,7 +868,7 @@ const CALLS: &str = "\
     Expect.in_frame: TEST expect(h).in_frame(OPT)
     Expect.slide: TEST expect(h.joint(\"LeftFoot\")).slide(OPT)";
 
-/// Whether the calls of an entry take an option: none of them may report it as unknown. The last one is unknown to all.
+/// Whether each option is accepted: no call may report it as unknown. The last one is unknown to every call.
 fn refused_options(editor: &mut Editor, uri: &str, call: &str, options: &[String]) -> Vec<String> {
     const HEAD: &str = "let a = load(\"choreo:mannequin\"); let walk = a.clip(\"Walk\"); let c = camera(\"c\"); \
         let h = cast(\"h\", a); let b = cast(\"b\", a); let s = shape(\"box\");\n";
@@ -879,7 +879,7 @@ fn refused_options(editor: &mut Editor, uri: &str, call: &str, options: &[String
             None => format!("{call};\n"),
         }
     };
-    // A second call of `stage` is refused whatever its options are, and after some failed statements a script ends.
+    // A second call of `stage` is refused whatever its options are, and a script stops after several failed statements.
     let at_once = if call.starts_with("stage") { 1 } else { 12 };
     const REFUSALS: [&str; 4] =
         ["unknown option \"", "has no option", "unknown parameter \"", ".no_such_option is unknown"];
@@ -898,7 +898,7 @@ fn refused_options(editor: &mut Editor, uri: &str, call: &str, options: &[String
     refused
 }
 
-/// Each option that is offered is accepted, in all calls of the API.
+/// Every option that is offered is accepted, for all functions of the API.
 #[test]
 fn every_offered_option_is_accepted() {
     let folder = project_folder();
@@ -934,8 +934,8 @@ fn every_offered_option_is_accepted() {
     assert!(offered > 300, "{offered}");
 }
 
-/// Runs Neovim without a window on a script beside these files, until the session in Lua has written down what it is shown; `None`
-/// where it is not installed.
+/// Runs Neovim without a window on a script beside these files, until the session in Lua has written what Neovim shows to a file.
+/// `None` if Neovim is not installed.
 fn neovim_session(text: &str, files: &[(&str, &str)], args: &[&str]) -> Option<String> {
     if std::process::Command::new("nvim").arg("--version").output().is_err() {
         println!("SKIP 1: nvim is not installed (Debian package neovim)");
@@ -966,7 +966,7 @@ fn has_lines(shown: &str, beginnings: &[&str]) {
     }
 }
 
-/// Neovim's own client: what it gets is printed by a script in Lua.
+/// Uses the client of Neovim: a Lua script prints what it receives.
 #[test]
 fn neovim_shows_diagnostics_completion_and_hover() {
     let text = format!("/* ä𝄞 */ {HEAD}hero.play(tri.clip(\"Slid\"));\n");
@@ -980,7 +980,7 @@ fn neovim_shows_diagnostics_completion_and_hover() {
     has_lines(&shown, &expected);
 }
 
-/// The settings that the page gives for Neovim, as `init.lua`.
+/// The settings that the README gives for Neovim, as `init.lua`.
 #[test]
 fn neovim_works_with_the_documented_settings() {
     let page = include_str!("../../../language_server/README.md");

@@ -1,5 +1,5 @@
-//! Brightness by default: gray and white under the default lights by both renderers, raw values on request, and lights of
-//! files and of scripts in the same units.
+//! Default brightness: gray and white under the default lights in both renderers, raw values on request, and the same units for the
+//! lights of files and of scripts.
 
 use crate::exported::long_time_limits;
 
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 const SIDE: u32 = 32;
 
-/// Draws scripts by the CPU and, where there is some, by Vulkan.
+/// Draws scripts with the CPU renderer and, if it is available, with Vulkan.
 struct Renderers {
     registry: choreo_plugin::Registry,
     renderers: Vec<(Box<dyn Renderer>, &'static str)>,
@@ -35,7 +35,7 @@ impl Renderers {
         Renderers { registry, renderers }
     }
 
-    /// The frame of a script with a file `lamp.gltf` beside it, by each renderer.
+    /// The frame that each renderer draws for a script with a file `lamp.gltf` beside it.
     fn frames(&mut self, script: &str, lamp: &str) -> Vec<(Frame, &'static str)> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.rhai");
@@ -54,7 +54,7 @@ impl Renderers {
     }
 }
 
-/// A floor of one color, seen from above, under these lights.
+/// A script with a floor of one color under these lights, seen from above.
 fn floor_script(stage: &str, color: &str, lights: &str) -> String {
     format!(
         "stage(#{{ length: 1.0{stage} }});\n{lights}\n\
@@ -73,7 +73,7 @@ fn srgb_to_linear(code: u8) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Degrees on the color circle.
+/// The hue in degrees.
 fn hue_degrees(c: [u8; 3]) -> f64 {
     let [r, g, b] = c.map(srgb_to_linear);
     (3.0_f64.sqrt() * (g - b)).atan2(2.0 * r - g - b).to_degrees()
@@ -92,12 +92,12 @@ fn gray_and_white_are_not_overexposed_under_default_lights() {
             let white = center_pixel(&frame);
             println!("{name} {lights:?} white: {white:?}");
             assert!(white.iter().all(|c| *c < 245) && white[0] > 200, "{name} {lights:?}: {white:?}");
-            // The sun of a stage without lights is warm, the others are white.
+            // The default sun of a stage without lights is warm; the other lights are white.
             let spread = white.iter().max().unwrap() - white.iter().min().unwrap();
             assert!(spread <= if lights.is_empty() { 12 } else { 1 }, "{name} {lights:?}: {white:?}");
         }
     }
-    // No place of a white ball is brighter, and colors keep their hue.
+    // No pixel of a white ball is brighter than white, and colors keep their hue.
     let ball =
         "sun();\ncast(\"ball\", shape(\"sphere\", #{ size: 3.0, color: \"white\" })).at(0.0, 0.5, 0.0);";
     for (frame, name) in drawn.frames(&floor_script(", background: \"black\"", "white", ball), "") {
@@ -128,10 +128,10 @@ fn raw_output_is_linear_and_one_stop_doubles_it() {
             .map(|(frame, _)| center_pixel(frame))
             .collect()
     };
-    // A sun of 2.2 lux falls on the floor at the cosine 2 / √7.25; ambient light from above is 0.45.
+    // A sun of 2.2 lux lights the floor at an angle whose cosine is 2 / √7.25; the ambient light from above is 0.45.
     let light = 2.2 / std::f64::consts::PI * 2.0 / 7.25_f64.sqrt() + 0.45;
     for raw in shown(", view: \"none\"", "#808080") {
-        // Reflected at the surface: 4 % and a small highlight.
+        // The specular reflection: 4 % and a small highlight.
         let diffuse = srgb_to_linear(128) * light * 0.96;
         assert!((srgb_to_linear(raw[0]) - diffuse - 0.02).abs() < 0.02, "{raw:?} instead of {diffuse}");
     }
@@ -149,7 +149,7 @@ fn raw_output_is_linear_and_one_stop_doubles_it() {
     assert_eq!(neutral, shown(", view: \"neutral\"", "#808080"));
 }
 
-/// A file with one light of KHR_lights_punctual, which a node turns to −Y and places.
+/// A glTF file with one light of KHR_lights_punctual, whose node points it to −Y.
 fn lamp_gltf(light: &str, at: [f64; 3]) -> String {
     let half = std::f64::consts::FRAC_1_SQRT_2;
     format!(
@@ -187,7 +187,7 @@ fn lights_of_files_and_scripts_have_the_same_units() {
         let other = drawn.frames(&floor_script("", "#808080", &of_script.replace("7", "8")), &file);
         for (i, (a, name)) in by_file.iter().enumerate() {
             let apart = |b: &Frame| a.rgba.iter().zip(&b.rgba).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
-            // The file's direction is a rotation, rounded.
+            // The direction in the file is a rounded rotation.
             assert!(apart(&by_script[i].0) <= 1, "{name} {of_script}: {}", apart(&by_script[i].0));
             let changed = of_script.contains('7');
             assert!(!changed || apart(&other[i].0) > 1, "{name} {of_script}: another intensity was not seen");

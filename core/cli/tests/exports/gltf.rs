@@ -1,7 +1,7 @@
-//! `choreo export -o scene.glb`: the file, imported again, has the scene's joints at times between its frames, and its images; other
-//! programs read it. `cargo test -p choreo --test exports gltf -- --nocapture` prints the table.
+//! `choreo export -o scene.glb`: if the file is imported again, its joints at times between frames and its images are those of the scene,
+//! also in other programs. `cargo test -p choreo --test exports gltf -- --nocapture` prints the table.
 //!
-//! `--ignored` draws all lessons.
+//! `--ignored` tests the images of all lessons.
 
 use crate::exported;
 use crate::gltf_validator;
@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [320, 180];
 
-/// Fades, layers, IK, root motion, callbacks, attached props, several cameras, springs and other characters.
+/// Scripts with fades, layers, IK, root motion, callbacks, attached props, several cameras, springs and other characters.
 const LESSONS: [&str; 6] = [
     "01_first_dance.rhai",
     "07_keys_and_frames.rhai",
@@ -52,7 +52,7 @@ impl Gltf for Exported {
         }
     }
 
-    /// The file, imported, as a scene of one actor that plays the timeline, with the original's settings and cuts.
+    /// The imported file as a scene with one actor that plays the timeline, with the settings and cuts of the original.
     fn imported_stage(&self) -> Stage {
         let asset = import(&self.path());
         let mut stage = Stage { settings: self.stage.settings.clone(), ..Stage::default() };
@@ -81,10 +81,10 @@ fn import(path: &Path) -> Arc<Asset> {
     asset
 }
 
-/// The joint of the imported file for each joint of an actor: the importer numbers nodes depth first.
+/// Maps the joints of each actor to joints of the imported file: the importer numbers nodes depth first.
 struct Joints {
     of_node: Vec<usize>,
-    /// The first joint's node of each actor that is there.
+    /// The node of the first joint of each exported actor.
     actors: Vec<Option<usize>>,
 }
 
@@ -113,7 +113,7 @@ impl Joints {
     }
 }
 
-/// The worst distance of a joint at 20 times between frames, with its place; actors that are not seen aside.
+/// The largest error of a joint at 20 times between frames, with the joint and the time. Invisible actors are ignored.
 fn worst_joint_error(exported: &Exported) -> (f64, String) {
     let stage = &exported.stage;
     let again = Arc::new(exported.imported_stage());
@@ -123,7 +123,7 @@ fn worst_joint_error(exported: &Exported) -> (f64, String) {
     for time in times_between_frames(stage).into_iter().map(Time::from_secs) {
         let (truth, found) = (one.at(time).unwrap(), other.at(time).unwrap());
         for ((actor, state), first) in stage.actors.iter().zip(&truth.actors).zip(&joints.actors) {
-            // An actor with placements has them instead of joints.
+            // An actor with placements has nodes for these instead of joints.
             if !state.visible || !actor.asset.placements.is_empty() {
                 continue;
             }
@@ -151,13 +151,13 @@ fn draw(stage: &Stage, time: Time) -> Frame {
     renderer.collect(None).unwrap()
 }
 
-/// Images of the scene, without what glTF has no words for, and of the file.
+/// Images of the scene without the features that glTF cannot express, and images of the file.
 fn compare_images(exported: &Exported, share: f64) -> (Comparison, Frame, Frame) {
     let mut own = Stage::clone(&exported.stage);
     (own.effects, own.layers_2d, own.settings.size) = (Vec::new(), Vec::new(), SIZE);
     own.lights.iter_mut().for_each(|light| light.shadow = None);
     let mut again = exported.imported_stage();
-    // The sky is left out, and one model is simplified otherwise than many.
+    // The sky is not exported, and levels of detail differ because the file is a single model.
     again.sky = own.sky.clone();
     own.settings.levels_of_detail = false;
     (again.settings.levels_of_detail, again.settings.size) = (false, SIZE);
@@ -204,7 +204,7 @@ fn images_of_the_exported_file_match_the_scene() {
     assert_eq!(stated, [2.0, 3.0], "the ends of the shots");
 }
 
-/// Puts the images of a scene and of its file into the folder that the environment names, to be looked at.
+/// Writes the images of a scene and of its file into the folder that the environment variable names, for inspection.
 fn save_images(name: &str, images: [&Frame; 2]) {
     let Some(folder) = std::env::var_os("CHOREO_KEEP_IMAGES") else { return };
     std::fs::create_dir_all(&folder).unwrap();
@@ -214,7 +214,7 @@ fn save_images(name: &str, images: [&Frame; 2]) {
     }
 }
 
-/// Each fault in the file is found by what compares it with the scene.
+/// The comparison with the scene finds each planted fault of the file.
 #[test]
 fn planted_faults_are_found() {
     let exported = Exported::from_script(SCENE, "gltf", &[]);
@@ -237,7 +237,7 @@ fn planted_faults_are_found() {
     println!("late keys: {metres:.1e} m, {place}");
     assert!(metres > 2.0 * TOLERANCE, "late keys are not found: {metres:e} m");
     exported.write(&exported.files.main);
-    // Two joints of a skin in the wrong order: joints are where they were, vertices are not.
+    // Two joints of a skin are exchanged: the joints stay in place, the vertices do not.
     let mut wrong = json.clone();
     wrong["skins"][0]["joints"].as_array_mut().unwrap().swap(3, 14);
     std::fs::write(exported.path(), wrong.to_string()).unwrap();
@@ -246,7 +246,7 @@ fn planted_faults_are_found() {
     assert!(!is_same(&c), "joints in the wrong order are not found: {c}");
 }
 
-/// A format that consists of its image.
+/// An importer for a format in which the file is the image.
 const TILE: &str = "fn manifest() { #{ name: \"tile\", extensions: \"tile\" } }\n\n\
     fn load(file) {\n    let look = material(#{ image: image(#{ file: file.bytes }) });\n    \
     mesh(#{ positions: [0, 0, 0, 1, 0, 0, 0, 1, 0], uvs: [0, 1, 1, 1, 0, 0], indices: [0, 1, 2], material: look });\n}\n";
@@ -272,14 +272,14 @@ fn script_with_image_files() -> (tempfile::TempDir, [Vec<u8>; 4]) {
     (dir, bytes)
 }
 
-/// The file of an image is written unchanged where the image is used unchanged.
+/// If the scene uses an image unchanged, the export contains its file unchanged.
 #[test]
 fn unchanged_image_files_are_exported_byte_for_byte() {
     let (dir, originals) = script_with_image_files();
     let d = dir.path();
     for (output, endings) in [
         ("s.gltf", ["s_0.png", "s_1.jpg", "s_2.webp", "s_3.jpg", "s_4.png"]),
-        // usd-core and packages know no WebP.
+        // USDZ and usd-core do not support WebP.
         ("s.usda", ["s_0.png", "s_1.jpg", "s_2.png", "s_3.jpg", "s_4.png"]),
     ] {
         let run = choreo(d, &["export", "s.rhai", "-o", output]);
@@ -288,7 +288,7 @@ fn unchanged_image_files_are_exported_byte_for_byte() {
             let written = read(d, ending);
             let same = originals.get(number).is_some_and(|original| *original == written);
             assert_eq!(same, [0, 1, 3].contains(&number) || ending.ends_with("webp"), "{ending} of {output}");
-            // An image that is made anew has the same size, and holes where it was given some.
+            // An image that is encoded again has the same size, and transparent pixels if the script adds them.
             let image = image::load_from_memory(&written).unwrap();
             assert_eq!((image.width(), image.height()), (32, 16));
             assert_eq!(image.color().has_alpha(), number == 4, "{ending} of {output}");
@@ -302,11 +302,11 @@ fn unchanged_image_files_are_exported_byte_for_byte() {
     let glb = read(d, "s.glb");
     let is_there = |original: &Vec<u8>| glb.windows(original.len()).any(|part| part == original);
     assert!(originals.iter().all(is_there));
-    // The images of the file are those of the scene, WebP too.
+    // The images of the file are those of the scene, including WebP.
     let again = import(&d.join("s.glb"));
     let sizes: Vec<(u32, u32)> = again.images.iter().map(|image| (image.width, image.height)).collect();
     assert_eq!(sizes, [(32, 16); 5]);
-    // A render keeps no file beside the pixels.
+    // For a render, only the pixels are kept in memory, not the file.
     assert!(again.images.iter().all(|image| image.file.is_none()));
 }
 
@@ -318,7 +318,7 @@ fn each_actor_can_have_an_animation() {
     let names: Vec<&str> =
         json["animations"].as_array().unwrap().iter().map(|a| a["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["anna", "ben", "box", "wheel", "cameras and lights"]);
-    // The buffer and images lie beside the JSON.
+    // The buffer and the images are separate files beside the JSON.
     let beside: Vec<&str> = exported.files.beside.keys().map(String::as_str).collect();
     assert_eq!(beside, [".bin", "_0.png", "_1.png"]);
 }
@@ -349,13 +349,13 @@ fn clips_that_play_unchanged_keep_their_keys() {
     let json = exported.json();
     let count = |name: &str| json[name].as_array().unwrap().len();
     assert_eq!((count("meshes"), count("skins")), (1, 20));
-    // Two motions, however many dance.
+    // There are only two motions, however many actors play them.
     let channels = json["animations"][0]["channels"].as_array().unwrap().len();
     let samplers = json["animations"][0]["samplers"].as_array().unwrap().len();
     assert_eq!(channels, 10 * samplers);
 }
 
-/// The clip stays on the spot, and its floor passes at 1.2 m/s.
+/// A clip in place, whose feet move backwards over the floor at 1.2 m/s.
 #[test]
 fn clips_become_animations_with_the_requested_root_motion() {
     let text = r#"
@@ -379,7 +379,7 @@ fn clips_become_animations_with_the_requested_root_motion() {
         stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(asset.clips[0].clone()) });
         let state = stage.at(Time::from_secs(0.999)).unwrap().actors.remove(0);
         let own = exported.stage.actors[0].asset.skeleton.names();
-        // Against the clip itself: the first actor's joints are the first of the file, after its node.
+        // Compared with the clip itself: the joints of the first actor come first in the file, after its node.
         let mut truth = Stage::default();
         let ada = truth.cast("ada", exported.stage.actors[0].asset.clone());
         truth.play(ada, Cue::new(exported.stage.actors[0].layers[0].cues[0].clip.clone()));
@@ -411,14 +411,14 @@ fn the_khronos_validator_accepts_a_gltf_file_with_separate_buffers() {
     validate(&[Exported::from_script(SCENE, "gltf", &[]).path()]);
 }
 
-/// The largest distance of a joint in three.js from where it is in the scene, `late` seconds later; metres, and where.
+/// The largest distance in metres of a joint in three.js from its position in the scene `late` seconds later, and where it is.
 fn worst_joint_error_in_three_js(three: &Packages, exported: &Exported, late: f64) -> (f64, String) {
     let stage = &exported.stage;
     let times = times_between_frames(stage);
     let file = exported.folder.path().join("times.json");
     std::fs::write(&file, serde_json::to_string(&times).unwrap()).unwrap();
     let text = three.run("three.mjs", include_str!("../common/three.mjs"), &[&exported.path(), &file]);
-    // The place of each node at each time.
+    // The position of each node at each time.
     let places: Vec<Vec<[f64; 3]>> = serde_json::from_str(&text).unwrap();
     let joints = Joints::of(exported);
     let mut evaluator = Evaluator::new(stage.clone());
@@ -443,7 +443,7 @@ fn worst_joint_error_in_three_js(three: &Packages, exported: &Exported, late: f6
     worst
 }
 
-/// The loader and the mixer of three.js, in node: the same places, by another program. 20 ms late is found.
+/// The loader and the mixer of three.js, in Node.js, give the same positions. An error of 20 ms is found.
 #[test]
 fn joints_imported_by_three_js_match_the_scene() {
     let packages = ["three@0.187.0"];
@@ -460,7 +460,7 @@ fn joints_imported_by_three_js_match_the_scene() {
     assert!(late > 10.0 * TOLERANCE, "20 ms late is not found: {late:e} m");
 }
 
-/// Blender's importer makes bones of joints: the same places, by another program.
+/// Blender's importer converts joints to bones at the same positions.
 #[test]
 fn joints_imported_by_blender_match_the_scene() {
     let Some(python) = blender() else { return };
@@ -503,7 +503,7 @@ fn joints_imported_by_blender_match_the_scene() {
     assert!(late > 10.0 * TOLERANCE, "20 ms late is not found: {late:e} m");
 }
 
-/// Lessons with plugins beside them, which the program finds.
+/// Lessons that need plugins, which lie beside them.
 fn has_plugins(lesson: &Path) -> bool {
     lesson.ends_with("lesson.rhai")
 }

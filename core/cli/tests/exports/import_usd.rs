@@ -1,4 +1,5 @@
-//! USD files by our exporter, by usd-core and by Blender: joints and vertices are where usd-core has them, cameras of FBX files too.
+//! USD files written by our exporter, by usd-core and by Blender: imported joints and vertices are where usd-core has them. The cameras
+//! of FBX files are compared with Blender.
 
 use crate::exported;
 
@@ -16,7 +17,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 const USD: &str = "usd-core==26.5";
-/// Metres between what is imported and what usd-core has.
+/// Largest allowed distance between the import and usd-core, in metres.
 const MAX_ERROR_M: f64 = 1e-5;
 
 fn import(path: &Path) -> Arc<Asset> {
@@ -27,7 +28,7 @@ fn import(path: &Path) -> Arc<Asset> {
     loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
 }
 
-/// The asset, which plays its clip.
+/// The imported asset with a clip for its poses.
 fn stage_playing_clip(asset: &Arc<Asset>) -> Arc<Stage> {
     let mut stage = Stage::default();
     let actor = stage.cast("again", asset.clone());
@@ -68,7 +69,7 @@ fn world_vertices(asset: &Asset, state: &choreo_stage::ActorState) -> Vec<DVec3>
     out
 }
 
-/// What usd-core has in a file at some time codes, in metres with +Y up.
+/// The values that usd-core reads from a file at some time codes, in metres with +Y up.
 fn read_with_usd_core(python: &Path, path: &Path, codes: &[f64]) -> Value {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/usd.py");
     let codes = serde_json::to_string(codes).unwrap();
@@ -79,7 +80,7 @@ fn read_with_usd_core(python: &Path, path: &Path, codes: &[f64]) -> Value {
     serde_json::from_str(result).unwrap()
 }
 
-/// The farthest that some of usd-core's vertices are from any vertex of the import, at a time code; how many were compared.
+/// The largest distance from a vertex of usd-core to the nearest vertex of the import, at a time code, and the number of vertices compared.
 fn farthest_vertex(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize) {
     let state = Evaluator::new(stage_playing_clip(asset)).at(Time::from_secs(secs)).unwrap().actors.remove(0);
     let own = world_vertices(asset, &state);
@@ -122,7 +123,7 @@ fn camera_and_light_errors(asset: &Arc<Asset>, truth: &Value, code: f64, late: f
     let [panel, disk, spot] = [0, 1, 2].map(|index| snapshot.lights[index].light);
     let outer = spot.kind.cone().unwrap()[1];
     let off = [
-        // 2 m × 0.5 m; a disk that is normalized has its intensity; a sphere four times.
+        // The rectangle has 2 m × 0.5 m; a normalized disk has its nominal intensity, and a sphere four times as much.
         f64::from(panel.intensity) / (10.0 + 20.0 * share) - 1.0,
         f64::from(panel.color.y) - (1.0 - 0.5 * share),
         f64::from(panel.color.z) - (1.0 - share),
@@ -150,7 +151,7 @@ fn vertices_of_our_exports_match_usd_core() {
         let (metres, count) = farthest_vertex(&asset, &truth, secs);
         println!("{name} as {extension}: {count} vertices, {metres:.1e} m; {:?}", asset.warnings);
         assert!(count > 100 && metres < MAX_ERROR_M, "{name}: {metres:e} m of {count} vertices");
-        // The comparison finds what is late.
+        // The comparison finds an error in the time.
         let (late, _) = farthest_vertex(&asset, &truth, secs + 0.1);
         assert!(
             name != "01_first_dance.rhai" || late > 100.0 * MAX_ERROR_M,
@@ -238,7 +239,7 @@ fn camera_move_errors(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3
     out
 }
 
-/// A camera move and a lamp of Blender (lesson 49), as FBX and as USD; the importer of glTF has its own test.
+/// A camera move and a lamp of Blender (lesson 49), as FBX and as USD. The glTF importer has its own test.
 #[test]
 fn imported_camera_moves_match_blender() {
     let Some(blender) = blender() else { return };

@@ -1,5 +1,5 @@
-//! Images of floats: OpenEXR is read by the library OpenEXR and compared with closed forms, with the 8-bit images of `render` and between
-//! both renderers (`tests/passes/check.py`).
+//! Passes as images of floats: the OpenEXR library reads the files, and `tests/passes/check.py` compares them with closed forms, with the
+//! 8-bit images of `render`, and between the two renderers.
 
 use crate::common;
 use crate::common::*;
@@ -15,7 +15,7 @@ fn folder_with_scene() -> tempfile::TempDir {
     folder
 }
 
-/// Renders the second frame of the scene; false where there is no Vulkan driver.
+/// Renders the second frame of the scene. Returns false if there is no Vulkan driver.
 fn render_second_frame(folder: &Path, device: &str, output: &str, options: &[&str]) -> bool {
     let at = (1.0f64 / 24.0).to_string();
     let mut args = vec!["render", "scene.rhai", "--at", &at, "--device", device, "-o", output, "-q"];
@@ -28,7 +28,7 @@ fn render_second_frame(folder: &Path, device: &str, output: &str, options: &[&st
     true
 }
 
-/// All images of a device that check.py compares; false where there is no Vulkan driver.
+/// Renders all images of a device that check.py compares. Returns false if there is no Vulkan driver.
 fn render_all_images(folder: &Path, device: &str) -> bool {
     let image = |name: &str, options: &[&str]| {
         render_second_frame(folder, device, &format!("{device}{name}"), options)
@@ -65,7 +65,7 @@ fn openexr_pixels_equal_closed_forms() {
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
 }
 
-/// OpenImageIO finds the channels of OpenEXR's own library, with the same numbers.
+/// OpenImageIO finds the same channels as the OpenEXR library, with the same values.
 #[test]
 fn openimageio_and_openexr_read_the_same_pixels() {
     let (Some(openexr), Some(openimageio)) =
@@ -128,7 +128,7 @@ fn resuming_a_sequence_renders_only_the_missing_images() {
     assert_eq!(render(&[]).code, 0);
     let names = ["f/00.exr", "f/01.exr", "f/02.exr", "f/03.exr"];
     let whole = names.map(|name| read(d, name));
-    // Equal pixels have other times.
+    // Frames with equal pixels have different timestamps.
     assert_ne!(whole[2], whole[3]);
     assert_eq!(render(&[]).code, 0);
     assert!(names.map(|name| read(d, name)) == whole, "the same frames have the same bytes");
@@ -145,7 +145,7 @@ fn resuming_a_sequence_renders_only_the_missing_images() {
         "{}",
         run.out
     );
-    // No folder was left beside them.
+    // No temporary folder was left beside the files.
     assert_eq!(common::names(&d.join("f")).len(), 4);
 }
 
@@ -168,7 +168,7 @@ fn invalid_passes_are_refused_before_the_first_frame() {
     refused("x.png", &["--passes", "depth"], "--export passes=depth: ");
     let sheet = choreo(d, &["render", "scene.rhai", "--sheet", "-o", "x.exr"]);
     assert!(sheet.code == 2 && sheet.err.contains("--sheet writes images of 8 bits"), "{}", sheet.err);
-    // Effects on shown colors and titles are no light.
+    // Effects on display colors and titles are not part of the light values.
     let text =
         "stage(#{ length: 1.0, size: [32, 18] }); title(\"a\"); effect(\"vignette\"); effect(\"bloom\");";
     std::fs::write(d.join("titled.rhai"), text).unwrap();
@@ -193,7 +193,7 @@ fn pillow_shows_the_frames_of_an_animation() {
     render("f/%d.png", &[]);
     render("a.webp", &[]);
     render("a.apng", &[]);
-    // WebP by libwebp; APNG by Pillow itself.
+    // Pillow reads WebP with libwebp and APNG itself.
     let check = "from PIL import Image, ImageSequence\n\
         images = [Image.open(f'f/{i}.png').convert('RGBA').tobytes() for i in range(4)]\n\
         # Where alpha is 0 a decoder may change the color.\n\

@@ -1,4 +1,4 @@
-//! `choreo export`: a scene for another program, by the built-in exporter and by one in a file.
+//! `choreo export` with a built-in exporter and with an exporter in a plugin file.
 
 use crate::common::*;
 use std::path::Path;
@@ -34,12 +34,12 @@ fn csv_export_has_the_keyed_joint_positions() {
         0.500000,t,Root,0.000000,0.500000,0.000000\n0.500000,t,Slider,1.000000,0.500000,0.000000\n\
         0.750000,t,Root,0.000000,0.500000,0.000000\n0.750000,t,Slider,1.500000,0.500000,0.000000\n";
     assert_eq!(lines, expected);
-    // Some frames, another rate, an option.
+    // A range of frames, another frame rate, and an option.
     let some = ["export", "a.rhai", "-o", "b.csv", "--frames", "3", "--fps", "8", "--export", "digits=2"];
     let run = choreo(d, &some);
     assert!(run.code == 0 && run.err.contains("1 frames in"), "{}", run.err);
     assert!(text(d, "b.csv").ends_with("0.375000,t,Slider,0.75,0.50,0.00\n"), "{}", text(d, "b.csv"));
-    // A model needs no script.
+    // A model can be exported without a script.
     let run = choreo(d, &["export", "tri.gltf", "-o", "m.csv", "--quiet"]);
     assert!(run.code == 0 && text(d, "m.csv").contains("Slider"), "{}", run.err);
 }
@@ -95,13 +95,13 @@ fn an_exporter_in_a_file_writes_all_its_files_or_none() {
         assert_eq!(names(d), ["a.rhai", "tri.gltf", "two.exporter.rhai"], "{body}");
     }
     assert_eq!(text(d, "a.rhai"), SCRIPT);
-    // Limits hold for it, too.
+    // The limits of scripts also apply to it.
     write("loop { write(\"0123456789\"); }");
     let run = choreo(d, &["export", "a.rhai", "-o", "out.two", "--limit", "output=1000"]);
     assert!(run.code == 3 && run.err.contains("the output is too large"), "{}", run.err);
     let run = choreo(d, &["export", "a.rhai", "-o", "out.csv", "--limit", "frames=3"]);
     assert!(run.code == 1 && run.err.contains("too many frames"), "{}", run.err);
-    // A faulty one is named where its extension is asked for.
+    // If its extension is requested, the message names a faulty exporter.
     write("write(");
     let run = export();
     assert!(
@@ -123,7 +123,7 @@ fn export_does_not_overwrite_its_input() {
     assert_eq!(text(d, "tri.csv"), triangle(1.0));
 }
 
-/// Two cameras, a dissolve, a title, a marker.
+/// A scene with two cameras, a dissolve, a title and a marker.
 const TALK: &str = "stage(#{ length: 3.0, fps: 25, size: [64, 36] });\n\
     let figure = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", figure).at(0.5, 0.0, -1.0).turn(30.0);\n\
     ada.play(figure.clip(\"Walk\")).until(1.5).then(figure.clip(\"Wave\"), #{ fade: 0.4 });\n\
@@ -147,12 +147,12 @@ fn an_edited_otio_file_changes_the_cuts() {
     let otio = export_text(d, "a.rhai", "a.otio");
     std::fs::write(d.join("b.rhai"), format!("{TALK}cuts(\"a.otio\");\n")).unwrap();
     assert_eq!(export_text(d, "b.rhai", "b.edl").replace("b.", "a."), edl);
-    // An editor makes the first shot five frames longer.
+    // Simulates an editor that makes the first shot five frames longer.
     let longer = otio.replacen("\"value\": 25.0", "\"value\": 30.0", 1);
     assert_ne!(longer, otio);
     std::fs::write(d.join("a.otio"), longer).unwrap();
     assert!(export_text(d, "b.rhai", "b.edl").contains("D    010 00:00:01:05 00:00:02:10"));
-    // A camera that the script lacks, and a file that is none.
+    // A camera that the script does not have, and a file that is not a timeline.
     std::fs::write(d.join("a.otio"), otio.replace("\"close\"", "\"clos\"")).unwrap();
     let run = choreo(d, &["export", "b.rhai", "-o", "b.edl"]);
     assert!(
@@ -215,7 +215,7 @@ fn an_exported_bvh_file_reproduces_the_motion() {
     assert!(truth.len() > 75 * 15 && worst < 4e-6, "{worst}");
 }
 
-/// An editor written with OpenTimelineIO itself: what it has read and written again has the same cuts, and those that it has moved are moved.
+/// Python code with OpenTimelineIO stands in for an editor: files that it reads and writes have the same cuts, except those that it moves.
 #[test]
 fn cuts_survive_a_round_trip_through_opentimelineio() {
     let dir = folder();
@@ -242,7 +242,7 @@ fn cuts_survive_a_round_trip_through_opentimelineio() {
     assert!(later.contains("D    010 00:00:01:05 00:00:02:10"), "{later}");
 }
 
-/// Blender's own importer of BVH, whose first frame is 1, has the joints where `choreo export` to CSV has them, at every frame.
+/// At every frame, joints in Blender's BVH importer, whose first frame is 1, are where `choreo export` to CSV has them.
 #[test]
 fn bvh_joints_imported_by_blender_match_the_scene() {
     let dir = folder();
@@ -268,7 +268,7 @@ fn bvh_joints_imported_by_blender_match_the_scene() {
             let cells: Vec<&str> = line.split(',').collect();
             let number = |cell: &str| cell.parse::<f64>().unwrap();
             let frame = (number(cells[0]) * 25.0).round() as usize + late;
-            // End sites are no bones.
+            // End sites are not bones.
             let Some(found) = bones[cells[2]][frame].as_array() else { continue };
             let apart = found.iter().zip(&cells[3..]).map(|(a, b)| (a.as_f64().unwrap() - number(b)).powi(2));
             (worst, count) = (worst.max(apart.sum::<f64>().sqrt()), count + 1);

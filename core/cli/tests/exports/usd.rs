@@ -1,5 +1,5 @@
-//! `choreo export -o scene.usdc`: usd-core reads the file without warnings, its validators have nothing to say, and joints, vertices, blend
-//! shapes and cameras are where the scene has them. `cargo test -p choreo --test exports usd -- --nocapture` prints the table.
+//! `choreo export -o scene.usdc`: usd-core reads the file without warnings, its validators report nothing, and joints, vertices, blend
+//! shapes and cameras are as in the scene. `cargo test -p choreo --test exports usd -- --nocapture` prints the table.
 
 use crate::exported;
 
@@ -13,13 +13,13 @@ use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
 
-/// Metres that a joint may be off at a frame where the tolerance is as large.
+/// The allowed position error of a joint at a frame, in metres, with the default tolerance.
 const MAX_ERROR_AT_FRAMES_M: f64 = 1e-5;
 
-/// The version whose validators were looked at.
+/// The version of usd-core whose validators this test was written for.
 const USD: &str = "usd-core==26.5";
 
-/// Fades, layers, IK, root motion, callbacks, attached props, several cameras, springs, faces and other characters.
+/// Scripts with fades, layers, IK, root motion, callbacks, attached props, several cameras, springs, faces and other characters.
 const LESSONS: [&str; 7] = [
     "01_first_dance.rhai",
     "07_keys_and_frames.rhai",
@@ -30,13 +30,13 @@ const LESSONS: [&str; 7] = [
     "38_bodies_and_chains.rhai",
 ];
 
-/// The contents of an exported file, as usd-core finds them.
+/// The contents of an exported file, as usd-core reads them.
 trait Usd {
     fn read(&self, python: &Path, times: &[Time]) -> Value;
 }
 
 impl Usd for Exported {
-    /// The values that usd-core has at some times.
+    /// The values that usd-core reads at some times.
     fn read(&self, python: &Path, times: &[Time]) -> Value {
         let rate = self.stage.settings.fps;
         let per_second = f64::from(rate.num) / f64::from(rate.den);
@@ -45,7 +45,7 @@ impl Usd for Exported {
     }
 }
 
-/// The values that usd-core has in a file at some time codes; it must have no warning, and its validators nothing to say.
+/// The values that usd-core reads from a file at some time codes. Neither usd-core nor its validators may report anything.
 fn read_by_usd_core(python: &Path, path: &Path, codes: &[f64]) -> Value {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/usd.py");
     let codes = serde_json::to_string(codes).unwrap();
@@ -55,7 +55,7 @@ fn read_by_usd_core(python: &Path, path: &Path, codes: &[f64]) -> Value {
     let result = result.unwrap_or_else(|| panic!("{text}{warnings}"));
     assert!(warnings.trim().is_empty(), "usd-core warns: {warnings}");
     let mut value: Value = serde_json::from_str(result).unwrap();
-    // The strength of a normal map other than 1 is in its scale and bias.
+    // If the strength of a normal map is not 1, it is part of the scale and bias.
     let problems = value["problems"].as_array_mut().unwrap();
     problems.retain(|problem| !problem.as_str().unwrap().starts_with("NonCompliantBiasAndScale"));
     assert!(problems.is_empty(), "{problems:?}");
@@ -70,7 +70,7 @@ fn matrix(value: &Value) -> DMat4 {
     DMat4::from_cols_slice(&numbers(value))
 }
 
-/// The largest distance of some things, and the place of it.
+/// The largest of several errors, and where it is.
 #[derive(Default)]
 struct Worst {
     metres: f64,
@@ -87,7 +87,7 @@ impl Worst {
     }
 }
 
-/// Joints and vertices of the scene against those that usd-core has.
+/// Compares the joints and vertices of the scene with those that usd-core reads.
 fn joint_and_vertex_errors(exported: &Exported, read: &Value, times: &[Time]) -> [Worst; 2] {
     let stage = &exported.stage;
     let mut evaluator = Evaluator::new(stage.clone()).posing_hidden();
@@ -116,7 +116,7 @@ fn joint_and_vertex_errors(exported: &Exported, read: &Value, times: &[Time]) ->
                 let found: Vec<f64> = found.iter().map(|v| v.as_f64().unwrap()).collect();
                 joints.add(own.translation.distance(DVec3::from_slice(&found)), || place(name));
             }
-            // Copies are instances of one mesh.
+            // Placements are instances of one mesh.
             if number + 1 == times.len() && !actor.asset.has_copies() {
                 let own = world_vertices(actor, state);
                 let lists = found["points"].as_array().unwrap();
@@ -205,7 +205,7 @@ fn exported_joints_and_vertices_of_lessons_match_the_scene() {
     }
 }
 
-/// Joints are where they were at times between frames, too, in all three kinds of files.
+/// In all three file formats, joints are in the right place also at times between frames.
 #[test]
 fn text_crate_files_and_packages_hold_the_same_scene() {
     let Some(python) = python_with("pxr", USD) else { return };
@@ -229,14 +229,14 @@ fn text_crate_files_and_packages_hold_the_same_scene() {
             let candela = candela.map_or(0.0, |l| f64::from(l.intensity));
             assert!((found / 4.0 - candela).abs() < 0.02, "{found} / 4 is not {candela} cd");
         }
-        // Names of files aside, the three are the same.
+        // The three files have the same contents, except for file names.
         read["problems"].take();
         let known = known.get_or_insert_with(|| read.clone());
         assert_eq!(*known, read, "{extension} differs from usda");
     }
 }
 
-/// All that a file of text says, as usd-core reads it, against a crate file: values, samples, types, targets, metadata.
+/// Compares all contents of a text file, as usd-core reads them, with a crate file: values, samples, types, targets and metadata.
 const COMPARE: &str = "import sys
 from pxr import Sdf
 text, crate = (Sdf.Layer.FindOrOpen(path) for path in sys.argv[1:])
@@ -255,7 +255,7 @@ assert count > 500 and not wrong, (count, len(wrong), wrong[:5])
 print('compared', count)
 ";
 
-/// Each kind of value is what text says it is: numbers of materials, too, which no skeleton shows.
+/// Values of each type are equal in the text format and the crate format, including those of materials.
 #[test]
 fn usdc_files_have_the_same_values_as_usda() {
     let Some(python) = python_with("pxr", USD) else { return };
@@ -273,7 +273,7 @@ fn usdc_files_have_the_same_values_as_usda() {
     }
 }
 
-/// The camera that is on has the scene's matrix and angle.
+/// The active camera has the matrix and angle of the scene.
 fn assert_cameras_match(exported: &Exported, read: &Value, times: &[Time]) {
     let mut evaluator = Evaluator::new(exported.stage.clone());
     let all = read["cameras"].as_object().unwrap();
@@ -296,7 +296,7 @@ fn assert_cameras_match(exported: &Exported, read: &Value, times: &[Time]) {
     }
 }
 
-/// Each fault in the file is found by what compares it with the scene.
+/// The comparison with the scene finds each planted fault of the file.
 #[test]
 fn planted_faults_are_found() {
     let Some(python) = python_with("pxr", USD) else { return };
@@ -328,7 +328,7 @@ fn planted_faults_are_found() {
     let (joints, _) = worst(&shifted);
     println!("late keys: {joints:.1e} m");
     assert!(joints > 2.0 * TOLERANCE, "late keys are not found: {joints:e} m");
-    // Two joints of an animation in the wrong order.
+    // Two joints of an animation are exchanged.
     let start = text.find("def SkelAnimation").unwrap();
     let list = start + text[start..].find("joints = [").unwrap() + "joints = [".len();
     let end = list + text[list..].find(']').unwrap();
@@ -338,7 +338,7 @@ fn planted_faults_are_found() {
     let (joints, points) = worst(&swapped);
     println!("joints in the wrong order: {joints:.1e} m, vertices {points:.1e} m");
     assert!(joints > 2.0 * TOLERANCE && points > 2.0 * TOLERANCE, "swapped joints are not found");
-    // Vertices that follow other joints, which are where they were.
+    // Vertices that follow the wrong joints, while the joints themselves are right.
     let from = text.find("int[] primvars:skel:jointIndices = [").unwrap();
     let list = from + text[from..].find('[').unwrap() + 3;
     let list = list + text[list..].find('[').unwrap() + 1;
@@ -350,7 +350,7 @@ fn planted_faults_are_found() {
     assert!(joints < TOLERANCE && points > 2.0 * TOLERANCE, "other influences are not found");
 }
 
-/// Blender's importer makes bones of joints and shape keys of blend shapes: the same places, by another program.
+/// Blender's importer converts joints to bones and blend shapes to shape keys, with the same positions.
 #[test]
 fn joints_imported_by_blender_match_the_scene() {
     let Some(python) = blender() else { return };
@@ -369,7 +369,7 @@ fn joints_imported_by_blender_match_the_scene() {
         let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
         let result = result.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&run.stderr)));
         let read: Value = serde_json::from_str(result).unwrap();
-        // Shots are custom properties, from which the guide makes cuts.
+        // Shots are custom properties, from which the script in the guide makes cuts.
         let mut starts: Vec<f64> = stage.cuts.iter().map(|cut| cut.at.as_secs()).collect();
         starts.insert(0, 0.0);
         let apart =
@@ -434,7 +434,7 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
     assert_eq!(found, 3);
 }
 
-/// A flat Radiance file, each texel of its own color: red counts columns, green rows.
+/// A Radiance file without compression in which each texel has a different color: red counts columns, green rows.
 fn radiance([width, height]: [u32; 2]) -> Vec<u8> {
     let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
     (0..height).for_each(|y| (0..width).for_each(|x| bytes.extend([8 * x as u8, 8 * y as u8, 200, 129])));
@@ -460,7 +460,7 @@ for d in json.loads(sys.argv[2]):
 print('RESULT ' + json.dumps([found, dome.GetIntensityAttr().Get(), file.path]))
 ";
 
-/// The sky is a dome with its image, turned as it is in the scene; the file stays as it is where USD has a place for its format.
+/// The sky is a dome light with its image, rotated as in the scene. The image file is unchanged if USD supports its format.
 #[test]
 fn the_sky_becomes_a_dome_light_with_its_image_file() {
     let Some(python) = python_with("pxr", USD) else { return };
@@ -473,7 +473,7 @@ fn the_sky_becomes_a_dome_light_with_its_image_file() {
     std::fs::write(d.join("s.rhai"), script).unwrap();
     let directions =
         [[0.1, 0.2, -1.0], [1.0, -0.3, 0.2], [-0.6, 0.9, 0.4], [0.3, -0.8, 0.7]].map(DVec3::from_array);
-    // Turned back, the middle of the image is −Z, and right of it lies +X.
+    // Without the rotation, the middle of the image is in the direction −Z, and +X is to the right of it.
     let texel = |direction: &DVec3, turn: f64| {
         let d = glam::DQuat::from_rotation_y(-turn.to_radians()) * direction.normalize();
         let column = (0.5 + d.x.atan2(-d.z) / std::f64::consts::TAU) * f64::from(width);
