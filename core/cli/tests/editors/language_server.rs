@@ -114,8 +114,8 @@ fn errors_of_an_unsaved_module_are_reported_in_the_module() {
     assert_eq!(messages(&editor.wait_for_diagnostics(&main)), [""; 0]);
     editor.open(&module, "fn stepper(name) {\n    cast(name, shape(\"bxo\"))\n}\n");
     let fits = |m: &Value| m["params"]["uri"] == module.as_str() && m["params"]["diagnostics"][0].is_object();
-    let told = editor.wait_for_message(fits);
-    let found = &told["params"]["diagnostics"][0];
+    let message = editor.wait_for_message(fits);
+    let found = &message["params"]["diagnostics"][0];
     assert!(found["message"].as_str().unwrap().contains("did you mean \"box\"?"), "{found}");
     assert_eq!(found["range"]["start"], json!({ "line": 1, "character": 21 }));
     let related = &found["relatedInformation"][0];
@@ -424,10 +424,10 @@ fn sections_of_tests_have_diagnostics() {
     std::fs::write(root.join("scene.rhai"), format!("{HEAD}hero.plya();")).unwrap();
     editor.replace_text(&uri, &(text("hero") + "// again"));
     let scene = self::uri(&root.join("scene.rhai"));
-    let told = editor.wait_for_message(move |m: &Value| {
+    let message = editor.wait_for_message(move |m: &Value| {
         m["params"]["uri"] == scene.as_str() && m["params"]["diagnostics"][0].is_object()
     });
-    assert!(told["params"]["diagnostics"][0]["message"].as_str().unwrap().contains("plya"), "{told}");
+    assert!(message["params"]["diagnostics"][0]["message"].as_str().unwrap().contains("plya"), "{message}");
 }
 
 /// A new test that was never saved is checked like a saved one.

@@ -1,5 +1,5 @@
-//! Batches: a film for each row of a table, with the bytes of a render of its own; rows that fail are reported and the others go on; names
-//! from rows stay in their folder.
+//! Batches: a film for each row of a table, with the same bytes as a separate render. Rows that fail are reported, and the others
+//! continue. File names from rows cannot leave the output folder.
 
 use crate::common::*;
 use std::path::Path;
@@ -76,7 +76,7 @@ fn each_row_gives_the_bytes_of_a_single_render() {
     assert_eq!(of("ok"), [true, true, false, false, true]);
     assert_eq!(of("frames")[..2], [5, 3]);
     assert!(of("errors")[2][0]["line"].as_u64().is_some(), "{summary}");
-    // The same rows as JSON, a row alone, and images in folders that rows name.
+    // The same rows as JSON, a single row, and images in folders that the rows name.
     let json = r##"[{"name": "Zoe", "color": "#20c040"}, {"name": "Ben", "color": "#2040c0", "seconds": 0.3, "model": "other.gltf"}]"##;
     std::fs::write(d.join("rows.json"), json).unwrap();
     let args =
@@ -89,7 +89,7 @@ fn each_row_gives_the_bytes_of_a_single_render() {
     assert!(d.join("Zoe/still.png").is_file());
 }
 
-/// Values of rows lead to no other folder, no two rows write one file, and nothing is rendered then.
+/// If the values of a row lead to another folder, or if two rows write the same file, nothing is rendered.
 #[test]
 fn output_names_from_rows_cannot_leave_their_folder() {
     let dir = scene();
@@ -122,7 +122,7 @@ fn output_names_from_rows_cannot_leave_their_folder() {
     std::fs::write(d.join("rows.csv"), "name\nZoe\nzoe\n").unwrap();
     let run = render_batch(d, &["-o", "deep/out/{name}.mp4"]);
     assert!(run.code == 1 && run.err.contains("rows 1 and 2 would both be deep/out/zoe.mp4"), "{}", run.err);
-    // A link that is there is not followed.
+    // An existing symbolic link is not followed.
     #[cfg(unix)]
     {
         std::fs::write(d.join("precious"), "as it was").unwrap();
@@ -161,7 +161,7 @@ fn invalid_tables_are_refused() {
     assert!(said(("a.csv", "name\nZoe\n"), &["--segment", "parts"]).contains("choose its row with --row"));
 }
 
-/// A triangle with a texture of its own, which takes 21 MB with its mipmaps.
+/// A triangle with its own texture, which takes 21 MB with its mipmaps.
 #[cfg(target_os = "linux")]
 fn write_textured_model(folder: &Path, number: u8) {
     let image = image::RgbImage::from_pixel(2048, 2048, image::Rgb([number, 90, 200 - number]));
@@ -192,7 +192,7 @@ fn write_textured_model(folder: &Path, number: u8) {
     std::fs::write(folder.join(format!("{number}.gltf")), model.to_string()).unwrap();
 }
 
-/// Twenty rows of different models, of which the program could hold ten.
+/// Twenty rows with different models, of which only ten fit into the memory limit.
 #[cfg(target_os = "linux")]
 #[test]
 fn models_of_earlier_rows_are_released() {

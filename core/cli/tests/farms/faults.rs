@@ -1,5 +1,5 @@
-//! Faults of a farm: full disks, files that are seen late, clocks that differ, several workers of one chunk, workers that are
-//! stopped or killed. Nothing is lost, and the film has the bytes of one machine.
+//! Faults of a farm: full disks, files that become visible late, clocks that differ, several workers for one chunk, and workers that are
+//! stopped or killed. No finished frame is lost, and the film has the same bytes as from one machine.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
-/// 60 frames of which no two are equal.
+/// 60 frames, all different.
 const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 2.0 });
 cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: "#c04020" }))
     .key("position", [[0.0, [-1.5, 0, 0]], [2.0, [1.5, 0, 0]]]);
@@ -23,7 +23,7 @@ fn scene() -> tempfile::TempDir {
     dir
 }
 
-/// The film of one machine.
+/// The film rendered on one machine.
 fn render_on_one_machine(folder: &Path) -> Vec<u8> {
     assert_eq!(choreo(folder, &RENDER).code, 0);
     let bytes = read(folder, "film.mp4");
@@ -35,7 +35,7 @@ fn worker_args<'a>(frames: &'a str, into: &'a str) -> Vec<&'a str> {
     [&RENDER[..], &["--frames", frames, "--segment", into, "--resume", "--json"]].concat()
 }
 
-/// Frames that a worker has drawn.
+/// The number of frames that a worker has drawn.
 fn drawn_frames(worker: Process) -> u64 {
     let run = worker.wait();
     assert_eq!(run.code, 0, "{}", run.err);
@@ -64,12 +64,12 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// Waits for finished frames of a segment that is being made: its journal has more than the head.
+/// Waits until a segment in progress has finished frames: its journal has more than the header.
 fn wait_for_frames(folder: &Path, segment: &str) {
     wait_for_other_frames(folder, segment, &[]);
 }
 
-/// Whole records of a journal after its head: a line, then for each a length, a CRC-32 and its bytes.
+/// The number of complete records in a journal. Its header is a line; each record is a length, a CRC-32 and the bytes.
 fn finished_frames(journal: &Path) -> usize {
     let bytes = std::fs::read(journal).unwrap_or_default();
     let line = bytes.iter().position(|byte| *byte == b'\n').map_or(bytes.len(), |end| end + 1);
@@ -82,7 +82,7 @@ fn finished_frames(journal: &Path) -> usize {
     records.saturating_sub(1)
 }
 
-/// Waits for a few frames more than these part folders hold, in another; gives its name.
+/// Waits until a part folder other than these has several frames more than they hold, and returns its name.
 fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String {
     let segments = folder.join("segments");
     let start = format!("{segment}.segment.");
@@ -102,7 +102,8 @@ fn report_of_segment(folder: &Path, segment: &str) -> serde_json::Value {
     serde_json::from_slice(&line[65..]).unwrap()
 }
 
-/// SIGTERM, as engines send it before they take the machine away: the frame ends, what is finished stays, and a successor makes the rest.
+/// SIGTERM, which engines send before they reclaim a machine: the current frame is finished, finished frames are kept, and the next
+/// worker renders the rest.
 #[test]
 fn a_terminated_worker_keeps_its_frames() {
     let dir = scene();
@@ -123,7 +124,7 @@ fn a_terminated_worker_keeps_its_frames() {
     assert_eq!(names(&d.join("segments")), ["0000000-0000059.report", "0000000-0000059.segment"]);
 }
 
-/// Killed without a word, and the clocks of the machines differ by decades: file times say nothing.
+/// Workers are killed with SIGKILL, and the clocks of the machines differ by decades, so that file times are meaningless.
 #[test]
 fn a_killed_worker_is_continued_regardless_of_file_times() {
     let dir = scene();
@@ -155,8 +156,8 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
     entries.flat_map(|path| if path.is_dir() { files_below(&path) } else { vec![path] }).collect()
 }
 
-/// Three workers of one chunk, of which the one that draws is killed: one of the others goes on with its frames, and the last one finds
-/// the segment whole.
+/// Three workers for one chunk; the one that draws is killed. One of the others continues with its frames, and the last one finds the
+/// segment complete.
 #[test]
 fn several_workers_of_one_chunk_render_it_once() {
     let dir = scene();
@@ -164,10 +165,10 @@ fn several_workers_of_one_chunk_render_it_once() {
     let film = render_on_one_machine(d);
     let first = start_worker(d, "0-59");
     wait_for_frames(d, "0000000-0000059");
-    // The stopped worker holds the segment, and draws no more.
+    // The stopped worker holds the lock of the segment, and no longer draws.
     first.signal("-STOP");
     let others = [start_worker(d, "0-59"), start_worker(d, "0-59")];
-    // The other workers are there, and wait.
+    // The other workers have started, and wait.
     std::thread::sleep(Duration::from_millis(300));
     drop(first);
     let mut counts = others.map(drawn_frames);
@@ -176,8 +177,8 @@ fn several_workers_of_one_chunk_render_it_once() {
     assert!(join_segments(d, &[]) == film);
 }
 
-/// A library for `LD_PRELOAD` that answers `flock` as file systems do without locks: those that refuse them, and those whose locks do not reach from one
-/// machine to another. `None` where it cannot be built.
+/// A library for `LD_PRELOAD` that simulates file systems without working locks: those on which `flock` fails, and those whose locks do
+/// not apply across machines. `None` if it cannot be built.
 fn flock_library(folder: &Path) -> Option<PathBuf> {
     let source = r#"#include <errno.h>
 #include <stdlib.h>
@@ -195,8 +196,8 @@ int flock(int file, int operation) {
     (is_used && built.is_ok_and(|status| status.success())).then_some(library)
 }
 
-/// File systems without locks: where they are refused, and where two machines hold the same one. Workers of one chunk draw side by side then, each in
-/// a folder of its own, and whoever is late finds the segment whole; the frames of a killed worker are copied by the next one.
+/// On file systems on which locks fail, or on which two machines can hold the same lock, workers of one chunk draw at the same time, each
+/// in its own folder. The slower worker finds the segment complete. The next worker copies the frames of a killed one.
 #[test]
 fn file_systems_without_locks_lose_nothing() {
     let dir = scene();
@@ -232,16 +233,16 @@ fn file_systems_without_locks_lose_nothing() {
     });
 }
 
-/// `worker`: that of the whole film on a machine of this name.
+/// `worker` starts a worker for the whole film on a machine with this name.
 fn lose_nothing_without_locks(d: &Path, film: &[u8], worker: impl Fn(&str) -> Command) {
     const SEGMENT: &str = "0000000-0000059";
     let segments = d.join("segments");
-    // Killed: the next one goes on with its frames.
+    // A worker is killed; the next one continues with its frames.
     let first = Process::spawn(&mut worker("ann"));
     let part = wait_for_other_frames(d, SEGMENT, &[]);
     drop(first);
     let kept = std::fs::read(segments.join(&part).join("journal")).unwrap();
-    // Two at once: one stands still in the middle of its work until the other has finished.
+    // Two workers at once: one is stopped during its work until the other has finished.
     let slow = Process::spawn(&mut worker("ben"));
     let own = wait_for_other_frames(d, SEGMENT, &[&part]);
     slow.signal("-STOP");
@@ -260,7 +261,8 @@ fn lose_nothing_without_locks(d: &Path, film: &[u8], worker: impl Fn(&str) -> Co
     std::fs::remove_dir_all(&segments).unwrap();
 }
 
-/// A file system on which segments are seen late and in pieces: the join waits as long as `--wait` says, and names what is missing then.
+/// On a file system on which segments become visible late and in pieces, the join waits as long as `--wait` states, and then names what
+/// is missing.
 #[test]
 fn join_waits_for_segments_that_appear_late() {
     let dir = scene();
@@ -291,7 +293,8 @@ fn join_waits_for_segments_that_appear_late() {
     assert!(read(d, "film.mp4") == film);
 }
 
-/// A disk that fills up: exit code 3, no segment, and after there is room the render goes on with the frames that fitted.
+/// If the disk fills up, the exit code is 3 and there is no segment. When there is room again, the render continues with the frames that
+/// were written.
 #[test]
 fn a_full_disk_loses_no_finished_frame() {
     let dir = scene();

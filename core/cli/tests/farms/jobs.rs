@@ -1,4 +1,4 @@
-//! Jobs for render farms: the job runs with the engine's own runner, and its film has the bytes of one machine.
+//! Jobs for render farms: a job runs with the runner of the engine, and its film has the same bytes as from one machine.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -15,7 +15,7 @@ cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: color }))
 camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
 "##;
 
-/// An MP4 has pieces of 24 frames with these.
+/// With these options, an MP4 has groups of 24 frames.
 const OPTIONS: &[&str] = &["--samples", "1", "--export", "keyframes=0.8", "--set", "color=#20c040"];
 
 fn scene() -> tempfile::TempDir {
@@ -26,7 +26,7 @@ fn scene() -> tempfile::TempDir {
     dir
 }
 
-/// The job in the folder `job`, and its summary.
+/// Writes the job into the folder `job`, and returns its summary.
 fn make_job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_json::Value {
     let mut args = vec!["farm", "scene/it's.rhai", "-o", film, "--for", engine, "--to", "job", "--json"];
     let of_mp4 = |option: &&&str| film.ends_with(".mp4") || !["--export", "keyframes=0.8"].contains(*option);
@@ -37,7 +37,7 @@ fn make_job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_jso
     serde_json::from_str(&run.out).unwrap()
 }
 
-/// The film of one machine, from the script and its files, which are gone then.
+/// The film rendered on one machine. Removes the script and its files, so that the job can only use its own copies.
 fn render_on_one_machine(folder: &Path) -> Vec<u8> {
     let mut args = vec!["render", "scene/it's.rhai", "-o", "one.mp4", "--device", "cpu"];
     args.extend(OPTIONS);
@@ -47,7 +47,7 @@ fn render_on_one_machine(folder: &Path) -> Vec<u8> {
     read(folder, "one.mp4")
 }
 
-/// `openjd` with its arguments, in an environment of its own.
+/// Runs `openjd` with these arguments in its own virtual environment.
 fn run_openjd(args: &[&str]) -> Option<Run> {
     let python = python_with("openjd.cli", "openjd-cli==0.8.0")?;
     let program = python.with_file_name("openjd");
@@ -76,8 +76,8 @@ fn openjd_runs_the_whole_job() {
     assert!(read(d, &format!("job/output/{film}")) == whole);
 }
 
-/// A stand-in for sbatch, which runs the tasks of an array one after the other, the last first, and a dependent job only behind its
-/// array. The real one runs in `cargo xtask farm`.
+/// Writes a substitute for sbatch, which runs the tasks of an array one after the other, the last one first, and a dependent job after its
+/// array. `cargo xtask farm` runs the real one.
 const SBATCH: &str = r#"#!/bin/sh
 script= first= last= after=
 for argument; do
@@ -136,7 +136,7 @@ fn slurm_scripts_make_the_film() {
     assert!(read(d, &format!("job/output/{film}")) == whole);
     let options = String::from_utf8(read(d, "job/options.txt")).unwrap();
     assert!(options.contains("--partition=long") && options.contains("--parsable"), "{options}");
-    // A task that runs again makes nothing anew, and a job in a folder with segments is not written over.
+    // A task that runs again renders nothing again, and a job in a folder with segments is not overwritten.
     let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     std::fs::create_dir(d.join("scene")).unwrap();
@@ -150,7 +150,7 @@ fn slurm_scripts_make_the_film() {
     );
 }
 
-/// Chunks that are measured cover the film, and state what was measured.
+/// Chunks whose length is measured cover the film, and the job states the measured values.
 #[test]
 fn measured_chunks_cover_the_film() {
     let dir = scene();
@@ -168,7 +168,7 @@ fn measured_chunks_cover_the_film() {
         assert!(summary["frame_seconds"].as_f64().unwrap() > 0.0);
         std::fs::remove_dir_all(d.join("job")).unwrap();
     }
-    // 360 frames: no chunk is longer than AWS Deadline Cloud takes.
+    // 360 frames: no chunk is longer than AWS Deadline Cloud accepts.
     let summary = make_job(d, "openjd", "film.mp4", &["--fps", "240", "--chunk", "400"]);
     assert_eq!(summary["chunks"].as_array().unwrap().len(), 4);
 }
@@ -192,7 +192,7 @@ fn jobs_that_cannot_run_are_refused() {
     assert_eq!((run.code, run.err.as_str()), (1, "none.rhai: no such file\n"));
 }
 
-/// The preview is every eighth frame at half the size: the frames of the film, drawn at that size.
+/// The preview has every eighth frame of the film, drawn at half the size.
 #[test]
 fn a_preview_has_every_eighth_frame_at_half_the_size() {
     let dir = scene();
@@ -237,7 +237,7 @@ fn a_preview_has_every_eighth_frame_at_half_the_size() {
     assert!(d.join("job/output/preview/film.mp4").is_file());
 }
 
-/// A film a row, with a row that fails: the others have the bytes of one machine, on both engines.
+/// One film per row, with a row that fails: the other films have the same bytes as from one machine, on both engines.
 #[test]
 fn a_batch_is_one_job() {
     let dir = scene();
@@ -293,8 +293,8 @@ fn a_batch_is_one_job() {
     }
 }
 
-/// The guide's lines for machines without a scheduler, as they stand there: with an ssh that runs each command on this machine, and a
-/// machine that fails at first.
+/// The lines of the guide for machines without a scheduler, with an `ssh` that runs each command on this machine and a machine that fails
+/// the first time.
 #[test]
 fn the_guide_commands_for_machines_without_a_scheduler_render_the_film() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/guide/src/recipes/render_farm.md");
@@ -312,9 +312,9 @@ fn the_guide_commands_for_machines_without_a_scheduler_render_the_film() {
     let ssh = "#!/bin/sh\n[ \"$1\" = -n ] || exit 9\necho \"$2\" >> \"$HOSTS\"\n[ \"$2\" = \"$DEAD\" ] && exit 255\ncd / && exec sh -c \"$3\"\n";
     std::fs::write(bin.join("ssh"), ssh).unwrap();
     std::fs::set_permissions(bin.join("ssh"), std::fs::Permissions::from_mode(0o755)).unwrap();
-    // Chunks of a known length in place of measured ones.
+    // Chunks of a known length instead of a measured one.
     let lines = lines.replace("--to job", "--to job --chunk 7 --samples 1");
-    // The missing segments do not come.
+    // The missing segments will not appear.
     let lines = lines.replace("sh job/join.sh", "sed -i 's/--wait 60//' job/join.sh && sh job/join.sh");
     let run = |lines: &str, dead: &str| {
         let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap_or_default());

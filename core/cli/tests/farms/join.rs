@@ -1,11 +1,11 @@
-//! Films joined from the segments of several machines: the bytes of one machine, whatever the chunks, their order and their overlap;
-//! what does not fit is refused by name, and nothing is left behind.
+//! Films joined from the segments of several machines have the same bytes as from one machine, whatever the chunks, their order and their
+//! overlap. Segments that do not belong to the film are named in the error message, and no temporary files are left.
 
 use crate::common;
 use crate::common::{Run, choreo, names, part_files, read};
 use std::path::Path;
 
-/// 60 frames: still, then a box that moves, then a title that changes over a still scene. The mannequin-free scene draws fast.
+/// 60 frames: a still scene, then a box that moves, then a title that changes over a still scene. A scene without characters draws fast.
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 30, length: 2.0 });
 cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: "#c04020" }))
     .key("position", [[0.0, [0, 0, 0]], [0.5, [0, 0, 0]], [1.2, [1.5, 0, 0]], [2.0, [1.5, 0, 0]]]);
@@ -13,7 +13,7 @@ camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
 text("title", #{ size: 0.3 }).key("opacity", [[0.0, 0.2], [1.5, 0.2], [1.8, 1.0], [2.0, 1.0]]);
 "##;
 
-/// An MP4 has pieces of 24 frames with these.
+/// With these options, an MP4 has groups of 24 frames.
 const KEYFRAMES: &[&str] = &["--export", "keyframes=0.8"];
 
 fn render(folder: &Path, output: &str, more: &[&str]) -> Run {
@@ -25,7 +25,7 @@ fn render(folder: &Path, output: &str, more: &[&str]) -> Run {
     run
 }
 
-/// A segment in `folder`, whose name is given.
+/// Renders a segment in `folder`, and returns its name.
 fn render_segment(folder: &Path, output: &str, into: &str, frames: &str) -> String {
     render(folder, output, &["--frames", frames, "--segment", into]);
     let (first, last) = frames.split_once('-').unwrap();
@@ -38,7 +38,7 @@ fn scene() -> tempfile::TempDir {
     dir
 }
 
-/// All bytes of an output: those of its file, or of the images in its folder one after the other.
+/// All bytes of an output: those of the file, or of the images in the folder one after the other.
 fn output_bytes(folder: &Path, output: &str) -> Vec<u8> {
     let Some((inner, _)) = output.split_once('/') else { return read(folder, output) };
     let names = names(&folder.join(inner));
@@ -46,7 +46,7 @@ fn output_bytes(folder: &Path, output: &str) -> Vec<u8> {
     names.iter().flat_map(|name| read(&folder.join(inner), name)).collect()
 }
 
-/// Copied and encoded frames of a join.
+/// The numbers of frames that a join copied and encoded.
 fn join_segments(folder: &Path, output: &str, segments: &[&str]) -> (u64, u64) {
     let mut args = vec!["join", "-o", output, "--json"];
     args.extend(segments);
@@ -66,7 +66,7 @@ fn refused_join(folder: &Path, args: &[&str]) -> String {
     run.err
 }
 
-/// One format: `whole` and `joined` are its outputs, `copied` the frames that are copied of each chunking.
+/// Tests one format. `whole` and `joined` are its outputs; `copied` is the number of frames that are copied for each division into chunks.
 fn assert_join_equals_one_render(whole: &str, joined: &str, copied: [u64; 4]) {
     let dir = scene();
     let d = dir.path();
@@ -83,7 +83,7 @@ fn assert_join_equals_one_render(whole: &str, joined: &str, copied: [u64; 4]) {
         assert!(output_bytes(d, joined) == whole, "{joined}: {segments:?}");
         assert!(part_files(d).is_empty());
     }
-    // All of them in their folder, and some twice.
+    // All segments given by their folder, and some of them twice.
     join_segments(d, joined, &["chunks", &a, &h]);
     assert!(output_bytes(d, joined) == whole, "{joined}: overlapping");
 }
@@ -118,7 +118,8 @@ fn exr_segments_join_to_the_bytes_of_one_render() {
     assert_join_equals_one_render("one/%04d.exr", "film/%04d.exr", [60; 4]);
 }
 
-/// Cut at any place or with any bit changed, a segment gives the frames before the damage, is named, and others fill in.
+/// If a segment is truncated anywhere or has any bit changed, it is named, the frames before the damage are used, and other segments
+/// supply the rest.
 #[test]
 fn damaged_segments_are_named_and_replaced_by_others() {
     let dir = scene();
@@ -143,7 +144,7 @@ fn damaged_segments_are_named_and_replaced_by_others() {
             std::fs::remove_file(d.join("film.mp4")).unwrap();
             let run = choreo(d, &["join", &all, &first, "-o", "film.mp4"]);
             if run.code == 0 {
-                // Only the end was missing.
+                // Only the end of the segment was missing.
                 assert!(
                     at > whole.len() - 100 && read(d, "film.mp4") == read(d, "one.mp4"),
                     "cut {cut} at {at}"
@@ -156,7 +157,7 @@ fn damaged_segments_are_named_and_replaced_by_others() {
             assert!(part_files(d).is_empty() && !d.join("film.mp4").exists());
         }
     }
-    // The frames before the damage count.
+    // The frames before the damage are used.
     std::fs::write(d.join(&all), &whole[..whole.len() - 100]).unwrap();
     let run = choreo(d, &["join", &all, "-o", "film.mp4"]);
     assert!(run.err.contains("after frame 58"), "{}", run.err);
@@ -172,13 +173,13 @@ fn missing_frames_are_named() {
     let expected = "film.gif: of 60 frames these are missing: 0..=4, 10..=19, 59\n    \
                     hint: render them with choreo render --segment --frames\n";
     assert_eq!(text, expected);
-    // A film that is there stays as it is.
+    // An existing film is not changed.
     std::fs::write(d.join("film.gif"), "before").unwrap();
     assert_eq!(choreo(d, &["join", &a, "-o", "film.gif"]).code, 1);
     assert_eq!(read(d, "film.gif"), b"before");
 }
 
-/// A segment with another head: what another version or device would have written.
+/// A segment with a different header, as another version or device would write it.
 fn with_changed_head(segment: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let mut lines = segment.splitn(3, |byte| *byte == b'\n');
     let (magic, head, rest) = (lines.next().unwrap(), lines.next().unwrap(), lines.next().unwrap());
@@ -221,7 +222,7 @@ fn segments_of_other_films_versions_and_devices_are_refused() {
     assert!(version.starts_with(&format!("{another}Software: choreo 9.9.9, there choreo ")), "{version}");
     let version = refused_join(d, &["b/forged.segment"]);
     assert!(version.contains("choreo 9.9.9 made it, but this program is choreo "), "{version}");
-    // Another text of the script that draws the same, another size, other options.
+    // A different script text that draws the same, a different size, and different options.
     std::fs::write(d.join("s.rhai"), format!("{SCRIPT}// more\n")).unwrap();
     let script = text(&render_segment(d, "film.gif", "c", "30-59"));
     assert!(script.contains("\n    script: ") && !script.contains("stage: "), "{script}");
@@ -239,7 +240,7 @@ fn segments_of_other_films_versions_and_devices_are_refused() {
     assert!(format.err.contains(", but -o names mp4 "), "{}", format.err);
 }
 
-/// Two segments that disagree about a frame: one machine draws otherwise, and no film is made of it.
+/// If two segments differ in a frame, because one machine draws differently, no film is written.
 #[test]
 fn segments_that_disagree_are_refused() {
     let dir = scene();
@@ -261,7 +262,7 @@ fn segments_that_disagree_are_refused() {
     assert!(text.starts_with(&expected), "{text}");
 }
 
-/// A segment that is there and whole is not made again with --resume, and one that is cut is.
+/// With --resume, a complete segment is not rendered again, and a truncated one is.
 #[test]
 fn a_complete_segment_is_not_rendered_again() {
     let dir = scene();
@@ -279,8 +280,8 @@ fn a_complete_segment_is_not_rendered_again() {
     assert!(read(d, &a) == whole);
 }
 
-/// Several processes that make one segment with --resume, as a farm that starts a task again while its first process still runs: one
-/// makes it, the others wait for it, and all succeed.
+/// Several processes render the same segment with --resume, as on a farm that restarts a task while its first process still runs: one
+/// renders it, the others wait for it, and all succeed.
 #[test]
 fn several_processes_can_render_one_segment() {
     let dir = scene();

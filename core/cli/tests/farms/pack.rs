@@ -1,5 +1,5 @@
-//! Packed scenes: all that a script reads in one archive, the same bytes of the archive wherever it is packed, the same images wherever
-//! it is rendered, and nothing from outside. Archives of strangers are refused without a file being written elsewhere.
+//! Packed scenes: an archive has all files that a script reads, has the same bytes wherever it is packed, and renders the same images
+//! everywhere without other files. Malicious archives are refused and write no file outside their folder.
 
 use crate::common::*;
 use std::path::Path;
@@ -51,7 +51,7 @@ fn png_image(shade: u8) -> Vec<u8> {
     bytes
 }
 
-/// A repository with a script in `scenes`, search and plugin folders beside it and above it, and much that is not read.
+/// A repository with a script in `scenes`, search and plugin folders beside it and above it, and files that are not read.
 fn write_project(folder: &Path) {
     let gltf = triangle(1.0);
     let data = gltf.split("base64,").nth(1).unwrap().split('"').next().unwrap();
@@ -83,7 +83,7 @@ fn write_project(folder: &Path) {
     std::fs::copy(folder.join("scenes/a.dots"), folder.join("scenes/link.dots")).unwrap();
 }
 
-/// Base64 without an end.
+/// Base64 without padding.
 fn decode_base64(text: &str) -> Vec<u8> {
     let value = |letter: u8| match letter {
         b'A'..=b'Z' => letter - b'A',
@@ -142,7 +142,7 @@ fn a_packed_scene_renders_the_same_bytes_without_its_files() {
             "files/2/swap.wgsl",
         ]
     );
-    // The same files elsewhere make the same archive.
+    // The same files in another folder give the same archive.
     run_successfully(other.path(), &[&["pack", "scenes/film.rhai", "-o", "film.choreo"][..], &set].concat());
     assert!(read(d, "film.choreo") == read(other.path(), "film.choreo"));
     let [mp4, images] = ["one.mp4", "one"].map(|name| d.join(name));
@@ -150,7 +150,7 @@ fn a_packed_scene_renders_the_same_bytes_without_its_files() {
     std::fs::rename(&mp4, away.join("one.mp4")).unwrap();
     std::fs::rename(&images, away.join("one")).unwrap();
     drop((home, other));
-    // A choreo.toml beside the archive says nothing.
+    // A choreo.toml beside the archive has no effect.
     write(away, "choreo.toml", "[render]\nsize = \"16x16\"\n");
     let run = run_successfully(away, &["render", "film.choreo", "-o", "film.mp4"]);
     assert!(!run.err.contains("warning"), "{}", run.err);
@@ -160,7 +160,7 @@ fn a_packed_scene_renders_the_same_bytes_without_its_files() {
         assert!(read(away, &format!("one/{name}")) == read(away, &format!("film/{name}")), "{name}");
     }
     assert_eq!(names(&away.join("film")).len(), 4);
-    // Other commands take it, and a parameter can be another one.
+    // Other commands accept the archive, and a parameter can be changed.
     run_successfully(away, &["check", "film.choreo"]);
     run_successfully(away, &["render", "film.choreo", "-o", "blue.mp4", "--set", "color=#2040e0"]);
     assert!(read(away, "blue.mp4") != read(away, "one.mp4"));
@@ -175,13 +175,13 @@ fn a_model_file_can_be_packed() {
     run_successfully(d, &["pack", "tri.gltf", "--clip", "Slide", "-o", "tri.choreo"]);
     std::fs::rename(d.join("tri.gltf"), d.join("gone")).unwrap();
     run_successfully(d, &[&["render", "tri.choreo"][..], &args, &["packed.gif"]].concat());
-    // The provenance names the clip that was asked for.
+    // The provenance names the requested clip.
     std::fs::rename(d.join("gone"), d.join("tri.gltf")).unwrap();
     run_successfully(d, &[&["render", "tri.gltf", "--clip", "Slide"][..], &args, &["one.gif"]].concat());
     assert!(read(d, "packed.gif") == read(d, "one.gif"));
 }
 
-/// Nothing is left in the folder for temporary files, whatever the command ends with.
+/// Nothing is left in the folder for temporary files, whatever the exit code is.
 #[test]
 fn unpacked_files_are_deleted() {
     let dir = folder();
@@ -200,7 +200,7 @@ fn unpacked_files_are_deleted() {
     }
 }
 
-/// The archive with other entries: (name, type, link target or content).
+/// The archive with additional entries: (name, type, link target or content).
 fn archive(entries: &[(&str, tar::EntryType, &[u8])]) -> Vec<u8> {
     let mut builder = tar::Builder::new(Vec::new());
     for (name, kind, content) in entries {
@@ -209,7 +209,7 @@ fn archive(entries: &[(&str, tar::EntryType, &[u8])]) -> Vec<u8> {
         header.set_mode(0o644);
         let link = !matches!(kind, tar::EntryType::Regular);
         header.set_size(if link { 0 } else { content.len() as u64 });
-        // Written as a stranger would, past the checks of the crate.
+        // Written directly into the header, because the crate rejects such names.
         header.as_gnu_mut().unwrap().name[..name.len()].copy_from_slice(name.as_bytes());
         if link {
             header.as_gnu_mut().unwrap().linkname[..content.len()].copy_from_slice(content);
@@ -270,7 +270,7 @@ fn malicious_archives_write_nothing_outside() {
             refused(wrong, &[("choreo.json", Regular, &text), script_entry]);
         }
     }
-    // Another name of a file is a link only to a file of the archive, and takes the place of none.
+    // A hard link may only refer to a file of the archive, and may not replace a file.
     for pair in [
         ["files/0/b", "/etc/passwd"],
         ["files/0/b", "files/0/c"],
@@ -287,7 +287,7 @@ fn malicious_archives_write_nothing_outside() {
             &[("choreo.json", Regular, &plain), ("files/0/a.rhai", kind, b"/etc/passwd"), script_entry],
         );
     }
-    // An empty file has the length and the hash of a link's content, which is none.
+    // A link has no content, and so the length and hash of an empty file.
     let empty = manifest(|m| {
         m["files"][0]["bytes"] = 0.into();
         m["files"][0]["blake3"] = blake3::hash(b"").to_hex().as_str().into();
@@ -305,7 +305,7 @@ fn malicious_archives_write_nothing_outside() {
     refused(&format!("{unpackable}it does not begin with choreo.json"), &[script_entry]);
     refused(&format!("{unpackable}it is not a tar archive"), &[]);
     refused(&format!("{unpackable}choreo.json is not JSON"), &[("choreo.json", Regular, b"{")]);
-    // Cut anywhere, it is refused or has lost only its end.
+    // Truncated anywhere, the archive is refused or lacks only its end marker.
     let whole = archive(&[("choreo.json", Regular, &plain), script_entry]);
     for cut in (0..whole.len()).step_by(97) {
         write(d, "a.choreo", &whole[..cut]);
@@ -317,7 +317,7 @@ fn malicious_archives_write_nothing_outside() {
     assert!(run.err.starts_with("a.choreo: files/0/a.rhai is too large\n    hint: "), "{}", run.err);
 }
 
-/// The same files make another scene where a plugin of the user takes part.
+/// If a plugin of the user would be used, the same files could give another scene.
 #[test]
 fn an_archive_that_gives_another_scene_is_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -332,7 +332,7 @@ fn an_archive_that_gives_another_scene_is_refused() {
     let run = with("plugins", &["pack", "scene/s.rhai", "-o", "s.choreo"]);
     assert_eq!(run.code, 0, "{}", run.err);
     let render = ["render", "s.choreo", "--at", "0", "-o", "a.png", "--device", "cpu"];
-    // Its own plugin comes with it, and wins over those of the user.
+    // The plugin of the scene is in the archive, and takes precedence over those of the user.
     assert_eq!(choreo(d, &render).code, 0);
     assert_eq!(with("others", &render).code, 0);
     let mut archive = read(d, "s.choreo");
@@ -362,11 +362,11 @@ fn inputs_that_cannot_be_packed_are_refused() {
     usage(&["pack", "none.rhai", "-o", "a.choreo"], "none.rhai: no such file");
     run_successfully(d, &["pack", "tri.gltf", "-o", "a.choreo"]);
     usage(&["pack", "a.choreo", "-o", "b.choreo"], "it is packed already");
-    // Beside a render of the scene, the archive stays.
+    // A render of the scene does not change the archive beside it.
     usage(&["render", "a.choreo", "-o", "a.choreo"], "the file extension selects the format");
 }
 
-/// The folder form has the files of the archive and renders the same bytes; links in it are refused, wherever they lead.
+/// A scene packed as a folder has the files of the archive and renders the same bytes. Links in it are refused, whatever their target.
 #[cfg(unix)]
 #[test]
 fn a_packed_folder_equals_the_archive_and_refuses_links() {
@@ -443,7 +443,7 @@ fn a_packed_scene_is_tested_and_viewed() {
     assert_eq!(outcome("wrong.choreo").code, 1);
     let refused = choreo(d, &["test", "t.choreo", "--accept"]);
     assert!(refused.code == 2 && refused.err.contains("t.choreo: it is packed"), "{}", refused.err);
-    // A viewer that only says what it was given, beside a copy of the program.
+    // A substitute for the viewer that only prints its arguments, beside a copy of the program.
     std::fs::copy(env!("CARGO_BIN_EXE_choreo"), d.join("choreo")).unwrap();
     let viewer = "#!/bin/sh\nls \"$1\"\nfor word; do echo \"$word\"; done\n";
     std::fs::write(d.join("choreo-view"), viewer).unwrap();

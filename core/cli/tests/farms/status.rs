@@ -1,4 +1,4 @@
-//! `choreo farm --status`: the state of each chunk from the files that workers leave, whatever has become of the workers.
+//! `choreo farm --status`: the state of each chunk, determined from the files of the workers, also if a worker was stopped or killed.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -35,7 +35,7 @@ fn status(folder: &Path) -> serde_json::Value {
     serde_json::from_str(&run.out).unwrap()
 }
 
-/// State, finished frames and host of each chunk.
+/// The state and the number of finished frames of each chunk.
 fn chunk_states(status: &serde_json::Value) -> Vec<(String, u64)> {
     let chunk = |chunk: &serde_json::Value| {
         (chunk["state"].as_str().unwrap().into(), chunk["done"].as_u64().unwrap())
@@ -65,7 +65,7 @@ fn chunks_are_done_running_failed_stopped_or_waiting() {
     assert_eq!(start_worker(d, "0-11", &[]).wait().code, 0);
     assert_eq!(start_worker(d, "48-59", &["--set", "color=nonsense"]).wait().code, 1);
     let large = ["--size", "3840x2160"];
-    // One runs, and one is killed.
+    // One worker continues to run, and one is killed.
     let running = start_worker(d, "24-35", &large);
     let killed = start_worker(d, "36-47", &large);
     for (chunk, worker) in [(2, &running), (3, &killed)] {
@@ -95,14 +95,14 @@ fn chunks_are_done_running_failed_stopped_or_waiting() {
     );
     assert!(lines.iter().any(|line| line.starts_with("frames 36-47: stopped on ")), "{}", text.out);
     assert!(image::open(d.join("sheet.png")).unwrap().width() > 192);
-    // A worker that gets notice stops in order.
+    // A worker that receives SIGTERM stops regularly.
     running.signal("-TERM");
     running.signal("-CONT");
     assert_eq!(running.wait().code, 130);
     assert_eq!(chunk_states(&status(d))[2].0, "stopped");
 }
 
-/// The first frame of each chunk stands on the sheet: of frames that are smaller than a thumbnail, pixel by pixel.
+/// The sheet has the first frame of each chunk. Frames that are smaller than a thumbnail are not scaled.
 #[test]
 fn the_contact_sheet_shows_first_frames() {
     let dir = tempfile::tempdir().unwrap();
@@ -120,7 +120,7 @@ fn the_contact_sheet_shows_first_frames() {
     let open = |name: &str| image::open(d.join(name)).unwrap().to_rgba8();
     let sheet = open("sheet.png");
     assert_eq!([sheet.width(), sheet.height()], [2 * 164 + 4, 2 * 94 + 4]);
-    // Below the text in the corner.
+    // Below the text at the top left.
     for (name, [left, top]) in [("f/00.png", [4, 4]), ("f/40.png", [4, 98])] {
         let frame = open(name);
         for (x, y) in (20..90).flat_map(|y| (0..160).map(move |x| (x, y))) {

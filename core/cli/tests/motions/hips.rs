@@ -1,4 +1,4 @@
-//! Hips of clips on other characters go as smoothly as the source's, and what stands stays on the floor: every shared character.
+//! In retargeted clips, the hips move as smoothly as those of the source, and feet that stand stay on the floor, for every sample character.
 //! `cargo test --workspace --test motions hips -- --nocapture` prints the table.
 
 use crate::common;
@@ -6,7 +6,7 @@ use crate::retargeting::{Character, characters, foot_clearance, model_space_pose
 use choreo_motion::retarget::{Retarget, RetargetOptions};
 use choreo_motion::{Clip, HumanoidJoints, Time};
 
-/// Characters that others' clips are put on.
+/// Characters to which clips are retargeted.
 const TARGET_CHARACTERS: [&str; 20] = [
     "choreo:mannequin",
     "gltf/Knight.glb",
@@ -30,7 +30,7 @@ const TARGET_CHARACTERS: [&str; 20] = [
     "dae/walk.dae",
 ];
 
-/// Clips with flights and without.
+/// Clips with and without phases in which no foot touches the floor.
 const CLIPS: [(&str, &str); 13] = [
     ("choreo:mannequin", "Run"),
     ("choreo:mannequin", "Walk"),
@@ -48,32 +48,32 @@ const CLIPS: [(&str, &str); 13] = [
 ];
 
 const RATE: f64 = 240.0;
-/// Steps in a frame of a 60th of a second.
+/// Samples per frame of 1/60 s.
 const FRAME: usize = 4;
-/// Share of the source's leg up to which an ankle is as high as where the sole stands.
+/// An ankle is as high as in a stance if the difference is below this share of the leg length of the source.
 const FLAT: f64 = 0.01;
 
-/// Millimetres of a leg of a metre.
+/// All errors are in millimetres for a leg of one metre. The lift is the height of the hips minus the scaled height of the source's hips.
 #[derive(Default)]
 struct HipErrors {
-    /// Most that the hips' height, less the source's times the scale, changes in a frame.
+    /// The largest change of the lift in a frame.
     step: f64,
-    /// Most that this change itself changes from one frame to the next, and when.
+    /// The largest second difference of the lift between frames, and its time.
     jolt: f64,
     at_secs: f64,
-    /// The same of the hips, and of the source's times the scale.
+    /// The largest second differences of the height of the hips, and of the scaled height of the source's hips.
     jolts: [f64; 2],
-    /// From the lowest to the highest height, less the source's times the scale.
+    /// The range of the lift.
     range: f64,
-    /// The lowest foot from where it should be, where a sole of the source stands.
+    /// The largest height error of the lowest foot while a sole of the source is on the floor.
     standing: f64,
-    /// How far the lowest foot is below the floor, more than the source's.
+    /// How much farther the lowest foot is below the floor than that of the source.
     sinks: f64,
-    /// Whether both rest on their feet, so that the two numbers above mean something.
+    /// Whether both characters stand on their feet in the rest pose; otherwise the two numbers above are meaningless.
     stands: bool,
 }
 
-/// Largest second difference, a frame apart, and where.
+/// The largest second difference at a distance of one frame, and its index.
 fn largest_jolt(heights: &[f64]) -> (f64, usize) {
     let all = heights.windows(2 * FRAME + 1).enumerate();
     let jolt = |(i, all): (usize, &[f64])| ((all[0] - 2.0 * all[FRAME] + all[2 * FRAME]).abs(), i + FRAME);
@@ -115,7 +115,7 @@ fn measure_hips(from: &Character, clip: &Clip, to: &Character) -> Option<HipErro
     let flat = |(ankle, wanted, is): &(f64, f64, f64)| (ankle - lowest < FLAT).then_some(is - wanted);
     let mut off: Vec<f64> = feet.iter().filter_map(flat).collect();
     off.sort_by(f64::total_cmp);
-    // Other joints than these may be the lowest of a foot, always.
+    // Other joints than these may be the lowest ones of a foot.
     let always = off.get(off.len() / 2).copied().unwrap_or(0.0);
     errors.standing = off.iter().map(|off| (off - always).abs()).fold(0.0, f64::max);
     let below = |(_, wanted, is): &(f64, f64, f64)| wanted.min(0.0) - (is - always);
@@ -142,7 +142,7 @@ fn hips_of_retargeted_clips_do_not_jolt() {
     let mut pairs = 0;
     for from in &sources {
         let clip = from.clip.as_ref().unwrap_or_else(|| panic!("{} has no such clip", from.asset.name));
-        // Legs of the Knight are drawn longer and shorter by its clips, up to a fifth; other bodies have bones.
+        // The clips of the Knight stretch and shorten its legs by up to a fifth; other characters have legs of constant length.
         let stretches = from.asset.name.contains("Knight");
         for to in &bodies {
             let Some(errors) = measure_hips(from, clip, to) else { continue };
@@ -158,7 +158,7 @@ fn hips_of_retargeted_clips_do_not_jolt() {
                 errors.sinks,
                 if errors.stands { "" } else { " (does not rest standing)" }
             );
-            // Before the lift was smooth, hips jolted by up to 195 mm (62 mm where legs keep their length), in the mean by 37 mm.
+            // With a lift that is not smooth, the largest second difference is 195 mm (62 mm for legs of constant length), and the mean 37 mm.
             assert!(errors.jolt < if stretches { 15.0 } else { 12.0 }, "{names}: {} mm", errors.jolt);
             if errors.stands {
                 assert!(own < 1.2 * source + 2.0, "{names}: {own} mm, the source {source} mm");

@@ -1,5 +1,5 @@
-//! Clips of every human skeleton among the sample files on every other: limbs point the same way, feet stay on the floor, and
-//! there and back is the clip. `cargo test -p choreo --test motions retargeting -- --nocapture` prints the table.
+//! Retargets clips between all human skeletons of the sample files: limbs point in the same direction, feet stay on the floor, and a clip
+//! that is retargeted to another skeleton and back is unchanged. `cargo test -p choreo --test motions retargeting -- --nocapture` prints the table.
 
 use crate::common;
 use choreo_asset::Asset;
@@ -10,7 +10,7 @@ use choreo_script::{ImportChoice, Limits, Loader};
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
 
-/// File and the clip that others take from it; empty where there is none.
+/// File, and the clip that is retargeted to the others; empty if there is none.
 const CHARACTERS: [(&str, &str); 9] = [
     ("choreo:mannequin", "Dance_Groove"),
     ("gltf/Knight.glb", "Walking_A"),
@@ -52,7 +52,7 @@ pub fn characters(folder: &std::path::Path, wanted: &[(&str, &str)]) -> Vec<Char
     wanted.iter().map(load).collect()
 }
 
-/// f64.
+/// The joint transforms in model space, in f64.
 pub fn model_space_pose(skeleton: &Skeleton, clip: Option<&Clip>, time: Time) -> Vec<DAffine3> {
     let mut pose = Pose::rest(skeleton);
     if let Some(clip) = clip {
@@ -67,7 +67,7 @@ pub fn model_space_pose(skeleton: &Skeleton, clip: Option<&Clip>, time: Time) ->
     out
 }
 
-/// Degrees between the same limbs of both, the source turned.
+/// The angles between corresponding limbs in degrees, after the source is rotated to the same front.
 fn limbs_apart(humans: [&HumanoidJoints; 2], models: [&[DAffine3]; 2], yaw_degrees: f64) -> f64 {
     let turn = DQuat::from_rotation_y(yaw_degrees.to_radians());
     let mut worst: f64 = 0.0;
@@ -86,7 +86,7 @@ fn limbs_apart(humans: [&HumanoidJoints; 2], models: [&[DAffine3]; 2], yaw_degre
     worst
 }
 
-/// Height of the lowest foot over that at rest, the rest pose standing on y = 0 or on its lowest joint.
+/// The height of the lowest foot relative to the rest pose, which stands on y = 0 or on its lowest joint.
 pub fn foot_clearance(human: &HumanoidJoints, rest: &[DAffine3], model: &[DAffine3], with_toes: bool) -> f64 {
     let parts: &[&str] = if with_toes { &["foot", "toebase"] } else { &["foot"] };
     let joints = ["left", "right"].iter().flat_map(|s| parts.iter().map(move |p| format!("{s} {p}")));
@@ -138,7 +138,7 @@ fn clips_retargeted_between_all_characters_keep_limb_directions_and_feet() {
                 let twice = model_space_pose(&from.asset.skeleton, Some(&twice), time);
                 limbs =
                     limbs.max(limbs_apart([&humans[0], &humans[1]], [&source, &target], there.yaw_degrees()));
-                // Where a sole stands: elsewhere the hips go smoothly (`hips.rs`).
+                // Only while a sole is on the floor; otherwise the hips move smoothly (`hips.rs`).
                 if foot_clearance(&humans[0], &rests[0], &source, false) < 0.005 {
                     let wanted = foot_clearance(&humans[0], &rests[0], &source, toes) * there.scale();
                     feet = feet.max((foot_clearance(&humans[1], &rests[1], &target, toes) - wanted).abs());
@@ -169,8 +169,9 @@ fn clips_retargeted_between_all_characters_keep_limb_directions_and_feet() {
                 report.sampled.len(),
                 report.sampled_keys
             );
-            // Upper and lower limbs point where the source's do. What is left comes of joints that are sampled, each to within
-            // 1e-3 rad (0.057°) between its keys: 0.0275° at worst, pab/run.fbx on the Knight. A closer tolerance takes it away.
+            // Upper and lower limbs point in the same direction as those of the source. The remaining error comes from the sampling of
+            // joints, each within 1e-3 rad (0.057°) between its keys: at most 0.0275°, for pab/run.fbx on the Knight. A smaller tolerance
+            // removes it.
             assert!(limbs < 0.03, "{} on {}: {limbs}°", from.asset.name, to.asset.name);
             if limbs > 0.005 {
                 let close = RetargetOptions { tolerance_rad: 1e-5, ..RetargetOptions::default() };
@@ -185,18 +186,17 @@ fn clips_retargeted_between_all_characters_keep_limb_directions_and_feet() {
                 println!("| … at 1e-5 rad | | | | | {left:.4} | | | | |");
                 assert!(left < 0.1 * limbs, "{} on {}: {left}° of {limbs}°", from.asset.name, to.asset.name);
             }
-            // Feet are as high over the floor as the source's, where both rest standing (run.fbx rests in mid-stride, and says so). The
-            // legs of the Knight get shorter in its walk, those of others do not: its hips go down farther, and smoothly.
+            // Feet are as high above the floor as those of the source if both rest poses are standing (that of run.fbx is a stride, which a
+            // warning states). The legs of the Knight get shorter in its walk, those of others do not: its hips go down farther, smoothly.
             if report.rests_standing && report.target_stands {
                 let most = if from.asset.name.contains("Knight") { 0.01 } else { 0.003 };
                 assert!(feet < most, "{} on {}: {feet} m", from.asset.name, to.asset.name);
             }
-            // The clip that comes back lacks the motion of joints that the other skeleton does not have, and of joints inside the trunk:
-            // 84 mm
-            // at worst, for mocopi's spine of seven joints by way of the Knight's of two.
+            // The clip that comes back lacks the motion of joints that the other skeleton does not have, and of joints inside the trunk: at
+            // most 84 mm, if mocopi's spine of seven joints goes through the Knight's of two.
             assert!(returned < 0.09, "{} on {} and back: {returned} m", from.asset.name, to.asset.name);
-            // Nothing else is lost: a clip that was on the other skeleton once comes back from it unchanged, but for the hips' height where
-            // heels rise over the toes. There a body is raised where its toes would sink, and not lowered where they float.
+            // Nothing else is lost: a clip that went through the other skeleton once is unchanged the second time, except for the height of the
+            // hips while the heels are raised. There, a character is raised if its toes would sink, but not lowered if they float.
             assert!(second < 0.0001, "{} on {} and back again: {second} m", from.asset.name, to.asset.name);
             assert!(lifted < 0.1, "{} on {} and back again: {lifted} m", from.asset.name, to.asset.name);
             pairs += 1;
