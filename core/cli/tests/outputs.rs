@@ -1,4 +1,5 @@
-//! Outputs appear whole or not at all: full disks, folders that vanish, files that must not be written, links, and two renders at once.
+//! Outputs are written completely or not at all: full disks, folders that disappear, files that must not be written, links, and two
+//! simultaneous renders.
 #![cfg(unix)]
 
 mod common;
@@ -30,7 +31,7 @@ fn long_folder() -> tempfile::TempDir {
     folder
 }
 
-/// Files may have so many blocks of 512 bytes; further writing fails as on a full disk.
+/// Limits the size of files to this number of blocks of 512 bytes; further writes fail as on a full disk.
 fn with_file_limit(folder: &Path, blocks: usize, args: &[&str]) -> Run {
     let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\"");
     let mut command = Command::new("sh");
@@ -38,7 +39,7 @@ fn with_file_limit(folder: &Path, blocks: usize, args: &[&str]) -> Run {
     run_result(command.stdin(Stdio::null()).output().unwrap())
 }
 
-/// A file that existed before stays; finished frames are kept, and the render can be resumed.
+/// An existing file is not changed, finished frames are kept, and the render can be resumed.
 #[test]
 fn a_full_disk_keeps_the_old_file_and_finished_frames() {
     for (output, blocks) in [("o.y4m", 300), ("o.gif", 20), ("o.mp4", 60)] {
@@ -79,7 +80,7 @@ fn an_image_that_does_not_fit_keeps_the_old_file() {
     assert_eq!(names(d), ["o.png", "tri.gltf"]);
 }
 
-/// A file system of its own, where the test may make one.
+/// Uses a separate file system, if the test is allowed to mount one.
 #[test]
 fn a_write_that_fills_the_disk_reports_a_full_disk() {
     let dir = folder();
@@ -133,7 +134,7 @@ fn read_only_files_and_folders_are_not_written() {
         assert_eq!(run.code, 3, "{}", run.err);
         assert_eq!(run.err, format!("{output}: cannot write: the file there is read-only\n"));
         assert_eq!(read(d, output), b"old");
-        // Something else is in the place of the part.
+        // There is something else under the name of the part.
         let blocked = format!("b{output}");
         match output {
             "o.png" => std::fs::create_dir(d.join("bo.png.part")).unwrap(),
@@ -157,7 +158,7 @@ fn read_only_files_and_folders_are_not_written() {
     }
 }
 
-/// A scene with an image, a module, a plugin and a test, in `scene`; beside it a file and a folder that nobody may change.
+/// A scene with an image, a module, a plugin and a test in the folder `scene`, and beside it a file and a folder that must not change.
 fn scene_with_guarded_files() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("scene");
@@ -173,8 +174,8 @@ fn scene_with_guarded_files() -> tempfile::TempDir {
     dir
 }
 
-/// Every name that a command writes under, with a link that a stranger has put there. Of each: the link, whether it names a
-/// folder, and the command.
+/// Tests a symbolic link under every name that a command writes to. Each case has the link, whether its target is a folder, and the
+/// command.
 #[test]
 fn symbolic_links_at_outputs_are_refused_and_named() {
     let render = |output: &'static str| {
@@ -235,7 +236,7 @@ fn symbolic_links_at_outputs_are_refused_and_named() {
         symlink(&target, d.join(link)).unwrap();
         let run = choreo(&d, args);
         let (said, all) = (run.err.clone() + &run.out, format!("{link} {args:?}: {}{}", run.err, run.out));
-        // An image that cannot be accepted is a failed section.
+        // A section whose image cannot be accepted fails.
         let expected = if link.starts_with("suite/") { 1 } else { 3 };
         assert_eq!(run.code, expected, "{all}");
         let words = format!("cannot write: {link} is a symbolic link to {}; remove it", target.display());
@@ -246,7 +247,7 @@ fn symbolic_links_at_outputs_are_refused_and_named() {
     }
 }
 
-/// Nor does a render go on into files that are links, or that have a second name.
+/// A render is not resumed if its files are symbolic links or have additional hard links.
 #[test]
 fn part_files_that_are_links_are_not_resumed() {
     for file in ["body", "journal", "frames"] {
@@ -271,7 +272,7 @@ fn part_files_that_are_links_are_not_resumed() {
     }
 }
 
-/// A link in place of a killed render's part cannot be written through, whatever other names it has.
+/// If the part of a killed render is a hard link, it is replaced, so that the file under its other name is not changed.
 #[test]
 fn a_hard_link_in_the_place_of_a_part_is_replaced() {
     for (part, output) in
@@ -288,8 +289,8 @@ fn a_hard_link_in_the_place_of_a_part_is_replaced() {
     }
 }
 
-/// The links that the system keeps are none of these. Not by `/dev/stdout`: a fault would replace it for the whole machine where
-/// root runs the tests; a unit test of choreo-files looks at it without writing.
+/// Links that the system provides for streams are not refused. This does not use `/dev/stdout`, because a fault would replace it for the
+/// whole machine if root runs the tests; a unit test of choreo-files examines it without writing.
 #[test]
 fn streams_of_the_program_can_be_written() {
     let dir = scene_with_guarded_files();
@@ -300,7 +301,7 @@ fn streams_of_the_program_can_be_written() {
     }
 }
 
-/// A pipe as an output: an error where nobody reads it, else what a file would hold.
+/// A pipe as an output gets the bytes of the file. If the pipe has no reader, this is an error.
 #[test]
 fn pipes_are_written_only_if_they_have_a_reader() {
     let dir = scene_with_guarded_files();
@@ -317,7 +318,7 @@ fn pipes_are_written_only_if_they_have_a_reader() {
         let expected = read(d, name);
         std::fs::remove_file(d.join(name)).unwrap();
         assert!(Command::new("mkfifo").arg(d.join(name)).status().unwrap().success());
-        // `timeout` ends what waits for ever, with code 124.
+        // `timeout` ends a command that blocks, with exit code 124.
         let mut command = Command::new("timeout");
         command.args(["60", env!("CARGO_BIN_EXE_choreo")]).args(&args).current_dir(d).stdin(Stdio::null());
         let run = run_result(command.output().unwrap());
@@ -333,7 +334,7 @@ fn pipes_are_written_only_if_they_have_a_reader() {
     }
 }
 
-/// A folder beside the script that is a link to elsewhere. What the user's own path leads to is followed.
+/// Tests a folder beside the script that is a link to another folder. Links in a path that the user gives are followed.
 #[test]
 fn a_linked_folder_beside_the_script_is_not_written_through() {
     let dir = tempfile::tempdir().unwrap();
@@ -355,7 +356,7 @@ fn a_linked_folder_beside_the_script_is_not_written_through() {
     }
 }
 
-/// Each kind of file that a scene is made of, each kind of output, and each way to name the file.
+/// Tests each kind of input file of a scene, each kind of output, and each way to name the file.
 #[test]
 fn an_output_in_the_place_of_an_input_is_refused() {
     let dir = scene_with_guarded_files();
@@ -415,14 +416,14 @@ fn an_output_in_the_place_of_an_input_is_refused() {
         assert!(read(d, input) == before && read(d, output) == before, "{args:?}: written");
     }
     assert_eq!(names(&d.join("n")), ["2.png"]);
-    // The name under which a part would be written, too.
+    // This includes the name of the part.
     std::fs::rename(d.join("t.png"), d.join("x.png.part")).unwrap();
     let script = std::fs::read_to_string(d.join("s.rhai")).unwrap().replace("\"t.png\"", "\"x.png.part\"");
     write("s.rhai", script.as_bytes());
     let run = choreo(d, &draw("x.png", &["--at", "0"]));
     let words = "x.png: cannot write: x.png.part is the input x.png.part; give the output another name\n";
     assert!(run.code == 3 && run.err.ends_with(words), "{}", run.err);
-    // Beside them there is room.
+    // Outputs with other names are written.
     assert_eq!(choreo(d, &draw("y.png", &["--at", "0"])).code, 0);
 }
 
@@ -445,7 +446,7 @@ fn the_second_of_two_renders_to_one_output_is_refused() {
             );
             assert_eq!(run.err, expected);
         }
-        // The first goes on undisturbed, and once it is dead it is in nobody's way.
+        // The first render continues, and after it was killed it does not block another one.
         assert!(begun());
         let killed = Command::new("kill").args(["-KILL", &first.id().to_string()]).status().unwrap();
         assert!(killed.success());
@@ -453,12 +454,12 @@ fn the_second_of_two_renders_to_one_output_is_refused() {
         let run = choreo(d, &render("long.gltf", output, &["--frames", overlap]));
         assert_eq!(run.code, 0, "{}", run.err);
         let left = if output.contains('/') { part_files(&d.join("f")) } else { part_files(d) };
-        // An image that the first was writing may still lie there, under its number.
+        // A part of the image that the first render was writing may remain, with its number.
         assert!(left.iter().all(|n| n.ends_with(".png.part")), "{left:?}");
     }
 }
 
-/// The halves of a video by two processes at once.
+/// Two processes at the same time each render half of the frames of a video.
 #[test]
 fn two_processes_can_share_numbered_images() {
     let dir = folder();

@@ -76,12 +76,12 @@ fn measure_steps(
                 begun[index] = None;
                 continue;
             }
-            let (first, looks, moved) = begun[index].get_or_insert((now, 0, 0.0));
-            *looks += 1;
+            let (first, samples, moved) = begun[index].get_or_insert((now, 0, 0.0));
+            *samples += 1;
             *moved = moved.max((now - *first).length());
             // A contact of less than a twentieth of a second is not a stance.
-            if *looks > MIN_PLANTED_SAMPLES {
-                errors.stands += usize::from(*looks == MIN_PLANTED_SAMPLES + 1);
+            if *samples > MIN_PLANTED_SAMPLES {
+                errors.stands += usize::from(*samples == MIN_PLANTED_SAMPLES + 1);
                 errors.moved = errors.moved.max(*moved);
             }
         }

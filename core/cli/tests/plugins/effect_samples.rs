@@ -1,5 +1,5 @@
-//! Each built-in effect has a README, a sample with its image, a lesson that uses it, and a test section with an image of it;
-//! both renderers are compared in `cpu_reference.rs`. `CHOREO_ACCEPT=1` draws the samples' images anew.
+//! Each built-in effect has a README, a sample with its image, a lesson that uses it, and a test section with an image of it.
+//! `cpu_reference.rs` compares the renderers. `CHOREO_ACCEPT=1` updates the images of the samples.
 
 use choreo_image_diff::compare;
 use choreo_plugin::Frame;
@@ -10,7 +10,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// All scripts below a folder.
+/// All scripts in a folder and its subfolders.
 fn collect_scripts(folder: &Path, out: &mut Vec<String>) {
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     entries.sort();
@@ -23,7 +23,7 @@ fn collect_scripts(folder: &Path, out: &mut Vec<String>) {
     }
 }
 
-/// The documents and tests that an effect lacks.
+/// The documents and tests that are missing for an effect.
 fn missing_documents(name: &str, lessons: &[String], suite: &[String]) -> Vec<&'static str> {
     let call = format!("effect(\"{name}\"");
     let readme = root().join("plugins/effects").join(name).join("README.md");
@@ -47,7 +47,7 @@ fn every_effect_has_a_readme_a_lesson_and_a_test_image() {
     collect_scripts(&root().join("scripts"), &mut lessons);
     collect_scripts(&root().join("tests/suite"), &mut suite);
     let registry = choreo::registry();
-    // Effects of the script's own folder are not the program's; the example exists to be copied.
+    // Effects in the folder of the script are not built in; the example exists to be copied.
     let names: Vec<String> =
         registry.effects().iter().map(|e| e.manifest().name.clone()).filter(|n| *n != "example").collect();
     assert!(names.len() >= 14, "{names:?}");
@@ -57,7 +57,7 @@ fn every_effect_has_a_readme_a_lesson_and_a_test_image() {
     assert_eq!(missing_documents("sparkle", &lessons, &suite).len(), 3, "what is not there is found");
 }
 
-/// The CPU renderer's image of a script at half a second.
+/// The image of a script at 0.5 s, drawn by the CPU renderer.
 fn draw_sample(script: &Path, out: &Path) -> Frame {
     let mut command = Command::new(env!("CARGO_BIN_EXE_choreo"));
     command.args(["render", "--device", "cpu", "--at", "0.5", "-o"]).arg(out).arg(script);
@@ -89,7 +89,7 @@ fn every_sample_shows_its_effect() {
         let expected = read_image(&picture).unwrap_or_else(|| panic!("no {}", picture.display()));
         let off = compare(&got, &expected, 2).unwrap();
         assert!(off.share_beyond < 0.001, "{name}: {off:?}");
-        // The image differs without the effect.
+        // Without the effect the image must be different.
         let text = std::fs::read_to_string(&script).unwrap();
         let call = format!("effect(\"{name}\"");
         let rest: Vec<&str> = text.lines().filter(|line| !line.starts_with(&call)).collect();

@@ -1,4 +1,4 @@
-//! Plugins as files and packages, and those that fail.
+//! Plugins in single files and in packages, and faulty plugins.
 
 #[path = "../common/mod.rs"]
 mod common;

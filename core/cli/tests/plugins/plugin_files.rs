@@ -1,4 +1,4 @@
-//! Plugins that are single files beside a script: found, listed, used, hashed, and refused with their line.
+//! Plugins in single files beside a script: how they are found, listed, used, hashed, and refused with the line of the fault.
 
 use crate::common::*;
 use std::path::Path;
@@ -59,7 +59,7 @@ fn plugins_beside_a_script_are_listed_and_checked() {
     assert!(out.contains("      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
     assert!(out.contains("swap.wgsl)"), "{out}");
     run_successfully(dir.path(), &["check", "s.rhai"]);
-    // Plugins beside the named files are listed, too; from the manifest alone.
+    // Plugins beside the named files are listed, too, from their manifests alone.
     let out = run_successfully(dir.path(), &["info", "a.dots", "--help"]);
     assert!(out.contains("  dots\n      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
     assert!(out.contains("      tolerance      largest rotation error between keys"), "{out}");
@@ -103,13 +103,13 @@ fn errors_of_a_plugin_state_file_and_line() {
     std::fs::write(dir.path().join("plugins/bad.importer.rhai"), "fn manifest() {\n  let = 1;\n}").unwrap();
     let run = choreo(dir.path(), &["plugins"]);
     assert_eq!(run.code, 1);
-    // Its name is swap, like that of the other one; a later one of the same name is not used, and still reported.
+    // Its name is swap, like that of the other plugin; a later plugin with the same name is not used, but its faults are reported.
     assert!(run.err.contains("plugins/bad.wgsl:5:23: "), "{}", run.err);
     assert!(run.err.contains("plugins/bad.importer.rhai:2:7: "), "{}", run.err);
     assert!(run.out.contains("dots"), "what works is listed: {}", run.out);
 }
 
-/// It breaks nothing that does not use it.
+/// A faulty plugin does not affect scenes that do not use it.
 #[cfg(not(feature = "wasm"))]
 #[test]
 fn a_wasm_plugin_in_a_build_without_wasm_is_an_error_that_names_the_feature() {
@@ -125,7 +125,7 @@ fn a_wasm_plugin_in_a_build_without_wasm_is_an_error_that_names_the_feature() {
     assert!(run.code != 0 && run.err.contains("odd.importer.wasm"), "{}", run.err);
 }
 
-/// A faulty plugin is an error where it is used, with the place of its use, and nowhere else.
+/// A faulty plugin is an error only in a scene that uses it, at the position of its use.
 #[test]
 fn a_broken_plugin_breaks_only_what_uses_it() {
     let dir = folder_with_plugins();
@@ -164,7 +164,7 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
     write("a.bad", "BAD 0 0 0");
     let text = error("cast(\"b\", load(\"a.bad\"));");
     assert!(text.contains("a.bad: plugins/bad.importer.rhai:9:"), "{text}");
-    // Where something is not found, the files that are no plugins are named.
+    // If something is not found, the message names the files that are not plugins.
     let text = error("effect(\"worse\");");
     let faulty = "no plugin: plugins/nameless.wgsl:";
     assert!(text.contains("bad.rhai:4:8: unknown effect \"worse\"") && text.contains(faulty), "{text}");
@@ -172,7 +172,7 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
         text.contains("packages of plugins: choreo plugins list") && !text.contains("worse.importer"),
         "{text}"
     );
-    // WGSL beside a script is an effect only where its head names it, which a slip can prevent.
+    // A WGSL file beside a script is an effect only if its header names it, so a spelling error there is reported.
     write("snow.wgsl", "// effct: snow\n");
     let text = error("effect(\"snow\");");
     assert!(text.contains("no plugin: ./snow.wgsl: it has no line // effect: NAME"), "{text}");
@@ -181,12 +181,12 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
     assert!(text.contains("no importer knows this kind of file"), "{text}");
     assert!(text.contains("no plugin: plugins/worse.importer.rhai:"), "{text}");
     let run = choreo(dir.path(), &["plugins"]);
-    // Lines of code and carets are set in.
+    // Lines of code and carets are indented.
     let problems = run.err.lines().filter(|line| !line.starts_with("    ")).count();
     assert_eq!((run.code, problems), (1, 6), "{}", run.err);
 }
 
-/// A stranger can put links out of its folder beside a script, and pipes that nobody writes to.
+/// A downloaded folder can have links out of the folder beside a script, and pipes that nobody writes to.
 #[test]
 #[cfg(unix)]
 fn links_out_of_the_folder_and_pipes_are_not_read() {
@@ -209,7 +209,7 @@ fn links_out_of_the_folder_and_pipes_are_not_read() {
     }
     let run = choreo(&scene, &["check", "s.rhai"]);
     assert!(run.code == 1 && run.err.contains("no importer knows this kind of file"), "{}", run.err);
-    // Links to other places of the script's folder are followed.
+    // Links within the folder of the script are followed.
     let into = |name: &str| {
         std::fs::remove_file(scene.join("plugins").join(name)).unwrap();
         std::fs::copy(dir.path().join(name), scene.join(name)).unwrap();
@@ -218,7 +218,7 @@ fn links_out_of_the_folder_and_pipes_are_not_read() {
     into("swap.wgsl");
     into("dots.importer.rhai");
     run_successfully(&scene, &["check", "s.rhai"]);
-    // Textures: no link out of the effect's folder, no pipe.
+    // Textures must not be links out of the folder of the effect, or pipes.
     write("out.tga", "secret");
     let inked = EFFECT.replace("// param", "// texture ink = ink.tga: it\n// param");
     std::fs::remove_file(scene.join("plugins/swap.wgsl")).unwrap();
@@ -234,7 +234,7 @@ fn links_out_of_the_folder_and_pipes_are_not_read() {
     std::fs::remove_file(scene.join("plugins/ink.tga")).unwrap();
     make_pipe(&scene.join("plugins/ink.tga"));
     assert!(told().contains(&format!("{place}it is a pipe or device, not a regular file")), "{}", told());
-    // Plugin files that are pipes: no plugins.
+    // Pipes are not plugins.
     std::fs::remove_file(scene.join("swap.wgsl")).unwrap();
     std::fs::remove_file(scene.join("plugins/swap.wgsl")).unwrap();
     make_pipe(&scene.join("plugins/swap.wgsl"));
@@ -242,7 +242,7 @@ fn links_out_of_the_folder_and_pipes_are_not_read() {
     let run = choreo(&scene, &["plugins"]);
     let expected = "plugins/swap.wgsl: cannot read: it is a pipe or device, not a regular file";
     assert!(run.code == 1 && run.err.contains(expected), "{}", run.err);
-    // The folder itself.
+    // The plugin folder itself is a link.
     std::fs::rename(scene.join("plugins"), dir.path().join("shared")).unwrap();
     symlink("../shared", scene.join("plugins")).unwrap();
     let expected = "plugins: it is a symbolic link that leads out of the script's folder; to use the plugins there, name their folder with --plugins";
@@ -274,7 +274,7 @@ fn a_byte_order_mark_is_ignored() {
     write("s.rhai", &script);
     run_successfully(dir.path(), &["check", "s.rhai"]);
     run_successfully(dir.path(), &["plugins"]);
-    // A place on the first line is where an editor shows it.
+    // A column on the first line counts characters as editors do.
     write("s.rhai", "cast(\"t\", lod(\"tri.gltf\"));");
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert!(run.err.starts_with("s.rhai:1:11: unknown function"), "{}", run.err);
@@ -308,7 +308,7 @@ fn only_named_folders_are_read() {
     assert_eq!((run.code, run.err.lines().next()), (2, Some("--plugins nowhere: no such folder")));
 }
 
-/// Plugins can lie beside the script without a folder; if they are found twice they are read once. Other WGSL files may lie there, too.
+/// Plugins can be directly beside the script. If a plugin is found twice, it is read once. Other WGSL files there are ignored.
 #[test]
 fn plugins_beside_the_script_are_found_once() {
     let dir = folder_with_plugins();
@@ -322,7 +322,7 @@ fn plugins_beside_the_script_are_found_once() {
     assert_eq!(out.matches("dots.importer.rhai)").count(), 1, "{out}");
     assert!(out.contains("swap.wgsl)") && !out.contains("part.wgsl"), "{out}");
     run_successfully(dir.path(), &["info", "a.dots"]);
-    // Meant as a plugin, it must be one.
+    // A file whose header says that it is a plugin must be valid.
     std::fs::write(dir.path().join("part.wgsl"), "// effect: part\nfn helper() {}\n").unwrap();
     let run = choreo(dir.path(), &["plugins"]);
     assert!(run.code == 1 && run.err.contains("part.wgsl"), "{}", run.err);
@@ -354,7 +354,7 @@ fn the_plugin_lesson_passes_check() {
     assert!(out.contains("good, 180 frames, no warnings"), "{out}");
 }
 
-/// A file may take the place of a built-in effect or of another file, but not without a message.
+/// If a file replaces a built-in effect or another file, a message says so.
 #[test]
 fn a_plugin_that_hides_another_of_its_name_is_noted() {
     let dir = folder_with_plugins();

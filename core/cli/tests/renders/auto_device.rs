@@ -1,4 +1,4 @@
-//! `--device auto` takes the CPU renderer where Vulkan would draw on the CPU, and `--jobs` bounds the threads of such a driver.
+//! `--device auto` uses the CPU renderer if the Vulkan driver draws on the CPU, and `--jobs` limits the threads of such a driver.
 
 use crate::common::{choreo, command};
 use std::collections::BTreeSet;
@@ -35,13 +35,13 @@ fn auto_device_avoids_a_vulkan_driver_that_draws_on_the_cpu() {
     assert_eq!(text(&auto, "device").as_deref(), Some("choreo CPU renderer"));
     let reason = "the only Vulkan device, llvmpipe, draws on the CPU and is slower";
     assert_eq!(text(&auto, "device_reason").as_deref(), Some(reason));
-    // The stages of the CPU renderer are timed, and no other's.
+    // Only the stages of the CPU renderer are in the timings.
     let stages = auto["stage_seconds"].as_object().unwrap();
     assert_eq!((stages.len(), auto["stage_frames"].as_u64()), (5, Some(1)));
     assert!(stages["pixels"].as_f64().unwrap() > 0.0 && named["stage_seconds"].is_null());
 }
 
-/// Names of the rasterizer threads of a process, seen while it runs.
+/// The names of the rasterizer threads of a process, observed while it runs.
 #[cfg(target_os = "linux")]
 fn rasterizer_threads(folder: &Path, jobs: &str) -> BTreeSet<String> {
     let args = ["render", "a.rhai", "-o", "a.y4m", "--device", "vulkan", "--jobs", jobs, "--quiet"];

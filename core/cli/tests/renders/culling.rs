@@ -1,4 +1,4 @@
-//! Who is not in the image is not posed, and nothing that is seen changes by it.
+//! Culling: actors outside the view are not posed, and images do not change.
 
 use choreo_motion::Time;
 use choreo_plugin::Registry;
@@ -44,7 +44,7 @@ fn draw_at(resources: &Arc<SceneResources>, evaluator: &mut Evaluator, secs: f64
     (renderer.collect(None).unwrap().rgba, plan)
 }
 
-/// Images at some times with and without the short cut are the same; how many poses either took.
+/// Asserts that images at some times are the same with and without culling, and returns the number of poses without and with it.
 fn count_poses(script: &str) -> [usize; 2] {
     let stage = stage(script);
     let resources = Arc::new(SceneResources::new(&stage));
@@ -63,14 +63,14 @@ fn count_poses(script: &str) -> [usize; 2] {
     [all.total_poses(), seen.total_poses()]
 }
 
-/// A row of eleven that walk by, two metres apart, of whom the middle three are about the image; a sword in every hand.
+/// A row of eleven walking actors with swords, two metres apart, of which about three are in view.
 const ROW: &str = r#"
     stage(#{ size: [160, 90], length: 3.0 });
     let figure = load("choreo:mannequin");
     for i in 0..11 {
         let who = cast("walker " + i, figure).at(4.0 * (i - 5), 0.0, 0.0).turn(90);
         who.root_motion();
-        who.play(figure.clip("Walk"));
+        actor.play(figure.clip("Walk"));
         cast("sword " + i, shape("box", #{ size: [0.03, 0.9, 0.03], color: "gold" })).attach(who.joint("RightHand"));
     }
     cast("floor", shape("plane", #{ size: 60.0, color: "gray" }));
@@ -83,7 +83,7 @@ fn actors_out_of_view_are_not_posed() {
     assert!(3 * seen <= 2 * all, "{seen} of {all} poses");
 }
 
-/// Constraints turn joints and lower hips by a known share: those of walkers out of view are not solved, and theirs are not posed.
+/// Constraints rotate joints and lower the hips. Constraints of actors outside the view are not solved, and these actors are not posed.
 #[test]
 fn actors_out_of_view_with_constraints_are_not_posed() {
     let [plain, free] = count_poses(ROW);
@@ -107,27 +107,27 @@ fn actors_out_of_view_with_constraints_are_not_posed() {
 
 #[test]
 fn actors_whose_shadow_is_in_view_are_posed() {
-    // The light comes from the right and low: actors on that side may shade visible surfaces, the others not.
+    // The light comes from low on the right: actors on that side may cast shadows on visible surfaces, the others cannot.
     let low = format!("{ROW} sun(#{{ direction: [-1.0, -0.25, 0.0], shadow: true }});");
     let [all, seen] = count_poses(&low);
     assert!(5 * seen <= 4 * all && 2 * seen > all, "{seen} of {all} poses");
     let lamp = format!("{ROW} point(#{{ position: [0.0, 2.5, 1.0], intensity: 60, shadow: true }});");
     let [all, seen] = count_poses(&lamp);
     assert!(3 * seen <= 2 * all, "{seen} of {all} poses");
-    // One who is seen by no more than her shadow: without her the image is another.
+    // Of this actor only the shadow is in view: without the actor the image is different.
     let alone = r#"
         stage(#{ size: [160, 90], length: 3.0 });
         let figure = load("choreo:mannequin");
-        let who = cast("who", figure).at(6.0, 0.0, 0.0);
-        who.play(figure.clip("Wave"));
+        let actor = cast("actor", figure).at(6.0, 0.0, 0.0);
+        actor.play(figure.clip("Wave"));
         cast("floor", shape("plane", #{ size: 60.0, color: "gray" }));
         camera("c").at(0.0, 1.2, 3.0).look_at([0.0, 0.3, 0.0]).fov(30);
         sun(#{ direction: [-1.0, -0.25, 0.0], shadow: true });
     "#;
     let [all, seen] = count_poses(alone);
-    assert_eq!(seen, all, "her shadow is in view");
+    assert_eq!(seen, all, "the shadow of the actor is in view");
     let with = draw_script(alone);
-    assert_ne!(with, draw_script(&format!("{alone} who.hide();")), "it shows");
+    assert_ne!(with, draw_script(&format!("{alone} actor.hide();")), "the shadow changes the image");
     assert_eq!(
         count_poses(&alone.replace("[-1.0, -0.25, 0.0]", "[1.0, -0.25, 0.0]"))[1],
         8,
@@ -152,7 +152,7 @@ fn culling_follows_turning_and_moving_cameras() {
         let [all, seen] = count_poses(&format!("{ROW} {camera}"));
         assert!(4 * seen <= 3 * all, "{camera}: {seen} of {all} poses");
     }
-    // One that hangs on a joint, or frames all: everybody is posed.
+    // If a camera follows a joint, or frames all actors, every actor is posed.
     for camera in [
         r#"camera("j").follow(actor("walker 5").joint("Head"), [0.0, 0.2, 2.0]).cut(0.0);"#,
         r#"camera("all").cut(0.0);"#,
@@ -163,7 +163,7 @@ fn culling_follows_turning_and_moving_cameras() {
     }
 }
 
-/// Whom others aim at, hold or stand on is posed wherever it is.
+/// An actor that others aim at, hold or stand on is posed wherever it is.
 #[test]
 fn culled_actors_that_others_refer_to_are_posed() {
     let script = r#"
@@ -184,8 +184,8 @@ fn culled_actors_that_others_refer_to_are_posed() {
     assert_eq!(snapshot.actors[1].model_from_joint, whole.actors[1].model_from_joint);
 }
 
-/// Effects that change the colors of an image need nobody outside of it; those that move vertices, outline, read motion or draw
-/// beside actors need them, all or those that they are on.
+/// Effects that only change the colors of an image need no actors outside the view. Effects that move vertices, draw outlines, read motion
+/// or draw beside actors need all actors, or those to which they are applied.
 #[test]
 fn effects_prevent_culling_only_of_the_actors_that_they_need() {
     let posed = |effect: &str| {
@@ -249,13 +249,13 @@ fn effects_give_the_same_image_with_culling() {
     }
 }
 
-/// Somebody who leaves the image while the shutter is open, so that she is culled at its end, moves as far as one who is not culled.
+/// An actor that leaves the view while the shutter is open, and so is culled at its end, is blurred as far as without culling.
 #[test]
 fn an_actor_that_leaves_while_the_shutter_is_open_is_blurred() {
     let script = r#"
         stage(#{ size: [160, 90], length: 3.0, fps: 1 });
         let figure = load("choreo:mannequin");
-        let who = cast("who", figure);
+        let actor = cast("actor", figure);
         WAY
         camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
         effect("motion_blur", #{ samples: 256, shutter: 360.0, around: "start" });
@@ -264,7 +264,7 @@ fn an_actor_that_leaves_while_the_shutter_is_open_is_blurred() {
         ("[1.0, [0.0, 0.0, 0.0]], [2.0, [80.0, 0.0, 0.0]]", 200),
         ("[1.0, [0.0, 0.0, 0.0]], [2.0, [0.0, 0.0, 0.0]]", 1),
     ] {
-        let stage = stage(&script.replace("WAY", &format!("who.key(\"position\", [{way}]);")));
+        let stage = stage(&script.replace("WAY", &format!("actor.key(\"position\", [{way}]);")));
         let resources = Arc::new(SceneResources::new(&stage));
         let options = PlanOptions { effects: REGISTRY.effects(), ..PlanOptions::new(SIZE, 1) };
         let counts = [Evaluator::new(stage.clone()), Evaluator::new(stage.clone()).for_images(16.0 / 9.0)]

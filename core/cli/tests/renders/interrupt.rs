@@ -1,4 +1,4 @@
-//! Renders that are stopped: finished frames stay, nothing half-written does, and what was there before stays.
+//! Interrupted renders: finished frames are kept, incomplete files are removed, and existing files are not changed.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -32,7 +32,7 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
-/// Whether the journal of a video tells of finished frames: it begins with what is rendered.
+/// Whether the journal of a video has finished frames after its header, which describes the render.
 fn has_frames(folder: &Path, output: &str) -> bool {
     std::fs::metadata(folder.join(format!("{output}.part/journal"))).is_ok_and(|m| m.len() > 1200)
 }
@@ -75,7 +75,7 @@ fn images_finished_before_an_interrupt_are_complete() {
     let made = names(&d.join("f"));
     assert!(made.len() > 5 && made.iter().all(|n| n.ends_with(".png")), "{made:?}");
     for name in made {
-        // The last chunk of a PNG: no length, "IEND", its checksum.
+        // The last chunk of a PNG: length 0, "IEND", and the checksum.
         assert!(read(&d.join("f"), &name).ends_with(b"\0\0\0\0IEND\xaeB`\x82"), "{name} is cut");
     }
 }
@@ -92,7 +92,7 @@ fn a_closed_pipe_ends_the_render_quietly() {
     assert!(!run.err.contains("rror") && !run.err.contains("write"), "{}", run.err);
 }
 
-/// Nothing can be tidied up after SIGKILL, but nothing half-written has the final name, and the next render is not in the way of it.
+/// SIGKILL leaves temporary files, but no incomplete file has the final name, and the next render succeeds.
 #[test]
 fn a_killed_render_leaves_the_old_file() {
     let dir = long_folder();
@@ -118,7 +118,7 @@ fn a_folder_that_vanishes_is_named() {
     std::fs::create_dir(d.join("f")).unwrap();
     let child = start(d, "f/%05d.png", &[]);
     wait_for("picture", || d.join("f/00001.png").exists());
-    // The folder goes at once: file by file, new ones would be added meanwhile.
+    // The folder is moved away at once, because during a removal file by file new files could be added.
     std::fs::rename(d.join("f"), d.join("gone")).unwrap();
     let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, 3, "{}", run.err);
@@ -126,12 +126,12 @@ fn a_folder_that_vanishes_is_named() {
     assert!(line.starts_with("f/") && line.ends_with(".png: cannot write: no such file or folder"), "{line}");
 }
 
-/// The viewer is another program: nobody else would end it.
+/// The viewer is a separate process, which nothing else would end.
 #[test]
 fn a_signal_ends_the_viewer_too() {
     let dir = long_folder();
     let d = dir.path();
-    // One that only says which process it is, beside a copy of the program.
+    // A substitute for the viewer that only prints its process id, beside a copy of the program.
     std::fs::copy(env!("CARGO_BIN_EXE_choreo"), d.join("choreo")).unwrap();
     std::fs::write(
         d.join("choreo-view"),

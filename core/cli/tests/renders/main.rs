@@ -1,4 +1,4 @@
-//! Renders: outputs, interruptions, what is reused and what is left out.
+//! Renders: outputs, interruptions, reused frames and culling.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,4 +1,4 @@
-//! Renders that succeed: formats, ranges, numbering, repeatability.
+//! Renders that succeed: formats, ranges, numbering and reproducibility.
 
 use crate::common::*;
 use std::process::Command;
@@ -27,7 +27,7 @@ fn numbered_images_of_two_processes_equal_those_of_one() {
         assert!(one == read(d, &format!("halves/{name}")), "{name} differs between the halves and the whole");
         assert!(one == read(d, &format!("again/{name}")), "{name} differs between two runs");
     }
-    // The comparison can fail: the triangle moves.
+    // The triangle moves, so that a wrong frame would be found.
     assert!(read(d, "whole/0000.png") != read(d, "whole/0011.png"));
 }
 
@@ -152,7 +152,7 @@ fn images_and_videos_contain_their_provenance() {
         let made = &value["provenance"];
         ids.push(made["choreo:id"].as_str().unwrap().to_string());
         if name == "a.y4m" {
-            // No room for more than the number that stands for it.
+            // The image has only room for the number of the frame.
             continue;
         }
         assert_eq!(made["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
@@ -169,7 +169,8 @@ fn images_and_videos_contain_their_provenance() {
     assert!(ids.iter().all(|id| *id == ids[0] && id.len() == 16), "{ids:?}");
 }
 
-/// Nothing of where and when a render runs, under what name, of which frames, is in its bytes; what changes the image is.
+/// The bytes of an image do not depend on the folder, the time, the output name and the range of frames of a render. They do depend on
+/// everything that can change the image.
 #[test]
 fn provenance_depends_only_on_what_changes_the_image() {
     let script = "let who = param(\"who\", \"x\");\nlet m = load(\"models/tri.gltf\");\nlet a = cast(who, m);\n\
@@ -198,7 +199,7 @@ fn provenance_depends_only_on_what_changes_the_image() {
             "{format}: moving the folder changes the bytes"
         );
     }
-    // One frame alone, in a range, and requested by its time.
+    // The same frame alone, in a range, and requested by its time.
     let d = here.path();
     assert_eq!(render(d, &["s.rhai", "-o", "f/%d.png", "--frames", "3..9"]).code, 0);
     assert_eq!(render(d, &["s.rhai", "-o", "alone.png", "--frames", "6"]).code, 0);
@@ -207,7 +208,7 @@ fn provenance_depends_only_on_what_changes_the_image() {
     let made = info(d, "alone.png")["provenance"].clone();
     assert_eq!(made["choreo:time"], "0.2");
 
-    // A comment in the script changes its hash and not the stage's; a parameter and an option of the format are told.
+    // A comment changes the hash of the script, but not that of the stage; parameters and options of the format are recorded.
     let other = place(&format!("{script} // more"));
     let d = other.path();
     assert_eq!(render(d, &["s.rhai", "-o", "a.png", "--frames", "6"]).code, 0);
@@ -221,7 +222,7 @@ fn provenance_depends_only_on_what_changes_the_image() {
     assert_eq!(arguments, "--size 96x54 --fps 30 --samples 1 --set who=a\\nb --export compression=small");
 }
 
-/// Framed for the shape of the image and not for the one that the scene would have had.
+/// The default camera uses the aspect ratio of the image, not the default one of the scene.
 #[test]
 fn a_model_is_framed_completely_in_a_tall_image() {
     let dir = folder();
@@ -232,18 +233,18 @@ fn a_model_is_framed_completely_in_a_tall_image() {
     assert_eq!(run.code, 0, "{}", run.err);
     let bytes = read(d, "a.y4m");
     let header = bytes.iter().position(|b| *b == b'\n').unwrap() + 1;
-    let mut drawn = 0;
+    let mut drawn_pixels = 0;
     for frame in bytes[header..].chunks(6 + width * height * 3 / 2) {
         for row in frame[6..6 + width * height].chunks(width) {
-            // But for dithering.
+            // They may differ by the dithering.
             assert!(row[0].abs_diff(row[width - 1]) <= 1, "the background is the same at both edges");
-            drawn += row.iter().filter(|luma| luma.abs_diff(row[0]) > 8).count();
+            drawn_pixels += row.iter().filter(|luma| luma.abs_diff(row[0]) > 8).count();
         }
     }
-    assert!(drawn > 30 * 50, "{drawn}: it is drawn, and large");
+    assert!(drawn_pixels > 30 * 50, "only {drawn_pixels} pixels are drawn");
 }
 
-/// The stages of a rasterizer, an image each. The output must be a folder.
+/// `--stages` writes an image for each stage of a rasterizer. The output must be a folder.
 #[test]
 fn rasterizer_stages_are_six_images_in_a_folder() {
     let dir = folder();
@@ -255,9 +256,9 @@ fn rasterizer_stages_are_six_images_in_a_folder() {
     let pictures = all.map(|name| read(d, &format!("steps/{name}")));
     for (i, a) in pictures.iter().enumerate() {
         assert!(a.starts_with(b"\x89PNG"));
-        assert!(pictures[..i].iter().all(|b| a != b), "{} shows what another does", all[i]);
+        assert!(pictures[..i].iter().all(|b| a != b), "{} equals another image", all[i]);
     }
-    // Words over the first five, white, where there is room for them; the last is the frame as it is rendered.
+    // If there is room, the first five images have a description in white; the last one is the frame as it is rendered.
     let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "large", "--size", "960x540"]);
     assert_eq!(run.code, 0, "{}", run.err);
     let white = |name: &str| {

@@ -1,4 +1,4 @@
-//! Renders that were killed and go on: the bytes of an undisturbed render, and no finished frame drawn again.
+//! Killed renders that are resumed give the same bytes as an uninterrupted render, and draw no finished frame again.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-/// 40 frames in two segments of an MP4, drawn on the CPU, slow enough to be killed among them.
+/// 40 frames in two segments of an MP4, drawn on the CPU, slow enough for a kill between frames.
 const SMALL: &[&str] = &["--device", "cpu", "--size", "64x36", "--samples", "1", "--export", "keyframes=0.8"];
 const FRAMES: usize = 40;
 
@@ -19,7 +19,7 @@ fn args<'a>(output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     args
 }
 
-/// A scene in motion with a callback, which takes a while.
+/// A moving scene with a callback, which takes a while to render.
 fn scene() -> tempfile::TempDir {
     let dir = folder();
     let script = "stage(#{ fps: 30, length: 4.0 / 3.0 });\n\
@@ -33,7 +33,7 @@ fn scene() -> tempfile::TempDir {
     dir
 }
 
-/// The same numbers in every run (Marsaglia's xorshift).
+/// A pseudorandom generator with a fixed seed (Marsaglia's xorshift).
 struct Random(u64);
 
 impl Random {
@@ -49,7 +49,7 @@ fn start(folder: &Path, output: &str, more: &[&str]) -> Child {
     command(folder, &args(output, more)).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
-/// Kills a render once `enough` finished frames are seen, a moment later or not. It may be done by then.
+/// Kills a render after at least `enough` frames are finished, with a random delay. The render may have ended before.
 fn kill_after(folder: &Path, output: &str, more: &[&str], enough: usize, random: &mut Random) {
     let mut child = start(folder, output, more);
     let begun = Instant::now();
@@ -58,12 +58,12 @@ fn kill_after(folder: &Path, output: &str, more: &[&str], enough: usize, random:
         std::thread::sleep(Duration::from_micros(200));
     }
     std::thread::sleep(Duration::from_micros(random.below(8000) as u64));
-    // SIGKILL: nothing of the program runs any more.
+    // This sends SIGKILL, so that the program cannot clean up.
     child.kill().unwrap();
     child.wait().unwrap();
 }
 
-/// Frames that a render has finished, read without the program's help: whole images, or records of the journal.
+/// The number of finished frames of a render, counted without the program: complete images, or records of the journal.
 fn finished_frames(folder: &Path, output: &str) -> usize {
     if let Some((folder_name, _)) = output.split_once('/') {
         let Ok(entries) = std::fs::read_dir(folder.join(folder_name)) else { return 0 };
@@ -77,11 +77,11 @@ fn finished_frames(folder: &Path, output: &str) -> usize {
         rest = more;
         records += 1;
     }
-    // The first says what is rendered.
+    // The first record describes the render.
     usize::saturating_sub(records, 1)
 }
 
-/// Ends a killed render; gives (drawn, reused).
+/// Resumes a killed render, and returns the numbers of frames drawn and reused.
 fn resume(folder: &Path, output: &str) -> (usize, usize) {
     let run = choreo(folder, &args(output, &["--resume"]));
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
@@ -91,7 +91,7 @@ fn resume(folder: &Path, output: &str) -> (usize, usize) {
     (number("drawn"), number("reused"))
 }
 
-/// Everything in the output folder, by name.
+/// All files of the output folder, by name.
 fn all_bytes(folder: &Path, output: &str) -> Vec<(String, Vec<u8>)> {
     match output.split_once('/') {
         None => vec![(output.to_string(), read(folder, output))],
@@ -107,9 +107,9 @@ fn clear(folder: &Path, output: &str) {
     let _ = std::fs::remove_file(folder.join(output));
 }
 
-/// Renders that are killed again and again, `kills` times each, and gone on with each time: what is finished is never drawn
-/// again, and the end is that of an undisturbed render. (A render killed once is the first kill of each.) On a busy machine a render
-/// may be done before it is killed: more renders are made then, until most of `renders * kills` kills fell among the frames.
+/// Kills each render `kills` times, and resumes it after each kill: no finished frame is drawn again, and the result is that of an
+/// uninterrupted render. On a busy machine a render may end before it is killed. Renders are then added until most of the
+/// `renders * kills` kills were between frames.
 fn assert_resumes_after_kills(output: &str, renders: usize, kills: usize, seed: u64) {
     let dir = scene();
     let d = dir.path();
@@ -131,7 +131,7 @@ fn assert_resumes_after_kills(output: &str, renders: usize, kills: usize, seed: 
             let more: &[&str] = if kill == 0 { &[] } else { &["--resume"] };
             kill_after(d, output, more, *enough, &mut random);
             if !output.contains('/') && d.join(output).exists() {
-                // It was faster.
+                // The render ended before the kill.
                 break;
             }
             let finished = finished_frames(d, output);
@@ -171,7 +171,7 @@ fn killed_gifs_and_y4m_streams_resume() {
     assert_resumes_after_kills("o.y4m", 2, 3, 14);
 }
 
-/// The part folder of a render killed among its frames.
+/// Kills a render between its frames, so that its part folder remains. Returns the number of finished frames.
 fn kill_render_midway(d: &Path, output: &str) -> usize {
     for _ in 0..200 {
         clear(d, output);
@@ -196,7 +196,7 @@ fn copy_folder(from: &Path, to: &Path) {
     }
 }
 
-/// Cut or bent anywhere: what is whole is used, the rest is drawn again, the bytes are the same.
+/// If files of the part are truncated or changed anywhere, intact frames are used, the others are drawn again, and the bytes are the same.
 #[test]
 fn undamaged_frames_of_a_damaged_part_are_reused() {
     let dir = scene();
@@ -208,13 +208,13 @@ fn undamaged_frames_of_a_damaged_part_are_reused() {
         let finished = kill_render_midway(d, output);
         let (part, saved) = (d.join(format!("{output}.part")), d.join("saved"));
         copy_folder(&part, &saved);
-        let mut less = 0;
+        let mut damaged = 0;
         for name in names(&saved) {
-            for bend in [false, true, true] {
+            for flip_bit in [false, true, true] {
                 copy_folder(&saved, &part);
                 let mut bytes = read(&saved, &name);
                 let at = random.below(bytes.len());
-                if bend {
+                if flip_bit {
                     bytes[at] ^= 1 << random.below(8);
                 } else {
                     bytes.truncate(at);
@@ -222,15 +222,15 @@ fn undamaged_frames_of_a_damaged_part_are_reused() {
                 std::fs::write(part.join(&name), bytes).unwrap();
                 let (drawn, reused) = resume(d, output);
                 assert!(drawn + reused == FRAMES && reused <= finished, "{name} {drawn} {reused}");
-                less += usize::from(reused < finished);
+                damaged += usize::from(reused < finished);
                 assert!(read(d, output) == whole, "{output}: {name} damaged at {at}");
             }
         }
-        assert!(less > 0, "{output}: no damage cost a frame");
+        assert!(damaged > 0, "{output}: the damage affected no frame");
     }
 }
 
-/// The message names the difference, and nothing is touched.
+/// The message names the difference, and no file is changed.
 #[test]
 fn resuming_a_render_with_other_settings_is_refused() {
     let dir = scene();
@@ -260,13 +260,13 @@ fn resuming_a_render_with_other_settings_is_refused() {
     std::fs::write(d.join("s.rhai"), format!("{script} // said otherwise")).unwrap();
     refused(&[], &["script: "]);
     std::fs::write(d.join("s.rhai"), &script).unwrap();
-    // Pictures: one of another scene is not taken for one of this.
+    // With numbered images, an image of a different frame is not reused.
     assert_eq!(choreo(d, &args("f/%d.png", &["--frames", "0..4"])).code, 0);
     std::fs::copy(d.join("f/1.png"), d.join("f/2.png")).unwrap();
     let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
     assert_eq!(run.code, 3);
     assert!(run.err.contains("f/2.png: it was made with other settings\n    time: 0.0333"), "{}", run.err);
-    // One that was cut is drawn again, one that was lost too.
+    // A truncated image and a missing image are drawn again.
     std::fs::write(d.join("f/2.png"), &read(d, "f/1.png")[..200]).unwrap();
     std::fs::remove_file(d.join("f/3.png")).unwrap();
     let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
@@ -274,7 +274,7 @@ fn resuming_a_render_with_other_settings_is_refused() {
     assert_eq!((&value["drawn"], &value["reused"]), (&2.into(), &2.into()));
 }
 
-/// Ends a render by a signal once five frames are finished; what it said. `None` where it was faster than the signal.
+/// Ends a render with a signal after five frames are finished, and returns its output. `None` if the render ended before the signal.
 fn interrupt_render(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
     let loud: Vec<&str> = args("o.mp4", more).into_iter().filter(|a| *a != "--json").collect();
     let mut child = command(d, &loud).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -293,7 +293,7 @@ fn interrupt_render(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
     Some(run)
 }
 
-/// The command line that a message ends with, typed into a shell.
+/// Runs the command line at the end of a message in a shell.
 fn run_in_shell(d: &Path, command: &str) -> Run {
     let mut shell = std::process::Command::new("sh");
     run_result(shell.args(["-c", command]).current_dir(d).stdin(Stdio::null()).output().unwrap())
@@ -326,8 +326,8 @@ fn an_interrupted_render_prints_the_command_that_resumes_it() {
         assert!(read(d, "o.mp4") == whole && part_files(d).is_empty());
         std::fs::remove_file(d.join("o.mp4")).unwrap();
     }
-    assert!(ended > 0, "always faster than the signal");
-    // Who says so keeps nothing.
+    assert!(ended > 0, "every render ended before the signal");
+    // With --discard nothing is kept.
     if let Some(run) = interrupt_render(d, "-INT", &["--discard"]) {
         assert!(!run.err.contains("kept") && part_files(d).is_empty(), "{}", run.err);
     }
@@ -335,7 +335,7 @@ fn an_interrupted_render_prints_the_command_that_resumes_it() {
     assert!(run.code == 2 && run.err.contains("standard output cannot be resumed"), "{}", run.err);
 }
 
-/// Frames of this very render are thrown away only where the user says so; those of another are in nobody's way.
+/// Finished frames of the same render are deleted only with --discard; those of a different render are deleted without it.
 #[test]
 fn a_resumable_render_is_discarded_only_with_the_option() {
     let dir = scene();
@@ -350,7 +350,7 @@ fn a_resumable_render_is_discarded_only_with_the_option() {
     );
     assert_eq!((run.code, run.err.as_str()), (3, expected.as_str()));
     assert!(read(&d.join("o.mp4.part"), "journal") == journal && !d.join("o.mp4").exists());
-    // The script was edited since.
+    // The script is edited after the kill.
     let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
     std::fs::write(d.join("s.rhai"), format!("{script}\n// edited")).unwrap();
     let run = choreo(d, &plain);
@@ -360,7 +360,7 @@ fn a_resumable_render_is_discarded_only_with_the_option() {
     );
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
     assert!(d.join("o.mp4").exists() && part_files(d).is_empty());
-    // Said so.
+    // With --discard they are deleted.
     let finished = kill_render_midway(d, "o.mp4");
     let run = choreo(d, &[&plain[..], &["--discard"]].concat());
     let expected =
@@ -371,13 +371,13 @@ fn a_resumable_render_is_discarded_only_with_the_option() {
     assert_eq!(run.code, 2, "{}", run.err);
 }
 
-/// Killed between the renaming of the result and the removal of its folder.
+/// A render can be killed after the result was renamed and before its folder is removed.
 #[test]
 fn a_result_that_was_already_renamed_is_recognized_by_resume() {
     let dir = scene();
     let d = dir.path();
     kill_render_midway(d, "o.y4m");
-    // Open, the journal outlives its folder.
+    // An open journal can be read after its folder is removed.
     let part = d.join("o.y4m.part");
     let mut journal = std::fs::File::open(part.join("journal")).unwrap();
     resume(d, "o.y4m");
@@ -393,7 +393,7 @@ fn a_result_that_was_already_renamed_is_recognized_by_resume() {
     assert_eq!(finished_frames(d, "o.y4m"), FRAMES);
     assert_eq!(resume(d, "o.y4m"), (0, FRAMES));
     assert!(read(d, "o.y4m") == whole && !part.exists());
-    // Another file there is not taken for it.
+    // A different file with the name of the result is not accepted as the result.
     folder_again();
     std::fs::write(d.join("o.y4m"), &whole[..whole.len() - 1]).unwrap();
     assert_eq!(resume(d, "o.y4m"), (FRAMES, 0));

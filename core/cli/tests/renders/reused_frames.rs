@@ -1,10 +1,10 @@
-//! Frames that equal the one before are not drawn again, and titles over a still scene are composed alone: the same bytes as frames
-//! that were drawn one by one.
+//! Frames that equal the previous one are not drawn again, and for titles over a still scene only the titles are drawn. The bytes are the
+//! same as those of frames that are rendered one by one.
 
 use crate::common::{choreo, names, read};
 use std::path::Path;
 
-/// Six still frames, six in which a title moves, one of them with no change, and four in which the box moves.
+/// Six still frames, six in which a title moves, except for one, and four in which the box moves.
 const SCRIPT: &str = r##"stage(#{ size: [64, 48], fps: 8, length: 2.0 });
 cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: "#c04020" }))
     .key("position", [[0.0, [0, 0, 0]], [1.5, [0, 0, 0]], [2.0, [1, 0, 0]]]);
@@ -29,7 +29,7 @@ fn assert_reused_frames_equal_single_renders(device: &str) {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), SCRIPT).unwrap();
-    // Each frame alone has no frame before it.
+    // A frame that is rendered alone has no previous frame.
     for frame in 0..16 {
         let range = format!("{frame}..{}", frame + 1);
         let Some(summary) = render(d, "alone/%02d.png", &["--device", device, "--frames", &range]) else {
