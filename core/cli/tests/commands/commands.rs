@@ -598,7 +598,12 @@ fn control_characters_in_names_do_not_reach_the_terminal() {
         commands_with_names += usize::from(text.contains("\u{fffd}"));
         if let ["info" | "pose" | "explain" | "check", ..] = args {
             let run = choreo(d, &[args, &["--json"]].concat());
-            assert_eq!(run.out.chars().find(|c| controls_terminal(*c)), None, "{args:?}: {}", run.out.escape_debug());
+            assert_eq!(
+                run.out.chars().find(|c| controls_terminal(*c)),
+                None,
+                "{args:?}: {}",
+                run.out.escape_debug()
+            );
             let value: Value = serde_json::from_str(&run.out).unwrap();
             let whole = value.to_string();
             assert!(!whole.contains('\u{fffd}'), "{args:?}: {whole}");
@@ -652,7 +657,8 @@ fn info_states_the_axes_of_hands() {
     assert!(recipe.contains(
         "hands of the built-in character and of Mixamo y runs along the fingers\n  and z out of the palm"
     ));
-    let hands = json_output(dir.path(), &["info", "choreo:mannequin", "--json"])["character"]["hands"].clone();
+    let hands =
+        json_output(dir.path(), &["info", "choreo:mannequin", "--json"])["character"]["hands"].clone();
     assert_eq!(hands.as_array().unwrap().len(), 2, "{hands}");
     // VRM 0.x: joints have the axes of the model, in which the arms are stretched out.
     let Some(assets) = sample_assets_folder() else { return };

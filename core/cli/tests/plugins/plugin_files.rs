@@ -274,7 +274,7 @@ fn a_byte_order_mark_is_ignored() {
     write("s.rhai", &script);
     run_successfully(dir.path(), &["check", "s.rhai"]);
     run_successfully(dir.path(), &["plugins"]);
-    // A column on the first line counts characters as editors do.
+    // Columns of the first line do not count the byte order mark, as in editors.
     write("s.rhai", "cast(\"t\", lod(\"tri.gltf\"));");
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert!(run.err.starts_with("s.rhai:1:11: unknown function"), "{}", run.err);

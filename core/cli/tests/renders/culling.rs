@@ -68,10 +68,10 @@ const ROW: &str = r#"
     stage(#{ size: [160, 90], length: 3.0 });
     let figure = load("choreo:mannequin");
     for i in 0..11 {
-        let who = cast("walker " + i, figure).at(4.0 * (i - 5), 0.0, 0.0).turn(90);
-        who.root_motion();
+        let walker = cast("walker " + i, figure).at(4.0 * (i - 5), 0.0, 0.0).turn(90);
+        walker.root_motion();
         actor.play(figure.clip("Walk"));
-        cast("sword " + i, shape("box", #{ size: [0.03, 0.9, 0.03], color: "gold" })).attach(who.joint("RightHand"));
+        cast("sword " + i, shape("box", #{ size: [0.03, 0.9, 0.03], color: "gold" })).attach(walker.joint("RightHand"));
     }
     cast("floor", shape("plane", #{ size: 60.0, color: "gray" }));
     camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
@@ -88,11 +88,11 @@ fn actors_out_of_view_are_not_posed() {
 fn actors_out_of_view_with_constraints_are_not_posed() {
     let [plain, free] = count_poses(ROW);
     for constraint in [
-        "who.plant_feet();",
-        "who.aim(\"Head\", [0.0, 1.5, 3.0]);",
-        "who.reach(\"RightHand\", [0.0, 1.2, 0.5]);",
+        "walker.plant_feet();",
+        "walker.aim(\"Head\", [0.0, 1.5, 3.0]);",
+        "walker.reach(\"RightHand\", [0.0, 1.2, 0.5]);",
     ] {
-        let script = ROW.replace("who.root_motion();", &format!("who.root_motion(); {constraint}"));
+        let script = ROW.replace("walker.root_motion();", &format!("walker.root_motion(); {constraint}"));
         let [all, seen] = count_poses(&script);
         assert_eq!(all, plain, "{constraint}");
         assert!(seen <= free + free / 10, "{constraint}: {seen} poses, {free} without it");

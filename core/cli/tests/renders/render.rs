@@ -152,7 +152,7 @@ fn images_and_videos_contain_their_provenance() {
         let made = &value["provenance"];
         ids.push(made["choreo:id"].as_str().unwrap().to_string());
         if name == "a.y4m" {
-            // The image has only room for the number of the frame.
+            // A Y4M file has only room for the id of the provenance.
             continue;
         }
         assert_eq!(made["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));

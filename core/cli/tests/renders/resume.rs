@@ -117,17 +117,20 @@ fn assert_resumes_after_kills(output: &str, renders: usize, kills: usize, seed: 
     let run = choreo(d, &args(output, &[]));
     assert_eq!(run.code, 0, "{}", run.err);
     let whole = all_bytes(d, output);
-    let mut middle = 0;
+    let mut kills_between_frames = 0;
     for render in 0.. {
-        if render >= renders && middle * 2 > renders * kills {
+        if render >= renders && kills_between_frames * 2 > renders * kills {
             break;
         }
-        assert!(render < renders * 20, "only {middle} kills of {render} renders fell among the frames");
+        assert!(
+            render < renders * 20,
+            "only {kills_between_frames} kills of {render} renders were between frames"
+        );
         clear(d, output);
-        let mut moments: Vec<usize> = (0..kills).map(|_| random.below(FRAMES - 2)).collect();
-        moments.sort_unstable();
+        let mut frame_counts: Vec<usize> = (0..kills).map(|_| random.below(FRAMES - 2)).collect();
+        frame_counts.sort_unstable();
         let mut seen = 0;
-        for (kill, enough) in moments.iter().enumerate() {
+        for (kill, enough) in frame_counts.iter().enumerate() {
             let more: &[&str] = if kill == 0 { &[] } else { &["--resume"] };
             kill_after(d, output, more, *enough, &mut random);
             if !output.contains('/') && d.join(output).exists() {
@@ -136,7 +139,7 @@ fn assert_resumes_after_kills(output: &str, renders: usize, kills: usize, seed: 
             }
             let finished = finished_frames(d, output);
             assert!(finished >= seen, "{output}: {finished} frames after {seen}, render {render}");
-            middle += usize::from(finished < FRAMES);
+            kills_between_frames += usize::from(finished < FRAMES);
             seen = finished;
         }
         let ended = !output.contains('/') && d.join(output).exists();
@@ -185,7 +188,7 @@ fn kill_render_midway(d: &Path, output: &str) -> usize {
             return finished_frames(d, output);
         }
     }
-    panic!("{output}: always done before it could be killed");
+    panic!("{output}: every render ended before it could be killed");
 }
 
 fn copy_folder(from: &Path, to: &Path) {
