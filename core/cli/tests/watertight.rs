@@ -1,5 +1,6 @@
 //! Back faces of watertight meshes are not drawn (`choreo_render::scene_resources::watertight`). The test counts the pixels that this changes
-//! in every deforming sample, in its clips and in poses in which the mesh intersects itself. `cargo test -p choreo --test watertight -- --nocapture` prints the table.
+//! in every deforming sample, in its clips and in poses in which the mesh intersects itself.
+//! `cargo test -p choreo --test watertight -- --nocapture` prints the table.
 
 mod common;
 #[path = "../../render/tests/common/holes.rs"]

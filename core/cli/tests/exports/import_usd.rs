@@ -98,8 +98,8 @@ fn farthest_vertex(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize)
     (worst, count)
 }
 
-/// The largest difference of the camera's matrix (metres) and angle (radians) from usd-core's at a time code, and of the lights' numbers from
-/// closed forms of what `usd_write.py` wrote; `late` seconds later.
+/// The largest error of the camera's matrix (metres) and angle (radians) against usd-core at a time code, and of the values of the lights
+/// against closed forms for the file that `usd_write.py` wrote. The import is evaluated `late` seconds later.
 fn camera_and_light_errors(asset: &Arc<Asset>, truth: &Value, code: f64, late: f64) -> [f64; 2] {
     let mut stage = Stage::clone(&stage_playing_clip(asset));
     stage.cameras.push(Camera::new("", Rig::File { actor: 0, camera: 0 }));
@@ -172,10 +172,10 @@ fn files_by_usd_core_are_read_in_all_formats() {
         let asset = import(&path);
         let warnings: Vec<String> =
             asset.warnings.iter().map(|w| format!("{}: {}", w.place, w.text)).collect();
-        let said = ["/world/panel: is a RectLight", "/world/disk: is a DiskLight"];
+        let lights = ["/world/panel: is a RectLight", "/world/disk: is a DiskLight"];
         assert_eq!(
             warnings,
-            said.map(|light| format!("{light}, which becomes a light at its center")),
+            lights.map(|light| format!("{light}, which becomes a light at its center")),
             "{name}"
         );
         for code in [1.0, 7.5, 25.0] {
@@ -214,8 +214,8 @@ fn a_dome_light_sets_the_ambient_light_unless_the_script_does() {
     assert_eq!(ambient(".file_lights(false)")[0], default);
 }
 
-/// The largest distances of a camera and a lamp of a file from where Blender has them, `late` seconds later: of the camera's matrix, of its
-/// angle, of the lamp's place.
+/// The largest errors of a camera and a lamp against Blender: of the matrix of the camera, of its angle, and of the position of the lamp.
+/// The import is evaluated `late` seconds later.
 fn camera_move_errors(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3] {
     let mut stage = Stage::clone(&stage_playing_clip(asset));
     stage.actors[0].file_lights = true;

@@ -441,8 +441,8 @@ fn radiance([width, height]: [u32; 2]) -> Vec<u8> {
     bytes
 }
 
-/// Red and green of the texels that usd-core's dome has in some directions, by the specification of its image ("latlong" as OpenEXR's), and its
-/// intensity. A .hdr file is read here, OpenEXR by its own library.
+/// Prints the red and green of the texels that usd-core's dome light has in some directions, according to the specification of its image
+/// ("latlong" as in OpenEXR), and its intensity. The script itself reads .hdr files; the OpenEXR library reads the others.
 const SKY: &str = "import sys, json, math, zipfile, io
 from pxr import Usd, UsdLux, UsdGeom, Gf
 path, width, height = sys.argv[1], 32, 16

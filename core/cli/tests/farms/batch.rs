@@ -139,26 +139,28 @@ fn output_names_from_rows_cannot_leave_their_folder() {
 fn invalid_tables_are_refused() {
     let dir = scene();
     let d = dir.path();
-    let said = |table: (&str, &str), more: &[&str]| {
+    let error_for = |table: (&str, &str), more: &[&str]| {
         std::fs::write(d.join(table.0), table.1).unwrap();
         let args = ["render", "s.rhai", "--device", "cpu", "--set-from", table.0, "-o", "{name}.mp4"];
         let run = choreo(d, &[&args[..], more].concat());
         assert!(run.code == 1 || run.code == 2, "{}", run.err);
         run.err
     };
-    assert!(said(("a.csv", "name\n"), &[]).contains("a.csv: it has no rows"));
-    assert!(said(("a.csv", "name,name\n1,2\n"), &[]).contains("two columns are called \"name\""));
-    assert!(said(("a.csv", "name,color\n1\n"), &[]).contains("it is not a table"));
-    assert!(said(("a.json", "{}"), &[]).contains("it is not an array of objects"));
-    assert!(said(("a.txt", ""), &[]).contains("write a name that ends in .csv or .json"));
-    let unknown = said(("a.csv", "name,colour\nZoe,#202020\n"), &[]);
+    assert!(error_for(("a.csv", "name\n"), &[]).contains("a.csv: it has no rows"));
+    assert!(error_for(("a.csv", "name,name\n1,2\n"), &[]).contains("two columns are called \"name\""));
+    assert!(error_for(("a.csv", "name,color\n1\n"), &[]).contains("it is not a table"));
+    assert!(error_for(("a.json", "{}"), &[]).contains("it is not an array of objects"));
+    assert!(error_for(("a.txt", ""), &[]).contains("write a name that ends in .csv or .json"));
+    let unknown = error_for(("a.csv", "name,colour\nZoe,#202020\n"), &[]);
     assert!(unknown.contains("no parameter \"colour\"; did you mean \"color\"?"), "{unknown}");
     assert!(
         unknown.ends_with("    hint: a column that only -o needs has a name that begins with _\n"),
         "{unknown}"
     );
-    assert!(said(("a.csv", "name\nZoe\n"), &["--row", "2"]).contains("--row 2: a.csv has rows 1 to 1"));
-    assert!(said(("a.csv", "name\nZoe\n"), &["--segment", "parts"]).contains("choose its row with --row"));
+    assert!(error_for(("a.csv", "name\nZoe\n"), &["--row", "2"]).contains("--row 2: a.csv has rows 1 to 1"));
+    assert!(
+        error_for(("a.csv", "name\nZoe\n"), &["--segment", "parts"]).contains("choose its row with --row")
+    );
 }
 
 /// A triangle with its own texture, which takes 21 MB with its mipmaps.

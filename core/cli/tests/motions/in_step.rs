@@ -155,7 +155,8 @@ fn planted_feet_do_not_slide_in_a_fade_from_walk_to_run() {
                 plain.step * 240.0
             );
             assert!(own.stands > 0, "{file}: no foot is planted from {start} s on");
-            // The paws of the fox take a step if a contact lasts longer than the leg can reach; `core/script/tests/footsteps/footsteps.rs` tests this.
+            // The paws of the fox take a step if a contact lasts longer than the leg can reach; `core/script/tests/footsteps/footsteps.rs`
+            // tests this.
             assert!(
                 own.moved < 1e-4 || file.contains("Fox"),
                 "{file}, {from} to {to} at {start} s: a planted foot moves {} m",

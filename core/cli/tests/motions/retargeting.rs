@@ -1,5 +1,6 @@
 //! Retargets clips between all human skeletons of the sample files: limbs point in the same direction, feet stay on the floor, and a clip
-//! that is retargeted to another skeleton and back keeps the motion that both skeletons can have. `cargo test -p choreo --test motions retargeting -- --nocapture` prints the table.
+//! that is retargeted to another skeleton and back keeps the motion that both skeletons can have.
+//! `cargo test -p choreo --test motions retargeting -- --nocapture` prints the table.
 
 use crate::common;
 use choreo_asset::Asset;

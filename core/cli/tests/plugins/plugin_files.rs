@@ -223,22 +223,30 @@ fn links_out_of_the_folder_and_pipes_are_not_read() {
     let inked = EFFECT.replace("// param", "// texture ink = ink.tga: it\n// param");
     std::fs::remove_file(scene.join("plugins/swap.wgsl")).unwrap();
     write("scene/plugins/swap.wgsl", &inked);
-    let told = || {
+    let check_error = || {
         let run = choreo(&scene, &["check", "s.rhai"]);
         assert_eq!(run.code, 1);
         run.err
     };
     symlink("../../out.tga", scene.join("plugins/ink.tga")).unwrap();
     let place = "plugins/swap.wgsl:3:1: texture ink: \"ink.tga\": ";
-    assert!(told().contains(&format!("{place}a plugin reads files of its own folder only")), "{}", told());
+    assert!(
+        check_error().contains(&format!("{place}a plugin reads files of its own folder only")),
+        "{}",
+        check_error()
+    );
     std::fs::remove_file(scene.join("plugins/ink.tga")).unwrap();
     make_pipe(&scene.join("plugins/ink.tga"));
-    assert!(told().contains(&format!("{place}it is a pipe or device, not a regular file")), "{}", told());
+    assert!(
+        check_error().contains(&format!("{place}it is a pipe or device, not a regular file")),
+        "{}",
+        check_error()
+    );
     // Pipes are not plugins.
     std::fs::remove_file(scene.join("swap.wgsl")).unwrap();
     std::fs::remove_file(scene.join("plugins/swap.wgsl")).unwrap();
     make_pipe(&scene.join("plugins/swap.wgsl"));
-    assert!(told().contains("unknown effect \"swap\""), "{}", told());
+    assert!(check_error().contains("unknown effect \"swap\""), "{}", check_error());
     let run = choreo(&scene, &["plugins"]);
     let expected = "plugins/swap.wgsl: cannot read: it is a pipe or device, not a regular file";
     assert!(run.code == 1 && run.err.contains(expected), "{}", run.err);

@@ -153,7 +153,7 @@ fn assert_resumes_after_kills(output: &str, renders: usize, kills: usize, seed: 
             now.iter().map(|(n, _)| n).collect::<Vec<_>>(),
             whole.iter().map(|(n, _)| n).collect::<Vec<_>>()
         );
-        assert!(now == whole, "{output}: other bytes, render {render}, killed at {moments:?}");
+        assert!(now == whole, "{output}: other bytes, render {render}, killed after {frame_counts:?} frames");
         assert_eq!(part_files(d), Vec::<String>::new());
     }
 }
