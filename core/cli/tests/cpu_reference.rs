@@ -1,4 +1,4 @@
-//! Comparison of the Vulkan renderer with the CPU renderer, its reference, on every sample file and every example script, with the validation layer on.
+//! Compares the Vulkan renderer with its reference, the CPU renderer, on every sample file and every example script, with the validation layer on.
 //! `cargo test -p choreo --test cpu_reference -- --nocapture` prints the table.
 
 mod common;
@@ -29,7 +29,7 @@ struct Bounds {
 }
 
 /// Differences that a driver may have. At edges, it rounds vertices to its own fixed-point grid, so single pixels of an outline change
-/// sides. In textures, it weights texels with 8 bits and chooses mipmap levels by its own approximation. In the mean, the sRGB encoder of
+/// sides. In textures, it weights texels with 8 bits and approximates mipmap levels. In the mean, the sRGB encoder of
 /// lavapipe is one step too high for more than half of the codes from 64 to 87, which dark floors have.
 const BOUNDS: Bounds = Bounds { mean: 0.2, share_beyond: 0.003 };
 

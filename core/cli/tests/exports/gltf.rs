@@ -251,7 +251,8 @@ const TILE: &str = "fn manifest() { #{ name: \"tile\", extensions: \"tile\" } }\
     fn load(file) {\n    let look = material(#{ image: image(#{ file: file.bytes }) });\n    \
     mesh(#{ positions: [0, 0, 0, 1, 0, 0, 0, 1, 0], uvs: [0, 1, 1, 1, 0, 0], indices: [0, 1, 2], material: look });\n}\n";
 
-/// A script with five images from files, one of them by an importer beside it and one changed; the files, and the bytes of the unchanged ones.
+/// A scene with five images from files, one of them read by an importer beside it and one changed by the script. Returns the exported
+/// files, and the bytes of the unchanged images.
 fn script_with_image_files() -> (tempfile::TempDir, [Vec<u8>; 4]) {
     let dir = tempfile::tempdir().unwrap();
     let image = image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([(8 * x) as u8, (16 * y) as u8, 99]));

@@ -260,7 +260,7 @@ fn resuming_a_render_with_other_settings_is_refused() {
     refused(&["--export", "quality=9"], &["arguments: --size 64x36", "quality=9"]);
     std::fs::write(d.join("s.rhai"), script.replace("1.2", "1.3")).unwrap();
     refused(&[], &["script: ", "stage: "]);
-    std::fs::write(d.join("s.rhai"), format!("{script} // said otherwise")).unwrap();
+    std::fs::write(d.join("s.rhai"), format!("{script} // edited")).unwrap();
     refused(&[], &["script: "]);
     std::fs::write(d.join("s.rhai"), &script).unwrap();
     // With numbered images, an image of a different frame is not reused.
