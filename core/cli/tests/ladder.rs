@@ -392,12 +392,17 @@ fn shaders_are_compiled_once() {
         let (scene, usual) = (Scene::new(index, &registry), options_of_rung(index, &registry));
         let new = BTreeSet::from_iter(part_names(&scene.parts(&scene.plan(&usual)).1, CostKind::Pipeline));
         scene.draw(&mut vulkan, &usual);
-        let made = vulkan.pipeline_count();
-        println!("{:<34} {} compiled", rung.name, made - before);
-        assert!(made - before <= new.len(), "{}: {} compiled for {new:?}", rung.name, made - before);
+        let pipelines = vulkan.pipeline_count();
+        println!("{:<34} {} compiled", rung.name, pipelines - before);
+        assert!(
+            pipelines - before <= new.len(),
+            "{}: {} compiled for {new:?}",
+            rung.name,
+            pipelines - before
+        );
         scene.draw(&mut vulkan, &usual);
-        assert_eq!(vulkan.pipeline_count(), made, "{}: a second frame compiled again", rung.name);
-        before = made;
+        assert_eq!(vulkan.pipeline_count(), pipelines, "{}: a second frame compiled again", rung.name);
+        before = pipelines;
     }
     let (lowest, usual) = (Scene::new(0, &registry), options_of_rung(0, &registry));
     lowest.draw(&mut vulkan, &usual);

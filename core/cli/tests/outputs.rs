@@ -235,12 +235,12 @@ fn symbolic_links_at_outputs_are_refused_and_named() {
         std::fs::create_dir_all(d.join(link).parent().unwrap()).unwrap();
         symlink(&target, d.join(link)).unwrap();
         let run = choreo(&d, args);
-        let (said, all) = (run.err.clone() + &run.out, format!("{link} {args:?}: {}{}", run.err, run.out));
+        let (output, all) = (run.err.clone() + &run.out, format!("{link} {args:?}: {}{}", run.err, run.out));
         // A section whose image cannot be accepted fails.
         let expected = if link.starts_with("suite/") { 1 } else { 3 };
         assert_eq!(run.code, expected, "{all}");
         let words = format!("cannot write: {link} is a symbolic link to {}; remove it", target.display());
-        assert!(said.contains(&words), "{all}");
+        assert!(output.contains(&words), "{all}");
         assert!(std::fs::symlink_metadata(d.join(link)).unwrap().is_symlink(), "{all}");
         assert_eq!(read(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{all}");
         assert_eq!(names(&dir.path().join("far")), Vec::<String>::new(), "{all}");

@@ -68,9 +68,9 @@ fn assert_processes_agree(device: &str) {
     let whole = names(&d.join("whole"));
     assert_eq!(whole.len(), 8);
     for (out, ranges, _) in cases {
-        let made = names(&d.join(out));
-        assert_eq!(made.len(), if out == "alone" { ranges.len() } else { 8 }, "{out}");
-        for name in &made {
+        let file_names = names(&d.join(out));
+        assert_eq!(file_names.len(), if out == "alone" { ranges.len() } else { 8 }, "{out}");
+        for name in &file_names {
             let same = read(d, &format!("whole/{name}")) == read(d, &format!("{out}/{name}"));
             assert!(same, "{device}: {name} differs between whole and {out}");
         }

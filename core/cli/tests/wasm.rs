@@ -25,11 +25,12 @@ fn run_successfully(folder: &Path, args: &[&str]) -> String {
 fn build_new_package(folder: &Path, kind: &str, crate_name: &str) {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
     run_successfully(folder, &["new", kind, "my_format", "--wasm", "--sources", sources.to_str().unwrap()]);
-    let made = folder.join(crate_name);
-    let text = std::fs::read_to_string(made.join("README.md")).unwrap();
+    let crate_folder = folder.join(crate_name);
+    let text = std::fs::read_to_string(crate_folder.join("README.md")).unwrap();
     let command = format!("cp target/wasm32-unknown-unknown/release/{}.wasm", crate_name.replace('-', "_"));
     assert!(text.contains(&command), "{text}");
-    std::fs::copy(built(&made, crate_name), made.join(format!("my_format.{kind}.wasm"))).unwrap();
+    std::fs::copy(built(&crate_folder, crate_name), crate_folder.join(format!("my_format.{kind}.wasm")))
+        .unwrap();
 }
 
 #[test]
@@ -119,10 +120,10 @@ fn an_importer_provides_a_texture_and_its_file() {
         folder,
         &["new", "importer", "painted", "--wasm", "--sources", sources.to_str().unwrap()],
     );
-    let made = folder.join("import-painted");
+    let crate_folder = folder.join("import-painted");
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).unwrap();
     write("import-painted/src/lib.rs", include_bytes!("wasm/painted.rs"));
-    let manifest = String::from_utf8(read(&made, "Cargo.toml")).unwrap();
+    let manifest = String::from_utf8(read(&crate_folder, "Cargo.toml")).unwrap();
     let manifest = manifest.replacen("[dependencies]", "[dependencies]\npng = \"0.18\"", 1);
     write("import-painted/Cargo.toml", manifest.as_bytes());
     let picture = png_of_four_squares();
@@ -132,7 +133,8 @@ fn an_importer_provides_a_texture_and_its_file() {
         write(&format!("{name}.painted"), last.as_bytes());
         write(&png, &picture);
     }
-    std::fs::copy(built(&made, "import-painted"), made.join("painted.importer.wasm")).unwrap();
+    std::fs::copy(built(&crate_folder, "import-painted"), crate_folder.join("painted.importer.wasm"))
+        .unwrap();
     run_successfully(folder, &["plugins", "test", "import-painted"]);
     run_successfully(folder, &["plugins", "install", "import-painted"]);
     let script = "stage(#{ size: [96, 96], length: 0.1, background: \"black\" });\ncast(\"a\", load(\"a.painted\"));\n\

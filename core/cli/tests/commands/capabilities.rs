@@ -118,12 +118,12 @@ fn required_words() -> Vec<String> {
 
 /// The words that no lesson contains. An option counts only as a whole word, a text only in quotes.
 fn missing_words(wanted: &[String], lessons: &str) -> Vec<String> {
-    let said = |word: &String| {
+    let occurs = |word: &String| {
         lessons
             .match_indices(word.as_str())
             .any(|(at, _)| !lessons[..at].ends_with(|c: char| c.is_ascii_alphanumeric() || c == '_'))
     };
-    wanted.iter().filter(|word| !said(word)).cloned().collect()
+    wanted.iter().filter(|word| !occurs(word)).cloned().collect()
 }
 
 #[test]

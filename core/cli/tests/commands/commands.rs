@@ -605,8 +605,8 @@ fn control_characters_in_names_do_not_reach_the_terminal() {
                 run.out.escape_debug()
             );
             let value: Value = serde_json::from_str(&run.out).unwrap();
-            let whole = value.to_string();
-            assert!(!whole.contains('\u{fffd}'), "{args:?}: {whole}");
+            let json = value.to_string();
+            assert!(!json.contains('\u{fffd}'), "{args:?}: {json}");
         }
     }
     assert!(commands_with_names >= 9, "only {commands_with_names} commands print the names");

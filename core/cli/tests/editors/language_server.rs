@@ -455,8 +455,8 @@ fn sections_of_new_files_have_diagnostics() {
             editor.replace_text(uri, &of_film(call));
             let found = editor.wait_for_diagnostics(uri);
             let is_it = |d: &&Value| d["message"].as_str().unwrap().contains(expected);
-            let it = found.iter().find(is_it).unwrap_or_else(|| panic!("{uri} {call}: {found:?}"));
-            assert_eq!(it["range"]["start"]["line"], line, "{uri} {call}: {found:?}");
+            let diagnostic = found.iter().find(is_it).unwrap_or_else(|| panic!("{uri} {call}: {found:?}"));
+            assert_eq!(diagnostic["range"]["start"]["line"], line, "{uri} {call}: {found:?}");
         }
         editor.replace_text(uri, &of_film("expect(film.actor(\"hero\")).y().above(-9.0)"));
         assert_eq!(messages(&editor.wait_for_diagnostics(uri)), [""; 0], "{uri}");

@@ -116,9 +116,9 @@ impl Joints {
 /// The largest error of a joint at 20 times between frames, with the joint and the time. Invisible actors are ignored.
 fn worst_joint_error(exported: &Exported) -> (f64, String) {
     let stage = &exported.stage;
-    let again = Arc::new(exported.imported_stage());
+    let imported = Arc::new(exported.imported_stage());
     let joints = Joints::of(exported);
-    let (mut one, mut other) = (Evaluator::new(stage.clone()), Evaluator::new(again).posing_hidden());
+    let (mut one, mut other) = (Evaluator::new(stage.clone()), Evaluator::new(imported).posing_hidden());
     let mut worst = (0.0, String::new());
     for time in times_between_frames(stage).into_iter().map(Time::from_secs) {
         let (truth, found) = (one.at(time).unwrap(), other.at(time).unwrap());
@@ -156,13 +156,13 @@ fn compare_images(exported: &Exported, share: f64) -> (Comparison, Frame, Frame)
     let mut own = Stage::clone(&exported.stage);
     (own.effects, own.layers_2d, own.settings.size) = (Vec::new(), Vec::new(), SIZE);
     own.lights.iter_mut().for_each(|light| light.shadow = None);
-    let mut again = exported.imported_stage();
+    let mut imported = exported.imported_stage();
     // The sky is not exported, and levels of detail differ because the file is a single model.
-    again.sky = own.sky.clone();
+    imported.sky = own.sky.clone();
     own.settings.levels_of_detail = false;
-    (again.settings.levels_of_detail, again.settings.size) = (false, SIZE);
+    (imported.settings.levels_of_detail, imported.settings.size) = (false, SIZE);
     let time = Time::from_secs(own.settings.length.as_secs() * share);
-    let (a, b) = (draw(&own, time), draw(&again, time));
+    let (a, b) = (draw(&own, time), draw(&imported, time));
     (compare(&a, &b, 3).unwrap(), a, b)
 }
 
@@ -190,10 +190,10 @@ fn images_of_the_exported_file_match_the_scene() {
     let (metres, place) = worst_joint_error(&exported);
     assert!(metres < TOLERANCE, "{metres:e} m, {place}");
     for share in [0.1, 0.35, 0.5, 0.8] {
-        let (c, own, again) = compare_images(&exported, share);
+        let (c, own, imported) = compare_images(&exported, share);
         println!("at {share} of the scene: {c}");
         assert!(is_same(&c), "at {share} of the scene: {c}");
-        save_images(&format!("{share}"), [&own, &again]);
+        save_images(&format!("{share}"), [&own, &imported]);
     }
     let stated: Vec<f64> = exported.json()["nodes"]
         .as_array()
@@ -304,11 +304,11 @@ fn unchanged_image_files_are_exported_byte_for_byte() {
     let is_there = |original: &Vec<u8>| glb.windows(original.len()).any(|part| part == original);
     assert!(originals.iter().all(is_there));
     // The images of the file are those of the scene, including WebP.
-    let again = import(&d.join("s.glb"));
-    let sizes: Vec<(u32, u32)> = again.images.iter().map(|image| (image.width, image.height)).collect();
+    let imported = import(&d.join("s.glb"));
+    let sizes: Vec<(u32, u32)> = imported.images.iter().map(|image| (image.width, image.height)).collect();
     assert_eq!(sizes, [(32, 16); 5]);
     // For a render, only the pixels are kept in memory, not the file.
-    assert!(again.images.iter().all(|image| image.file.is_none()));
+    assert!(imported.images.iter().all(|image| image.file.is_none()));
 }
 
 #[test]
@@ -412,8 +412,8 @@ fn the_khronos_validator_accepts_a_gltf_file_with_separate_buffers() {
     validate(&[Exported::from_script(SCENE, "gltf", &[]).path()]);
 }
 
-/// The largest distance in metres of a joint in three.js from its position in the scene `late` seconds later, and where it is.
-fn worst_joint_error_in_three_js(three: &Packages, exported: &Exported, late: f64) -> (f64, String) {
+/// The largest distance in metres of a joint in three.js from its position in the scene `delay` seconds later, and where it is.
+fn worst_joint_error_in_three_js(three: &Packages, exported: &Exported, delay: f64) -> (f64, String) {
     let stage = &exported.stage;
     let times = times_between_frames(stage);
     let file = exported.folder.path().join("times.json");
@@ -425,7 +425,7 @@ fn worst_joint_error_in_three_js(three: &Packages, exported: &Exported, late: f6
     let mut evaluator = Evaluator::new(stage.clone());
     let (mut worst, mut count) = ((0.0, String::new()), 0);
     for (secs, places) in times.iter().zip(&places) {
-        let truth = evaluator.at(Time::from_secs(secs + late)).unwrap();
+        let truth = evaluator.at(Time::from_secs(secs + delay)).unwrap();
         for ((actor, state), first) in stage.actors.iter().zip(&truth.actors).zip(&joints.actors) {
             let Some(first) = first.filter(|_| state.visible && actor.asset.placements.is_empty()) else {
                 continue;
@@ -457,8 +457,8 @@ fn joints_imported_by_three_js_match_the_scene() {
         println!("three.js: {metres:.1e} m, {place}");
         assert!(metres < TOLERANCE, "{metres:e} m, {place}");
     }
-    let late = worst_joint_error_in_three_js(&three, &Exported::from_script(SCENE, "glb", &[]), 0.02).0;
-    assert!(late > 10.0 * TOLERANCE, "20 ms late is not found: {late:e} m");
+    let delayed = worst_joint_error_in_three_js(&three, &Exported::from_script(SCENE, "glb", &[]), 0.02).0;
+    assert!(delayed > 10.0 * TOLERANCE, "20 ms late is not found: {delayed:e} m");
 }
 
 /// Blender's importer converts joints to bones at the same positions.
@@ -477,10 +477,10 @@ fn joints_imported_by_blender_match_the_scene() {
     let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
     let result = result.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&run.stderr)));
     let bones: Value = serde_json::from_str(result).unwrap();
-    let worst = |late: f64| {
+    let worst = |delay: f64| {
         let (mut evaluator, mut worst, mut count) = (Evaluator::new(stage.clone()), (0.0, String::new()), 0);
         for (number, secs) in times.iter().enumerate() {
-            let truth = evaluator.at(Time::from_secs(*secs + late)).unwrap();
+            let truth = evaluator.at(Time::from_secs(*secs + delay)).unwrap();
             for (actor, state) in stage.actors.iter().zip(&truth.actors) {
                 for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
                     let found = &bones[&actor.name][name][number];
@@ -500,8 +500,8 @@ fn joints_imported_by_blender_match_the_scene() {
     let (found, count) = worst(0.0);
     println!("Blender: {count} places, {:.1e} m, {}", found.0, found.1);
     assert!(count > 20 * 3 * 50 && found.0 < TOLERANCE, "{count} places, {found:?}");
-    let late = worst(0.02).0.0;
-    assert!(late > 10.0 * TOLERANCE, "20 ms late is not found: {late:e} m");
+    let delayed = worst(0.02).0.0;
+    assert!(delayed > 10.0 * TOLERANCE, "20 ms late is not found: {delayed:e} m");
 }
 
 /// Lessons that need plugins, which lie beside them.
@@ -543,8 +543,8 @@ fn all_exported_lessons_are_valid_and_their_joints_match() {
 fn images_of_all_lessons() {
     for path in lessons().into_iter().filter(|path| !has_plugins(path)) {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let (c, own, again) = compare_images(&Exported::from_lesson(&path, "glb", &[]), 0.45);
-        save_images(&name, [&own, &again]);
+        let (c, own, imported) = compare_images(&Exported::from_lesson(&path, "glb", &[]), 0.45);
+        save_images(&name, [&own, &imported]);
         println!("{name}: {c}");
     }
 }

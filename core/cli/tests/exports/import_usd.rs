@@ -99,11 +99,11 @@ fn farthest_vertex(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize)
 }
 
 /// The largest error of the camera's matrix (metres) and angle (radians) against usd-core at a time code, and of the values of the lights
-/// against closed forms for the file that `usd_write.py` wrote. The import is evaluated `late` seconds later.
-fn camera_and_light_errors(asset: &Arc<Asset>, truth: &Value, code: f64, late: f64) -> [f64; 2] {
+/// against closed forms for the file that `usd_write.py` wrote. The import is evaluated `delay` seconds later.
+fn camera_and_light_errors(asset: &Arc<Asset>, truth: &Value, code: f64, delay: f64) -> [f64; 2] {
     let mut stage = Stage::clone(&stage_playing_clip(asset));
     stage.cameras.push(Camera::new("", Rig::File { actor: 0, camera: 0 }));
-    let snapshot = stage.at(Time::from_secs((code - 1.0) / 24.0 + late)).unwrap();
+    let snapshot = stage.at(Time::from_secs((code - 1.0) / 24.0 + delay)).unwrap();
     let camera = &truth["cameras"]["lens"];
     let world: Vec<f64> =
         camera["world"][0].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
@@ -152,10 +152,10 @@ fn vertices_of_our_exports_match_usd_core() {
         println!("{name} as {extension}: {count} vertices, {metres:.1e} m; {:?}", asset.warnings);
         assert!(count > 100 && metres < MAX_ERROR_M, "{name}: {metres:e} m of {count} vertices");
         // The comparison finds an error in the time.
-        let (late, _) = farthest_vertex(&asset, &truth, secs + 0.1);
+        let (delayed, _) = farthest_vertex(&asset, &truth, secs + 0.1);
         assert!(
-            name != "01_first_dance.rhai" || late > 100.0 * MAX_ERROR_M,
-            "a late clip is not found: {late:e} m"
+            name != "01_first_dance.rhai" || delayed > 100.0 * MAX_ERROR_M,
+            "a late clip is not found: {delayed:e} m"
         );
     }
 }
@@ -186,8 +186,8 @@ fn files_by_usd_core_are_read_in_all_formats() {
             let [lens, lights] = camera_and_light_errors(&asset, &truth, code, 0.0);
             println!("{name} at {code}: the lens {lens:.1e}, lights {lights:.1e}");
             assert!(lens < 1e-4 && lights < 1e-4, "{name} at {code}: {lens:e}, {lights:e}");
-            let late = camera_and_light_errors(&asset, &truth, code, if code < 13.0 { 0.1 } else { -0.1 });
-            assert!(late.iter().all(|off| *off > 1e-3), "a late lens or light is not found: {late:?}");
+            let delayed = camera_and_light_errors(&asset, &truth, code, if code < 13.0 { 0.1 } else { -0.1 });
+            assert!(delayed.iter().all(|off| *off > 1e-3), "a late lens or light is not found: {delayed:?}");
         }
         assert!((asset.ambient - glam::Vec3::new(0.2, 0.1, 0.4)).length() < 1e-6, "{}", asset.ambient);
         assert_eq!(asset.materials[0].base_color_texture.as_ref().map(|t| t.uv_set), Some(0));
@@ -215,8 +215,8 @@ fn a_dome_light_sets_the_ambient_light_unless_the_script_does() {
 }
 
 /// The largest errors of a camera and a lamp against Blender: of the matrix of the camera, of its angle, and of the position of the lamp.
-/// The import is evaluated `late` seconds later.
-fn camera_move_errors(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3] {
+/// The import is evaluated `delay` seconds later.
+fn camera_move_errors(asset: &Arc<Asset>, truth: &[Value], delay: f64) -> [f64; 3] {
     let mut stage = Stage::clone(&stage_playing_clip(asset));
     stage.actors[0].file_lights = true;
     stage.cameras.push(Camera::new("", Rig::File { actor: 0, camera: 0 }));
@@ -224,7 +224,7 @@ fn camera_move_errors(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3
         |value: &Value| value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<f64>>();
     let mut out = [0.0f64; 3];
     for blender in truth {
-        let snapshot = stage.at(Time::from_secs(blender["secs"].as_f64().unwrap() + late)).unwrap();
+        let snapshot = stage.at(Time::from_secs(blender["secs"].as_f64().unwrap() + delay)).unwrap();
         let matrix = DMat4::from(snapshot.camera.world_from_view).to_cols_array();
         let apart = matrix.iter().zip(numbers(&blender["camera"])).map(|(a, b)| (a - b).abs());
         let Projection::Perspective { yfov, .. } = snapshot.camera.projection else {
@@ -255,8 +255,8 @@ fn imported_camera_moves_match_blender() {
         let found = camera_move_errors(&asset, &truth, 0.0);
         println!("{}: {found:?}", file.display());
         assert!(found.iter().all(|off| *off < 1e-5), "{}: {found:?}", file.display());
-        let late = camera_move_errors(&asset, &truth, 1.0 / 24.0);
-        assert!(late.iter().all(|off| *off > 1e-3), "a frame late is not found: {late:?}");
+        let delayed = camera_move_errors(&asset, &truth, 1.0 / 24.0);
+        assert!(delayed.iter().all(|off| *off > 1e-3), "a frame late is not found: {delayed:?}");
     }
 }
 

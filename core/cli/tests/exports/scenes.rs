@@ -23,10 +23,10 @@ fn csv_export_has_the_keyed_joint_positions() {
     let d = dir.path();
     let run = choreo(d, &["export", "a.rhai", "-o", "a.csv", "--json"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let made: serde_json::Value = serde_json::from_str(&run.out).unwrap();
-    assert_eq!((&made["frames"], &made["exporter"]), (&4.into(), &"csv".into()), "{made}");
-    assert_eq!(made["files"], serde_json::json!(["a.csv"]));
-    assert_eq!(made["provenance"]["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
+    let summary: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!((&summary["frames"], &summary["exporter"]), (&4.into(), &"csv".into()), "{summary}");
+    assert_eq!(summary["files"], serde_json::json!(["a.csv"]));
+    assert_eq!(summary["provenance"]["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
     let lines = text(d, "a.csv");
     let expected = "seconds,actor,joint,x,y,z\n\
         0.000000,t,Root,0.000000,0.500000,0.000000\n0.000000,t,Slider,0.000000,0.500000,0.000000\n\
@@ -262,12 +262,12 @@ fn bvh_joints_imported_by_blender_match_the_scene() {
     let result = printed.lines().find_map(|line| line.strip_prefix("RESULT "));
     let result = result.unwrap_or_else(|| panic!("{printed}{}", String::from_utf8_lossy(&run.stderr)));
     let bones: serde_json::Value = serde_json::from_str(result).unwrap();
-    let worst = |late: usize| {
+    let worst = |delay: usize| {
         let (mut worst, mut count) = (0.0f64, 0);
         for line in truth.lines().skip(1) {
             let cells: Vec<&str> = line.split(',').collect();
             let number = |cell: &str| cell.parse::<f64>().unwrap();
-            let frame = (number(cells[0]) * 25.0).round() as usize + late;
+            let frame = (number(cells[0]) * 25.0).round() as usize + delay;
             // End sites are not bones.
             let Some(found) = bones[cells[2]][frame].as_array() else { continue };
             let apart = found.iter().zip(&cells[3..]).map(|(a, b)| (a.as_f64().unwrap() - number(b)).powi(2));

@@ -375,10 +375,10 @@ fn joints_imported_by_blender_match_the_scene() {
         let apart =
             numbers(&read["starts"]).iter().zip(&starts).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(numbers(&read["starts"]).len() == starts.len() && apart < 1e-6, "{}", read["starts"]);
-        let worst_of = |late: usize| {
+        let worst_of = |delay: usize| {
             let (mut evaluator, mut worst) = (Evaluator::new(stage.clone()), Worst::default());
             for (number, frame) in frames.iter().enumerate() {
-                let truth = evaluator.at(stage.settings.fps.time_of((*frame + late) as _)).unwrap();
+                let truth = evaluator.at(stage.settings.fps.time_of((*frame + delay) as _)).unwrap();
                 for (actor, state) in
                     stage.actors.iter().zip(&truth.actors).filter(|(_, state)| state.visible)
                 {
@@ -401,8 +401,11 @@ fn joints_imported_by_blender_match_the_scene() {
             worst.count, worst.metres, worst.place, read["kinds"]
         );
         assert!(worst.count > 20 * 8 && worst.metres < TOLERANCE, "{:e} m, {}", worst.metres, worst.place);
-        let late = worst_of(1).metres;
-        assert!(lesson != LESSONS[0] || late > 10.0 * TOLERANCE, "a frame late is not found: {late:e} m");
+        let delayed = worst_of(1).metres;
+        assert!(
+            lesson != LESSONS[0] || delayed > 10.0 * TOLERANCE,
+            "a frame late is not found: {delayed:e} m"
+        );
         let shaped =
             stage.actors.iter().flat_map(|a| &a.asset.meshes).filter(|m| m.morph_targets > 0).count();
         assert!(shaped == 0 || !read["shapes"].as_object().unwrap().is_empty(), "no shape keys");

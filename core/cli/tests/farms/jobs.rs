@@ -63,7 +63,7 @@ fn openjd_runs_the_whole_job() {
     let summary = make_job(d, "openjd", film, &["--chunk", "25"]);
     assert_eq!(summary["chunks"], serde_json::json!([[0, 24], [25, 49], [50, 59]]));
     assert_eq!(names(&d.join("job")), ["film.choreo", "job.json", "output", "segments", "template.json"]);
-    let whole = render_on_one_machine(d);
+    let expected = render_on_one_machine(d);
     let template = d.join("job/template.json").display().to_string();
     let Some(check) = run_openjd(&["check", &template, "--extensions", "TASK_CHUNKING"]) else { return };
     assert_eq!(check.code, 0, "{}{}", check.out, check.err);
@@ -73,7 +73,7 @@ fn openjd_runs_the_whole_job() {
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(names(&d.join("job/segments")).len() >= 3, "{:?}", names(&d.join("job/segments")));
     assert_eq!(names(&d.join("job/output")).len(), 1);
-    assert!(read(d, &format!("job/output/{film}")) == whole);
+    assert!(read(d, &format!("job/output/{film}")) == expected);
 }
 
 /// Writes a substitute for sbatch, which runs the tasks of an array one after the other, the last one first, and a dependent job after its
@@ -129,11 +129,11 @@ fn slurm_scripts_make_the_film() {
         ["chunks.txt", "film.choreo", "job.json", "join.sh", "output", "render.sh", "segments", "submit.sh"]
     );
     assert_eq!(read(d, "job/chunks.txt"), b"0-13\n14-27\n28-41\n42-55\n56-59\n");
-    let whole = render_on_one_machine(d);
+    let expected = render_on_one_machine(d);
     let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     assert_eq!(run.out, "render: job 41, 5 tasks; join: job 42\n");
-    assert!(read(d, &format!("job/output/{film}")) == whole);
+    assert!(read(d, &format!("job/output/{film}")) == expected);
     let options = String::from_utf8(read(d, "job/options.txt")).unwrap();
     assert!(options.contains("--partition=long") && options.contains("--parsable"), "{options}");
     // A task that runs again renders nothing again, and a job in a folder with segments is not overwritten.
@@ -141,12 +141,12 @@ fn slurm_scripts_make_the_film() {
     assert_eq!(run.code, 0, "{}", run.err);
     std::fs::create_dir(d.join("scene")).unwrap();
     std::fs::write(d.join("scene/s.rhai"), "stage(#{ length: 0.1 });").unwrap();
-    let again = choreo(d, &["farm", "scene/s.rhai", "-o", "a.mp4", "--for", "slurm", "--to", "job"]);
-    assert_eq!(again.code, 3);
+    let run = choreo(d, &["farm", "scene/s.rhai", "-o", "a.mp4", "--for", "slurm", "--to", "job"]);
+    assert_eq!(run.code, 3);
     assert!(
-        again.err.starts_with("--to job: a job has already run there: job/segments is not empty"),
+        run.err.starts_with("--to job: a job has already run there: job/segments is not empty"),
         "{}",
-        again.err
+        run.err
     );
 }
 
@@ -227,13 +227,13 @@ fn a_preview_has_every_eighth_frame_at_half_the_size() {
     assert!(pixels("every/0000.png".into()) != pixels("every/0032.png".into()));
     std::fs::remove_dir_all(d.join("job")).unwrap();
     make_job(d, "openjd", "film.mp4", &["--chunk", "24", "--preview", "1/8"]);
-    let whole = render_on_one_machine(d);
+    let expected = render_on_one_machine(d);
     let template = d.join("job/template.json").display().to_string();
     let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
     let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
     let Some(run) = run_openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()) else { return };
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
-    assert!(read(d, "job/output/film.mp4") == whole);
+    assert!(read(d, "job/output/film.mp4") == expected);
     assert!(d.join("job/output/preview/film.mp4").is_file());
 }
 

@@ -66,12 +66,12 @@ fn refused_join(folder: &Path, args: &[&str]) -> String {
     run.err
 }
 
-/// Tests one format. `whole` and `joined` are its outputs; `copied` is the number of frames that are copied for each division into chunks.
-fn assert_join_equals_one_render(whole: &str, joined: &str, copied: [u64; 4]) {
+/// Tests one format. `rendered` and `joined` are its outputs; `copied` is the number of frames that are copied for each division into chunks.
+fn assert_join_equals_one_render(rendered: &str, joined: &str, copied: [u64; 4]) {
     let dir = scene();
     let d = dir.path();
-    render(d, whole, &[]);
-    let whole = output_bytes(d, whole);
+    render(d, rendered, &[]);
+    let expected = output_bytes(d, rendered);
     let make = |frames: &str| render_segment(d, joined, "chunks", frames);
     let [a, b, c] = ["0-23", "24-47", "48-59"].map(make);
     let [e, f, g] = ["0-6", "7-30", "31-59"].map(make);
@@ -80,12 +80,12 @@ fn assert_join_equals_one_render(whole: &str, joined: &str, copied: [u64; 4]) {
     let chunkings: [&[&str]; 4] = [&[&c, &a, &b], &[&f, &g, &e, &f], &[&i, &h], &[&all]];
     for (segments, copied) in chunkings.into_iter().zip(copied) {
         assert_eq!(join_segments(d, joined, segments), (copied, 60 - copied), "{joined}: {segments:?}");
-        assert!(output_bytes(d, joined) == whole, "{joined}: {segments:?}");
+        assert!(output_bytes(d, joined) == expected, "{joined}: {segments:?}");
         assert!(part_files(d).is_empty());
     }
     // All segments given by their folder, and some of them twice.
     join_segments(d, joined, &["chunks", &a, &h]);
-    assert!(output_bytes(d, joined) == whole, "{joined}: overlapping");
+    assert!(output_bytes(d, joined) == expected, "{joined}: overlapping");
 }
 
 #[test]
@@ -127,10 +127,12 @@ fn damaged_segments_are_named_and_replaced_by_others() {
     render(d, "one.mp4", &[]);
     let [first, all] = ["0-23", "0-59"].map(|frames| render_segment(d, "film.mp4", "a", frames));
     let rest = render_segment(d, "film.mp4", "b", "24-59");
-    let whole = read(d, &all);
-    for (at, bit) in [(0, 1), (70, 2), (900, 4), (whole.len() / 2, 16), (whole.len() - 3, 128)] {
+    let segment_bytes = read(d, &all);
+    for (at, bit) in
+        [(0, 1), (70, 2), (900, 4), (segment_bytes.len() / 2, 16), (segment_bytes.len() - 3, 128)]
+    {
         for cut in [true, false] {
-            let mut damaged = whole.clone();
+            let mut damaged = segment_bytes.clone();
             if cut {
                 damaged.truncate(at.max(1))
             } else {
@@ -146,7 +148,7 @@ fn damaged_segments_are_named_and_replaced_by_others() {
             if run.code == 0 {
                 // Only the end of the segment was missing.
                 assert!(
-                    at > whole.len() - 100 && read(d, "film.mp4") == read(d, "one.mp4"),
+                    at > segment_bytes.len() - 100 && read(d, "film.mp4") == read(d, "one.mp4"),
                     "cut {cut} at {at}"
                 );
                 std::fs::remove_file(d.join("film.mp4")).unwrap();
@@ -158,7 +160,7 @@ fn damaged_segments_are_named_and_replaced_by_others() {
         }
     }
     // The frames before the damage are used.
-    std::fs::write(d.join(&all), &whole[..whole.len() - 100]).unwrap();
+    std::fs::write(d.join(&all), &segment_bytes[..segment_bytes.len() - 100]).unwrap();
     let run = choreo(d, &["join", &all, "-o", "film.mp4"]);
     assert!(run.err.contains("after frame 58"), "{}", run.err);
     assert!(run.err.contains("these are missing: 59\n"), "{}", run.err);
@@ -205,9 +207,9 @@ fn segments_of_other_films_versions_and_devices_are_refused() {
     let a = render_segment(d, "film.gif", "a", "0-29");
     let b = render_segment(d, "film.gif", "b", "30-59");
     let text = |b: &str| refused_join(d, &[&a, b]);
-    let whole = read(d, &b);
+    let segment_bytes = read(d, &b);
     let forge = |keyword: &str, text: &str| {
-        let forged = with_changed_head(&whole, |head| set_provenance(head, keyword, text));
+        let forged = with_changed_head(&segment_bytes, |head| set_provenance(head, keyword, text));
         std::fs::write(d.join("b/forged.segment"), forged).unwrap();
     };
     let another = "b/forged.segment: it belongs to another film than a/0000000-0000029.segment\n    ";
@@ -268,16 +270,16 @@ fn a_complete_segment_is_not_rendered_again() {
     let dir = scene();
     let d = dir.path();
     let a = render_segment(d, "film.mp4", "a", "10-40");
-    let whole = read(d, &a);
+    let segment_bytes = read(d, &a);
     let again = || {
         let more = ["--frames", "10-40", "--segment", "a", "--resume", "--json"];
         let run = render(d, "film.mp4", &more);
         serde_json::from_str::<serde_json::Value>(&run.out).unwrap()["drawn"].as_u64().unwrap()
     };
     assert_eq!(again(), 0);
-    std::fs::write(d.join(&a), &whole[..whole.len() - 1]).unwrap();
+    std::fs::write(d.join(&a), &segment_bytes[..segment_bytes.len() - 1]).unwrap();
     assert!(again() > 0);
-    assert!(read(d, &a) == whole);
+    assert!(read(d, &a) == segment_bytes);
 }
 
 /// Several processes render the same segment with --resume, as on a farm that restarts a task while its first process still runs: one

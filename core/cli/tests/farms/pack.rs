@@ -306,11 +306,11 @@ fn malicious_archives_write_nothing_outside() {
     refused(&format!("{unpackable}it is not a tar archive"), &[]);
     refused(&format!("{unpackable}choreo.json is not JSON"), &[("choreo.json", Regular, b"{")]);
     // Truncated anywhere, the archive is refused or lacks only its end marker.
-    let whole = archive(&[("choreo.json", Regular, &plain), script_entry]);
-    for cut in (0..whole.len()).step_by(97) {
-        write(d, "a.choreo", &whole[..cut]);
+    let complete = archive(&[("choreo.json", Regular, &plain), script_entry]);
+    for cut in (0..complete.len()).step_by(97) {
+        write(d, "a.choreo", &complete[..cut]);
         let code = choreo(d, &["check", "a.choreo"]).code;
-        assert!(code == 1 || cut >= whole.len() - 1536, "cut at {cut} of {}", whole.len());
+        assert!(code == 1 || cut >= complete.len() - 1536, "cut at {cut} of {}", complete.len());
     }
     write(d, "a.choreo", archive(&[("choreo.json", Regular, &plain), script_entry]));
     let run = choreo(d, &["check", "a.choreo", "--limit", "file=10"]);
@@ -389,8 +389,8 @@ fn a_packed_folder_equals_the_archive_and_refuses_links() {
     std::fs::rename(d.join("scenes"), d.join("gone")).unwrap();
     run_successfully(d, &["render", "film", "-o", "two.mp4"]);
     assert!(read(d, "one.mp4") == read(d, "two.mp4"));
-    let again = choreo(d, &["pack", "gone/film.rhai", "-o", "film/"]);
-    assert!(again.code == 3 && again.err.contains("film/: it exists already"), "{}", again.err);
+    let run = choreo(d, &["pack", "gone/film.rhai", "-o", "film/"]);
+    assert!(run.code == 3 && run.err.contains("film/: it exists already"), "{}", run.err);
     let refused = |what: &str| {
         let run = choreo(d, &["check", "film"]);
         assert!(run.code == 1 && run.err.starts_with(&format!("film: it is damaged: {what}")), "{}", run.err);

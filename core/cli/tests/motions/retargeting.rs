@@ -110,20 +110,21 @@ fn clips_retargeted_between_all_characters_keep_limb_directions_and_feet() {
     for from in characters.iter() {
         let Some(clip) = &from.clip else { continue };
         for to in characters.iter() {
-            let there = Retarget::new(&from.asset.skeleton, &to.asset.skeleton, RetargetOptions::default());
+            let retarget =
+                Retarget::new(&from.asset.skeleton, &to.asset.skeleton, RetargetOptions::default());
             assert!(
-                there.is_humanoid(),
+                retarget.is_humanoid(),
                 "{} on {}: {:?} {:?}",
                 from.asset.name,
                 to.asset.name,
                 HumanoidJoints::of(&from.asset.skeleton),
                 HumanoidJoints::of(&to.asset.skeleton)
             );
-            let (on, report) = there.clip(clip);
-            let homeward =
+            let (on, report) = retarget.clip(clip);
+            let retarget_back =
                 Retarget::new(&to.asset.skeleton, &from.asset.skeleton, RetargetOptions::default());
-            let back = homeward.clip(&on).0;
-            let twice = homeward.clip(&there.clip(&back).0).0;
+            let back = retarget_back.clip(&on).0;
+            let twice = retarget_back.clip(&retarget.clip(&back).0).0;
             let humans = [&from.asset, &to.asset].map(|a| HumanoidJoints::of(&a.skeleton));
             let rests = [&from.asset, &to.asset].map(|a| model_space_pose(&a.skeleton, None, Time::ZERO));
             let toes =
@@ -135,22 +136,25 @@ fn clips_retargeted_between_all_characters_keep_limb_directions_and_feet() {
                 let time = Time(clip.duration.0 / 40 * i + 12_345);
                 let source = model_space_pose(&from.asset.skeleton, Some(clip), time);
                 let target = model_space_pose(&to.asset.skeleton, Some(&on), time);
-                let again = model_space_pose(&from.asset.skeleton, Some(&back), time);
+                let restored = model_space_pose(&from.asset.skeleton, Some(&back), time);
                 let twice = model_space_pose(&from.asset.skeleton, Some(&twice), time);
-                limbs =
-                    limbs.max(limbs_apart([&humans[0], &humans[1]], [&source, &target], there.yaw_degrees()));
+                limbs = limbs.max(limbs_apart(
+                    [&humans[0], &humans[1]],
+                    [&source, &target],
+                    retarget.yaw_degrees(),
+                ));
                 // Only while a sole is on the floor; otherwise the hips move smoothly (`hips.rs`).
                 if foot_clearance(&humans[0], &rests[0], &source, false) < 0.005 {
-                    let wanted = foot_clearance(&humans[0], &rests[0], &source, toes) * there.scale();
+                    let wanted = foot_clearance(&humans[0], &rests[0], &source, toes) * retarget.scale();
                     feet = feet.max((foot_clearance(&humans[1], &rests[1], &target, toes) - wanted).abs());
                 }
                 for side in ["left", "right"] {
                     for (_, joint) in LIMBS {
                         let joint = humans[0].joint(&format!("{side} {joint}")).unwrap() as usize;
-                        let apart: DVec3 = source[joint].translation - again[joint].translation;
+                        let apart: DVec3 = source[joint].translation - restored[joint].translation;
                         returned = returned.max(apart.length());
-                        let off = again[joint].translation - twice[joint].translation;
-                        let up = again[hips].translation.y - twice[hips].translation.y;
+                        let off = restored[joint].translation - twice[joint].translation;
+                        let up = restored[hips].translation.y - twice[hips].translation.y;
                         second = second.max((off - DVec3::Y * up).length());
                         lifted = lifted.max(up.abs());
                     }
@@ -160,9 +164,9 @@ fn clips_retargeted_between_all_characters_keep_limb_directions_and_feet() {
                 "| {} | {} | {} | {:.3} | {}° | {limbs:.4} | {:.2} | {:.2} | {:.2} | {:.1} | {} | {} |",
                 from.asset.name,
                 to.asset.name,
-                there.map().pairs().count(),
-                there.scale(),
-                there.yaw_degrees(),
+                retarget.map().pairs().count(),
+                retarget.scale(),
+                retarget.yaw_degrees(),
                 feet * 1e3,
                 returned * 1e3,
                 second * 1e3,
@@ -181,7 +185,7 @@ fn clips_retargeted_between_all_characters_keep_limb_directions_and_feet() {
                     let time = Time(clip.duration.0 / 40 * i + 12_345);
                     let source = model_space_pose(&from.asset.skeleton, Some(clip), time);
                     let target = model_space_pose(&to.asset.skeleton, Some(&closer), time);
-                    limbs_apart([&humans[0], &humans[1]], [&source, &target], there.yaw_degrees())
+                    limbs_apart([&humans[0], &humans[1]], [&source, &target], retarget.yaw_degrees())
                 });
                 let left = left.fold(0.0, f64::max);
                 println!("| … at 1e-5 rad | | | | | {left:.4} | | | | |");

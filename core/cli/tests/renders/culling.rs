@@ -180,8 +180,8 @@ fn culled_actors_that_others_refer_to_are_posed() {
     let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
     let snapshot = seen.at(Time::from_secs(1.0)).unwrap();
     assert!(snapshot.actors[0].culled && !snapshot.actors[0].model_from_joint.is_empty());
-    let whole = Evaluator::new(stage).at(Time::from_secs(1.0)).unwrap();
-    assert_eq!(snapshot.actors[1].model_from_joint, whole.actors[1].model_from_joint);
+    let without_culling = Evaluator::new(stage).at(Time::from_secs(1.0)).unwrap();
+    assert_eq!(snapshot.actors[1].model_from_joint, without_culling.actors[1].model_from_joint);
 }
 
 /// Effects that only change the colors of an image need no actors outside the view. Effects that move vertices, draw outlines, read motion

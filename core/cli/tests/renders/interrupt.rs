@@ -20,9 +20,9 @@ fn start(folder: &Path, output: &str, more: &[&str]) -> Child {
     command(folder, &[&args, more].concat()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
     let start = Instant::now();
-    while !there() {
+    while !condition() {
         assert!(start.elapsed() < Duration::from_secs(600), "no {what} after ten minutes");
         std::thread::sleep(Duration::from_millis(5));
     }
@@ -72,9 +72,9 @@ fn images_finished_before_an_interrupt_are_complete() {
     signal(&child, "-INT");
     let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, 130, "{}", run.err);
-    let made = names(&d.join("f"));
-    assert!(made.len() > 5 && made.iter().all(|n| n.ends_with(".png")), "{made:?}");
-    for name in made {
+    let file_names = names(&d.join("f"));
+    assert!(file_names.len() > 5 && file_names.iter().all(|n| n.ends_with(".png")), "{file_names:?}");
+    for name in file_names {
         // The last chunk of a PNG: length 0, "IEND", and the checksum.
         assert!(read(&d.join("f"), &name).ends_with(b"\0\0\0\0IEND\xaeB`\x82"), "{name} is cut");
     }
@@ -147,6 +147,6 @@ fn a_signal_ends_the_viewer_too() {
     let run = run_result(child.wait_with_output().unwrap());
     assert_eq!((run.code, run.err.lines().last()), (130, Some("interrupted")), "{}", run.err);
     let viewer = std::fs::read_to_string(d.join("pid")).unwrap();
-    let there = Command::new("kill").args(["-0", viewer.trim()]).stderr(Stdio::null()).status().unwrap();
-    assert!(!there.success(), "the viewer is still there");
+    let exists = Command::new("kill").args(["-0", viewer.trim()]).stderr(Stdio::null()).status().unwrap();
+    assert!(!exists.success(), "the viewer is still there");
 }

@@ -149,20 +149,23 @@ fn images_and_videos_contain_their_provenance() {
         assert_eq!(render(d, &["tri.gltf", "--clip", "Slide", "-o", name, "--frames", "3"]).code, 0);
         let value = info(d, name);
         assert_eq!(value["size"], serde_json::json!([96, 54]));
-        let made = &value["provenance"];
-        ids.push(made["choreo:id"].as_str().unwrap().to_string());
+        let provenance = &value["provenance"];
+        ids.push(provenance["choreo:id"].as_str().unwrap().to_string());
         if name == "a.y4m" {
             // A Y4M file has only room for the id of the provenance.
             continue;
         }
-        assert_eq!(made["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
-        assert_eq!(made["choreo:source"], "tri.gltf");
-        assert_eq!(made["choreo:arguments"], "--size 96x54 --fps 30 --samples 1 --clip Slide");
-        assert_eq!(made["choreo:plugins"], format!("gltf {}", env!("CARGO_PKG_VERSION")));
-        assert_eq!(made["choreo:stage"].as_str().unwrap().len(), 32);
-        assert_eq!(made["choreo:model"].as_str().unwrap().len(), 32);
-        assert_eq!(made["choreo:device"], "choreo CPU renderer (choreo 0.1.0)");
-        assert_eq!(made.get("choreo:time").and_then(|t| t.as_str()), (name == "a.png").then_some("0.1"));
+        assert_eq!(provenance["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
+        assert_eq!(provenance["choreo:source"], "tri.gltf");
+        assert_eq!(provenance["choreo:arguments"], "--size 96x54 --fps 30 --samples 1 --clip Slide");
+        assert_eq!(provenance["choreo:plugins"], format!("gltf {}", env!("CARGO_PKG_VERSION")));
+        assert_eq!(provenance["choreo:stage"].as_str().unwrap().len(), 32);
+        assert_eq!(provenance["choreo:model"].as_str().unwrap().len(), 32);
+        assert_eq!(provenance["choreo:device"], "choreo CPU renderer (choreo 0.1.0)");
+        assert_eq!(
+            provenance.get("choreo:time").and_then(|t| t.as_str()),
+            (name == "a.png").then_some("0.1")
+        );
         let text = choreo(d, &["info", name]).out;
         assert!(text.contains("  arguments    --size 96x54") && text.contains("96×54"), "{text}");
     }
@@ -205,16 +208,19 @@ fn provenance_depends_only_on_what_changes_the_image() {
     assert_eq!(render(d, &["s.rhai", "-o", "alone.png", "--frames", "6"]).code, 0);
     assert_eq!(render(d, &["s.rhai", "-o", "time.png", "--at", "0.2"]).code, 0);
     assert!(read(d, "f/6.png") == read(d, "alone.png") && read(d, "alone.png") == read(d, "time.png"));
-    let made = info(d, "alone.png")["provenance"].clone();
-    assert_eq!(made["choreo:time"], "0.2");
+    let provenance = info(d, "alone.png")["provenance"].clone();
+    assert_eq!(provenance["choreo:time"], "0.2");
 
     // A comment changes the hash of the script, but not that of the stage; parameters and options of the format are recorded.
     let other = place(&format!("{script} // more"));
     let d = other.path();
     assert_eq!(render(d, &["s.rhai", "-o", "a.png", "--frames", "6"]).code, 0);
     let changed = info(d, "a.png")["provenance"].clone();
-    assert!(changed["choreo:script"] != made["choreo:script"] && changed["choreo:id"] != made["choreo:id"]);
-    assert_eq!(changed["choreo:stage"], made["choreo:stage"]);
+    assert!(
+        changed["choreo:script"] != provenance["choreo:script"]
+            && changed["choreo:id"] != provenance["choreo:id"]
+    );
+    assert_eq!(changed["choreo:stage"], provenance["choreo:stage"]);
     let more = ["--set", "who=a\nb", "--export", "compression=small"];
     let args = [&["s.rhai", "-o", "b.png", "--frames", "6"][..], &more].concat();
     assert_eq!(render(d, &args).code, 0);

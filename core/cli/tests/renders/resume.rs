@@ -116,7 +116,7 @@ fn assert_resumes_after_kills(output: &str, renders: usize, kills: usize, seed: 
     let mut random = Random(seed);
     let run = choreo(d, &args(output, &[]));
     assert_eq!(run.code, 0, "{}", run.err);
-    let whole = all_bytes(d, output);
+    let uninterrupted = all_bytes(d, output);
     let mut kills_between_frames = 0;
     for render in 0.. {
         if render >= renders && kills_between_frames * 2 > renders * kills {
@@ -151,9 +151,12 @@ fn assert_resumes_after_kills(output: &str, renders: usize, kills: usize, seed: 
         let now = all_bytes(d, output);
         assert_eq!(
             now.iter().map(|(n, _)| n).collect::<Vec<_>>(),
-            whole.iter().map(|(n, _)| n).collect::<Vec<_>>()
+            uninterrupted.iter().map(|(n, _)| n).collect::<Vec<_>>()
         );
-        assert!(now == whole, "{output}: other bytes, render {render}, killed after {frame_counts:?} frames");
+        assert!(
+            now == uninterrupted,
+            "{output}: other bytes, render {render}, killed after {frame_counts:?} frames"
+        );
         assert_eq!(part_files(d), Vec::<String>::new());
     }
 }
@@ -207,7 +210,7 @@ fn undamaged_frames_of_a_damaged_part_are_reused() {
     let mut random = Random(16);
     for output in ["o.mp4", "o.gif"] {
         assert_eq!(choreo(d, &args(output, &[])).code, 0);
-        let whole = read(d, output);
+        let uninterrupted = read(d, output);
         let finished = kill_render_midway(d, output);
         let (part, saved) = (d.join(format!("{output}.part")), d.join("saved"));
         copy_folder(&part, &saved);
@@ -226,7 +229,7 @@ fn undamaged_frames_of_a_damaged_part_are_reused() {
                 let (drawn, reused) = resume(d, output);
                 assert!(drawn + reused == FRAMES && reused <= finished, "{name} {drawn} {reused}");
                 damaged += usize::from(reused < finished);
-                assert!(read(d, output) == whole, "{output}: {name} damaged at {at}");
+                assert!(read(d, output) == uninterrupted, "{output}: {name} damaged at {at}");
             }
         }
         assert!(damaged > 0, "{output}: the damage affected no frame");
@@ -307,16 +310,16 @@ fn an_interrupted_render_prints_the_command_that_resumes_it() {
     let dir = scene();
     let d = dir.path();
     assert_eq!(resume(d, "o.mp4"), (FRAMES, 0), "with nothing there it renders");
-    let whole = read(d, "o.mp4");
+    let uninterrupted = read(d, "o.mp4");
     std::fs::remove_file(d.join("o.mp4")).unwrap();
     let mut ended = 0;
     for (name, more) in [("-INT", &[][..]), ("-TERM", &["--quiet"]), ("-HUP", &[]), ("-INT", &["--resume"])] {
         let Some(run) = interrupt_render(d, name, more) else { continue };
         ended += 1;
         let finished = finished_frames(d, "o.mp4");
-        let said = format!("{finished} frames are kept in o.mp4.part; to go on with them: ");
-        let line = run.err.lines().find_map(|line| line.strip_prefix(&said));
-        let command = line.unwrap_or_else(|| panic!("{name}: no \"{said}\" in {}", run.err));
+        let prefix = format!("{finished} frames are kept in o.mp4.part; to go on with them: ");
+        let line = run.err.lines().find_map(|line| line.strip_prefix(&prefix));
+        let command = line.unwrap_or_else(|| panic!("{name}: no \"{prefix}\" in {}", run.err));
         assert!(command.contains("choreo render --resume s.rhai -o o.mp4 --jobs 1"), "{command}");
         assert_eq!(command.matches("--resume").count(), 1, "{command}");
         let run = run_in_shell(d, command);
@@ -326,7 +329,7 @@ fn an_interrupted_render_prints_the_command_that_resumes_it() {
             "{}",
             run.err
         );
-        assert!(read(d, "o.mp4") == whole && part_files(d).is_empty());
+        assert!(read(d, "o.mp4") == uninterrupted && part_files(d).is_empty());
         std::fs::remove_file(d.join("o.mp4")).unwrap();
     }
     assert!(ended > 0, "every render ended before the signal");
@@ -387,7 +390,7 @@ fn a_result_that_was_already_renamed_is_recognized_by_resume() {
     let mut records = Vec::new();
     journal.read_to_end(&mut records).unwrap();
     std::fs::write(d.join("journal"), records).unwrap();
-    let whole = read(d, "o.y4m");
+    let uninterrupted = read(d, "o.y4m");
     let folder_again = || {
         std::fs::create_dir(&part).unwrap();
         std::fs::copy(d.join("journal"), part.join("journal")).unwrap();
@@ -395,10 +398,10 @@ fn a_result_that_was_already_renamed_is_recognized_by_resume() {
     folder_again();
     assert_eq!(finished_frames(d, "o.y4m"), FRAMES);
     assert_eq!(resume(d, "o.y4m"), (0, FRAMES));
-    assert!(read(d, "o.y4m") == whole && !part.exists());
+    assert!(read(d, "o.y4m") == uninterrupted && !part.exists());
     // A different file with the name of the result is not accepted as the result.
     folder_again();
-    std::fs::write(d.join("o.y4m"), &whole[..whole.len() - 1]).unwrap();
+    std::fs::write(d.join("o.y4m"), &uninterrupted[..uninterrupted.len() - 1]).unwrap();
     assert_eq!(resume(d, "o.y4m"), (FRAMES, 0));
-    assert!(read(d, "o.y4m") == whole && !part.exists());
+    assert!(read(d, "o.y4m") == uninterrupted && !part.exists());
 }

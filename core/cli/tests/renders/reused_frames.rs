@@ -44,9 +44,9 @@ fn assert_reused_frames_equal_single_renders(device: &str) {
             render(d, &format!("{folder}/%02d.png"), &["--device", device, "--jobs", jobs]).unwrap();
         let counts = ["drawn", "repeated", "recomposed", "reused"].map(|key| summary[key].as_u64().unwrap());
         assert_eq!(counts, [4, 8, 4, 12], "{device}");
-        let made = names(&d.join(&folder));
-        assert_eq!(made.len(), 16);
-        for name in made {
+        let file_names = names(&d.join(&folder));
+        assert_eq!(file_names.len(), 16);
+        for name in file_names {
             let same = read(d, &format!("{folder}/{name}")) == read(d, &format!("alone/{name}"));
             assert!(same, "{device}, {jobs} jobs: {name}");
         }
