@@ -251,7 +251,7 @@ impl Scene {
     }
 }
 
-fn options<'a>(index: usize, registry: &'a Registry) -> PlanOptions<'a> {
+fn options_of_rung<'a>(index: usize, registry: &'a Registry) -> PlanOptions<'a> {
     PlanOptions { effects: registry.effects(), ..PlanOptions::new(SIZE, LADDER[index].samples) }
 }
 

@@ -78,7 +78,7 @@ fn the_capability_table_names_existing_calls_lessons_and_sections() {
     // Faults that this test adds must be found: a word, a lesson and a section that do not exist.
     let row = text.lines().find(|line| line.starts_with("| trim |")).unwrap();
     for (from, to) in [(".trim", ".trams"), ("18_times", "18_thyme"), ("over a part", "over a party")] {
-        assert!(!wrong(&row.replace(from, to)).unwrap().is_empty(), "{from} → {to}");
+        assert!(!row_errors(&row.replace(from, to)).unwrap().is_empty(), "{from} → {to}");
     }
 }
 

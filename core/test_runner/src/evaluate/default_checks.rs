@@ -16,7 +16,7 @@ pub fn judge(run: &SectionRun, snapshots: &mut [SnapshotCache]) -> Vec<Check> {
     let Some(own) = snapshots.first_mut() else { return Vec::new() };
     let place = || SourceLocation { file: run.info.file.clone(), line: 0, column: 0 };
     let passed =
-        |title: &str, got: String| Check { passed: true, ..failed(place(), title, got.clone(), got) };
+        |title: &str, got: String| Check { passed: true, ..failed_check(place(), title, got.clone(), got) };
     let mut checks = Vec::new();
     let expected = run.expected.len();
     if expected == 0 {
