@@ -30,7 +30,7 @@ fn pose_writes_meshes_in_the_file_s_vertex_order() {
     let dir = folder();
     let run = choreo(dir.path(), &["pose", "tri.gltf", "--at", "1", "--mesh", "o.obj", "--clip", "Slide"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    assert_eq!(parts(dir.path()), Vec::<String>::new());
+    assert_eq!(part_files(dir.path()), Vec::<String>::new());
     let obj = String::from_utf8(read(dir.path(), "o.obj")).unwrap();
     let vertices: Vec<Vec<f64>> = obj
         .lines()

@@ -99,7 +99,7 @@ fn a_killed_render_leaves_the_old_file() {
     let d = dir.path();
     std::fs::write(d.join("o.y4m"), "old").unwrap();
     let child = start(d, "o.y4m", &[]);
-    wait_for("part file", || !parts(d).is_empty());
+    wait_for("part file", || !part_files(d).is_empty());
     std::thread::sleep(Duration::from_millis(100));
     signal(&child, "-KILL");
     let run = run_result(child.wait_with_output().unwrap());
