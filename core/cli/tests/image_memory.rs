@@ -8,7 +8,7 @@ use std::process::ExitCode;
 /// Pixels a side: 48 MiB of RGB, 64 MiB decoded, 21 MiB of mipmaps.
 const SIDE: u32 = 4096;
 
-/// A triangle with a large image in a folder of its own.
+/// A triangle with a large image in its own folder.
 fn folder_with_large_image() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let numbers: [f32; 15] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0];

@@ -1,4 +1,4 @@
-//! Runs unsaved scripts on a thread of its own, as `check` does. If several texts of one script are waiting, only the latest is run.
+//! Runs unsaved scripts on its own thread, as `check` does. If several texts of one script are waiting, only the latest is run.
 
 use crate::{Host, Project};
 use choreo_plugin::{ImportScope, PluginPanic};

@@ -120,7 +120,7 @@ pub(crate) fn call_around(types: Types, byte: usize) -> Option<CallSite> {
     None
 }
 
-/// Whether a parenthesis follows a keyword, as in `if (`, so that it is no call. After a dot, keywords are method names.
+/// Whether a parenthesis follows a keyword, as in `if (`, so that it is not a call. After a dot, keywords are method names.
 fn is_keyword_before_parenthesis(source: &Source, name: usize) -> bool {
     is_keyword(source.get(name)) && !matches!(source.token_before(name, 1), "." | "?.")
 }
