@@ -76,8 +76,8 @@ fn change_pixel_block(path: &Path) {
     std::fs::write(path, &bytes).unwrap();
 }
 
-/// Without a build folder, or if it is a link, images go to the cache of the user, not to a shared temporary folder, in which another user
-/// could prepare names.
+/// Images go to the cache of the user if there is no build folder or if it is a link. They do not go to a shared temporary folder, in
+/// which another user could prepare names.
 #[cfg(unix)]
 #[test]
 fn without_a_build_folder_the_cache_of_the_user_is_used() {

@@ -102,7 +102,7 @@ text("a", #{ size: 0.5 }).from(0.25);
     );
 }
 
-/// For an actor outside the view no work is counted, and for a frame without motion at most one sub-frame is.
+/// No work is counted for an actor outside the view, and at most one sub-frame for a frame without motion.
 #[test]
 fn explain_counts_poses_constraints_spring_bones_and_sub_frames() {
     let dir = folder();

@@ -62,7 +62,7 @@ fn diagnostics_of_unsaved_text_are_those_of_check() {
     assert_eq!(editor.shut_down(), 0);
 }
 
-/// For every script of the tests of `choreo check`, the diagnostics are the findings that the command prints.
+/// The diagnostics are the findings that `choreo check` prints, for every script of the tests of this command.
 #[test]
 fn diagnostics_equal_the_findings_of_the_check_command() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked").canonicalize().unwrap();
@@ -241,7 +241,7 @@ fn completion_offers_methods_options_values_and_files() {
     has("let x = 1;\n¦", &["character", "x", "camera"], &["play"]);
 }
 
-/// In completions, files that `choreo export` has written come after those that a script is likely to load.
+/// Completions list the files that `choreo export` has written after those that a script is likely to load.
 #[test]
 fn completion_offers_exports_last() {
     let folder = project_folder();
@@ -792,7 +792,7 @@ fn offered_options_equal_the_options_that_calls_accept() {
     assert!(compared > 100, "{compared}");
 }
 
-/// For each entry that takes options, calls with the placeholder `OPT`. At least one of the calls must accept each option that is offered.
+/// Calls with the placeholder `OPT` for each entry that takes options. At least one of the calls must accept each option that is offered.
 const CALLS: &str = "\
     stage: stage(OPT)
     load: load(\"models/tri.gltf\", OPT)

@@ -242,7 +242,7 @@ fn cuts_survive_a_round_trip_through_opentimelineio() {
     assert!(later.contains("D    010 00:00:01:05 00:00:02:10"), "{later}");
 }
 
-/// At every frame, joints in Blender's BVH importer, whose first frame is 1, are where `choreo export` to CSV has them.
+/// Joints in Blender's BVH importer, whose first frame is 1, are where `choreo export` to CSV has them, at every frame.
 #[test]
 fn bvh_joints_imported_by_blender_match_the_scene() {
     let dir = folder();

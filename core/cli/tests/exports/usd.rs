@@ -205,7 +205,7 @@ fn exported_joints_and_vertices_of_lessons_match_the_scene() {
     }
 }
 
-/// In all three file formats, joints are in the right place also at times between frames.
+/// Joints are in the right place also at times between frames, in all three file formats.
 #[test]
 fn text_crate_files_and_packages_hold_the_same_scene() {
     let Some(python) = python_with("pxr", USD) else { return };

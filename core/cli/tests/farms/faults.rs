@@ -196,8 +196,8 @@ int flock(int file, int operation) {
     (is_used && built.is_ok_and(|status| status.success())).then_some(library)
 }
 
-/// On file systems on which locks fail, or on which two machines can hold the same lock, workers of one chunk draw at the same time, each
-/// in its own folder. The slower worker finds the segment complete. The next worker copies the frames of a killed one.
+/// Workers of one chunk draw at the same time, each in its own folder, if locks fail or if two machines can hold the same lock. The slower
+/// worker finds the segment complete. The next worker copies the frames of a killed one.
 #[test]
 fn file_systems_without_locks_lose_nothing() {
     let dir = scene();
@@ -261,8 +261,7 @@ fn lose_nothing_without_locks(d: &Path, film: &[u8], worker: impl Fn(&str) -> Co
     std::fs::remove_dir_all(&segments).unwrap();
 }
 
-/// On a file system on which segments become visible late and in pieces, the join waits as long as `--wait` states, and then names what
-/// is missing.
+/// If segments become visible late and in pieces, the join waits as long as `--wait` states, and then names what is missing.
 #[test]
 fn join_waits_for_segments_that_appear_late() {
     let dir = scene();

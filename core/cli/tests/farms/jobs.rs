@@ -15,7 +15,7 @@ cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: color }))
 camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
 "##;
 
-/// With these options, an MP4 has groups of 24 frames.
+/// Options with which an MP4 has groups of 24 frames.
 const OPTIONS: &[&str] = &["--samples", "1", "--export", "keyframes=0.8", "--set", "color=#20c040"];
 
 fn scene() -> tempfile::TempDir {

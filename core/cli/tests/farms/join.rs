@@ -13,7 +13,7 @@ camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
 text("title", #{ size: 0.3 }).key("opacity", [[0.0, 0.2], [1.5, 0.2], [1.8, 1.0], [2.0, 1.0]]);
 "##;
 
-/// With these options, an MP4 has groups of 24 frames.
+/// Options with which an MP4 has groups of 24 frames.
 const KEYFRAMES: &[&str] = &["--export", "keyframes=0.8"];
 
 fn render(folder: &Path, output: &str, more: &[&str]) -> Run {
@@ -264,7 +264,7 @@ fn segments_that_disagree_are_refused() {
     assert!(text.starts_with(&expected), "{text}");
 }
 
-/// With --resume, a complete segment is not rendered again, and a truncated one is.
+/// A complete segment is not rendered again with --resume, and a truncated one is.
 #[test]
 fn a_complete_segment_is_not_rendered_again() {
     let dir = scene();

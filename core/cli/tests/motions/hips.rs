@@ -1,4 +1,4 @@
-//! In retargeted clips, the hips move as smoothly as those of the source, and feet that stand stay on the floor, for every sample character.
+//! The hips in retargeted clips move as smoothly as those of the source, and feet that stand stay on the floor, for every sample character.
 //! `cargo test --workspace --test motions hips -- --nocapture` prints the table.
 
 use crate::common;

@@ -97,7 +97,7 @@ impl PackageTest {
         run.out
     }
 
-    /// Where packages are installed.
+    /// The folder in which packages are installed.
     fn plugins_folder(&self) -> PathBuf {
         self.path().join("data/choreo/plugins")
     }
