@@ -1,12 +1,12 @@
-//! Messages about bad input: exact words, exit codes, no file left behind.
+//! Messages about invalid input: exact texts, exit codes, and no file left behind.
 
 mod common;
 
 use common::*;
 use std::path::Path;
 
-/// Exit code and the first line on standard error; nothing new may lie in the folder.
-fn refused(folder: &Path, args: &[&str]) -> (i32, String) {
+/// Exit code and first line on standard error of a command that must fail without creating a file.
+fn failed_run(folder: &Path, args: &[&str]) -> (i32, String) {
     let before = names(folder);
     let run = choreo(folder, args);
     assert_eq!(names(folder), before, "{args:?} left something behind");
@@ -15,7 +15,7 @@ fn refused(folder: &Path, args: &[&str]) -> (i32, String) {
 }
 
 #[test]
-fn inputs_that_are_no_inputs() {
+fn missing_and_unreadable_inputs_are_errors_that_name_the_file() {
     let dir = folder();
     let d = dir.path();
     std::fs::create_dir(d.join("models")).unwrap();
@@ -36,19 +36,19 @@ fn inputs_that_are_no_inputs() {
             if command == "render" {
                 args.extend(["-o", "out.mp4"]);
             }
-            assert_eq!(refused(d, &args), (1, expected.to_string()), "{command}");
+            assert_eq!(failed_run(d, &args), (1, expected.to_string()), "{command}");
         }
     }
     for input in ["noise.glb", "models/Fox.glb", "empty.gltf"] {
-        let (code, line) = refused(d, &["info", input]);
+        let (code, line) = failed_run(d, &["info", input]);
         assert_eq!(code, 1);
         assert!(line.starts_with(&format!("{input}: ")), "{line}");
     }
 }
 
-/// Every prefix of a model, and the model with each byte of its head turned: an error or a result, no panic, no hang.
+/// Models that are cut or have a flipped bit, at many places, give an error or a result, but no panic and no hang.
 #[test]
-fn cut_and_bent_models_never_panic() {
+fn truncated_and_bit_flipped_models_never_panic() {
     let dir = folder();
     let d = dir.path();
     let whole = triangle(1.0).into_bytes();
@@ -56,23 +56,23 @@ fn cut_and_bent_models_never_panic() {
         std::fs::write(d.join("cut.gltf"), &whole[..cut]).unwrap();
         let run = choreo(d, &["pose", "cut.gltf", "--at", "0.5"]);
         assert_eq!(run.code, 1, "cut at {cut} was accepted");
-        let mut bent = whole.clone();
-        bent[cut] ^= 1 << (i % 7);
-        std::fs::write(d.join("bent.gltf"), &bent).unwrap();
+        let mut damaged = whole.clone();
+        damaged[cut] ^= 1 << (i % 7);
+        std::fs::write(d.join("bent.gltf"), &damaged).unwrap();
         let run = choreo(d, &["pose", "bent.gltf", "--at", "0.5"]);
         assert!([0, 1].contains(&run.code), "{}", run.err);
     }
 }
 
 #[test]
-fn unknown_clips_name_the_closest() {
+fn an_unknown_clip_is_an_error_with_the_closest_name() {
     let dir = folder();
-    let (code, line) = refused(dir.path(), &["render", "tri.gltf", "--clip", "Slde", "-o", "o.mp4"]);
+    let (code, line) = failed_run(dir.path(), &["render", "tri.gltf", "--clip", "Slde", "-o", "o.mp4"]);
     assert_eq!((code, line.as_str()), (1, "tri.gltf: unknown clip \"Slde\"; did you mean \"Slide\"?"));
 }
 
 #[test]
-fn command_lines_that_are_wrong() {
+fn invalid_options_are_errors_that_state_the_allowed_values() {
     let dir = folder();
     let d = dir.path();
     std::fs::create_dir(d.join("frames")).unwrap();
@@ -151,12 +151,12 @@ fn command_lines_that_are_wrong() {
             "--export qality=9: mp4 has no option \"qality\"; did you mean \"quality\"?",
         ),
     ] {
-        assert_eq!(refused(d, args), (2, expected.to_string()), "{args:?}");
+        assert_eq!(failed_run(d, args), (2, expected.to_string()), "{args:?}");
     }
-    // A slip that would write over the script or the model.
+    // A mistake that would overwrite the script or the model.
     for mesh in ["tri.gltf", "s.rhai", "x.stl", "x"] {
         let expected = format!("--mesh {mesh}: write a name that ends in .obj");
-        assert_eq!(refused(d, &["pose", "tri.gltf", "--mesh", mesh]), (2, expected));
+        assert_eq!(failed_run(d, &["pose", "tri.gltf", "--mesh", mesh]), (2, expected));
     }
     assert_eq!(read(d, "tri.gltf"), triangle(1.0).into_bytes());
     // These errors are found by clap itself.
@@ -170,7 +170,7 @@ fn command_lines_that_are_wrong() {
 }
 
 #[test]
-fn outputs_that_cannot_be() {
+fn outputs_that_cannot_be_written_are_errors_with_the_reason() {
     let dir = folder();
     let d = dir.path();
     for (output, expected) in [
@@ -178,7 +178,7 @@ fn outputs_that_cannot_be() {
         ("tri.gltf/o.mp4", "tri.gltf/o.mp4: cannot write: a part of the path is a file, not a folder"),
         ("tri.gltf/%04d.png", "tri.gltf: cannot make the folder: it exists already and is not a folder"),
     ] {
-        let (code, line) = refused(d, &["render", "tri.gltf", "-o", output, "--device", "cpu", "--quiet"]);
+        let (code, line) = failed_run(d, &["render", "tri.gltf", "-o", output, "--device", "cpu", "--quiet"]);
         assert_eq!((code, line.as_str()), (3, expected));
     }
     let missing = "the folder no/such does not exist; make it: mkdir -p no/such";
@@ -186,11 +186,11 @@ fn outputs_that_cannot_be() {
         &["export", "tri.gltf", "-o", "no/such/o.glb"][..],
         &["check", "tri.gltf", "--plot", "no/such/o.svg"],
     ] {
-        let (code, line) = refused(d, args);
+        let (code, line) = failed_run(d, args);
         assert_eq!((code, line), (3, format!("{}: cannot write: {missing}", args[3])));
     }
     let long = format!("{}.mp4", "x".repeat(300));
-    let (code, line) = refused(d, &["render", "tri.gltf", "-o", &long, "--device", "cpu", "--quiet"]);
+    let (code, line) = failed_run(d, &["render", "tri.gltf", "-o", &long, "--device", "cpu", "--quiet"]);
     assert_eq!(code, 3);
     assert!(line.ends_with("cannot write: the name is too long or not allowed"), "{line}");
 }
@@ -210,13 +210,13 @@ fn a_full_disk_is_reported() {
         }
         let small = ["--device", "cpu", "--size", "320x180", "--samples", "1", "--quiet"];
         let args: Vec<&str> = ["render", "tri.gltf", "-o", &name].into_iter().chain(small).collect();
-        let (code, line) = refused(d, &args);
+        let (code, line) = failed_run(d, &args);
         assert_eq!((code, line), (3, format!("{name}: cannot write: the disk is full")));
     }
 }
 
 #[test]
-fn scripts_that_are_wrong_say_where() {
+fn script_errors_state_line_and_column() {
     let dir = tempfile::tempdir().unwrap();
     let d = &dir.path().join("inside");
     std::fs::create_dir(d).unwrap();
@@ -253,21 +253,20 @@ fn scripts_that_are_wrong_say_where() {
         for args in
             [&["check", "s.rhai"][..], &["render", "s.rhai", "-o", "o.mp4", "--device", "cpu", "--quiet"]]
         {
-            assert_eq!(refused(d, args), (1, expected.to_string()), "{text}");
+            assert_eq!(failed_run(d, args), (1, expected.to_string()), "{text}");
         }
     }
 }
 
-/// All at once, with places for machines.
-/// A callback that fails late: with its place and time, for people and machines, and before anything is rendered or left.
+/// A callback that fails in a late frame: `check` and `render` report its place and time, also as JSON, and no output is left.
 #[test]
-fn callbacks_that_fail_late_are_found() {
+fn errors_of_callbacks_in_late_frames_are_found() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     let text = "stage(#{ length: 4, fps: 30 });\nlet b = cast(\"b\", shape(\"box\"));\n\
                 camera(\"c\").at(0, 1, 5);\non_frame(|t| { if t >= 3.3 { throw \"boom\"; } b.at(t, 0, 0); });";
     std::fs::write(d.join("s.rhai"), text).unwrap();
-    let (code, line) = refused(d, &["check", "s.rhai"]);
+    let (code, line) = failed_run(d, &["check", "s.rhai"]);
     assert_eq!((code, line.as_str()), (1, "s.rhai:4:30: boom (at 3.3 s and in 20 more frames)"));
     let run = choreo(d, &["check", "s.rhai", "--json"]);
     let value: serde_json::Value = serde_json::from_str(&run.out).unwrap();
@@ -284,20 +283,19 @@ fn callbacks_that_fail_late_are_found() {
         assert!(run.err.trim_end().ends_with("    at 3.3 s"), "{}", run.err);
         let whole = if output.starts_with("f/") { vec!["f", "s.rhai"] } else { vec!["s.rhai"] };
         assert!(
-            parts(d).is_empty() && names(d).iter().all(|n| whole.contains(&n.as_str())),
+            part_files(d).is_empty() && names(d).iter().all(|n| whole.contains(&n.as_str())),
             "{:?}",
             names(d)
         );
     }
-    // The frames before it are there where each has a file of its own, and can be requested alone.
+    // Numbered images of the frames before the error are kept, and these frames can be rendered alone.
     assert!(names(&d.join("f")).iter().all(|n| n.as_str() < "099.png" && n.ends_with(".png")));
     let args = ["render", "s.rhai", "-o", "o.mp4", "--frames", "0..99", "--device", "cpu", "--size", "64x64"];
     assert_eq!(choreo(d, &args).code, 0);
 }
 
-/// Warnings are told once.
 #[test]
-fn warnings_are_told_once() {
+fn a_warning_is_printed_once() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     std::fs::write(d.join("s.rhai"), "cast(\"a\", shape(\"box\"));\ncast(\"b\", shape(\"box\"));").unwrap();
@@ -308,7 +306,7 @@ fn warnings_are_told_once() {
 }
 
 #[test]
-fn scripts_that_are_hard_to_read() {
+fn scripts_that_are_not_utf8_too_large_or_too_deep_are_errors() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     std::fs::write(d.join("latin.rhai"), b"stage(#{});\nlet x = \"\xff\";\n").unwrap();
@@ -320,12 +318,12 @@ fn scripts_that_are_hard_to_read() {
         ("big.rhai", "\"big.rhai\" has 100000000 bytes; a script may have 4194304"),
         ("deep.rhai", "deep.rhai:1:40: this expression is nested too deeply"),
     ] {
-        assert_eq!(refused(d, &["check", name]), (1, expected.to_string()));
+        assert_eq!(failed_run(d, &["check", name]), (1, expected.to_string()));
     }
 }
 
 #[test]
-fn several_script_errors_are_told_together() {
+fn several_script_errors_are_reported_together() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(d.join("s.rhai"), "let a = load(\"no.glb\");\nlet b = load(\"tr.gltf\");").unwrap();
@@ -342,7 +340,7 @@ fn several_script_errors_are_told_together() {
 
 /// Errors of the command line are printed as JSON, too, wherever `--json` stands.
 #[test]
-fn command_lines_that_are_wrong_are_told_as_json() {
+fn command_line_errors_are_printed_as_json() {
     let dir = folder();
     for (args, kind, message) in [
         (&["check", "tri.gltf", "--jsn", "--json"][..], "usage", "unexpected argument '--jsn' found"),
@@ -359,23 +357,23 @@ fn command_lines_that_are_wrong_are_told_as_json() {
             .unwrap_or_else(|e| panic!("{args:?}: {e}: {}{}", run.out, run.err));
         let code = if kind == "usage" { 2 } else { 1 };
         assert_eq!((run.code, &value["exit_code"], &value["kind"]), (code, &code.into(), &kind.into()));
-        let told = value["errors"][0]["message"].as_str().unwrap();
-        assert!(told.starts_with(message) && !told.contains("Usage:"), "{args:?}: {told}");
+        let printed = value["errors"][0]["message"].as_str().unwrap();
+        assert!(printed.starts_with(message) && !printed.contains("Usage:"), "{args:?}: {printed}");
         assert!(run.err.contains(message), "{args:?}: {}", run.err);
     }
-    // Standard output is the video's.
+    // If the video goes to standard output, the JSON goes to standard error.
     let run = choreo(dir.path(), &["render", "tri.gltf", "-o", "-", "--frmes", "1", "--json"]);
     assert_eq!((run.code, run.out.as_str()), (2, ""));
     assert!(run.err.contains(r#"{"errors":[{"message":"unexpected argument '--frmes' found"#), "{}", run.err);
     let run = choreo(dir.path(), &["render", "trj.gltf", "-o", "-", "--json"]);
     assert!(run.out.is_empty() && run.err.contains(r#""kind":"input""#), "{}", run.err);
-    // After "--" it is a name; and help is no error.
+    // After "--", --json is the name of a file; help is printed as text.
     assert_eq!(choreo(dir.path(), &["check", "--", "tri.gltf", "--json"]).out, "");
     assert!(choreo(dir.path(), &["check", "--json", "--help"]).out.starts_with("Check a scene"));
 }
 
 #[test]
-fn help_tells_limits_and_exit_codes() {
+fn help_lists_limits_and_exit_codes() {
     let dir = folder();
     let help = choreo(dir.path(), &["render", "--help"]).out;
     let row = |name: &str| help.lines().find(|l| l.trim_start().starts_with(name)).unwrap_or_default();
@@ -392,15 +390,15 @@ fn help_tells_limits_and_exit_codes() {
     assert!(help.contains("--timeout <SECONDS>") && help.contains("[default: 300]"), "{help}");
 }
 
-/// Runs the program with at most so many threads; `None`: this machine cannot limit them.
+/// Runs the program with at most `most` threads; `None` if this machine cannot limit them.
 #[cfg(target_os = "linux")]
-fn with_threads(folder: &Path, most: u32, args: &[&str]) -> Option<Run> {
+fn run_with_thread_limit(folder: &Path, most: u32, args: &[&str]) -> Option<Run> {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
     use std::process::Command;
     let limit = format!("--nproc={most}:{most}");
     let owner = std::fs::metadata(folder).unwrap().uid();
     let mut command = match owner {
-        // The limit does not hold for root. Threads are counted by user: one that nobody else is.
+        // The limit does not apply to root. Threads are counted per user, so a user without other processes is chosen.
         0 => {
             let user = (100_000 + std::process::id() % 1_000_000).to_string();
             let mode = std::fs::Permissions::from_mode(0o777);
@@ -414,7 +412,7 @@ fn with_threads(folder: &Path, most: u32, args: &[&str]) -> Option<Run> {
             command.arg(program);
             command
         }
-        // Others have threads already: more than one is beyond the limit.
+        // This user already has other threads, so a limit above 1 would count them too.
         _ if most > 1 => return None,
         _ => {
             let mut command = Command::new("prlimit");
@@ -423,12 +421,12 @@ fn with_threads(folder: &Path, most: u32, args: &[&str]) -> Option<Run> {
         }
     };
     command.current_dir(folder).args(args).stdin(std::process::Stdio::null());
-    Some(finished(command.output().ok()?))
+    Some(run_result(command.output().ok()?))
 }
 
 #[cfg(target_os = "linux")]
 #[test]
-fn few_threads_are_told_or_enough() {
+fn too_few_threads_end_with_exit_code_5() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(
@@ -452,7 +450,7 @@ fn few_threads_are_told_or_enough() {
     let mut enough = 0;
     for most in (1..=14).chain([40]) {
         for args in commands {
-            let Some(run) = with_threads(d, most, args) else {
+            let Some(run) = run_with_thread_limit(d, most, args) else {
                 println!(
                     "SKIP 1: {most} threads cannot be set apart from those of the user's other programs"
                 );
@@ -471,13 +469,13 @@ fn few_threads_are_told_or_enough() {
             }
         }
     }
-    assert!(enough == 0 || enough >= 4 * commands.len(), "{enough} runs had enough");
+    assert!(enough == 0 || enough >= 4 * commands.len(), "{enough} runs had enough threads");
 }
 
-/// Whatever allocation or thread is the first that fails.
+/// The exit code is the same for any allocation or thread that fails first.
 #[cfg(target_os = "linux")]
 #[test]
-fn little_memory_ends_with_an_exit_code() {
+fn too_little_memory_ends_with_an_exit_code() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(
@@ -499,17 +497,17 @@ fn little_memory_ends_with_an_exit_code() {
             let shell = format!("ulimit -v {kib}; ulimit -c 0; exec \"$@\"");
             let mut command = std::process::Command::new("sh");
             command.args(["-c", &shell, "sh", env!("CARGO_BIN_EXE_choreo")]).args(args);
-            let run = finished(command.current_dir(d).env_remove("RUST_BACKTRACE").output().unwrap());
+            let run = run_result(command.current_dir(d).env_remove("RUST_BACKTRACE").output().unwrap());
             match (kib, run.code) {
-                // Below that, the system's own loader ends it, or the kernel, which cannot map the program.
+                // With less memory the loader or the kernel ends the program, because it cannot be mapped.
                 (..90_000, 127 | -1) => continue,
                 (4_000_000, code) => assert_eq!(code, 0, "{}", run.err),
                 (_, 5) => {
-                    // The last one is the C library's own, where a thread's first allocation fails.
-                    let told = ["too few threads: ", "memory allocation of ", "Fatal glibc error: "];
-                    assert!(told.iter().any(|t| run.err.contains(t)), "{kib}: {}", run.err);
+                    // The C library prints the last one if the first allocation of a thread fails.
+                    let beginnings = ["too few threads: ", "memory allocation of ", "Fatal glibc error: "];
+                    assert!(beginnings.iter().any(|text| run.err.contains(text)), "{kib}: {}", run.err);
                 }
-                // The encoder's own library says no more than that it failed.
+                // The library of the encoder reports only that it failed.
                 (..300_000, 3) => assert!(run.err.contains("H.264 encoder: "), "{kib}: {}", run.err),
                 (_, code) => assert_eq!(code, 0, "{kib} KiB, {args:?}: {}", run.err),
             }
@@ -519,9 +517,9 @@ fn little_memory_ends_with_an_exit_code() {
     assert!(codes.iter().filter(|code| **code == 5).count() >= 4, "{codes:?}");
 }
 
-/// `info` ends before a model uses up the memory, as `check` does.
+/// `info` stops at the memory limit, as `check` does.
 #[test]
-fn info_and_check_have_one_memory_limit() {
+fn info_and_check_obey_the_memory_limit() {
     let dir = folder();
     let mut stl = vec![0u8; 80];
     let triangles = 400_000u32;
@@ -534,7 +532,7 @@ fn info_and_check_have_one_memory_limit() {
     }
     std::fs::write(dir.path().join("large.stl"), stl).unwrap();
     for command in ["check", "info"] {
-        let (code, first) = refused(dir.path(), &[command, "large.stl", "--limit", "memory=20000000"]);
+        let (code, first) = failed_run(dir.path(), &[command, "large.stl", "--limit", "memory=20000000"]);
         assert_eq!(code, 1, "{command}: {first}");
         assert!(first.contains("the program would need more memory than it may use"), "{command}: {first}");
     }

@@ -1,12 +1,12 @@
-//! Every script under tests/hostile through the real program: `check`, and `render` of two small images. Each says
-//! in its head what is expected; beyond that nothing may panic, hang, fill the memory, write elsewhere or steer the
-//! terminal. `CHOREO_ACCEPT=1` writes what came into the heads, to be read before it is kept.
+//! Runs `check` and `render` (two small images) on every script in tests/hostile. The first comments of a script, its head, state the
+//! expected result. In addition, no run may panic, hang, fill the memory, write to other places or send control characters to the
+//! terminal. `CHOREO_ACCEPT=1` writes the actual results into the heads; read them before you commit.
 //!
 //! Heads, one comment a line:
 //! ```text
 //! // An endless loop.                                  what it tries
 //! // with: --limit seconds=1                           further arguments
-//! // good                                              both commands end well
+//! // good                                              both commands succeed
 //! // expects: 4:1: the script takes too many steps     a line of the messages, with its place; … at the end: its start
 //! // check expects: …   render expects: …              of one of the commands only; 4:* is any column, *:* any place
 //! // render exits: 3                                   where the exit code is neither 0 nor 1
@@ -17,7 +17,7 @@ mod common;
 #[path = "common/hostile_assets.rs"]
 mod hostile_assets;
 
-use common::{Run, finished, names};
+use common::{Run, names, run_result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -25,8 +25,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// Steps and bytes are fewer than by default, so that what a limit must stop is stopped soon. The clocks are not: on a busy machine
-/// they would strike before what a script is about. A script about a clock has its own limit in its head.
+/// Limits of steps and bytes are lower than by default, so that they stop a script soon. Time limits are higher, because on a busy machine
+/// they would end a script before the limit that it tests. A script that tests a time limit has that limit in its head.
 const LIMITS: &[&str] = &[
     "operations=1000000",
     "frame_operations=100000",
@@ -40,10 +40,10 @@ const LIMITS: &[&str] = &[
 const PROCESSOR_SECS: u32 = 60;
 /// KiB of address space, stacks and reserved heaps included.
 const MEMORY_KIB: u32 = 2 << 20;
-/// Something that waits without end takes no processor time.
-const PATIENCE: Duration = Duration::from_secs(900);
-/// Bytes of messages: enough for a list of mistakes, too little for a flood.
-const MOST_TEXT: usize = 64 << 10;
+/// Wall time after which a run counts as hanging: a process that only waits uses no processor time.
+const MAX_WAIT: Duration = Duration::from_secs(900);
+/// Largest number of bytes of messages: enough for a list of errors.
+const MAX_MESSAGE_BYTES: usize = 64 << 10;
 
 fn corpus() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/hostile")
@@ -52,7 +52,7 @@ fn corpus() -> PathBuf {
 struct Script {
     name: String,
     text: String,
-    with: Vec<String>,
+    further_args: Vec<String>,
     good: bool,
     /// (command or "", text)
     expects: Vec<(String, String)>,
@@ -67,7 +67,7 @@ impl Script {
         let mut script = Script {
             name,
             text: text.clone(),
-            with: Vec::new(),
+            further_args: Vec::new(),
             good: false,
             expects: Vec::new(),
             exits: Vec::new(),
@@ -76,7 +76,7 @@ impl Script {
             if line == "good" {
                 script.good = true;
             } else if let Some(with) = line.strip_prefix("with: ") {
-                script.with = words(with);
+                script.further_args = split_words(with);
             } else if let Some((command, code)) = line.split_once(" exits: ") {
                 script.exits.push((command.to_string(), code.parse().unwrap()));
             } else if let Some((before, expected)) = line.split_once("expects: ")
@@ -93,15 +93,15 @@ impl Script {
         self.expects.iter().filter(|(c, _)| mine(c)).map(|(_, t)| t.as_str()).collect()
     }
 
-    /// The whole text of a message line that the head gives without the file's name.
-    fn whole(&self, expected: &str) -> String {
+    /// An expected line of messages, with the name of the file if the head omits it.
+    fn full_line(&self, expected: &str) -> String {
         let at_place = expected.split(':').next().is_some_and(|l| l == "*" || l.parse::<u32>().is_ok());
         if at_place { format!("{}:{expected}", self.name) } else { expected.to_string() }
     }
 }
 
-/// Words at blanks; "…" holds some together.
-fn words(text: &str) -> Vec<String> {
+/// Splits a text at blanks, except inside quotes.
+fn split_words(text: &str) -> Vec<String> {
     let mut words = Vec::new();
     for (i, part) in text.split('"').enumerate() {
         match i % 2 {
@@ -112,7 +112,7 @@ fn words(text: &str) -> Vec<String> {
     words
 }
 
-struct Yard {
+struct Sandbox {
     _dir: tempfile::TempDir,
     inside: PathBuf,
     outside: PathBuf,
@@ -120,8 +120,8 @@ struct Yard {
     out: PathBuf,
 }
 
-impl Yard {
-    fn new(scripts: &[Script]) -> Yard {
+impl Sandbox {
+    fn new(scripts: &[Script]) -> Sandbox {
         let dir = tempfile::tempdir().unwrap();
         let folder = |name: &str| {
             let folder = dir.path().join(name);
@@ -134,20 +134,20 @@ impl Yard {
         for script in scripts {
             std::fs::write(inside.join(&script.name), &script.text).unwrap();
         }
-        Yard { _dir: dir, inside, outside, home, out }
+        Sandbox { _dir: dir, inside, outside, home, out }
     }
 
     fn run(&self, script: &Script, command: &str, further: &[&str]) -> Result<Run, String> {
-        // The shell sets limits that no code of ours could forget.
+        // The shell sets limits, so that the program cannot forget to set them.
         let shell = format!("ulimit -v {MEMORY_KIB}; ulimit -t {PROCESSOR_SECS}; ulimit -c 0; exec \"$@\"");
         let mut program = Command::new("sh");
         program.args(["-c", &shell, "sh", env!("CARGO_BIN_EXE_choreo"), command, &script.name]);
-        program.args(LIMITS.iter().flat_map(|l| ["--limit", l])).args(&script.with).args(further);
+        program.args(LIMITS.iter().flat_map(|l| ["--limit", l])).args(&script.further_args).args(further);
         program.current_dir(&self.inside).stdin(Stdio::null());
         for name in ["HOME", "TMPDIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME"] {
             program.env(name, &self.home);
         }
-        // The output goes into files, because a flood would fill a pipe that nobody reads while we wait.
+        // The output goes to files, because a pipe would be full before it is read.
         let log = |kind: &str| self.out.join(format!("{}.{command}.{kind}", script.name));
         program.stdout(std::fs::File::create(log("out")).unwrap());
         program.stderr(std::fs::File::create(log("err")).unwrap());
@@ -157,7 +157,7 @@ impl Yard {
             if let Some(status) = child.try_wait().unwrap() {
                 break status;
             }
-            if started.elapsed() > PATIENCE {
+            if started.elapsed() > MAX_WAIT {
                 child.kill().unwrap();
                 child.wait().unwrap();
                 return Err("hangs".into());
@@ -173,10 +173,10 @@ impl Yard {
         if output.status.code().is_none() {
             return Err(format!("ended by a signal: {status}\n{}", String::from_utf8_lossy(&output.stderr)));
         }
-        Ok(finished(output))
+        Ok(run_result(output))
     }
 
-    /// All files with their content's size and time of change, but the images requested.
+    /// All files with size and modification time, except the requested images.
     fn inventory(&self) -> BTreeMap<PathBuf, (u64, Option<std::time::SystemTime>)> {
         let mut found = BTreeMap::new();
         let mut open = vec![self.inside.clone(), self.outside.clone(), self.home.clone()];
@@ -194,21 +194,21 @@ impl Yard {
 }
 
 /// Judges how one command handled one script.
-fn judge(yard: &Yard, script: &Script, command: &str) -> Result<Run, String> {
-    let folder = yard.out.join(script.name.trim_end_matches(".rhai"));
+fn judge(sandbox: &Sandbox, script: &Script, command: &str) -> Result<Run, String> {
+    let folder = sandbox.out.join(script.name.trim_end_matches(".rhai"));
     let frames = format!("../out/{}/%04d.png", script.name.trim_end_matches(".rhai"));
     let further: &[&str] = match command {
         "check" => &[],
         _ => &["-o", &frames, "--size", "64x36", "--frames", "0..2", "--device", "cpu", "--jobs", "2"],
     };
     let started = Instant::now();
-    let run = yard.run(script, command, further)?;
+    let run = sandbox.run(script, command, further)?;
     println!("{:6.2} s {} {command}", started.elapsed().as_secs_f64(), script.name);
     let text = format!("{}{}", run.out, run.err);
     if ["panicked", "RUST_BACKTRACE", "internal error"].iter().any(|sign| text.contains(sign)) {
         return Err(format!("panics:\n{text}"));
     }
-    if text.len() > MOST_TEXT {
+    if text.len() > MAX_MESSAGE_BYTES {
         return Err(format!("writes {} bytes of messages", text.len()));
     }
     let steers = |c: char| {
@@ -239,8 +239,8 @@ fn compare(script: &Script, command: &str, run: &Run) -> Result<(), String> {
         return Err(format!("expected exit code {code}, got {}", shown()));
     }
     for text in expected {
-        let whole = script.whole(text);
-        let found = run.err.lines().map(str::trim_start).any(|line| fits(line, &whole));
+        let whole = script.full_line(text);
+        let found = run.err.lines().map(str::trim_start).any(|line| matches_line(line, &whole));
         if !found {
             return Err(format!("expected: {whole}\ngot {}", shown()));
         }
@@ -248,8 +248,8 @@ fn compare(script: &Script, command: &str, run: &Run) -> Result<(), String> {
     Ok(())
 }
 
-/// `*` stands for a number, `…` at the end for the rest.
-fn fits(line: &str, expected: &str) -> bool {
+/// Whether a line matches an expected text, in which `*` stands for a number and `…` at the end for any text.
+fn matches_line(line: &str, expected: &str) -> bool {
     let (expected, open) = match expected.strip_suffix('…') {
         Some(start) => (start, true),
         None => (expected, false),
@@ -282,7 +282,7 @@ fn head_lines(script: &Script, run: &Run) -> Vec<String> {
                 line.strip_prefix(&here).filter(|t| !t.starts_with(' ')).unwrap_or(line).to_string()
             }
         };
-        // The clock does not strike at the same place every time.
+        // A time limit is not reached at the same place every time.
         let mut parts = text.splitn(3, ':');
         let text = match (parts.next(), parts.next(), parts.next()) {
             (Some(line), Some(_), Some(what))
@@ -346,7 +346,7 @@ fn accept(script: &Script, check: &Run, render: &Run) {
 }
 
 #[test]
-fn every_hostile_script_ends_as_it_says() {
+fn every_hostile_script_gives_the_result_in_its_head() {
     let accepting = std::env::var_os("CHOREO_ACCEPT").is_some();
     let only = std::env::var("CHOREO_ONLY").unwrap_or_default();
     let mut scripts: Vec<Script> = names(&corpus())
@@ -355,15 +355,15 @@ fn every_hostile_script_ends_as_it_says() {
         .map(|n| Script::read(&corpus().join(n)))
         .collect();
     assert!(scripts.len() >= 100, "{} scripts", scripts.len());
-    let yard = Yard::new(&scripts);
+    let sandbox = Sandbox::new(&scripts);
     scripts.retain(|s| s.name.contains(&only));
-    let before = yard.inventory();
+    let before = sandbox.inventory();
     let next = AtomicUsize::new(0);
     let wrong = Mutex::new(Vec::new());
     let work = || {
         while let Some(script) = scripts.get(next.fetch_add(1, Ordering::Relaxed)) {
             let runs = ["check", "render"].map(|command| {
-                let run = judge(&yard, script, command);
+                let run = judge(&sandbox, script, command);
                 let compared = match &run {
                     Ok(run) if !accepting => compare(script, command, run),
                     Ok(_) => Ok(()),
@@ -386,6 +386,6 @@ fn every_hostile_script_ends_as_it_says() {
     });
     let wrong = wrong.into_inner().unwrap();
     assert!(wrong.is_empty(), "{} of {}:\n\n{}", wrong.len(), scripts.len(), wrong.join("\n\n"));
-    let after = yard.inventory();
+    let after = sandbox.inventory();
     assert_eq!(before, after, "nothing is written but the named outputs");
 }

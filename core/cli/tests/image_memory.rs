@@ -1,4 +1,4 @@
-//! Memory for images: commands that describe a scene read headers alone, and a render holds an image once with its mipmaps.
+//! Memory for images: commands that describe a scene read only the headers, and a render holds an image once with its mipmaps.
 
 use choreo_importer_kit_testing::alone;
 use std::ffi::OsString;
@@ -8,8 +8,8 @@ use std::process::ExitCode;
 /// Pixels a side: 48 MiB of RGB, 64 MiB decoded, 21 MiB of mipmaps.
 const SIDE: u32 = 4096;
 
-/// A triangle with a large image in a folder of its own.
-fn folder() -> tempfile::TempDir {
+/// A triangle with a large image in its own folder.
+fn folder_with_large_image() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let numbers: [f32; 15] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
     let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
@@ -29,12 +29,12 @@ fn folder() -> tempfile::TempDir {
     dir
 }
 
-/// A script that has the same image on a surface, in a folder that has the model, too.
+/// A script with the same image on a surface.
 const SCRIPT: &str =
     "stage(#{ length: 1.0 });\ncast(\"wall\", shape(\"plane\", #{ image: image(\"large.png\") }));\n";
 
-/// MiB that Linux states for this process at its highest; the mark is set back before. `None` elsewhere.
-fn peak(work: impl FnOnce()) -> Option<u64> {
+/// Peak memory of this process in MiB while `work` runs, above the memory before; `None` if the system does not report it.
+fn peak_memory_mib(work: impl FnOnce()) -> Option<u64> {
     std::fs::write("/proc/self/clear_refs", "5").ok()?;
     let status = |key: &str| -> Option<u64> {
         let text = std::fs::read_to_string("/proc/self/status").ok()?;
@@ -46,7 +46,7 @@ fn peak(work: impl FnOnce()) -> Option<u64> {
     Some((status("VmHWM:")?.saturating_sub(before)) >> 10)
 }
 
-fn run(folder: &Path, args: &[&str]) {
+fn run_in_this_process(folder: &Path, args: &[&str]) {
     let path = |arg: &&str| match folder.join(arg).exists() || arg.ends_with(".y4m") {
         true => folder.join(arg).into_os_string(),
         false => OsString::from(arg),
@@ -55,13 +55,13 @@ fn run(folder: &Path, args: &[&str]) {
     assert_eq!(choreo::run(args, &choreo::app()), ExitCode::SUCCESS);
 }
 
-/// Runs a command in a process of its own, and bounds its memory.
-fn takes_at_most(most: u64, args: &[&str]) {
+/// Runs a command in a separate process and asserts that its peak memory is at most `most` MiB.
+fn assert_memory_at_most(most: u64, args: &[&str]) {
     if alone::ran_in_own_process() {
         return;
     }
-    let folder = folder();
-    match peak(|| run(folder.path(), args)) {
+    let folder = folder_with_large_image();
+    match peak_memory_mib(|| run_in_this_process(folder.path(), args)) {
         None => println!("SKIP 1: the system does not state the memory of a process"),
         Some(peak) => {
             println!("{}: {peak} MiB", args[0]);
@@ -71,41 +71,41 @@ fn takes_at_most(most: u64, args: &[&str]) {
 }
 
 #[test]
-fn check_reads_the_header() {
-    takes_at_most(24, &["check", "a.gltf"]);
+fn check_reads_only_the_image_header() {
+    assert_memory_at_most(24, &["check", "a.gltf"]);
 }
 
 #[test]
-fn pose_reads_the_header() {
-    takes_at_most(24, &["pose", "a.gltf", "--json"]);
+fn pose_reads_only_the_image_header() {
+    assert_memory_at_most(24, &["pose", "a.gltf", "--json"]);
 }
 
 #[test]
-fn info_reads_the_header() {
-    takes_at_most(24, &["info", "a.gltf"]);
+fn info_reads_only_the_image_header() {
+    assert_memory_at_most(24, &["info", "a.gltf"]);
 }
 
 #[test]
-fn explain_reads_the_header() {
-    takes_at_most(24, &["explain", "a.gltf"]);
+fn explain_reads_only_the_image_header() {
+    assert_memory_at_most(24, &["explain", "a.gltf"]);
 }
 
 #[test]
-fn check_of_a_script_reads_the_header() {
-    takes_at_most(24, &["check", "a.rhai"]);
+fn check_of_a_script_reads_only_the_image_header() {
+    assert_memory_at_most(24, &["check", "a.rhai"]);
 }
 
 #[test]
-fn pose_of_a_script_reads_the_header() {
-    takes_at_most(24, &["pose", "a.rhai", "--json"]);
+fn pose_of_a_script_reads_only_the_image_header() {
+    assert_memory_at_most(24, &["pose", "a.rhai", "--json"]);
 }
 
 #[test]
-fn explain_of_a_script_reads_the_header() {
-    takes_at_most(24, &["explain", "a.rhai"]);
+fn explain_of_a_script_reads_only_the_image_header() {
+    assert_memory_at_most(24, &["explain", "a.rhai"]);
 }
 
-/// Where a mesh or a material depends on the pixels of an image, they are decoded all the same.
+/// Images are decoded even so if a mesh or a material depends on their pixels.
 #[test]
 fn a_scene_is_the_same_without_pixels() {
     let dir = tempfile::tempdir().unwrap();
@@ -148,7 +148,7 @@ fn a_scene_is_the_same_without_pixels() {
 
 #[test]
 fn a_render_holds_the_image_once_with_its_mipmaps() {
-    takes_at_most(
+    assert_memory_at_most(
         136,
         &[
             "render",
@@ -168,15 +168,15 @@ fn a_render_holds_the_image_once_with_its_mipmaps() {
     );
 }
 
-/// The bounds can be exceeded: with the header alone nothing can be drawn.
+/// The limit can be exceeded: decoding the image takes more memory.
 #[test]
-fn what_decodes_the_image_takes_more_than_a_header() {
+fn decoding_the_image_exceeds_the_limit_for_headers() {
     if alone::ran_in_own_process() {
         return;
     }
-    let folder = folder();
+    let folder = folder_with_large_image();
     let open = || drop(image::open(folder.path().join("large.png")).unwrap());
-    match peak(open) {
+    match peak_memory_mib(open) {
         None => println!("SKIP 1: the system does not state the memory of a process"),
         Some(peak) => assert!(peak > 40, "{peak} MiB"),
     }

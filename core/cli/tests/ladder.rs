@@ -1,5 +1,5 @@
-//! The cost of scenes, each rung of a ladder with one thing more than the one below it: commands, pipelines, bytes, compiled
-//! shaders. A rung that pays for a feature of a higher one fails. `cargo test -p choreo --test ladder -- --nocapture`
+//! Costs of a sequence of scenes ("rungs"), each with one feature more than the one before: commands, pipelines, bytes, compiled shaders.
+//! A rung that pays for a feature of a later one fails. `cargo test -p choreo --test ladder -- --nocapture`
 //! prints the table.
 
 use choreo_image_diff::compare;
@@ -18,22 +18,22 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [320, 180];
 
-/// One thing more than the rung below.
+/// A scene with one feature more than the rung below.
 struct Rung {
     name: &'static str,
-    /// Goes on from the scripts of the rungs below.
+    /// Continues the scripts of the rungs below.
     script: &'static str,
     samples: u32,
-    /// Shader features that come in here, as `explain` names them.
+    /// Shader features that this rung adds, as `explain` names them.
     features: &'static [&'static str],
-    /// Short cuts of the rungs below that are none here any more.
-    gone: &'static [&'static str],
-    /// Kinds of per-frame data that come in here, without their counts.
+    /// Shader features of the rungs below that this rung no longer has.
+    removed_features: &'static [&'static str],
+    /// Kinds of per-frame data that this rung adds, without their counts.
     data: &'static [&'static str],
     cost: Cost,
 }
 
-/// Counts must be these; bytes may be fewer.
+/// Expected costs: counts must be equal, bytes may be fewer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Cost {
     commands: usize,
@@ -62,7 +62,7 @@ impl Cost {
         }
     }
 
-    fn within(&self, bound: &Cost) -> bool {
+    fn is_within(&self, bound: &Cost) -> bool {
         let counts = |c: &Cost| [c.commands, c.passes, c.draws, c.pipelines];
         let bytes = |c: &Cost| [c.frame_bytes, c.resource_bytes, c.target_bytes];
         counts(self) == counts(bound) && bytes(self).iter().zip(bytes(bound)).all(|(is, most)| *is <= most)
@@ -79,7 +79,7 @@ const LADDER: &[Rung] = &[
             cast("triangle", triangle).at(0, 0, -1);"#,
         samples: 1,
         features: &[],
-        gone: &[],
+        removed_features: &[],
         data: &["camera and ambient light", "copies"],
         cost: Cost {
             commands: 9,
@@ -96,7 +96,7 @@ const LADDER: &[Rung] = &[
         script: r#"cast("prop", shape("box", #{ size: 0.8, checker: "white", color: "teal", unlit: true })).at(-1.6, 0, 0);"#,
         samples: 1,
         features: &["BASE_COLOR_TEXTURE", "UV0", "UV_TRANSFORM"],
-        gone: &[],
+        removed_features: &[],
         data: &[],
         cost: Cost {
             commands: 13,
@@ -123,7 +123,7 @@ const LADDER: &[Rung] = &[
             "POSITION_OUT",
             "VIEW_TRANSFORM",
         ],
-        gone: &[],
+        removed_features: &[],
         data: &["lights"],
         cost: Cost {
             commands: 17,
@@ -142,7 +142,7 @@ const LADDER: &[Rung] = &[
             cast("actor", figure).at(0, 0, 1).play(figure.clip("Dance_Groove"));"#,
         samples: 1,
         features: &["EMISSIVE", "JOINTS_UNIFORM", "SKIN"],
-        gone: &[],
+        removed_features: &[],
         data: &["joint matrices"],
         cost: Cost {
             commands: 31,
@@ -161,7 +161,7 @@ const LADDER: &[Rung] = &[
         }"#,
         samples: 1,
         features: &[],
-        gone: &["JOINTS_UNIFORM"],
+        removed_features: &["JOINTS_UNIFORM"],
         data: &[],
         cost: Cost {
             commands: 39,
@@ -180,7 +180,7 @@ const LADDER: &[Rung] = &[
             sun(#{ direction: [1, -2, -1], intensity: 1.0, shadow: #{ size: 512 } });"#,
         samples: 1,
         features: &["SHADOW", "SHADOW_PASS"],
-        gone: &["ONE_LIGHT"],
+        removed_features: &["ONE_LIGHT"],
         data: &["views of shadow maps"],
         cost: Cost {
             commands: 70,
@@ -197,7 +197,7 @@ const LADDER: &[Rung] = &[
         script: r#"effect("vignette");"#,
         samples: 4,
         features: &[],
-        gone: &[],
+        removed_features: &[],
         data: &["parameters of vignette"],
         cost: Cost {
             commands: 71,
@@ -212,7 +212,7 @@ const LADDER: &[Rung] = &[
 ];
 
 /// The scripts of all rungs up to this one, one after the other.
-fn stage(index: usize, registry: &Registry) -> Stage {
+fn stage_of_rung(index: usize, registry: &Registry) -> Stage {
     let text: String = LADDER[..=index].iter().map(|r| format!("{}\n", r.script)).collect();
     let name = LADDER[index].name;
     let script = run_text(name, &text, Path::new("."), registry, &ScriptOptions::default());
@@ -227,7 +227,7 @@ struct Scene {
 
 impl Scene {
     fn new(index: usize, registry: &Registry) -> Scene {
-        let stage = stage(index, registry);
+        let stage = stage_of_rung(index, registry);
         let resources = Arc::new(SceneResources::new(&stage));
         Scene { stage, resources }
     }
@@ -251,12 +251,12 @@ impl Scene {
     }
 }
 
-fn options<'a>(index: usize, registry: &'a Registry) -> PlanOptions<'a> {
+fn options_of_rung<'a>(index: usize, registry: &'a Registry) -> PlanOptions<'a> {
     PlanOptions { effects: registry.effects(), ..PlanOptions::new(SIZE, LADDER[index].samples) }
 }
 
-/// Names of the parts of a kind, without how many of them there are, and as if there were several.
-fn names(parts: &[explain::Cost], kind: CostKind) -> BTreeSet<String> {
+/// Names of the cost entries of a kind, without their counts and in the plural.
+fn part_names(parts: &[explain::Cost], kind: CostKind) -> BTreeSet<String> {
     let name = |p: &explain::Cost| {
         let name = p.what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ');
         match name {
@@ -273,19 +273,20 @@ fn faults(index: usize, recording: &Recording, parts: &[explain::Cost]) -> Vec<S
     let mut faults = Vec::new();
     let rungs = &LADDER[..=index];
     let asked = |of: fn(&Rung) -> &'static [&'static str]| -> BTreeSet<String> {
-        let gone: BTreeSet<&str> = rungs.iter().flat_map(|r| r.gone).copied().collect();
-        let names = rungs.iter().flat_map(&of).filter(|name| !gone.contains(*name));
+        let removed_features: BTreeSet<&str> =
+            rungs.iter().flat_map(|r| r.removed_features).copied().collect();
+        let names = rungs.iter().flat_map(&of).filter(|name| !removed_features.contains(*name));
         names.map(|name| name.to_string()).collect()
     };
     for (kind, wanted) in
         [(CostKind::Feature, asked(|r| r.features)), (CostKind::FrameData, asked(|r| r.data))]
     {
-        let found = names(parts, kind);
+        let found = part_names(parts, kind);
         faults.extend(found.difference(&wanted).map(|n| format!("pays for {} {n}", kind.word())));
         faults.extend(wanted.difference(&found).map(|n| format!("lacks {} {n}", kind.word())));
     }
     let (cost, bound) = (Cost::of(recording, parts), LADDER[index].cost);
-    if !cost.within(&bound) {
+    if !cost.is_within(&bound) {
         faults.push(format!("costs {cost:?} in place of {bound:?}"));
     }
     faults
@@ -301,7 +302,7 @@ fn no_rung_pays_for_a_higher_one() {
     let mut found = Vec::new();
     for (index, rung) in LADDER.iter().enumerate() {
         let scene = Scene::new(index, &registry);
-        let (recording, parts) = scene.parts(&scene.plan(&options(index, &registry)));
+        let (recording, parts) = scene.parts(&scene.plan(&options_of_rung(index, &registry)));
         let c = Cost::of(&recording, &parts);
         println!(
             "{:<34} {:>8} {:>6} {:>5} {:>9} {:>8} {:>12} {:>11}",
@@ -321,12 +322,12 @@ fn no_rung_pays_for_a_higher_one() {
     assert_eq!(found, Vec::<String>::new());
 }
 
-/// The ladder can fail: everything forced in is found on every rung, and so are four samples per pixel where one was requested.
+/// The comparison can fail: forcing all features in is found on every rung, and so are four samples per pixel instead of one.
 #[test]
-fn a_rung_that_pays_too_much_is_found() {
+fn a_rung_with_too_many_features_or_samples_is_found() {
     let registry = choreo::registry();
     for (index, rung) in LADDER.iter().enumerate() {
-        let (scene, usual) = (Scene::new(index, &registry), options(index, &registry));
+        let (scene, usual) = (Scene::new(index, &registry), options_of_rung(index, &registry));
         let found = |options: PlanOptions| {
             let (recording, parts) = scene.parts(&scene.plan(&options));
             faults(index, &recording, &parts)
@@ -340,9 +341,9 @@ fn a_rung_that_pays_too_much_is_found() {
     }
 }
 
-/// A feature that is left out would not have changed a pixel.
+/// Features that the plan leaves out would not have changed a pixel.
 #[test]
-fn everything_forced_in_looks_the_same() {
+fn forcing_all_features_in_changes_no_pixel() {
     let registry = choreo::registry();
     let mut renderers: Vec<(&str, Box<dyn Renderer>)> =
         vec![("CPU", Box::new(CpuRenderer::new(registry.effects())))];
@@ -353,7 +354,7 @@ fn everything_forced_in_looks_the_same() {
         Err(e) => panic!("{e}"),
     }
     for (index, rung) in LADDER.iter().enumerate() {
-        let (scene, usual) = (Scene::new(index, &registry), options(index, &registry));
+        let (scene, usual) = (Scene::new(index, &registry), options_of_rung(index, &registry));
         for (device, renderer) in &mut renderers {
             let needed = scene.draw(&mut **renderer, &usual);
             let all = scene.draw(&mut **renderer, &PlanOptions { force_all: true, ..usual.clone() });
@@ -364,7 +365,7 @@ fn everything_forced_in_looks_the_same() {
                 rung.name
             );
             assert!(apart.worst <= 1, "{} on {device}: {apart}", rung.name);
-            // The comparison can fail: everything forced in, and another color.
+            // The comparison can fail: a different tint is found.
             let mut other = scene.plan(&PlanOptions { force_all: true, ..usual.clone() });
             let instances = other.instances.iter_mut();
             instances.for_each(|i| i.tint *= glam::Vec4::new(0.9, 1.0, 1.0, 1.0));
@@ -388,17 +389,22 @@ fn shaders_are_compiled_once() {
         };
     let mut before = 0;
     for (index, rung) in LADDER.iter().enumerate() {
-        let (scene, usual) = (Scene::new(index, &registry), options(index, &registry));
-        let new = BTreeSet::from_iter(names(&scene.parts(&scene.plan(&usual)).1, CostKind::Pipeline));
+        let (scene, usual) = (Scene::new(index, &registry), options_of_rung(index, &registry));
+        let new = BTreeSet::from_iter(part_names(&scene.parts(&scene.plan(&usual)).1, CostKind::Pipeline));
         scene.draw(&mut vulkan, &usual);
-        let made = vulkan.pipeline_count();
-        println!("{:<34} {} compiled", rung.name, made - before);
-        assert!(made - before <= new.len(), "{}: {} compiled for {new:?}", rung.name, made - before);
+        let pipelines = vulkan.pipeline_count();
+        println!("{:<34} {} compiled", rung.name, pipelines - before);
+        assert!(
+            pipelines - before <= new.len(),
+            "{}: {} compiled for {new:?}",
+            rung.name,
+            pipelines - before
+        );
         scene.draw(&mut vulkan, &usual);
-        assert_eq!(vulkan.pipeline_count(), made, "{}: a second frame compiled again", rung.name);
-        before = made;
+        assert_eq!(vulkan.pipeline_count(), pipelines, "{}: a second frame compiled again", rung.name);
+        before = pipelines;
     }
-    let (lowest, usual) = (Scene::new(0, &registry), options(0, &registry));
+    let (lowest, usual) = (Scene::new(0, &registry), options_of_rung(0, &registry));
     lowest.draw(&mut vulkan, &usual);
     assert_eq!(vulkan.pipeline_count(), before, "the lowest rung compiled again");
 }

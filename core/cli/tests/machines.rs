@@ -1,12 +1,12 @@
-//! Equal bits on machines with different processors, as far as one machine can tell: hashes of poses and images that
-//! are written down here, and a look through the sources for what differs between processors and systems.
+//! Equal bits on machines with different processors, as far as one machine can test it: stored hashes of poses and images, and a search of
+//! the sources for functions whose results depend on the processor or the system.
 //!
 //! The hashes were the same with AVX2, on `qemu-x86_64 -cpu Nehalem` (no AVX, no FMA) and `-cpu Haswell`. When a change
 //! of formulas is meant to change images, `CHOREO_ACCEPT=1 cargo test -p choreo --test machines -- --nocapture` prints
 //! the new ones.
 
-#[path = "common/unhurried.rs"]
-mod unhurried;
+#[path = "common/long_time_limits.rs"]
+mod long_time_limits;
 
 use choreo_motion::{Level, LocalToModel, Pose, Sample, Time};
 use choreo_plugin::{Files, ImportScope, Importer, Registry, Source};
@@ -20,19 +20,19 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-struct Nothing;
+struct NoFiles;
 
-impl Files for Nothing {
+impl Files for NoFiles {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         Err(format!("{relative}: no such file"))
     }
 }
 
-/// Every joint of every clip of the built-in figure at 25 times, before and after the clip's ends too.
-fn poses(level: Level) -> String {
+/// Hash of every joint of every clip of the built-in character at 25 times, some of them before the start and after the end of the clip.
+fn pose_hash(level: Level) -> String {
     let source = Source { name: "choreo:mannequin".into(), bytes: Arc::default() };
     let asset =
-        import_mannequin::Mannequin.import(&source, &Nothing, ImportScope::ALL, &Default::default()).unwrap();
+        import_mannequin::Mannequin.import(&source, &NoFiles, ImportScope::ALL, &Default::default()).unwrap();
     let mut hasher = blake3::Hasher::new();
     for clip in &asset.clips {
         for i in -2..23 {
@@ -52,12 +52,14 @@ fn poses(level: Level) -> String {
     hasher.finalize().to_hex()[..16].to_string()
 }
 
-fn pictures(name: &str, secs: &[f64]) -> String {
+fn image_hash(name: &str, secs: &[f64]) -> String {
     let mut registry = Registry::default();
     registry.add_importer(import_mannequin::Mannequin);
     effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_effect(effect));
     let mut stage =
-        run_file(&root().join("scripts").join(name), &registry, &unhurried::unhurried()).unwrap().stage;
+        run_file(&root().join("scripts").join(name), &registry, &long_time_limits::script_options())
+            .unwrap()
+            .stage;
     stage.settings.size = [160, 90];
     let resources = Arc::new(SceneResources::new(&stage));
     let mut renderer = CpuRenderer::new(registry.effects());
@@ -73,35 +75,35 @@ fn pictures(name: &str, secs: &[f64]) -> String {
     hasher.finalize().to_hex()[..16].to_string()
 }
 
-fn equal(what: &str, found: &str, stored: &str) {
+fn assert_stored_hash(what: &str, found: &str, stored: &str) {
     if std::env::var_os("CHOREO_ACCEPT").is_some() {
         println!("{what}: {found}");
         return;
     }
     assert_eq!(
         found, stored,
-        "{what}: not the bits of other machines. Where a change of formulas meant this, write the new hash into this test; \
-         where only the machine changed, something depends on the processor"
+        "{what}: the hash differs from that of other machines. After an intended change of formulas, write the new hash into this test; \
+         if only the machine changed, some code depends on the processor"
     );
 }
 
 #[test]
-fn poses_are_those_of_other_machines() {
-    assert_eq!(poses(Level::Portable), poses(Level::best()), "one machine's own levels");
-    equal("poses", &poses(Level::best()), POSES);
+fn poses_have_the_hash_of_other_machines() {
+    assert_eq!(pose_hash(Level::Portable), pose_hash(Level::best()), "one machine's own levels");
+    assert_stored_hash("poses", &pose_hash(Level::best()), POSE_HASH);
 }
 
 #[test]
-fn pictures_are_those_of_other_machines() {
-    for (name, secs, stored) in PICTURES {
-        equal(name, &pictures(name, secs), stored);
+fn images_have_the_hashes_of_other_machines() {
+    for (name, secs, stored) in IMAGE_HASHES {
+        assert_stored_hash(name, &image_hash(name, secs), stored);
     }
 }
 
-/// The sources use nothing that gives other bits on other processors or systems, or on other days.
+/// The sources use no function whose result depends on the processor, the system or the time.
 #[test]
-fn the_sources_hold_nothing_that_differs_between_machines() {
-    // Rust leaves the precision of these open; `mul_add` is one rounding or two; the types tell the time or roll dice.
+fn the_sources_use_no_platform_dependent_functions() {
+    // Rust does not specify the precision of these methods; `mul_add` may round once or twice; the types read the clock or random numbers.
     const METHODS: &[&str] = &[
         ".sin()",
         ".cos()",
@@ -129,10 +131,10 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
         ".mul_add(",
     ];
     const TYPES: &[&str] = &["SystemTime", "thread_rng", "RandomState"];
-    // One rounding on every machine: an instruction on 64-bit ARM, and made of f64 arithmetic elsewhere.
-    const FUSED: &[&str] = &["core/motion/src/simd/fused.rs"];
-    // They ask only whether a file was written since it was read.
-    const CLOCKS: &[&str] = &[
+    // `mul_add` rounds once on every machine here: an instruction on 64-bit ARM, f64 arithmetic elsewhere.
+    const FUSED_FILES: &[&str] = &["core/motion/src/simd/fused.rs"];
+    // These files only compare modification times of files.
+    const CLOCK_FILES: &[&str] = &[
         "core/command_line/src/commands/test/watch.rs",
         "core/language_server/src/files.rs",
         "core/language_server/src/view.rs",
@@ -140,8 +142,8 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
         // The thumbnails that were shown last are kept.
         "core/viewer/src/library/thumbnail_file.rs",
     ];
-    // It names a folder that no other process has.
-    const DICE: &[&str] = &["core/files/src/part_folder.rs"];
+    // A random number makes the name of a folder unique.
+    const RANDOM_FILES: &[&str] = &["core/files/src/part_folder.rs"];
     let mut read = 0;
     let mut found = Vec::new();
     let mut open: Vec<PathBuf> = ["core", "plugins"].iter().map(|f| root().join(f)).collect();
@@ -155,15 +157,15 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
                 read += 1;
                 let is = |files: &[&str]| files.iter().any(|file| entry.ends_with(file));
                 let allowed = |of: &str| match of {
-                    "SystemTime" => is(CLOCKS),
-                    "RandomState" => is(DICE),
+                    "SystemTime" => is(CLOCK_FILES),
+                    "RandomState" => is(RANDOM_FILES),
                     _ => false,
                 };
                 let types: Vec<&str> = TYPES.iter().copied().filter(|of| !allowed(of)).collect();
-                let fused = FUSED.iter().any(|f| entry.ends_with(f));
+                let fused = FUSED_FILES.iter().any(|f| entry.ends_with(f));
                 let methods: Vec<&str> =
                     METHODS.iter().copied().filter(|m| !(fused && *m == ".mul_add(")).collect();
-                found.extend(differing(&entry, &methods, &types));
+                found.extend(platform_dependent_uses(&entry, &methods, &types));
             }
         }
     }
@@ -173,10 +175,10 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
     let planted = tempfile::tempdir().unwrap();
     let file = planted.path().join("x.rs");
     std::fs::write(&file, "fn f(x: f32) -> f32 {\n    // x.cos()\n    x.sin()\n}\n").unwrap();
-    assert_eq!(differing(&file, METHODS, TYPES).len(), 1);
+    assert_eq!(platform_dependent_uses(&file, METHODS, TYPES).len(), 1);
 }
 
-fn differing(file: &Path, methods: &[&str], types: &[&str]) -> Vec<String> {
+fn platform_dependent_uses(file: &Path, methods: &[&str], types: &[&str]) -> Vec<String> {
     let text = std::fs::read_to_string(file).unwrap();
     // The code below is the file's own tests.
     let code = text.split("#[cfg(test)]").next().unwrap_or_default();
@@ -196,8 +198,8 @@ fn differing(file: &Path, methods: &[&str], types: &[&str]) -> Vec<String> {
     found
 }
 
-const POSES: &str = "28b2f144c66d6d9c";
-const PICTURES: &[(&str, &[f64], &str)] = &[
+const POSE_HASH: &str = "28b2f144c66d6d9c";
+const IMAGE_HASHES: &[(&str, &[f64], &str)] = &[
     ("01_first_dance.rhai", &[0.5, 3.2], "59125a215dd34854"),
     ("05_lights.rhai", &[1.0], "7d155636b62eb2cd"),
     ("07_keys_and_frames.rhai", &[1.4, 2.9], "bf0da5cfb1084e72"),

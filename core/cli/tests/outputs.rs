@@ -1,4 +1,5 @@
-//! Outputs appear whole or not at all: full disks, folders that vanish, files that must not be written, links, and two renders at once.
+//! Outputs are written completely or not at all: full disks, folders that disappear, files that must not be written, links, and two
+//! simultaneous renders.
 #![cfg(unix)]
 
 mod common;
@@ -9,10 +10,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-const SMALL: &[&str] = &["--device", "cpu", "--size", "160x90", "--samples", "1", "--quiet"];
+const SMALL_RENDER: &[&str] = &["--device", "cpu", "--size", "160x90", "--samples", "1", "--quiet"];
 
 fn render<'a>(input: &'a str, output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    [&["render", input, "-o", output], SMALL, more].concat()
+    [&["render", input, "-o", output], SMALL_RENDER, more].concat()
 }
 
 fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
@@ -30,17 +31,17 @@ fn long_folder() -> tempfile::TempDir {
     folder
 }
 
-/// Files may have so many blocks of 512 bytes; further writing fails as on a full disk.
+/// Limits the size of files to this number of blocks of 512 bytes; further writes fail as on a full disk.
 fn with_file_limit(folder: &Path, blocks: usize, args: &[&str]) -> Run {
     let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\"");
     let mut command = Command::new("sh");
     command.current_dir(folder).args(["-c", &script, "sh", env!("CARGO_BIN_EXE_choreo")]).args(args);
-    finished(command.stdin(Stdio::null()).output().unwrap())
+    run_result(command.stdin(Stdio::null()).output().unwrap())
 }
 
-/// A file that existed before stays; finished frames are kept, and the render can be resumed.
+/// An existing file is not changed, finished frames are kept, and the render can be resumed.
 #[test]
-fn a_disk_that_fills_up_loses_nothing() {
+fn a_full_disk_keeps_the_old_file_and_finished_frames() {
     for (output, blocks) in [("o.y4m", 300), ("o.gif", 20), ("o.mp4", 60)] {
         let dir = folder();
         let d = dir.path();
@@ -61,12 +62,12 @@ fn a_disk_that_fills_up_loses_nothing() {
         let whole = format!("whole{}", &output[1..]);
         assert_eq!(choreo(d, &render("tri.gltf", &whole, frames)).code, 0);
         assert!(resumed == read(d, &whole), "{output}");
-        assert_eq!(parts(d), Vec::<String>::new());
+        assert_eq!(part_files(d), Vec::<String>::new());
     }
 }
 
 #[test]
-fn a_picture_that_does_not_fit_leaves_the_old_one() {
+fn an_image_that_does_not_fit_keeps_the_old_file() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(d.join("o.png"), "old").unwrap();
@@ -79,7 +80,7 @@ fn a_picture_that_does_not_fit_leaves_the_old_one() {
     assert_eq!(names(d), ["o.png", "tri.gltf"]);
 }
 
-/// A file system of its own, where the test may make one.
+/// Uses a separate file system, if the test is allowed to mount one.
 #[test]
 fn a_write_that_fills_the_disk_reports_a_full_disk() {
     let dir = folder();
@@ -115,7 +116,7 @@ fn a_video_whose_folder_vanishes_ends_at_once() {
             std::fs::metadata(d.join(format!("{output}.part/journal"))).is_ok_and(|m| m.len() > 600)
         });
         std::fs::rename(d.join("v"), d.join("gone")).unwrap();
-        let run = finished(child.wait_with_output().unwrap());
+        let run = run_result(child.wait_with_output().unwrap());
         assert_eq!(run.code, 3, "{}", run.err);
         let line = run.err.lines().last().unwrap_or_default();
         assert_eq!(line, format!("{output}: cannot write: no such file or folder"));
@@ -123,7 +124,7 @@ fn a_video_whose_folder_vanishes_ends_at_once() {
 }
 
 #[test]
-fn what_must_not_be_written_is_not() {
+fn read_only_files_and_folders_are_not_written() {
     let dir = folder();
     let d = dir.path();
     for output in ["o.mp4", "o.png", "o.gif", "o.y4m"] {
@@ -133,7 +134,7 @@ fn what_must_not_be_written_is_not() {
         assert_eq!(run.code, 3, "{}", run.err);
         assert_eq!(run.err, format!("{output}: cannot write: the file there is read-only\n"));
         assert_eq!(read(d, output), b"old");
-        // Something else is in the place of the part.
+        // There is something else under the name of the part.
         let blocked = format!("b{output}");
         match output {
             "o.png" => std::fs::create_dir(d.join("bo.png.part")).unwrap(),
@@ -157,8 +158,8 @@ fn what_must_not_be_written_is_not() {
     }
 }
 
-/// A scene with an image, a module, a plugin and a test, in `scene`; beside it a file and a folder that nobody may change.
-fn planted() -> tempfile::TempDir {
+/// A scene with an image, a module, a plugin and a test in the folder `scene`, and beside it a file and a folder that must not change.
+fn scene_with_guarded_files() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("scene");
     std::fs::create_dir_all(scene.join("suite")).unwrap();
@@ -173,10 +174,10 @@ fn planted() -> tempfile::TempDir {
     dir
 }
 
-/// Every name that a command writes under, with a link that a stranger has put there. Of each: the link, whether it names a
-/// folder, and the command.
+/// Tests a symbolic link under every name that a command writes to. Each case has the link, whether its target is a folder, and the
+/// command.
 #[test]
-fn links_in_the_way_are_refused_and_named() {
+fn symbolic_links_at_outputs_are_refused_and_named() {
     let render = |output: &'static str| {
         vec!["render", "tri.gltf", "-o", output, "--frames", "0..2", "--device", "cpu", "--size", "32x18"]
     };
@@ -228,30 +229,30 @@ fn links_in_the_way_are_refused_and_named() {
         ("target/choreo-test/pictures".into(), true, test("--quiet")),
     ]);
     for (link, is_folder, args) in &cases {
-        let dir = planted();
+        let dir = scene_with_guarded_files();
         let d = dir.path().join("scene");
         let target = dir.path().join(if *is_folder { "far" } else { "bashrc" });
         std::fs::create_dir_all(d.join(link).parent().unwrap()).unwrap();
         symlink(&target, d.join(link)).unwrap();
         let run = choreo(&d, args);
-        let (said, all) = (run.err.clone() + &run.out, format!("{link} {args:?}: {}{}", run.err, run.out));
-        // An image that cannot be accepted is a failed section.
+        let (output, all) = (run.err.clone() + &run.out, format!("{link} {args:?}: {}{}", run.err, run.out));
+        // A section whose image cannot be accepted fails.
         let expected = if link.starts_with("suite/") { 1 } else { 3 };
         assert_eq!(run.code, expected, "{all}");
         let words = format!("cannot write: {link} is a symbolic link to {}; remove it", target.display());
-        assert!(said.contains(&words), "{all}");
+        assert!(output.contains(&words), "{all}");
         assert!(std::fs::symlink_metadata(d.join(link)).unwrap().is_symlink(), "{all}");
         assert_eq!(read(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{all}");
         assert_eq!(names(&dir.path().join("far")), Vec::<String>::new(), "{all}");
     }
 }
 
-/// Nor does a render go on into files that are links, or that have a second name.
+/// A render is not resumed if its files are symbolic links or have additional hard links.
 #[test]
-fn parts_to_go_on_with_that_have_other_names_are_refused() {
+fn part_files_that_are_links_are_not_resumed() {
     for file in ["body", "journal", "frames"] {
         for is_hard in [false, true] {
-            let dir = planted();
+            let dir = scene_with_guarded_files();
             let d = dir.path().join("scene");
             let run = with_file_limit(&d, 60, &render("tri.gltf", "o.mp4", &["--frames", "0..24"]));
             assert!(run.code == 3 && d.join("o.mp4.part").is_dir(), "{}", run.err);
@@ -271,28 +272,28 @@ fn parts_to_go_on_with_that_have_other_names_are_refused() {
     }
 }
 
-/// A link in place of a killed render's part cannot be written through, whatever other names it has.
+/// If the part of a killed render is a hard link, it is replaced, so that the file under its other name is not changed.
 #[test]
 fn a_hard_link_in_the_place_of_a_part_is_replaced() {
     for (part, output) in
         [("o.png.part", "o.png"), ("o.y4m.part/body", "o.y4m"), ("o.y4m.part/journal", "o.y4m")]
     {
-        let dir = planted();
+        let dir = scene_with_guarded_files();
         let d = dir.path().join("scene");
         std::fs::create_dir_all(d.join(part).parent().unwrap()).unwrap();
         std::fs::hard_link(dir.path().join("bashrc"), d.join(part)).unwrap();
         let run = choreo(&d, &render("tri.gltf", output, &["--frames", "0"]));
         assert_eq!(run.code, 0, "{part}: {}", run.err);
         assert_eq!(read(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{part}");
-        assert!(read(&d, output).len() > 100 && parts(&d).is_empty());
+        assert!(read(&d, output).len() > 100 && part_files(&d).is_empty());
     }
 }
 
-/// The links that the system keeps are none of these. Not by `/dev/stdout`: a fault would replace it for the whole machine where
-/// root runs the tests; a unit test of choreo-files looks at it without writing.
+/// Links that the system provides for streams are not refused. This does not use `/dev/stdout`, because a fault would replace it for the
+/// whole machine if root runs the tests; a unit test of choreo-files examines it without writing.
 #[test]
 fn streams_of_the_program_can_be_written() {
-    let dir = planted();
+    let dir = scene_with_guarded_files();
     let d = dir.path().join("scene");
     for place in ["/proc/self/fd/1", "/dev/fd/1"] {
         let run = choreo(&d, &["test", "suite", "--accept", "--quiet", &format!("--html={place}")]);
@@ -300,10 +301,10 @@ fn streams_of_the_program_can_be_written() {
     }
 }
 
-/// A pipe as an output: an error where nobody reads it, else what a file would hold.
+/// A pipe as an output gets the bytes of the file. If the pipe has no reader, this is an error.
 #[test]
-fn pipes_are_written_where_somebody_reads_them() {
-    let dir = planted();
+fn pipes_are_written_only_if_they_have_a_reader() {
+    let dir = scene_with_guarded_files();
     let d = &dir.path().join("scene");
     let cases: [(&str, Vec<&str>); 5] = [
         ("o.y4m", render("tri.gltf", "o.y4m", &["--frames", "0..3"])),
@@ -317,10 +318,10 @@ fn pipes_are_written_where_somebody_reads_them() {
         let expected = read(d, name);
         std::fs::remove_file(d.join(name)).unwrap();
         assert!(Command::new("mkfifo").arg(d.join(name)).status().unwrap().success());
-        // `timeout` ends what waits for ever, with code 124.
+        // `timeout` ends a command that blocks, with exit code 124.
         let mut command = Command::new("timeout");
         command.args(["60", env!("CARGO_BIN_EXE_choreo")]).args(&args).current_dir(d).stdin(Stdio::null());
-        let run = finished(command.output().unwrap());
+        let run = run_result(command.output().unwrap());
         let words = format!("{name}: cannot write: nobody reads from this pipe; start its reader first\n");
         assert!(run.code == 3 && run.err.ends_with(&words), "{name}: {} {}", run.code, run.err);
         let reader =
@@ -329,13 +330,13 @@ fn pipes_are_written_where_somebody_reads_them() {
         assert_eq!(run.code, 0, "{name}: {}", run.err);
         let read = reader.unwrap().wait_with_output().unwrap();
         assert!(read.status.success() && read.stdout == expected, "{name}: {} bytes", read.stdout.len());
-        assert_eq!(parts(d), Vec::<String>::new());
+        assert_eq!(part_files(d), Vec::<String>::new());
     }
 }
 
-/// A folder beside the script that is a link to elsewhere. What the user's own path leads to is followed.
+/// Tests a folder beside the script that is a link to another folder. Links in a path that the user gives are followed.
 #[test]
-fn a_linked_folder_in_the_scenes_own_leads_no_output_out_of_it() {
+fn a_linked_folder_beside_the_script_is_not_written_through() {
     let dir = tempfile::tempdir().unwrap();
     let (scene, far) = (dir.path().join("scene"), dir.path().join("far"));
     std::fs::create_dir_all(scene.join("inner")).unwrap();
@@ -355,10 +356,10 @@ fn a_linked_folder_in_the_scenes_own_leads_no_output_out_of_it() {
     }
 }
 
-/// Each kind of file that a scene is made of, each kind of output, and each way to name the file.
+/// Tests each kind of input file of a scene, each kind of output, and each way to name the file.
 #[test]
 fn an_output_in_the_place_of_an_input_is_refused() {
-    let dir = planted();
+    let dir = scene_with_guarded_files();
     let d = &dir.path().join("scene");
     let write = |name: &str, bytes: &[u8]| {
         std::fs::create_dir_all(d.join(name).parent().unwrap()).unwrap();
@@ -415,14 +416,14 @@ fn an_output_in_the_place_of_an_input_is_refused() {
         assert!(read(d, input) == before && read(d, output) == before, "{args:?}: written");
     }
     assert_eq!(names(&d.join("n")), ["2.png"]);
-    // The name under which a part would be written, too.
+    // This includes the name of the part.
     std::fs::rename(d.join("t.png"), d.join("x.png.part")).unwrap();
     let script = std::fs::read_to_string(d.join("s.rhai")).unwrap().replace("\"t.png\"", "\"x.png.part\"");
     write("s.rhai", script.as_bytes());
     let run = choreo(d, &draw("x.png", &["--at", "0"]));
     let words = "x.png: cannot write: x.png.part is the input x.png.part; give the output another name\n";
     assert!(run.code == 3 && run.err.ends_with(words), "{}", run.err);
-    // Beside them there is room.
+    // Outputs with other names are written.
     assert_eq!(choreo(d, &draw("y.png", &["--at", "0"])).code, 0);
 }
 
@@ -445,22 +446,22 @@ fn the_second_of_two_renders_to_one_output_is_refused() {
             );
             assert_eq!(run.err, expected);
         }
-        // The first goes on undisturbed, and once it is dead it is in nobody's way.
+        // The first render continues, and after it was killed it does not block another one.
         assert!(begun());
         let killed = Command::new("kill").args(["-KILL", &first.id().to_string()]).status().unwrap();
         assert!(killed.success());
-        finished(first.wait_with_output().unwrap());
+        run_result(first.wait_with_output().unwrap());
         let run = choreo(d, &render("long.gltf", output, &["--frames", overlap]));
         assert_eq!(run.code, 0, "{}", run.err);
-        let left = if output.contains('/') { parts(&d.join("f")) } else { parts(d) };
-        // An image that the first was writing may still lie there, under its number.
+        let left = if output.contains('/') { part_files(&d.join("f")) } else { part_files(d) };
+        // A part of the image that the first render was writing may remain, with its number.
         assert!(left.iter().all(|n| n.ends_with(".png.part")), "{left:?}");
     }
 }
 
-/// The halves of a video by two processes at once.
+/// Two processes at the same time each render half of the frames of a video.
 #[test]
-fn numbered_pictures_can_be_shared_out() {
+fn two_processes_can_share_numbered_images() {
     let dir = folder();
     let d = dir.path();
     let start = |frames: &'static str| {
@@ -470,7 +471,7 @@ fn numbered_pictures_can_be_shared_out() {
             .unwrap()
     };
     for child in [start("0..15"), start("15..30")] {
-        let run = finished(child.wait_with_output().unwrap());
+        let run = run_result(child.wait_with_output().unwrap());
         assert_eq!(run.code, 0, "{}", run.err);
     }
     assert_eq!(names(&d.join("f")).len(), 30);

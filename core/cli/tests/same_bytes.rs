@@ -2,8 +2,8 @@
 //! any number of threads, in every format, on the CPU and on Vulkan.
 
 mod common;
-#[path = "common/unhurried.rs"]
-mod unhurried;
+#[path = "common/long_time_limits.rs"]
+mod long_time_limits;
 
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
@@ -20,8 +20,8 @@ fn script(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(name)
 }
 
-/// Frames of a video by one process after the other into one folder.
-fn pictures(folder: &Path, device: &str, out: &str, ranges: &[&str], jobs: &str) -> Option<()> {
+/// Renders ranges of frames as numbered images, one process after the other; `None` if there is no Vulkan device.
+fn render_images(folder: &Path, device: &str, out: &str, ranges: &[&str], jobs: &str) -> Option<()> {
     let script = script("07_keys_and_frames.rhai");
     for range in ranges {
         let out = format!("{out}/%04d.png");
@@ -38,8 +38,8 @@ fn pictures(folder: &Path, device: &str, out: &str, ranges: &[&str], jobs: &str)
     Some(())
 }
 
-/// A video of some frames; gives its bytes.
-fn video(folder: &Path, device: &str, name: &str, frames: &str, jobs: &str) -> Vec<u8> {
+/// Renders a video of some frames and returns its bytes.
+fn render_video(folder: &Path, device: &str, name: &str, frames: &str, jobs: &str) -> Vec<u8> {
     let script = script("07_keys_and_frames.rhai");
     let mut args = vec!["render", script.to_str().unwrap(), "-o", name, "--frames", frames];
     args.extend(["--device", device, "--jobs", jobs, "--size", "160x90", "--samples", "1"]);
@@ -48,11 +48,11 @@ fn video(folder: &Path, device: &str, name: &str, frames: &str, jobs: &str) -> V
     read(folder, name)
 }
 
-fn processes(device: &str) {
+fn assert_processes_agree(device: &str) {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
-    // Played, again, with any number of threads, in parts by several processes, and frames sought alone.
-    let ways: [(&str, &[&str], &str); 6] = [
+    // Output folder, ranges of frames (one process each), number of threads.
+    let cases: [(&str, &[&str], &str); 6] = [
         ("whole", &["40..48"], "2"),
         ("again", &["40..48"], "2"),
         ("one_thread", &["40..48"], "1"),
@@ -60,67 +60,67 @@ fn processes(device: &str) {
         ("parts", &["45..48", "40..42", "42..45"], "2"),
         ("alone", &["46", "41"], "2"),
     ];
-    for (out, ranges, jobs) in ways {
-        if pictures(d, device, out, ranges, jobs).is_none() {
+    for (out, ranges, jobs) in cases {
+        if render_images(d, device, out, ranges, jobs).is_none() {
             return;
         }
     }
     let whole = names(&d.join("whole"));
     assert_eq!(whole.len(), 8);
-    for (out, ranges, _) in ways {
-        let made = names(&d.join(out));
-        assert_eq!(made.len(), if out == "alone" { ranges.len() } else { 8 }, "{out}");
-        for name in &made {
+    for (out, ranges, _) in cases {
+        let file_names = names(&d.join(out));
+        assert_eq!(file_names.len(), if out == "alone" { ranges.len() } else { 8 }, "{out}");
+        for name in &file_names {
             let same = read(d, &format!("whole/{name}")) == read(d, &format!("{out}/{name}"));
             assert!(same, "{device}: {name} differs between whole and {out}");
         }
     }
-    // The comparison can fail: people move.
+    // The comparison can fail: consecutive frames differ.
     assert!(read(d, "whole/0040.png") != read(d, "whole/0041.png"));
 
     for format in ["y4m", "mp4", "gif"] {
-        let whole = video(d, device, &format!("whole.{format}"), "40..48", "1");
-        let other = video(d, device, &format!("seven.{format}"), "40..48", "7");
+        let whole = render_video(d, device, &format!("whole.{format}"), "40..48", "1");
+        let other = render_video(d, device, &format!("seven.{format}"), "40..48", "7");
         assert!(other == whole, "{device}: {format} with seven threads");
     }
-    // A stream's parts, joined, are the stream.
-    let (whole, mut joined) = (read(d, "whole.y4m"), video(d, device, "first.y4m", "40..43", "2"));
-    let rest = video(d, device, "rest.y4m", "43..48", "1");
+    // Parts of a y4m stream, joined, are the whole stream.
+    let (whole, mut joined) = (read(d, "whole.y4m"), render_video(d, device, "first.y4m", "40..43", "2"));
+    let rest = render_video(d, device, "rest.y4m", "43..48", "1");
     let header = rest.iter().position(|b| *b == b'\n').unwrap() + 1;
     joined.extend(&rest[header..]);
     assert!(joined == whole && whole.len() > 8 * 160 * 90, "{device}: y4m in parts");
 }
 
 #[test]
-fn processes_on_the_cpu() {
-    processes("cpu");
+fn processes_and_thread_counts_give_the_same_bytes_on_the_cpu() {
+    assert_processes_agree("cpu");
 }
 
 #[test]
-fn processes_on_vulkan() {
-    processes("vulkan");
+fn processes_and_thread_counts_give_the_same_bytes_on_vulkan() {
+    assert_processes_agree("vulkan");
 }
 
-/// The frames of a script in the order of `numbers`, several in flight, everything kept from frame to frame.
+/// Frames of a script in the order of `numbers`, with several frames in flight and one renderer for all of them.
 fn draw(renderer: &mut dyn Renderer, name: &str, registry: &Registry, numbers: &[i64]) -> Vec<Frame> {
-    let mut stage = run_file(&script(name), registry, &unhurried::unhurried()).unwrap().stage;
+    let mut stage = run_file(&script(name), registry, &long_time_limits::script_options()).unwrap().stage;
     stage.settings.size = [160, 90];
     let length = stage.settings.length.as_secs();
     let resources = Arc::new(SceneResources::new(&stage));
     renderer.load(resources.clone()).unwrap();
     let mut evaluator = Evaluator::new(Arc::new(stage));
     let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new([160, 90], 4) };
-    let (mut frames, mut flying) = (Vec::new(), 0);
+    let (mut frames, mut in_flight) = (Vec::new(), 0);
     for number in numbers {
         let snapshot = evaluator.at(Time::from_secs(length * *number as f64 / FRAMES as f64)).unwrap();
         renderer.submit(Plan::new(&resources, evaluator.stage(), &snapshot, &options)).unwrap();
-        flying += 1;
-        if flying == renderer.frames_in_flight() {
+        in_flight += 1;
+        if in_flight == renderer.frames_in_flight() {
             frames.push(renderer.collect(None).unwrap());
-            flying -= 1;
+            in_flight -= 1;
         }
     }
-    for _ in 0..flying {
+    for _ in 0..in_flight {
         frames.push(renderer.collect(None).unwrap());
     }
     frames
@@ -128,7 +128,7 @@ fn draw(renderer: &mut dyn Renderer, name: &str, registry: &Registry, numbers: &
 
 const FRAMES: i64 = 8;
 
-fn orders(renderer: &mut dyn Renderer, registry: &Registry) {
+fn assert_orders_agree(renderer: &mut dyn Renderer, registry: &Registry) {
     for name in ["01_first_dance.rhai", "04_cameras.rhai", "05_lights.rhai", "07_keys_and_frames.rhai"] {
         let forward: Vec<i64> = (0..FRAMES).collect();
         let backward: Vec<i64> = (0..FRAMES).rev().collect();
@@ -152,17 +152,17 @@ fn registry() -> Registry {
 }
 
 #[test]
-fn any_order_on_the_cpu() {
+fn frames_drawn_in_any_order_are_equal_on_the_cpu() {
     let registry = registry();
-    orders(&mut CpuRenderer::new(registry.effects()), &registry);
+    assert_orders_agree(&mut CpuRenderer::new(registry.effects()), &registry);
 }
 
 #[test]
-fn any_order_on_vulkan() {
+fn frames_drawn_in_any_order_are_equal_on_vulkan() {
     let registry = registry();
     let effects = registry.effects().to_vec();
     match VulkanRenderer::new(GpuOptions { validation: true, effects, ..GpuOptions::default() }) {
-        Ok(mut renderer) => orders(&mut renderer, &registry),
+        Ok(mut renderer) => assert_orders_agree(&mut renderer, &registry),
         Err(RenderError::NoVulkan { why }) => println!("SKIP 1: {}", why.lines().next().unwrap_or_default()),
         Err(e) => panic!("{e}"),
     }

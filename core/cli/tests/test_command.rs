@@ -31,7 +31,7 @@ test("the box is seen aside", #{ tags: ["aside"] }, || {
 test("numbers are numbers", || { expect(1 + 1).equals(2); });
 "##;
 
-/// A folder with `suite/box.rhai` and a target folder for what the runner keeps.
+/// A folder with `suite/box.rhai`, and a folder `target` for the files of the runner.
 fn suite() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(dir.path().join("suite")).unwrap();
@@ -44,19 +44,19 @@ fn write(folder: &Path, name: &str, text: &str) {
     std::fs::write(folder.join(name), text).unwrap();
 }
 
-fn test(folder: &Path, args: &[&str]) -> Run {
+fn run_tests(folder: &Path, args: &[&str]) -> Run {
     choreo(folder, &[&["test"], args].concat())
 }
 
-fn report(folder: &Path, args: &[&str]) -> (i32, Value) {
-    let run = test(folder, &[args, &["--json"]].concat());
+fn json_report(folder: &Path, args: &[&str]) -> (i32, Value) {
+    let run = run_tests(folder, &[args, &["--json"]].concat());
     let value = serde_json::from_str(&run.out).unwrap_or_else(|e| panic!("{e}: {}\n{}", run.out, run.err));
     (run.code, value)
 }
 
-fn accepted() -> tempfile::TempDir {
+fn suite_with_accepted_images() -> tempfile::TempDir {
     let dir = suite();
-    let run = test(dir.path(), &["suite", "--accept"]);
+    let run = run_tests(dir.path(), &["suite", "--accept"]);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(run.out.contains("3 passed, 0 failed, 0 skipped, 2 images accepted"), "{}", run.out);
     assert!(run.out.contains("accepted suite/pictures/box/box.png\n"), "{}", run.out);
@@ -64,22 +64,23 @@ fn accepted() -> tempfile::TempDir {
 }
 
 /// Paints a block into a PNG without touching its texts.
-fn plant(path: &Path) {
-    use choreo_test_runner::stored;
-    let (mut stored, _) = stored::read(path).unwrap();
+fn change_pixel_block(path: &Path) {
+    use choreo_test_runner::golden_image;
+    let (mut stored, _) = golden_image::read(path).unwrap();
     for y in 20..24 {
         for x in 40..44 {
             stored.frame.rgba[((y * 96 + x) * 4) as usize] ^= 0x80;
         }
     }
-    let bytes = stored::encode_accepted(&stored.frame, &stored.device, "t").unwrap();
+    let bytes = golden_image::encode_accepted(&stored.frame, &stored.device, "t").unwrap();
     std::fs::write(path, &bytes).unwrap();
 }
 
-/// No name in a folder that all users may write to can be foreseen, and no build folder is taken that is a link.
+/// Images go to the cache of the user if there is no build folder or if it is a link. They do not go to a shared temporary folder, in
+/// which another user could prepare names.
 #[cfg(unix)]
 #[test]
-fn without_a_build_folder_the_users_own_cache_is_used() {
+fn without_a_build_folder_the_cache_of_the_user_is_used() {
     use std::os::unix::fs::symlink;
     let dir = suite();
     let d = dir.path();
@@ -91,7 +92,7 @@ fn without_a_build_folder_the_users_own_cache_is_used() {
     let failing = || {
         let mut command = command(d, &["test", "suite"]);
         command.env("TMPDIR", d.join("shared")).env("XDG_CACHE_HOME", &cache);
-        let run = finished(command.output().unwrap());
+        let run = run_result(command.output().unwrap());
         assert_eq!(run.code, 1, "{}{}", run.out, run.err);
         let seen = run.out.lines().find_map(|line| line.trim().strip_prefix("see "));
         let seen = Path::new(seen.unwrap_or_else(|| panic!("{}", run.out)).trim()).to_path_buf();
@@ -105,29 +106,29 @@ fn without_a_build_folder_the_users_own_cache_is_used() {
 }
 
 #[test]
-fn pictures_are_accepted_then_compared_and_a_planted_block_fails() {
+fn images_are_accepted_then_compared_and_a_changed_block_fails() {
     let dir = suite();
     let d = dir.path();
-    let run = test(d, &["suite"]);
+    let run = run_tests(d, &["suite"]);
     assert_eq!(run.code, 1);
     assert!(run.out.contains("FAILED suite/box.rhai > the box is seen\n"), "{}", run.out);
     assert!(run.out.contains("which does not exist yet"), "{}", run.out);
     assert!(run.err.contains("2 sections failed"), "{}", run.err);
 
-    assert_eq!(test(d, &["suite", "--accept=box"]).code, 1, "the other is still missing");
+    assert_eq!(run_tests(d, &["suite", "--accept=box"]).code, 1, "the other is still missing");
     assert_eq!(names(&d.join("suite/pictures/box")), ["box.png"]);
-    assert_eq!(test(d, &["suite", "--accept"]).code, 0);
-    let run = test(d, &["suite"]);
+    assert_eq!(run_tests(d, &["suite", "--accept"]).code, 0);
+    let run = run_tests(d, &["suite"]);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(
         run.out.starts_with("ok     suite/box.rhai  3 sections\n3 passed, 0 failed, 0 skipped; "),
         "{}",
         run.out
     );
-    assert_eq!(test(d, &["suite", "--quiet"]).out, "");
+    assert_eq!(run_tests(d, &["suite", "--quiet"]).out, "");
 
-    plant(&d.join("suite/pictures/box/box.png"));
-    let run = test(d, &["suite", "--quiet"]);
+    change_pixel_block(&d.join("suite/pictures/box/box.png"));
+    let run = run_tests(d, &["suite", "--quiet"]);
     assert_eq!(run.code, 1);
     for part in [
         "FAILED suite/box.rhai > the box is seen\n  suite/box.rhai:10:5: image \"box\" at 0 s\n",
@@ -145,10 +146,10 @@ fn pictures_are_accepted_then_compared_and_a_planted_block_fails() {
         );
     }
     // The commands in the message work.
-    assert_eq!(test(d, &["suite/box.rhai", "--filter", "the box is seen aside"]).code, 0);
-    assert_eq!(test(d, &["suite/box.rhai", "--accept=box"]).code, 0);
-    assert_eq!(test(d, &["suite"]).code, 0);
-    let run = test(d, &["suite", "--accept=asid"]);
+    assert_eq!(run_tests(d, &["suite/box.rhai", "--filter", "the box is seen aside"]).code, 0);
+    assert_eq!(run_tests(d, &["suite/box.rhai", "--accept=box"]).code, 0);
+    assert_eq!(run_tests(d, &["suite"]).code, 0);
+    let run = run_tests(d, &["suite", "--accept=asid"]);
     assert_eq!(run.code, 2);
     assert!(
         run.err.contains("no section that ran has an image of this name; did you mean \"aside\"?"),
@@ -158,34 +159,34 @@ fn pictures_are_accepted_then_compared_and_a_planted_block_fails() {
 }
 
 #[test]
-fn pictures_of_another_device_are_refused_unless_told() {
-    let dir = accepted();
+fn images_of_another_device_are_compared_only_with_any_device() {
+    let dir = suite_with_accepted_images();
     let d = dir.path();
     let path = d.join("suite/pictures/box/box.png");
-    let (stored, _) = choreo_test_runner::stored::read(&path).unwrap();
+    let (stored, _) = choreo_test_runner::golden_image::read(&path).unwrap();
     let other = "vulkan:llvmpipe (LLVM 14.0.0, 256 bits)/22.1";
-    let bytes = choreo_test_runner::stored::encode_accepted(&stored.frame, other, "t").unwrap();
+    let bytes = choreo_test_runner::golden_image::encode_accepted(&stored.frame, other, "t").unwrap();
     std::fs::write(&path, bytes).unwrap();
-    let run = test(d, &["suite"]);
+    let run = run_tests(d, &["suite"]);
     assert_eq!(run.code, 1);
     assert!(run.out.contains(&format!("box.png, accepted on {other}\n")), "{}", run.out);
     assert!(run.out.contains("--any-device"), "{}", run.out);
-    assert_eq!(test(d, &["suite", "--any-device"]).code, 0);
-    // The options of a run are part of what its results rest on.
-    assert_eq!(test(d, &["suite", "--changed"]).code, 1);
+    assert_eq!(run_tests(d, &["suite", "--any-device"]).code, 0);
+    // The results of a run depend on its options.
+    assert_eq!(run_tests(d, &["suite", "--changed"]).code, 1);
 }
 
 #[test]
-fn damaged_missing_and_misshapen_pictures_fail() {
-    let dir = accepted();
+fn damaged_missing_and_differently_sized_images_fail() {
+    let dir = suite_with_accepted_images();
     let d = dir.path();
     let path = d.join("suite/pictures/box/box.png");
     let good = std::fs::read(&path).unwrap();
     std::fs::write(&path, &good[..good.len() - 40]).unwrap();
-    let run = test(d, &["suite"]);
+    let run = run_tests(d, &["suite"]);
     assert!(run.code == 1 && run.out.contains("the stored image is damaged"), "{}", run.out);
     std::fs::remove_file(&path).unwrap();
-    let run = test(d, &["suite"]);
+    let run = run_tests(d, &["suite"]);
     assert!(run.code == 1 && run.out.contains("no image has been accepted"), "{}", run.out);
     std::fs::write(&path, good).unwrap();
     write(
@@ -193,11 +194,11 @@ fn damaged_missing_and_misshapen_pictures_fail() {
         "suite/box.rhai",
         &SUITE.replace("\"box\", #{ at: 0.0, size: [96, 54]", "\"box\", #{ at: 0.0, size: [54, 96]"),
     );
-    let run = test(d, &["suite"]);
+    let run = run_tests(d, &["suite"]);
     assert!(run.code == 1 && run.out.contains("box.png, 96x54 pixels"), "{}", run.out);
 }
 
-/// A script, and what its run says; every one of these must fail.
+/// Scripts that must fail, with a text that their run must print.
 const FAULTS: &[(&str, &str)] = &[
     ("test(\"a\", || { cast(\"b\", shape(\"box\")); });", "this section asserts nothing, so it cannot fail"),
     ("test(\"a\", || { expect(1).equals(2); });", "FAILED suite/t.rhai > a"),
@@ -229,17 +230,17 @@ fn every_planted_fault_fails_with_its_reason() {
     let d = dir.path();
     for (script, says) in FAULTS {
         write(d, "suite/t.rhai", script);
-        let run = test(d, &["suite/t.rhai"]);
+        let run = run_tests(d, &["suite/t.rhai"]);
         assert_eq!(run.code, 1, "{script}\n{}{}", run.out, run.err);
         assert!(run.out.contains(says), "{script}: {says}\n{}{}", run.out, run.err);
     }
-    // All skipped, nothing found: no success.
+    // A run in which all sections are skipped or none is found does not succeed.
     write(d, "suite/t.rhai", FAULTS[4].0);
-    let run = test(d, &["suite/t.rhai"]);
-    assert!(run.err.contains("all 1 sections were skipped, so nothing was tested"), "{}", run.err);
-    let run = test(d, &["target"]);
+    let run = run_tests(d, &["suite/t.rhai"]);
+    assert!(run.err.contains("the only section was skipped, so nothing was tested"), "{}", run.err);
+    let run = run_tests(d, &["target"]);
     assert_eq!((run.code, run.err.trim_end()), (1, "target: no scripts (.rhai) in this folder"));
-    assert_eq!(test(d, &["nowhere"]).code, 1);
+    assert_eq!(run_tests(d, &["nowhere"]).code, 1);
 }
 
 #[test]
@@ -253,7 +254,7 @@ fn known_bugs_expected_errors_and_plain_scripts_pass() {
          test(\"b\", || { nonsense(); //~ error: nonsense\n });",
     );
     write(d, "suite/plain.rhai", "stage(#{ length: 0.5 });\ncast(\"a\", shape(\"box\"));\n");
-    let (code, value) = report(d, &["suite/t.rhai", "suite/plain.rhai"]);
+    let (code, value) = json_report(d, &["suite/t.rhai", "suite/plain.rhai"]);
     assert_eq!((code, &value["passed"], &value["failed"]), (0, &3.into(), &0.into()), "{value:#}");
     assert_eq!(value["sections"][0]["checks"][0]["title"], "known to fail: bug 7");
     // An image of a known bug is not accepted.
@@ -262,7 +263,7 @@ fn known_bugs_expected_errors_and_plain_scripts_pass() {
         "suite/bug.rhai",
         "test(\"a\", #{ fails: \"bug 8\" }, || { cast(\"b\", shape(\"box\")); expect_image(\"p\"); });",
     );
-    assert_eq!(test(d, &["suite/bug.rhai", "--accept"]).code, 0);
+    assert_eq!(run_tests(d, &["suite/bug.rhai", "--accept"]).code, 0);
     assert!(!d.join("suite/pictures").exists());
     let titles: Vec<&str> = value["sections"][2]["checks"]
         .as_array()
@@ -285,9 +286,9 @@ fn tests_read_below_the_folder_that_they_are_started_in() {
         "suite/t.rhai",
         "test(\"a\", || { expect(scene(\"../scenes/s.rhai\").actor(\"a\")).near([0, 0, 0]); });",
     );
-    let run = test(d, &["suite/t.rhai"]);
+    let run = run_tests(d, &["suite/t.rhai"]);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
-    let run = test(&d.join("suite"), &["t.rhai"]);
+    let run = run_tests(&d.join("suite"), &["t.rhai"]);
     assert!(
         run.code == 1 && run.out.contains("it leads out of the folders this script may read"),
         "{}",
@@ -296,21 +297,21 @@ fn tests_read_below_the_folder_that_they_are_started_in() {
 }
 
 #[test]
-fn sections_are_listed_filtered_and_dealt_out() {
+fn sections_are_listed_filtered_and_sharded() {
     let dir = suite();
     let d = dir.path();
     let all = "suite/box.rhai:8  the box is seen\nsuite/box.rhai:13  the box is seen aside  #aside\n\
                suite/box.rhai:18  numbers are numbers\n";
-    assert_eq!(test(d, &["--list", "suite"]).out, all);
-    assert_eq!(test(d, &["--list"]).out, all, "without a path all below the folder");
-    let count = |args: &[&str]| test(d, &[&["suite", "--list"], args].concat()).out.lines().count();
+    assert_eq!(run_tests(d, &["--list", "suite"]).out, all);
+    assert_eq!(run_tests(d, &["--list"]).out, all, "without a path all below the folder");
+    let count = |args: &[&str]| run_tests(d, &[&["suite", "--list"], args].concat()).out.lines().count();
     assert_eq!(count(&["--filter", "BOX is"]), 2);
     assert_eq!(count(&["--filter", "box.rhai > numbers"]), 1);
     assert_eq!(count(&["--filter", "aside", "--filter", "numbers"]), 2);
     assert_eq!(count(&["suite/box.rhai"]), 3, "no file twice");
     let mut dealt: Vec<String> = Vec::new();
     for part in ["1/2", "2/2"] {
-        let out = test(d, &["suite", "--list", "--shard", part]).out;
+        let out = run_tests(d, &["suite", "--list", "--shard", part]).out;
         dealt.extend(out.lines().map(str::to_string));
     }
     dealt.sort();
@@ -328,28 +329,28 @@ fn sections_are_listed_filtered_and_dealt_out() {
         (&["--device", "auto"], "say cpu or vulkan"),
         (&["suite/box.txt"], "no such file"),
     ] {
-        let run = test(d, &[&["suite"], args].concat());
+        let run = run_tests(d, &[&["suite"], args].concat());
         assert!(run.code != 0 && run.err.contains(says), "{args:?}: {}", run.err);
     }
-    let (_, value) = report(d, &["suite", "--list"]);
+    let (_, value) = json_report(d, &["suite", "--list"]);
     assert_eq!(value["sections"][1]["tags"], serde_json::json!(["aside"]));
 }
 
 #[test]
-fn files_anywhere_are_tested_and_named_as_they_are_given() {
+fn files_outside_the_folder_are_tested_and_named_as_given() {
     let (here, there) = (tempfile::tempdir().unwrap(), suite());
     let path = there.path().join("suite/box.rhai");
-    let run = test(here.path(), &[path.to_str().unwrap(), "--accept"]);
+    let run = run_tests(here.path(), &[path.to_str().unwrap(), "--accept"]);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(there.path().join("suite/pictures/box/aside.png").is_file());
     write(there.path(), "suite/bad.rhai", "test(\"bad\", || { expect(1).equals(2); });");
-    let run = test(there.path(), &[]);
+    let run = run_tests(there.path(), &[]);
     assert!(run.out.contains("\n  suite/bad.rhai:1:") && !run.out.contains("./"), "{}", run.out);
 }
 
 #[test]
-fn the_order_of_what_is_told_does_not_hang_on_the_number_of_jobs() {
-    let dir = accepted();
+fn the_order_of_the_output_does_not_depend_on_the_number_of_jobs() {
+    let dir = suite_with_accepted_images();
     let d = dir.path();
     let many: String = (0..40)
         .map(|i| {
@@ -361,9 +362,13 @@ fn the_order_of_what_is_told_does_not_hang_on_the_number_of_jobs() {
         .collect();
     write(d, "suite/a.rhai", &many);
     let lines = |jobs: &str| -> Vec<String> {
-        let run = test(d, &["suite", "--jobs", jobs]);
+        let run = run_tests(d, &["suite", "--jobs", jobs]);
         assert_eq!(run.code, 1);
-        run.out.lines().filter(|l| !l.contains(" checks in ")).map(str::to_string).collect()
+        run.out
+            .lines()
+            .filter(|l| !l.contains(" checks in ") && !l.contains(" check in "))
+            .map(str::to_string)
+            .collect()
     };
     let one = lines("1");
     assert_eq!(one[0], "FAILED suite/a.rhai > n13");
@@ -371,34 +376,34 @@ fn the_order_of_what_is_told_does_not_hang_on_the_number_of_jobs() {
 }
 
 #[test]
-fn only_what_a_change_touches_runs_again() {
-    let dir = accepted();
+fn only_sections_that_depend_on_a_change_run_again() {
+    let dir = suite_with_accepted_images();
     let d = dir.path();
     let reused = |args: &[&str]| -> (i32, Vec<bool>) {
-        let (code, value) = report(d, &[&["suite", "--changed"], args].concat());
+        let (code, value) = json_report(d, &[&["suite", "--changed"], args].concat());
         let flags = value["sections"].as_array().unwrap().iter().map(|s| s["reused"] == true).collect();
         (code, flags)
     };
-    assert_eq!(test(d, &["suite"]).code, 0);
+    assert_eq!(run_tests(d, &["suite"]).code, 0);
     assert_eq!(reused(&[]), (0, vec![true; 3]));
-    let run = test(d, &["suite", "--changed"]);
+    let run = run_tests(d, &["suite", "--changed"]);
     assert!(run.out.contains("3 passed (reused 3), 0 failed"), "{}", run.out);
     // One section's line; a shared line; an image.
     write(d, "suite/box.rhai", &SUITE.replace("1 + 1", "3 - 1"));
     assert_eq!(reused(&[]), (0, vec![true, true, false]));
     write(d, "suite/box.rhai", &SUITE.replace("size: [1, 1, 1]", "size: [1, 1, 1.0]"));
     assert_eq!(reused(&[]), (0, vec![false; 3]));
-    plant(&d.join("suite/pictures/box/box.png"));
+    change_pixel_block(&d.join("suite/pictures/box/box.png"));
     assert_eq!(reused(&[]), (1, vec![false, true, true]));
-    assert_eq!(reused(&[]), (1, vec![false, true, true]), "what failed runs again");
+    assert_eq!(reused(&[]), (1, vec![false, true, true]), "a failed section runs again");
     assert_eq!(reused(&["--accept"]), (0, vec![false, true, true]));
-    assert_eq!(reused(&[]), (0, vec![false, true, true]), "the accepted one is judged once more");
+    assert_eq!(reused(&[]), (0, vec![false, true, true]), "an accepted image is compared once more");
     assert_eq!(reused(&[]), (0, vec![true; 3]));
     assert_eq!(reused(&["--limit", "operations=1000000"]), (0, vec![false; 3]));
     // Everything runs without the option.
-    let (_, value) = report(d, &["suite"]);
+    let (_, value) = json_report(d, &["suite"]);
     assert_eq!(value["reused"], 0);
-    // Damaged entries are none.
+    // Damaged entries are ignored.
     let results = d.join("target/choreo-test/results");
     for name in names(&results) {
         std::fs::write(results.join(name), b"{").unwrap();
@@ -407,12 +412,12 @@ fn only_what_a_change_touches_runs_again() {
 }
 
 #[test]
-fn reports_are_written_whole_and_say_the_same() {
-    let dir = accepted();
+fn json_junit_and_html_reports_agree() {
+    let dir = suite_with_accepted_images();
     let d = dir.path();
-    plant(&d.join("suite/pictures/box/box.png"));
+    change_pixel_block(&d.join("suite/pictures/box/box.png"));
     write(d, "suite/pictures/box/old.png", "left over");
-    let (code, value) = report(d, &["suite", "--junit", "r.xml", "--html", "r.html"]);
+    let (code, value) = json_report(d, &["suite", "--junit", "r.xml", "--html", "r.html"]);
     assert_eq!((code, &value["failed"], &value["passed"]), (1, &1.into(), &2.into()));
     assert_eq!(value["unused_pictures"], serde_json::json!(["suite/pictures/box/old.png"]));
     let measures = &value["sections"][0]["checks"][0]["picture"]["measures"];
@@ -424,17 +429,17 @@ fn reports_are_written_whole_and_say_the_same() {
     );
     let html = String::from_utf8(read(d, "r.html")).unwrap();
     assert_eq!(html.matches("src=\"data:image/png").count(), 6);
-    assert_eq!(parts(d), Vec::<String>::new());
+    assert_eq!(part_files(d), Vec::<String>::new());
     for option in ["--junit", "--html"] {
-        let run = test(d, &["suite", option, "nowhere/r"]);
+        let run = run_tests(d, &["suite", option, "nowhere/r"]);
         assert_eq!(run.code, 3);
         assert!(run.err.contains("the folder nowhere does not exist"), "{}", run.err);
     }
 }
 
 #[test]
-fn a_save_runs_what_it_touches_again() {
-    let dir = accepted();
+fn watch_runs_sections_again_when_their_file_is_saved() {
+    let dir = suite_with_accepted_images();
     let d = dir.path();
     let mut child = command(d, &["test", "suite", "--watch", "--changed", "--html", "suite/r.html"])
         .stdout(Stdio::piped())
@@ -442,7 +447,7 @@ fn a_save_runs_what_it_touches_again() {
         .spawn()
         .unwrap();
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
-    // A watch that never wakes would hang the tests: it is ended then, which `until` tells.
+    // If the watch never wakes, it is ended after 15 minutes, so that `until` fails instead of hanging.
     let child = Arc::new(Mutex::new(child));
     let late = Arc::clone(&child);
     std::thread::spawn(move || {
@@ -454,7 +459,7 @@ fn a_save_runs_what_it_touches_again() {
     };
     until("watching ");
     write(d, "suite/box.rhai", &SUITE.replace("equals(2)", "equals(3)"));
-    // Its own report, in a folder that is watched, is no change.
+    // The report that the command writes into the watched folder does not count as a change.
     assert_eq!(until("changed: "), "changed: suite/box.rhai");
     until("FAILED suite/box.rhai > numbers are numbers");
     until("watching ");
@@ -464,7 +469,7 @@ fn a_save_runs_what_it_touches_again() {
     until("changed: ");
     assert!(until(" passed").starts_with("3 passed (reused "));
     until("watching ");
-    // A test that was not there before, in a folder that was not.
+    // A new test in a new folder.
     std::fs::create_dir(d.join("suite/new")).unwrap();
     write(d, "suite/new/t.rhai", "test(\"a\", || { expect(1).equals(1); });\n");
     until("ok     suite/new/t.rhai  1 section");
@@ -473,7 +478,7 @@ fn a_save_runs_what_it_touches_again() {
     child.wait().unwrap();
 }
 
-/// A file that is found in a folder is not read through a link out of it; one that the user names is.
+/// A script that is found in a folder is refused if it is a link out of the folder; a script that the user names is read.
 #[test]
 fn scripts_that_are_links_out_of_the_folder_are_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -482,16 +487,16 @@ fn scripts_that_are_links_out_of_the_folder_are_refused() {
     write(d, "secret", "secret words of somebody else");
     write(d, "t/a.rhai", "test(\"a\", || { expect(1).equals(1); });");
     std::os::unix::fs::symlink("a.rhai", d.join("t/b.rhai")).unwrap();
-    assert_eq!(test(d, &["t"]).code, 0);
+    assert_eq!(run_tests(d, &["t"]).code, 0);
     std::os::unix::fs::symlink("../secret", d.join("t/c.rhai")).unwrap();
-    let run = test(d, &["t"]);
+    let run = run_tests(d, &["t"]);
     let expected = "t/c.rhai: it is a symbolic link that leads out of t; remove it, or name the file itself";
     assert!(run.code == 1 && run.err.contains(expected), "{} {}", run.code, run.err);
     assert!(!format!("{}{}", run.out, run.err).contains("words"), "{}", run.out);
-    assert!(test(d, &["t/c.rhai"]).out.contains("words"));
+    assert!(run_tests(d, &["t/c.rhai"]).out.contains("words"));
 }
 
-/// Time is looked at in the script, in frames that are evaluated, and between images; the others go on.
+/// The time limit is checked in the script, in evaluated frames and between images; other sections continue.
 #[test]
 fn a_section_that_takes_too_long_fails_and_the_others_go_on() {
     let dir = tempfile::tempdir().unwrap();
@@ -516,7 +521,7 @@ test("quick", || { expect(1).equals(1); });
 "#,
     );
     let started = std::time::Instant::now();
-    let (code, report) = report(
+    let (code, report) = json_report(
         d,
         &[
             "slow.rhai",
@@ -540,7 +545,7 @@ test("quick", || { expect(1).equals(1); });
             _ => assert!(text.contains("this section takes longer than 1.5 s"), "{text}"),
         }
     }
-    let run = test(
+    let run = run_tests(
         d,
         &["slow.rhai", "--timeout", "0.5", "--filter", "endless", "--limit", "operations=1000000000000"],
     );

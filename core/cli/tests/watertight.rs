@@ -1,5 +1,6 @@
-//! Back faces of closed surfaces are not drawn (`choreo_render::scene_resources::watertight`): what that changes of every sample that bends, in its clips and in
-//! poses that push it through itself. `cargo test -p choreo --test watertight -- --nocapture` prints the table.
+//! Back faces of watertight meshes are not drawn (`choreo_render::scene_resources::watertight`). The test counts the pixels that this changes
+//! in every deforming sample, in its clips and in poses in which the mesh intersects itself.
+//! `cargo test -p choreo --test watertight -- --nocapture` prints the table.
 
 mod common;
 #[path = "../../render/tests/common/holes.rs"]
@@ -17,7 +18,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [240, 240];
-/// How far one joint after the other is turned: two and a half radians fold any limb into the body.
+/// Angle in radians by which one joint after the other is turned, so that limbs intersect the body.
 const TURN: f32 = 2.5;
 const JOINTS: usize = 10;
 
@@ -41,7 +42,7 @@ fn load(folder: &Path, name: &str, registry: &Registry) -> Arc<Asset> {
 }
 
 /// The snapshot with a joint and all its descendants turned about the joint's own x.
-fn turned(snapshot: &Snapshot, asset: &Asset, joint: usize) -> Snapshot {
+fn with_joint_turned(snapshot: &Snapshot, asset: &Asset, joint: usize) -> Snapshot {
     let mut turned = snapshot.clone();
     let of = &mut turned.actors[0].model_from_joint;
     let at = of[joint];
@@ -56,8 +57,8 @@ fn turned(snapshot: &Snapshot, asset: &Asset, joint: usize) -> Snapshot {
     turned
 }
 
-/// Poses in the middle of its first clips, and with one of its joints turned.
-fn poses(asset: &Arc<Asset>) -> (Stage, Vec<Snapshot>) {
+/// The rest pose, poses in the middle of the first clips, and poses with one joint turned.
+fn clip_and_turned_poses(asset: &Arc<Asset>) -> (Stage, Vec<Snapshot>) {
     let mut stage = Stage::default();
     stage.settings.size = SIZE;
     stage.cast("body", asset.clone());
@@ -72,8 +73,11 @@ fn poses(asset: &Arc<Asset>) -> (Stage, Vec<Snapshot>) {
     let bends = |joint: &u32| parents.contains(&Some(*joint));
     let joints: Vec<u32> = asset.skins.iter().flat_map(|s| s.joints.iter().copied()).filter(bends).collect();
     let step = joints.len().div_ceil(JOINTS).max(1);
-    let more: Vec<Snapshot> =
-        joints.iter().step_by(step).map(|joint| turned(&poses[0], asset, *joint as usize)).collect();
+    let more: Vec<Snapshot> = joints
+        .iter()
+        .step_by(step)
+        .map(|joint| with_joint_turned(&poses[0], asset, *joint as usize))
+        .collect();
     poses.extend(more);
     for pose in &mut poses {
         pose.background = Background::Color(Vec4::new(1.0, 0.0, 1.0, 1.0));
@@ -84,7 +88,7 @@ fn poses(asset: &Arc<Asset>) -> (Stage, Vec<Snapshot>) {
 
 #[test]
 fn meshes_that_bend_have_no_holes() {
-    let Some(folder) = common::assets() else { return };
+    let Some(folder) = common::sample_assets_folder() else { return };
     let registry = choreo::registry();
     let effects = registry.effects().to_vec();
     let options = GpuOptions { validation: true, effects, ..GpuOptions::default() };
@@ -100,7 +104,7 @@ fn meshes_that_bend_have_no_holes() {
     let mut without = 0;
     for name in FILES {
         let asset = load(&folder, name, &registry);
-        let (stage, poses) = poses(&asset);
+        let (stage, poses) = clip_and_turned_poses(&asset);
         let resources = Arc::new(SceneResources::new(&stage));
         renderer.load(resources.clone()).unwrap();
         let (mut closed, mut worst_lost, mut shares) = (0, 0, Vec::new());
@@ -126,5 +130,5 @@ fn meshes_that_bend_have_no_holes() {
         assert!(worst_lost <= 2, "{name}: {worst_lost} pixels are a hole");
         without += usize::from(closed > 0);
     }
-    assert!(without >= 3, "of {} models {without} have closed surfaces", FILES.len());
+    assert!(without >= 3, "of {} models {without} have watertight meshes", FILES.len());
 }

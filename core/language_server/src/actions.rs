@@ -17,32 +17,35 @@ pub fn actions(view: &View, uri: &str, diagnostics: &[Value]) -> Value {
                 "edit": { "changes": { uri: edits } },
             }));
         };
-        if let Some((title, edit)) = suggestion(message).and_then(|name| replace(view, diagnostic, name)) {
+        if let Some((title, edit)) =
+            suggestion(message).and_then(|name| replace_with_suggestion(view, diagnostic, name))
+        {
             add(title, true, vec![edit]);
         }
-        for (title, edits) in imports(view, diagnostic, message) {
+        for (title, edits) in import_actions(view, diagnostic, message) {
             add(title, true, edits);
         }
         if let Some(rule) = diagnostic["code"].as_str() {
-            add(format!("Allow {rule} here"), false, vec![allow(view, diagnostic, rule)]);
+            add(format!("Allow {rule} here"), false, vec![allow_finding(view, diagnostic, rule)]);
         }
     }
     found.into()
 }
 
+/// Edit that replaces a range of the protocol by a text.
 fn edit(range: Value, text: String) -> Value {
     json!({ "range": range, "newText": text })
 }
 
 /// Action that replaces the wrong name by the suggested one.
-fn replace(view: &View, diagnostic: &Value, name: &str) -> Option<(String, Value)> {
+fn replace_with_suggestion(view: &View, diagnostic: &Value, name: &str) -> Option<(String, Value)> {
     let source = view.source;
-    let bytes = source.lines.bytes(&source.text, &diagnostic["range"]);
+    let bytes = source.lines.bytes_of_range(&source.text, &diagnostic["range"]);
     let token = source.token_at(bytes.start).filter(|t| source.tokens[*t].start >= bytes.start)?;
     let title = format!("Change to \"{name}\"");
     if is_string(source.get(token)) {
         let text = name.replace('\\', "\\\\").replace('"', "\\\"");
-        return Some((title, edit(source.range(&source.string_contents(token)), text)));
+        return Some((title, edit(source.range(&source.string_content_range(token)), text)));
     }
     let plain = name.chars().all(|c| c.is_alphanumeric() || c == '_');
     (plain && is_word(source.get(token)))
@@ -50,18 +53,18 @@ fn replace(view: &View, diagnostic: &Value, name: &str) -> Option<(String, Value
 }
 
 /// Action that marks a finding as intended: extends an `// allow:` comment on its line or the line above, or adds one above.
-fn allow(view: &View, diagnostic: &Value, rule: &str) -> Value {
+fn allow_finding(view: &View, diagnostic: &Value, rule: &str) -> Value {
     let source = view.source;
     let line = diagnostic["range"]["start"]["line"].as_u64().unwrap_or(0) as usize;
     let comment = describe::allow_comment(rule);
-    let above = line.checked_sub(1).map(|line| source.lines.line(&source.text, line));
-    for bytes in [Some(source.lines.line(&source.text, line)), above].into_iter().flatten() {
+    let above = line.checked_sub(1).map(|line| source.lines.bytes_of_line(&source.text, line));
+    for bytes in [Some(source.lines.bytes_of_line(&source.text, line)), above].into_iter().flatten() {
         if source.text[bytes.clone()].contains("// allow:") {
             let end = bytes.start + source.text[bytes].trim_end().len();
             return edit(source.range(&(end..end)), format!(", {rule}"));
         }
     }
-    let bytes = source.lines.line(&source.text, line);
+    let bytes = source.lines.bytes_of_line(&source.text, line);
     let text = &source.text[bytes.clone()];
     let indentation = &text[..text.len() - text.trim_start().len()];
     let line_break = if source.text.contains("\r\n") { "\r\n" } else { "\n" };
@@ -69,7 +72,7 @@ fn allow(view: &View, diagnostic: &Value, rule: &str) -> Value {
 }
 
 /// Actions that import a missing module: the module whose name is used, or modules that have the called function.
-fn imports(view: &View, diagnostic: &Value, message: &str) -> Vec<(String, Vec<Value>)> {
+fn import_actions(view: &View, diagnostic: &Value, message: &str) -> Vec<(String, Vec<Value>)> {
     let quoted =
         |mark: &str| message.strip_prefix(mark).and_then(|rest| rest.split('"').next()).map(str::to_string);
     let source = view.source;
@@ -79,23 +82,23 @@ fn imports(view: &View, diagnostic: &Value, message: &str) -> Vec<(String, Vec<V
         let fits = modules.filter(|module| module.rsplit('/').next() == Some(&wanted));
         return fits
             .take(3)
-            .map(|module| import(view, module, &wanted))
+            .map(|module| add_import(view, module, &wanted))
             .map(|(title, edit)| (title, vec![edit]))
             .collect();
     }
     let Some(wanted) = quoted("unknown function \"") else { return Vec::new() };
     /// Largest number of modules that are searched for a function.
-    const MOST: usize = 40;
+    const MAX_MODULES: usize = 40;
     let mut found = Vec::new();
-    for module in modules.take(MOST) {
+    for module in modules.take(MAX_MODULES) {
         let Some(text) = view.types().modules.module(module) else { continue };
         let defines = (1..text.tokens.len()).any(|i| text.get(i) == wanted && text.get(i - 1) == "fn");
         let alias = module.rsplit('/').next().unwrap_or(module);
         if !defines || !alias.chars().all(|c| c.is_alphanumeric() || c == '_') {
             continue;
         }
-        let start = source.lines.bytes(&source.text, &diagnostic["range"]).start;
-        let (title, first) = import(view, module, alias);
+        let start = source.lines.bytes_of_range(&source.text, &diagnostic["range"]).start;
+        let (title, first) = add_import(view, module, alias);
         let qualified = edit(source.range(&(start..start)), format!("{alias}::"));
         found.push((title, vec![first, qualified]));
     }
@@ -103,10 +106,10 @@ fn imports(view: &View, diagnostic: &Value, message: &str) -> Vec<(String, Vec<V
 }
 
 /// Edit that adds an import after the existing ones, or before the first statement.
-fn import(view: &View, module: &str, alias: &str) -> (String, Value) {
+fn add_import(view: &View, module: &str, alias: &str) -> (String, Value) {
     let source = view.source;
     let tokens = 0..source.tokens.len();
-    let last = tokens.rev().find(|i| source.get(*i) == "import" && source.parent(*i).is_none());
+    let last = tokens.rev().find(|i| source.get(*i) == "import" && source.enclosing_bracket(*i).is_none());
     let line = match last {
         Some(token) => source.lines.line_of(source.tokens[token].start) + 1,
         None => source.tokens.first().map_or(0, |token| source.lines.line_of(token.start)),

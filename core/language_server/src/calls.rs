@@ -27,16 +27,16 @@ pub fn calls(text: &str) -> Vec<(usize, &'static Entry)> {
         if !is_word(source.get(index)) || source.get(index + 1) != "(" {
             return None;
         }
-        let on = match source.before(index, 1) {
+        let receiver_type = match source.token_before(index, 1) {
             "." | "?." => {
                 let budget = Budget::default();
-                let value = Types::new(&source, &NoModules, &budget).ending_at(index - 1);
+                let value = Types::new(&source, &NoModules, &budget).value_ending_at(index - 1);
                 Some(value.kind).filter(|kind| !kind.is_empty())?
             }
             "fn" | "::" => return None,
             _ => String::new(),
         };
-        Some((source.tokens[index].start, describe::entry(&on, source.get(index))?))
+        Some((source.tokens[index].start, describe::entry(&receiver_type, source.get(index))?))
     };
     (0..source.tokens.len()).filter_map(entry_at).collect()
 }
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn calls_are_found_with_the_types_that_they_are_made_on() {
+    fn method_calls_are_found_with_the_type_of_their_receiver() {
         let text = "let hero = load(\"choreo:mannequin\");\n\
                     let anna = cast(\"anna\", hero); // anna.turn(1)\n\
                     anna.play(hero.clip(\"Walk\")).until(2.0);\n\

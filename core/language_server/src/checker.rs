@@ -1,4 +1,4 @@
-//! Runs unsaved scripts on a thread of its own, as `check` does. If several texts of one script are waiting, only the latest is run.
+//! Runs unsaved scripts on its own thread, as `check` does. If several texts of one script are waiting, only the latest is run.
 
 use crate::{Host, Project};
 use choreo_plugin::{ImportScope, PluginPanic};
@@ -12,10 +12,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Time limit for the sections of tests. Later sections are left to `choreo test`.
-const SECTIONS_TIME: Duration = Duration::from_secs(5);
+const TEST_SECTIONS_TIME_LIMIT: Duration = Duration::from_secs(5);
 
 /// Unsaved texts by canonical path.
-pub type Unsaved = Arc<BTreeMap<PathBuf, Arc<str>>>;
+pub type UnsavedTexts = Arc<BTreeMap<PathBuf, Arc<str>>>;
 
 /// A script to be run.
 pub struct Job {
@@ -24,7 +24,7 @@ pub struct Job {
     /// Path of the script, even if it was never saved; `None` for a text without a path.
     pub path: Option<PathBuf>,
     pub text: Arc<str>,
-    pub unsaved: Unsaved,
+    pub unsaved: UnsavedTexts,
     /// Folder that is open in the editor, in which a text without a path looks for files.
     pub folder: PathBuf,
 }
@@ -35,13 +35,13 @@ pub struct CheckResult {
     pub version: i64,
     pub diagnostics: Vec<Diagnostic>,
     /// Messages about assets, each with the name by which the script loads the asset.
-    pub of_assets: Vec<(String, String)>,
+    pub asset_warnings: Vec<(String, String)>,
     /// The stage and the places in the script that created it; `None` if the script has errors.
     pub stage: Option<(Arc<Stage>, Arc<Places>)>,
     /// Files that were read, including the script and its modules.
-    pub read: BTreeSet<PathBuf>,
+    pub read_files: BTreeSet<PathBuf>,
     /// Name of the script in its diagnostics.
-    pub main: String,
+    pub script_name: String,
     pub took: Duration,
 }
 
@@ -56,22 +56,22 @@ pub struct Checker {
     queue: Arc<(Mutex<Queue>, Condvar)>,
 }
 
-fn locked(queue: &Mutex<Queue>) -> MutexGuard<'_, Queue> {
+fn lock_queue(queue: &Mutex<Queue>) -> MutexGuard<'_, Queue> {
     queue.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Checker {
-    /// Starts the thread. `tell` gets each result, on that thread.
+    /// Starts the thread, which calls `send_result` with each result.
     pub fn start(
         host: Arc<dyn Host>,
         assets: AssetCache,
-        tell: impl Fn(CheckResult) + Send + 'static,
+        send_result: impl Fn(CheckResult) + Send + 'static,
     ) -> Checker {
         let queue: Arc<(Mutex<Queue>, Condvar)> = Arc::default();
         let own = queue.clone();
         let work = move || {
             loop {
-                let mut waiting = locked(&own.0);
+                let mut waiting = lock_queue(&own.0);
                 // The script that was submitted last is run first.
                 let job = loop {
                     if waiting.closed {
@@ -83,12 +83,12 @@ impl Checker {
                     }
                 };
                 drop(waiting);
-                let is_old = || locked(&own.0).jobs.iter().any(|other| other.uri == job.uri);
-                let run = || check(&job, &*host, &assets, &is_old);
+                let is_outdated = || lock_queue(&own.0).jobs.iter().any(|other| other.uri == job.uri);
+                let run = || check(&job, &*host, &assets, &is_outdated);
                 match catch_unwind(AssertUnwindSafe(run)) {
-                    Ok(Some(checked)) => tell(checked),
+                    Ok(Some(checked)) => send_result(checked),
                     Ok(None) => {}
-                    Err(panic) => tell(failed(&job, &*panic)),
+                    Err(panic) => send_result(panic_result(&job, &*panic)),
                 }
             }
         };
@@ -98,7 +98,7 @@ impl Checker {
     }
 
     pub fn submit(&self, job: Job) {
-        let mut queue = locked(&self.queue.0);
+        let mut queue = lock_queue(&self.queue.0);
         queue.jobs.retain(|other| other.uri != job.uri);
         queue.jobs.push(job);
         self.queue.1.notify_all();
@@ -107,28 +107,28 @@ impl Checker {
 
 impl Drop for Checker {
     fn drop(&mut self) {
-        locked(&self.queue.0).closed = true;
+        lock_queue(&self.queue.0).closed = true;
         self.queue.1.notify_all();
     }
 }
 
-fn empty(job: &Job) -> CheckResult {
+fn empty_result(job: &Job) -> CheckResult {
     CheckResult {
         uri: job.uri.clone(),
         version: job.version,
         diagnostics: Vec::new(),
-        of_assets: Vec::new(),
+        asset_warnings: Vec::new(),
         stage: None,
-        read: BTreeSet::new(),
-        main: script_path(job).display().to_string(),
+        read_files: BTreeSet::new(),
+        script_name: script_path(job).display().to_string(),
         took: Duration::ZERO,
     }
 }
 
-fn failed(job: &Job, panic: &(dyn std::any::Any + Send)) -> CheckResult {
+fn panic_result(job: &Job, panic: &(dyn std::any::Any + Send)) -> CheckResult {
     let own = || "the program itself failed on this text; please report it with the script".to_string();
     let what = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
-    CheckResult { diagnostics: vec![Diagnostic::error(what)], ..empty(job) }
+    CheckResult { diagnostics: vec![Diagnostic::error(what)], ..empty_result(job) }
 }
 
 /// Path of a script; a text without a path is assumed to be in the open folder.
@@ -137,7 +137,7 @@ fn script_path(job: &Job) -> PathBuf {
 }
 
 /// Unsaved texts, including the script itself, which may have no file.
-fn with_script(job: &Job, path: &Path) -> Unsaved {
+fn texts_with_script(job: &Job, path: &Path) -> UnsavedTexts {
     if job.unsaved.contains_key(path) {
         return job.unsaved.clone();
     }
@@ -146,10 +146,15 @@ fn with_script(job: &Job, path: &Path) -> Unsaved {
     Arc::new(unsaved)
 }
 
-/// Runs a script. `None` if `is_old` reports meanwhile that the text is no longer the latest.
-fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> bool) -> Option<CheckResult> {
+/// Runs a script. `None` if `is_outdated` reports meanwhile that the text is no longer the latest.
+fn check(
+    job: &Job,
+    host: &dyn Host,
+    assets: &AssetCache,
+    is_outdated: &dyn Fn() -> bool,
+) -> Option<CheckResult> {
     let begun = Instant::now();
-    let mut checked = empty(job);
+    let mut checked = empty_result(job);
     let path = script_path(job);
     let project = match host.project(&path) {
         Ok(project) => project,
@@ -166,12 +171,12 @@ fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> b
         limits: project.limits.clone(),
         needs: ImportScope::NO_PIXELS,
         assets: assets.clone(),
-        unsaved: with_script(job, &path),
+        unsaved: texts_with_script(job, &path),
         ..ScriptOptions::default()
     };
     let (result, touched) = run_file_touching(&path, &project.registry, &options);
-    checked.read = touched.read.into_keys().collect();
-    if is_old() {
+    checked.read_files = touched.read.into_keys().collect();
+    if is_outdated() {
         return None;
     }
     match result {
@@ -180,18 +185,18 @@ fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> b
             let (stage, places) = (Arc::new(script.stage), Arc::new(script.places));
             checked.diagnostics = script.warnings;
             checked.diagnostics.extend(host.survey(&stage, &places, &project));
-            checked.of_assets = of_assets(&stage);
+            checked.asset_warnings = asset_warnings(&stage);
             checked.stage = Some((stage, places));
             if has_sections {
-                let goes_on = || !is_old() && begun.elapsed() < SECTIONS_TIME;
+                let should_continue = || !is_outdated() && begun.elapsed() < TEST_SECTIONS_TIME_LIMIT;
                 let test = TestOptions { script: options, root, ..TestOptions::default() };
-                let found = section_errors(&path, &project.registry, &test, &goes_on);
+                let found = section_errors(&path, &project.registry, &test, &should_continue);
                 checked.diagnostics.extend(found.errors);
-                checked.read.extend(found.read);
+                checked.read_files.extend(found.read);
             }
         }
     }
-    if is_old() {
+    if is_outdated() {
         return None;
     }
     checked.took = begun.elapsed();
@@ -205,7 +210,7 @@ pub(crate) fn tests_root(script: &Path, open: &Path, project: &Project) -> Optio
 }
 
 /// Warnings of the assets on stage, each once.
-fn of_assets(stage: &Stage) -> Vec<(String, String)> {
+fn asset_warnings(stage: &Stage) -> Vec<(String, String)> {
     let mut found = Vec::new();
     for actor in &stage.actors {
         for warning in &actor.asset.warnings {

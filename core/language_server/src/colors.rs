@@ -1,7 +1,7 @@
 //! Colors in a script, for the editor's swatches and color picker.
 
 use crate::context::call_around;
-use crate::names::{self, Names};
+use crate::names::{self, NameKind};
 use crate::source::is_string;
 use crate::view::View;
 use choreo_plugin::color;
@@ -12,13 +12,15 @@ pub fn colors(view: &View) -> Value {
     let source = view.source;
     let mut found = Vec::new();
     for token in 0..source.tokens.len() {
-        let Some(text) = is_string(source.get(token)).then(|| source.string(token)).flatten() else {
+        let Some(text) = is_string(source.get(token)).then(|| source.string_value(token)).flatten() else {
             continue;
         };
         let Some(rgba) = color::bytes(&text) else { continue };
         let expected = || {
             let site = call_around(view.types(), source.tokens[token].start + 1);
-            site.is_some_and(|site| names::names(source, &site) == Some(Names::Colors) || site.maps.len() > 1)
+            site.is_some_and(|site| {
+                names::accepted_names(source, &site) == Some(NameKind::Colors) || site.maps.len() > 1
+            })
         };
         if text.starts_with('#') || expected() {
             let part = |i: usize| f64::from(rgba[i]) / 255.0;

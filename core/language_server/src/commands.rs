@@ -19,8 +19,8 @@ pub const TEST: &str = "choreo.runTest";
 pub(crate) const VIEW: &str = "choreo.openViewer";
 pub const NAMES: [&str; 3] = [RENDER, TEST, VIEW];
 
-/// Time after which a viewer that is still running is assumed to show the script.
-const VIEWER_STARTS: Duration = Duration::from_secs(2);
+/// Time that a viewer may take to fail; one that runs longer is assumed to show the script.
+const VIEWER_START_TIME: Duration = Duration::from_secs(2);
 /// Interval between checks of a process.
 const POLL: Duration = Duration::from_millis(15);
 
@@ -42,7 +42,7 @@ pub struct CommandRequest {
 
 /// Running commands, and the folder for their output.
 #[derive(Default)]
-pub struct Running {
+pub struct RunningCommands {
     jobs: Vec<Job>,
     folder: Option<PathBuf>,
 }
@@ -54,7 +54,7 @@ struct Job {
     thread: JoinHandle<()>,
 }
 
-impl Running {
+impl RunningCommands {
     /// Starts a command on its own thread, which sends the response.
     pub fn start(
         &mut self,
@@ -79,17 +79,18 @@ impl Running {
             _ => Task::View { script: &request.script, secs: request.secs },
         };
         let command = host.command(&task).map_err(|e| failed(e.to_string()))?;
-        let texts = ["out", "err"].map(|name| folder.join(format!("{number}.{name}")));
+        let output_files = ["out", "err"].map(|name| folder.join(format!("{number}.{name}")));
         let stop = Arc::new(AtomicBool::new(false));
         let (id, progress, stopped) = (request.id.clone(), request.progress.clone(), stop.clone());
         let work = move || {
             let progress = Progress::begin(&client, &request);
             let answer =
-                Work { request: &request, output, texts, stop: &stopped, client: &client }.run(command);
+                CommandRun { request: &request, output, output_files, stop: &stopped, client: &client }
+                    .run(command);
             progress.end();
             match answer {
-                Ok(result) => client.answer(&request.id, result),
-                Err(error) => client.refuse(&request.id, &error),
+                Ok(result) => client.send_result(&request.id, result),
+                Err(error) => client.send_error(&request.id, &error),
             }
         };
         let thread = std::thread::Builder::new().name("command".into()).spawn(work);
@@ -122,7 +123,7 @@ impl Running {
     }
 }
 
-impl Drop for Running {
+impl Drop for RunningCommands {
     fn drop(&mut self) {
         self.jobs.iter().for_each(|job| job.stop.store(true, Ordering::Relaxed));
         self.jobs.drain(..).for_each(|job| drop(job.thread.join()));
@@ -131,12 +132,12 @@ impl Drop for Running {
 }
 
 /// One command on its thread.
-struct Work<'w> {
+struct CommandRun<'w> {
     request: &'w CommandRequest,
     /// Path of the image to be drawn.
     output: PathBuf,
     /// Files for the standard output and standard error of the process.
-    texts: [PathBuf; 2],
+    output_files: [PathBuf; 2],
     stop: &'w AtomicBool,
     client: &'w Client,
 }
@@ -146,22 +147,23 @@ enum ProcessOutcome {
     Ended(ExitStatus),
     Cancelled,
     /// The viewer is open.
-    Open,
+    ViewerOpen,
 }
 
-impl Work<'_> {
+impl CommandRun<'_> {
     fn run(&self, mut command: Command) -> Result<Value, ResponseError> {
         let failed = |why: String| ResponseError::new(ResponseError::FAILED, why);
-        let outcome =
-            self.wait(&mut command).map_err(|e| failed(format!("the program cannot be started: {e}")))?;
+        let outcome = self
+            .run_process(&mut command)
+            .map_err(|e| failed(format!("the program cannot be started: {e}")))?;
         let text =
             |file: &Path| String::from_utf8_lossy(&std::fs::read(file).unwrap_or_default()).into_owned();
-        let [out, err] = self.texts.each_ref().map(|file| text(file));
+        let [out, err] = self.output_files.each_ref().map(|file| text(file));
         let done = match outcome {
             ProcessOutcome::Cancelled => {
                 return Err(ResponseError::new(ResponseError::CANCELLED, "the command was cancelled"));
             }
-            ProcessOutcome::Open => true,
+            ProcessOutcome::ViewerOpen => true,
             ProcessOutcome::Ended(status) => status.success(),
         };
         match self.request.name.as_str() {
@@ -170,7 +172,7 @@ impl Work<'_> {
                 match serde_json::from_str::<Value>(&out).ok().filter(|report| report["sections"].is_array())
                 {
                     Some(report) => {
-                        self.show(if done { 3 } else { 2 }, &summary(&report));
+                        self.show_message(if done { 3 } else { 2 }, &test_summary(&report));
                         Ok(report)
                     }
                     None => Err(failed(err.trim().to_string())),
@@ -179,15 +181,15 @@ impl Work<'_> {
             _ if !done => Err(failed(err.trim().to_string())),
             RENDER => {
                 let path = self.output.display().to_string();
-                self.show(3, &format!("The frame at {:.2} s: {path}", self.request.secs));
+                self.show_message(3, &format!("The frame at {:.2} s: {path}", self.request.secs));
                 Ok(json!({ "path": path, "uri": uri_of(&self.output), "time": self.request.secs }))
             }
             _ => Ok(Value::Null),
         }
     }
 
-    fn wait(&self, command: &mut Command) -> io::Result<ProcessOutcome> {
-        let [out, err] = [&self.texts[0], &self.texts[1]].map(File::create);
+    fn run_process(&self, command: &mut Command) -> io::Result<ProcessOutcome> {
+        let [out, err] = [&self.output_files[0], &self.output_files[1]].map(File::create);
         let mut process = command.stdin(Stdio::null()).stdout(out?).stderr(err?).spawn()?;
         let begun = Instant::now();
         loop {
@@ -199,17 +201,17 @@ impl Work<'_> {
                 process.wait()?;
                 return Ok(ProcessOutcome::Cancelled);
             }
-            if self.request.name == VIEW && begun.elapsed() > VIEWER_STARTS {
+            if self.request.name == VIEW && begun.elapsed() > VIEWER_START_TIME {
                 // The viewer stays open when the editor is closed.
                 let _ = std::thread::Builder::new().name("viewer".into()).spawn(move || process.wait());
-                return Ok(ProcessOutcome::Open);
+                return Ok(ProcessOutcome::ViewerOpen);
             }
             std::thread::sleep(POLL);
         }
     }
 
-    /// Shows a message. `kind`: message type of the protocol.
-    fn show(&self, kind: u8, message: &str) {
+    /// Shows a message, unless the client shows the result itself. `kind` is the message type of the protocol: 2 (warning) or 3 (information).
+    fn show_message(&self, kind: u8, message: &str) {
         if !self.request.is_silent {
             self.client.notify("window/showMessage", json!({ "type": kind, "message": message }));
         }
@@ -217,7 +219,7 @@ impl Work<'_> {
 }
 
 /// Summary of a test report: "3 passed", or the names of the failed tests.
-fn summary(report: &Value) -> String {
+fn test_summary(report: &Value) -> String {
     let sections = report["sections"].as_array().map_or(&[][..], Vec::as_slice);
     let is_bad = |section: &&Value| matches!(section["status"].as_str(), Some("failed" | "error"));
     let bad: Vec<&str> =
@@ -243,17 +245,17 @@ impl Progress<'_> {
             TEST => "Running tests".to_string(),
             _ => "Opening the viewer".to_string(),
         };
-        progress.tell(json!({ "kind": "begin", "title": title, "cancellable": true }));
+        progress.send(json!({ "kind": "begin", "title": title, "cancellable": true }));
         progress
     }
 
-    fn tell(&self, value: Value) {
+    fn send(&self, value: Value) {
         if let Some(token) = self.token {
             self.client.notify("$/progress", json!({ "token": token, "value": value }));
         }
     }
 
     fn end(&self) {
-        self.tell(json!({ "kind": "end" }));
+        self.send(json!({ "kind": "end" }));
     }
 }

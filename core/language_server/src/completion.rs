@@ -1,12 +1,12 @@
 //! Completion: methods by the type before the dot, options, allowed values, and names from files.
 
-use crate::context::{CallSite, call_around, keys_of};
+use crate::context::{CallSite, call_around, present_keys};
 use crate::facts;
 use crate::files::{self, Contents};
-use crate::names::{self, Names};
+use crate::names::{self, NameKind};
 use crate::snippets;
 use crate::source::{Source, is_string, is_word};
-use crate::values::{Declared, KEYWORDS, Value as Known};
+use crate::values::{DeclarationKind, KEYWORDS, ScriptValue};
 use crate::view::View;
 use choreo_asset::Asset;
 use choreo_plugin::{OptionKind, OptionSpec, color};
@@ -31,11 +31,11 @@ enum ItemKind {
     Constant = 21,
 }
 
-/// Items of one completion request.
+/// Completion items collected for one request.
 pub struct Items<'v> {
     view: &'v View<'v>,
-    /// The text as the client has it.
-    written: &'v Source,
+    /// Text of the client, to which positions in the reply refer. In code inside an interpolated string, `view` has a different text.
+    client_source: &'v Source,
     /// Range of bytes that an item replaces.
     range: Range<usize>,
     items: Vec<Value>,
@@ -64,55 +64,56 @@ impl<'t> Item<'t> {
 }
 
 /// Largest number of items in a list.
-const MOST: usize = 1500;
+const MAX_ITEMS: usize = 1500;
 
 pub fn complete(view: &View, byte: usize) -> Value {
     match view.source.with_code_of_string(byte) {
-        Some(source) => complete_in(&view.of(&source), view.source, byte),
+        Some(source) => complete_in(&view.with_source(&source), view.source, byte),
         None => complete_in(view, view.source, byte),
     }
 }
 
-fn complete_in(view: &View, written: &Source, byte: usize) -> Value {
+fn complete_in(view: &View, client_source: &Source, byte: usize) -> Value {
     let source = view.source;
-    let mut items = Items { view, written, range: byte..byte, items: Vec::new(), incomplete: false };
+    let mut items = Items { view, client_source, range: byte..byte, items: Vec::new(), incomplete: false };
     let token = source.token_at(byte).filter(|token| source.tokens[*token].start < byte);
-    let string =
-        token.filter(|token| is_string(source.get(*token)) && byte <= source.string_contents(*token).end);
-    let string = string.filter(|token| byte >= source.string_contents(*token).start);
+    let string = token
+        .filter(|token| is_string(source.get(*token)) && byte <= source.string_content_range(*token).end);
+    let string = string.filter(|token| byte >= source.string_content_range(*token).start);
     if let Some(string) = string {
-        items.in_string(string, byte);
+        items.add_items_in_string(string, byte);
     } else if !source.in_comment(byte) {
         let word = token.filter(|token| is_word(source.get(*token)) && source.tokens[*token].end >= byte);
         items.range = word.map_or(byte, |word| source.tokens[word].start)..byte;
-        let before = word.unwrap_or_else(|| source.count_before(byte));
-        match source.before(before, 1) {
-            "." | "?." => items.methods(before - 1),
-            "::" => items.of_module(before - 1),
+        let before = word.unwrap_or_else(|| source.count_tokens_before(byte));
+        match source.token_before(before, 1) {
+            "." | "?." => items.add_methods(before - 1),
+            "::" => items.add_module_members(before - 1),
             _ if source.get(before).starts_with(|c: char| c.is_ascii_digit())
                 && word.is_none()
                 && token.is_some() => {}
-            _ => items.expression(before, byte),
+            _ => items.add_expression_items(before, byte),
         }
     }
-    let incomplete = items.incomplete || items.items.len() >= MOST;
+    let incomplete = items.incomplete || items.items.len() >= MAX_ITEMS;
     json!({ "isIncomplete": incomplete, "items": items.items })
 }
 
 impl Items<'_> {
     fn push(&mut self, item: Item) {
-        if self.items.len() >= MOST {
+        if self.items.len() >= MAX_ITEMS {
             return;
         }
         let snippet = item.is_snippet && self.view.snippets;
-        let text = if item.is_snippet && !snippet { snippets::plain(&item.text) } else { item.text };
+        let text =
+            if item.is_snippet && !snippet { snippets::without_placeholders(&item.text) } else { item.text };
         let mut value = json!({
             "label": item.label,
             "kind": item.kind as u8,
             "sortText": format!("{}{:04}", item.order, self.items.len()),
             "filterText": item.label,
             "insertTextFormat": if snippet { 2 } else { 1 },
-            "textEdit": { "range": self.written.range(&self.range), "newText": text },
+            "textEdit": { "range": self.client_source.range(&self.range), "newText": text },
         });
         if !item.detail.is_empty() {
             value["detail"] = item.detail.into();
@@ -124,11 +125,11 @@ impl Items<'_> {
     }
 
     /// Adds the methods of the value before a dot, and the keys of an object map.
-    fn methods(&mut self, dot: usize) {
+    fn add_methods(&mut self, dot: usize) {
         let types = self.view.types();
-        let on = types.ending_at(dot);
+        let on = types.value_ending_at(dot);
         for key in types.keys(&on) {
-            let detail = in_words(&types.field(&on, &key));
+            let detail = describe_value(&types.field(&on, &key));
             self.push(Item { detail, ..Item::new(&key, ItemKind::Property) });
         }
         let known = !on.kind.is_empty();
@@ -136,80 +137,84 @@ impl Items<'_> {
         for entry in describe::entries().iter().filter(|entry| !entry.on.is_empty()) {
             let fits = if known { entry.on == on.kind } else { seen.insert(entry.name) };
             if fits {
-                self.call(entry, 5);
+                self.add_call(entry, 5);
             }
         }
     }
 
     /// Adds a function or method with placeholders, or its name alone if the parenthesis is already there.
-    fn call(&mut self, entry: &Entry, order: u8) {
-        let is_text = |argument: &str| takes_text(entry, argument);
+    fn add_call(&mut self, entry: &Entry, order: u8) {
+        let is_text = |argument: &str| is_text_argument(entry, argument);
         let has_parenthesis = self.view.source.text[self.range.end..].starts_with('(');
         let plain = has_parenthesis || entry.is_constant;
-        let text = if plain { entry.name.to_string() } else { snippets::call(entry, &is_text) };
+        let text = if plain { entry.name.to_string() } else { snippets::call_snippet(entry, &is_text) };
         let kind = match (entry.is_constant, entry.on.is_empty()) {
             (true, _) => ItemKind::Constant,
             (_, true) => ItemKind::Function,
             _ => ItemKind::Method,
         };
         let detail = entry.usages.join(" or ");
-        let about = facts::entry(entry);
+        let about = facts::describe_entry(entry);
         self.push(Item { detail, about, text, is_snippet: !plain, order, ..Item::new(entry.name, kind) });
     }
 
     /// Adds the functions and variables of a module.
-    fn of_module(&mut self, separator: usize) {
+    fn add_module_members(&mut self, separator: usize) {
         let types = self.view.types();
-        let name = self.view.source.before(separator, 1);
+        let name = self.view.source.token_before(separator, 1);
         let Some(declaration) = types.declaration(name, separator) else { return };
-        let path = types.declared(&declaration).name;
+        let path = types.declared_value(&declaration).name;
         let Some(module) = path.and_then(|path| types.modules.module(&path)) else { return };
         let types = crate::values::Types::new(&module, types.modules, &self.view.budget);
         for token in 0..module.tokens.len() {
-            let Some(declared) = types.declares(token).filter(|_| module.parent(token).is_none()) else {
+            let Some(declared) =
+                types.declaration_at(token).filter(|_| module.enclosing_bracket(token).is_none())
+            else {
                 continue;
             };
-            let exported = module.before(token, 2) == "export";
+            let exported = module.token_before(token, 2) == "export";
             match declared.kind {
-                Declared::Function => {
-                    let end = module.partner(token + 1).unwrap_or(token);
+                DeclarationKind::Function => {
+                    let end = module.matching_bracket(token + 1).unwrap_or(token);
                     let detail = &module.text[module.tokens[token].start..module.tokens[end].end];
                     self.push(Item {
                         detail: detail.to_string(),
                         ..Item::new(module.get(token), ItemKind::Function)
                     });
                 }
-                Declared::Variable if exported => self.push(Item::new(module.get(token), ItemKind::Variable)),
+                DeclarationKind::Variable if exported => {
+                    self.push(Item::new(module.get(token), ItemKind::Variable))
+                }
                 _ => {}
             }
         }
     }
 
     /// Adds items for an expression, a statement or the key of an option.
-    fn expression(&mut self, at: usize, byte: usize) {
+    fn add_expression_items(&mut self, at: usize, byte: usize) {
         let source = self.view.source;
         let site = call_around(self.view.types(), byte);
         if let Some(site) = site.as_ref().filter(|site| site.at_key) {
-            self.options(site, byte);
+            self.add_options(site, byte);
             return;
         }
         let argument =
             site.as_ref().filter(|site| site.maps.is_empty()).and_then(|site| site.argument_name(source));
         let key = site.as_ref().and_then(|site| site.maps.last()?.1.clone());
-        let wanted = kinds_of(argument.or(key.as_deref()).unwrap_or_default());
+        let wanted = accepted_handle_types(argument.or(key.as_deref()).unwrap_or_default());
         if let Some(site) = &site {
-            self.quoted_values(site);
+            self.add_allowed_values(site);
         }
         if wanted.contains(&"Clip") {
-            self.clips_of_files(at);
+            self.add_clips_of_assets(at);
         }
-        self.variables(at, wanted);
-        let starts = matches!(source.before(at, 1), "" | ";" | "{" | "}");
+        self.add_variables(at, wanted);
+        let starts = matches!(source.token_before(at, 1), "" | ";" | "{" | "}");
         for entry in describe::entries().iter().filter(|entry| entry.on.is_empty()) {
             let fits = matches!(entry.returns, Returns::Handle(kind) if wanted.contains(&kind));
-            self.call(entry, if fits { 2 } else { 6 });
+            self.add_call(entry, if fits { 2 } else { 6 });
         }
-        for (label, about, text) in snippets::STARTERS.iter().filter(|_| starts) {
+        for (label, about, text) in snippets::STATEMENT_TEMPLATES.iter().filter(|_| starts) {
             let (about, text) = (about.to_string(), text.to_string());
             self.push(Item {
                 detail: about,
@@ -225,16 +230,16 @@ impl Items<'_> {
     }
 
     /// Adds the options that an object map may have and does not have yet.
-    fn options(&mut self, site: &CallSite, byte: usize) {
+    fn add_options(&mut self, site: &CallSite, byte: usize) {
         let Some(entry) = site.entry(self.view.source) else { return };
         let (Some((open, _)), depth) = (site.maps.last(), site.maps.len()) else { return };
-        let present = keys_of(self.view.source, *open, byte);
+        let present = present_keys(self.view.source, *open, byte);
         if depth > 1 {
             // Nested maps such as `background: #{ top, bottom }` are described in the text of the option.
             let outer = site.maps[depth - 2].1.clone().unwrap_or_default();
             let about =
                 entry.options().into_iter().find(|o| o.name == outer).map(|o| o.about).unwrap_or_default();
-            for name in inner_keys(&about).into_iter().filter(|name| !present.contains(name)) {
+            for name in nested_map_keys(&about).into_iter().filter(|name| !present.contains(name)) {
                 let text = format!("{name}: ");
                 self.push(Item { about: about.clone(), text, ..Item::new(&name, ItemKind::Property) });
             }
@@ -249,7 +254,7 @@ impl Items<'_> {
                 (_, true) => format!("{}: ${{1:true}}", option.name),
                 _ => format!("{}: ", option.name),
             };
-            let about = facts::option(entry, &option);
+            let about = facts::describe_option(entry, &option);
             let detail = option.about.clone();
             self.push(Item {
                 about,
@@ -263,18 +268,19 @@ impl Items<'_> {
             if present.contains(&option.name) {
                 continue;
             }
-            let detail = facts::plugin_option(&option);
-            let text = format!("{}: {}", option.name, default_of(&option));
+            let detail = facts::describe_plugin_option(&option);
+            let text = format!("{}: {}", option.name, default_placeholder(&option));
             self.push(Item { detail, text, is_snippet: true, ..Item::new(&option.name, ItemKind::Property) });
         }
     }
 
-    /// Adds values of an option or argument: quoted texts, and true and false.
-    fn quoted_values(&mut self, site: &CallSite) {
+    /// Adds the documented values of an option or argument, in quotes, and `true` and `false`.
+    fn add_allowed_values(&mut self, site: &CallSite) {
         let Some(entry) = site.entry(self.view.source) else { return };
         let key = site.maps.last().and_then(|(_, key)| key.clone());
         let argument = key.as_deref().or_else(|| site.argument_name(self.view.source)).unwrap_or_default();
-        let takes_names = names::names(self.view.source, site).is_some_and(|names| names != Names::Colors);
+        let takes_names =
+            names::accepted_names(self.view.source, site).is_some_and(|names| names != NameKind::Colors);
         for value in entry.values(argument).into_iter().filter(|_| !takes_names && !site.in_list) {
             let label = format!("\"{value}\"");
             self.push(Item { order: 1, ..Item::new(&label, ItemKind::Value) });
@@ -292,54 +298,54 @@ impl Items<'_> {
     }
 
     /// Adds variables, functions and modules of the script; those of a wanted type come first.
-    fn variables(&mut self, at: usize, wanted: &[&str]) {
+    fn add_variables(&mut self, at: usize, wanted: &[&str]) {
         let (types, source) = (self.view.types(), self.view.source);
         let mut seen = BTreeSet::new();
         for token in (0..source.tokens.len()).rev() {
-            let Some(declaration) = types.declares(token) else { continue };
+            let Some(declaration) = types.declaration_at(token) else { continue };
             let name = source.get(token);
             if types.declaration(name, at).as_ref() != Some(&declaration) || !seen.insert(name) {
                 continue;
             }
-            let value = types.declared(&declaration);
+            let value = types.declared_value(&declaration);
             let kind = match declaration.kind {
-                Declared::Function => ItemKind::Function,
-                Declared::Module => ItemKind::Module,
+                DeclarationKind::Function => ItemKind::Function,
+                DeclarationKind::Module => ItemKind::Module,
                 _ => ItemKind::Variable,
             };
             let order = if wanted.contains(&value.kind.as_str()) { 0 } else { 3 };
-            self.push(Item { detail: in_words(&value), order, ..Item::new(name, kind) });
+            self.push(Item { detail: describe_value(&value), order, ..Item::new(name, kind) });
         }
     }
 
     /// Adds `moves.clip("Walk")` for each clip of each asset that the script has loaded.
-    fn clips_of_files(&mut self, at: usize) {
+    fn add_clips_of_assets(&mut self, at: usize) {
         let (types, source) = (self.view.types(), self.view.source);
         let mut seen = BTreeSet::new();
         for token in 0..at.min(source.tokens.len()) {
-            let Some(declaration) = types.declares(token) else { continue };
+            let Some(declaration) = types.declaration_at(token) else { continue };
             let name = source.get(token);
             if types.declaration(name, at).as_ref() != Some(&declaration) || !seen.insert(name) {
                 continue;
             }
-            let value = types.declared(&declaration);
+            let value = types.declared_value(&declaration);
             let Some(file) = value.file.filter(|_| value.kind == "Asset") else { continue };
-            let Some(asset) = self.asset(&file) else { continue };
+            let Some(asset) = self.loaded_asset(&file) else { continue };
             for clip in &asset.clips {
-                let text = format!("{name}.clip({})", quoted(&clip.name));
-                let detail = facts::length(clip, self.view.fps);
+                let text = format!("{name}.clip({})", string_literal(&clip.name));
+                let detail = facts::clip_length(clip, self.view.fps);
                 self.push(Item { detail, order: 1, ..Item::new(&text, ItemKind::Value) });
             }
         }
     }
 
     /// Adds items for a position inside a string.
-    fn in_string(&mut self, string: usize, byte: usize) {
+    fn add_items_in_string(&mut self, string: usize, byte: usize) {
         let source = self.view.source;
-        let inside = source.string_contents(string);
+        let inside = source.string_content_range(string);
         let closed = inside.end < source.tokens[string].end;
         self.range = inside.start..if closed { inside.end } else { byte };
-        if source.before(string, 1) == "import" {
+        if source.token_before(string, 1) == "import" {
             let names = self.view.files_named(&["rhai".into()]);
             for name in names.iter().filter_map(|name| name.strip_suffix(".rhai")) {
                 self.push(Item::new(name, ItemKind::Module));
@@ -350,16 +356,17 @@ impl Items<'_> {
         let Some(entry) = site.entry(source) else { return };
         let key = site.maps.last().and_then(|(_, key)| key.clone());
         let argument = key.as_deref().or_else(|| site.argument_name(source)).unwrap_or_default();
-        let names = names::names(source, &site);
+        let names = names::accepted_names(source, &site);
         names.iter().for_each(|names| self.add_names(*names, &site));
         // If files and plugins provide the names, the texts in the description are only examples.
-        let listed_too = names.is_none_or(|names| matches!(names, Names::Panoramas | Names::Colors));
+        let shows_documented_values =
+            names.is_none_or(|names| matches!(names, NameKind::Panoramas | NameKind::Colors));
         let listed = self.view.plugin_options(&site).into_iter().find(|option| option.name == argument);
         match listed.map(|option| option.kind) {
             Some(OptionKind::Text { one_of, .. }) => {
                 one_of.iter().for_each(|v| self.push(Item::new(v, ItemKind::Value)))
             }
-            _ if !listed_too => {}
+            _ if !shows_documented_values => {}
             Some(_) => {}
             None => entry
                 .values(argument)
@@ -368,18 +375,20 @@ impl Items<'_> {
         }
     }
 
-    /// Adds names of one kind.
-    fn add_names(&mut self, names: Names, site: &CallSite) {
-        let file = |view: &View| names::file_of(site.on.as_ref()).or_else(|| view.file_of_arguments(site));
+    /// Adds the names of a kind that are allowed at the cursor.
+    fn add_names(&mut self, names: NameKind, site: &CallSite) {
+        let file = |view: &View| {
+            names::receiver_file(site.receiver.as_ref()).or_else(|| view.file_of_arguments(site))
+        };
         match names {
-            Names::Models => self.files(&self.view.model_extensions(), true),
-            Names::Images => {
-                self.files(&["png", "jpg", "jpeg", "webp", "bmp", "tga"].map(String::from), false)
+            NameKind::Models => self.add_files(&self.view.model_extensions(), true),
+            NameKind::Images => {
+                self.add_files(&["png", "jpg", "jpeg", "webp", "bmp", "tga"].map(String::from), false)
             }
-            Names::Panoramas => self.files(&["hdr".into()], false),
-            Names::Scripts => self.files(&["rhai".into()], false),
-            Names::Fonts => self.files(&["ttf".into(), "otf".into()], false),
-            Names::Effects => {
+            NameKind::Panoramas => self.add_files(&["hdr".into()], false),
+            NameKind::Scripts => self.add_files(&["rhai".into()], false),
+            NameKind::Fonts => self.add_files(&["ttf".into(), "otf".into()], false),
+            NameKind::Effects => {
                 let effects = self.view.project.registry.effects();
                 let effects: Vec<_> = effects.iter().map(|e| e.manifest().clone()).collect();
                 for effect in effects {
@@ -389,13 +398,13 @@ impl Items<'_> {
                     });
                 }
             }
-            Names::EffectParameters => {
+            NameKind::EffectParameters => {
                 for option in self.view.plugin_options(site) {
-                    let detail = facts::plugin_option(&option);
+                    let detail = facts::describe_plugin_option(&option);
                     self.push(Item { detail, ..Item::new(&option.name, ItemKind::Property) });
                 }
             }
-            Names::Importers => {
+            NameKind::Importers => {
                 for importer in self.view.project.registry.importers() {
                     let manifest = importer.manifest();
                     self.push(Item {
@@ -404,11 +413,13 @@ impl Items<'_> {
                     });
                 }
             }
-            Names::Markers => self.plain(names::declared_names(self.view.source, "marker", 2, false)),
-            Names::ClipMarkers => self.plain(names::declared_names(self.view.source, "marker", 2, true)),
-            Names::Actors => self.plain(self.of_scene(site, "cast", 2)),
-            Names::Cameras => self.plain(self.of_scene(site, "camera", 1)),
-            Names::Colors => {
+            NameKind::Markers => self.add_values(names::declared_names(self.view.source, "marker", 2, false)),
+            NameKind::ClipMarkers => {
+                self.add_values(names::declared_names(self.view.source, "marker", 2, true))
+            }
+            NameKind::Actors => self.add_values(self.names_declared_in_scene(site, "cast", 2)),
+            NameKind::Cameras => self.add_values(self.names_declared_in_scene(site, "camera", 1)),
+            NameKind::Colors => {
                 for (name, rgb) in color::NAMES {
                     self.push(Item {
                         about: format!("#{rgb:06x}"),
@@ -418,11 +429,11 @@ impl Items<'_> {
                 }
             }
             _ => {
-                let clip_file = site.on.as_ref().and_then(|on| on.clip.clone()).map(|(file, _)| file);
-                let files = [file(self.view), clip_file.filter(|_| names == Names::Clips)];
+                let clip_file = site.receiver.as_ref().and_then(|on| on.clip.clone()).map(|(file, _)| file);
+                let files = [file(self.view), clip_file.filter(|_| names == NameKind::Clips)];
                 for file in files.into_iter().flatten() {
-                    if let Some(asset) = self.asset(&file) {
-                        self.of_asset(names, &asset);
+                    if let Some(asset) = self.loaded_asset(&file) {
+                        self.add_names_of_asset(names, &asset);
                     }
                 }
             }
@@ -430,17 +441,17 @@ impl Items<'_> {
     }
 
     /// Names declared with a function, such as `camera("wide")`: in the script of the `Scene` if the receiver is one, else in this script.
-    fn of_scene(&self, site: &CallSite, function: &str, arguments: usize) -> Vec<String> {
-        let scene = site.on.as_ref().filter(|on| on.kind == "Scene").and_then(|on| on.name.as_ref());
+    fn names_declared_in_scene(&self, site: &CallSite, function: &str, arguments: usize) -> Vec<String> {
+        let scene = site.receiver.as_ref().filter(|on| on.kind == "Scene").and_then(|on| on.name.as_ref());
         let script = scene.and_then(|file| self.view.modules.module(file));
         names::declared_names(script.as_deref().unwrap_or(self.view.source), function, arguments, false)
     }
 
-    fn plain(&mut self, names: Vec<String>) {
+    fn add_values(&mut self, names: Vec<String>) {
         names.iter().for_each(|name| self.push(Item::new(name, ItemKind::Value)));
     }
 
-    fn files(&mut self, extensions: &[String], with_built_in: bool) {
+    fn add_files(&mut self, extensions: &[String], with_built_in: bool) {
         for name in self.view.files_named(extensions) {
             // A script may load a file that it exported itself, but rarely needs to.
             let own = with_built_in && self.view.is_exported(&name);
@@ -448,15 +459,15 @@ impl Items<'_> {
             self.push(Item { detail: detail.into(), order, ..Item::new(&name, ItemKind::File) });
         }
         if with_built_in {
-            for name in files::built_in(self.view.project) {
+            for name in files::built_in_names(self.view.project) {
                 self.push(Item { detail: "built in".into(), ..Item::new(&name, ItemKind::File) });
             }
         }
     }
 
-    fn asset(&mut self, file: &str) -> Option<std::sync::Arc<Asset>> {
+    fn loaded_asset(&mut self, file: &str) -> Option<std::sync::Arc<Asset>> {
         match self.view.contents(file)? {
-            Contents::Known(asset) => Some(asset),
+            Contents::Loaded(asset) => Some(asset),
             Contents::Reading => {
                 self.incomplete = true;
                 None
@@ -465,34 +476,38 @@ impl Items<'_> {
         }
     }
 
-    /// Adds names from a file.
-    fn of_asset(&mut self, names: Names, asset: &Asset) {
+    /// Adds the names of a kind that an asset contains.
+    fn add_names_of_asset(&mut self, names: NameKind, asset: &Asset) {
         match names {
-            Names::Clips => {
+            NameKind::Clips => {
                 for clip in &asset.clips {
-                    let detail = facts::length(clip, self.view.fps);
+                    let detail = facts::clip_length(clip, self.view.fps);
                     self.push(Item { detail, ..Item::new(&clip.name, ItemKind::Value) });
                 }
             }
-            Names::Joints | Names::JointPatterns => self.joints(asset, names == Names::JointPatterns),
-            Names::Morphs => self.plain(facts::morphs(asset)),
-            Names::Expressions => self.plain(asset.expressions.iter().map(|e| e.name.clone()).collect()),
-            Names::Materials => self.plain(asset.materials.iter().map(|m| m.name.clone()).collect()),
-            Names::FileCameras => self.plain(asset.cameras.iter().map(|c| c.name.clone()).collect()),
-            Names::Parts => {
+            NameKind::Joints | NameKind::JointPatterns => {
+                self.add_joints(asset, names == NameKind::JointPatterns)
+            }
+            NameKind::Morphs => self.add_values(facts::morph_names(asset)),
+            NameKind::Expressions => {
+                self.add_values(asset.expressions.iter().map(|e| e.name.clone()).collect())
+            }
+            NameKind::Materials => self.add_values(asset.materials.iter().map(|m| m.name.clone()).collect()),
+            NameKind::FileCameras => self.add_values(asset.cameras.iter().map(|c| c.name.clone()).collect()),
+            NameKind::Parts => {
                 let nodes = asset.instances.iter().map(|i| asset.skeleton.names()[i.joint as usize].clone());
                 let mut parts: Vec<String> =
                     asset.meshes.iter().map(|m| m.name.clone()).chain(nodes).collect();
                 parts.sort();
                 parts.dedup();
-                self.plain(parts);
+                self.add_values(parts);
             }
             _ => {}
         }
     }
 
     /// Adds the joints by their short names, then by their names in the file.
-    fn joints(&mut self, asset: &Asset, patterns: bool) {
+    fn add_joints(&mut self, asset: &Asset, patterns: bool) {
         let skeleton = &asset.skeleton;
         let parents = skeleton.parents();
         let short = facts::short_joints(skeleton);
@@ -513,10 +528,10 @@ impl Items<'_> {
                 }
             }
         }
-        const PARTS: [&str; 12] = [
+        const BODY_PARTS: [&str; 12] = [
             "Arm", "Leg", "Hand", "Foot", "Spine", "Finger", "Thumb", "Head", "Hair", "Tail", "Skirt", "Eye",
         ];
-        for part in PARTS.iter().filter(|_| patterns) {
+        for part in BODY_PARTS.iter().filter(|_| patterns) {
             let written = skeleton.names().iter().find_map(|name| {
                 let at = name.to_lowercase().find(&part.to_lowercase())?;
                 name.get(at..at + part.len())
@@ -531,7 +546,7 @@ impl Items<'_> {
     }
 }
 
-fn default_of(option: &OptionSpec) -> String {
+fn default_placeholder(option: &OptionSpec) -> String {
     match &option.kind {
         OptionKind::Text { default, .. } => format!("\"${{1:{default}}}\""),
         _ => format!("${{1:{}}}", option.default()),
@@ -539,14 +554,15 @@ fn default_of(option: &OptionSpec) -> String {
 }
 
 /// Whether an argument is a string.
-fn takes_text(entry: &Entry, argument: &str) -> bool {
-    const TEXTS: [&str; 7] = ["name", "file", "words", "joint", "name_or_index", "property", "parameter"];
-    TEXTS.contains(&argument)
+fn is_text_argument(entry: &Entry, argument: &str) -> bool {
+    const TEXT_ARGUMENTS: [&str; 7] =
+        ["name", "file", "words", "joint", "name_or_index", "property", "parameter"];
+    TEXT_ARGUMENTS.contains(&argument)
         || matches!(argument, "kind" | "how" | "slot" | "what") && !entry.values(argument).is_empty()
 }
 
 /// Handle types that an argument or option of this name accepts.
-fn kinds_of(argument: &str) -> &'static [&'static str] {
+fn accepted_handle_types(argument: &str) -> &'static [&'static str] {
     match argument {
         "clip" | "idle" => &["Clip"],
         "asset" => &["Asset"],
@@ -560,7 +576,7 @@ fn kinds_of(argument: &str) -> &'static [&'static str] {
 }
 
 /// Keys shown in a description, such as `#{ top, bottom }` or `#{ … } with size (…), softness (…)`.
-fn inner_keys(about: &str) -> Vec<String> {
+fn nested_map_keys(about: &str) -> Vec<String> {
     let shown = about.split("#{").nth(1).and_then(|rest| rest.split('}').next()).unwrap_or_default();
     let word = |part: &str| part.trim().split([':', ' ']).next().unwrap_or_default().to_string();
     let is_name =
@@ -575,12 +591,12 @@ fn inner_keys(about: &str) -> Vec<String> {
     keys
 }
 
-fn quoted(text: &str) -> String {
+fn string_literal(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
 /// Description of a value, such as "Actor of knight.glb".
-pub fn in_words(value: &Known) -> String {
+pub fn describe_value(value: &ScriptValue) -> String {
     let mut words = value.kind.clone();
     if let Some(name) = value.name.as_ref().filter(|_| value.is_handle() && value.kind != "Asset") {
         words.push_str(&format!(" \"{name}\""));
@@ -591,8 +607,8 @@ pub fn in_words(value: &Known) -> String {
     if let Some((_, clip)) = &value.clip {
         words.push_str(&format!(", plays {clip}"));
     }
-    if let Some(item) = value.item.as_ref().filter(|item| !item.kind.is_empty()) {
-        words.push_str(&format!(" of {}", in_words(item)));
+    if let Some(element) = value.element.as_ref().filter(|element| !element.kind.is_empty()) {
+        words.push_str(&format!(" of {}", describe_value(element)));
     }
     words
 }

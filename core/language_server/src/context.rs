@@ -1,7 +1,7 @@
 //! Context of the cursor: the call, argument and option that it is in.
 
-use crate::source::{Source, is_open, is_string, is_word};
-use crate::values::{Types, Value, is_keyword};
+use crate::source::{Source, is_opening_bracket, is_string, is_word};
+use crate::values::{ScriptValue, Types, is_keyword};
 use choreo_script::describe::{self, Entry};
 
 /// A call around the cursor.
@@ -20,14 +20,14 @@ pub struct CallSite {
     /// Whether the cursor is at the key of an entry of the innermost map.
     pub at_key: bool,
     /// Receiver of a method.
-    pub on: Option<Value>,
+    pub receiver: Option<ScriptValue>,
 }
 
 impl CallSite {
     /// API entry of the call, if it is known. If the type of the receiver is unknown, the method of any type.
     pub fn entry(&self, source: &Source) -> Option<&'static Entry> {
         let name = source.get(self.name);
-        match &self.on {
+        match &self.receiver {
             None => describe::entry("", name),
             Some(value) if value.kind.is_empty() => {
                 describe::entries().iter().find(|entry| !entry.on.is_empty() && entry.name == name)
@@ -54,9 +54,9 @@ impl CallSite {
     }
 
     /// Text of the first argument, as in `.key("morph", "smile", …)`.
-    pub(crate) fn first_text(&self, source: &Source) -> Option<String> {
+    pub(crate) fn first_argument_text(&self, source: &Source) -> Option<String> {
         let first = source.arguments(self.open).into_iter().next()?;
-        source.string(first.start)
+        source.string_value(first.start)
     }
 }
 
@@ -66,7 +66,7 @@ pub(crate) fn call_around(types: Types, byte: usize) -> Option<CallSite> {
     let mut maps: Vec<(usize, Option<String>)> = Vec::new();
     let (mut in_list, mut at_key, mut commas) = (false, false, 0);
     let mut key: Option<String> = None;
-    let mut index = source.count_before(byte);
+    let mut index = source.count_tokens_before(byte);
     // A string or word that touches the cursor is the one being typed.
     if index > 0
         && source.tokens[index - 1].end >= byte
@@ -77,13 +77,13 @@ pub(crate) fn call_around(types: Types, byte: usize) -> Option<CallSite> {
     while index > 0 {
         index -= 1;
         match source.get(index) {
-            ")" | "]" | "}" => index = source.partner(index)?,
+            ")" | "]" | "}" => index = source.matching_bracket(index)?,
             ";" | "let" | "fn" | "const" | "import" | "{" => return None,
             "," => commas += 1,
             ":" if commas == 0 && key.is_none() => {
                 key = index
                     .checked_sub(1)
-                    .map(|name| source.string(name).unwrap_or_else(|| source.get(name).to_string()));
+                    .map(|name| source.string_value(name).unwrap_or_else(|| source.get(name).to_string()));
             }
             "[" => {
                 in_list |= maps.is_empty();
@@ -95,15 +95,24 @@ pub(crate) fn call_around(types: Types, byte: usize) -> Option<CallSite> {
                 commas = 0;
             }
             "(" => {
-                let name = index
-                    .checked_sub(1)
-                    .filter(|name| is_word(source.get(*name)) && !is_keyword_call(source, *name));
+                let name = index.checked_sub(1).filter(|name| {
+                    is_word(source.get(*name)) && !is_keyword_before_parenthesis(source, *name)
+                });
                 let Some(name) = name else {
                     (commas, key) = (0, None);
                     continue;
                 };
-                let on = matches!(source.before(name, 1), "." | "?.").then(|| types.ending_at(name - 1));
-                return Some(CallSite { name, open: index, argument: commas, maps, in_list, at_key, on });
+                let receiver = matches!(source.token_before(name, 1), "." | "?.")
+                    .then(|| types.value_ending_at(name - 1));
+                return Some(CallSite {
+                    name,
+                    open: index,
+                    argument: commas,
+                    maps,
+                    in_list,
+                    at_key,
+                    receiver,
+                });
             }
             _ => {}
         }
@@ -111,25 +120,29 @@ pub(crate) fn call_around(types: Types, byte: usize) -> Option<CallSite> {
     None
 }
 
-/// Whether a parenthesis follows a keyword, as in `if (`, so that it is no call. After a dot, keywords are method names.
-fn is_keyword_call(source: &Source, name: usize) -> bool {
-    is_keyword(source.get(name)) && !matches!(source.before(name, 1), "." | "?.")
+/// Whether a parenthesis follows a keyword, as in `if (`, so that it is not a call. After a dot, keywords are method names.
+fn is_keyword_before_parenthesis(source: &Source, name: usize) -> bool {
+    is_keyword(source.get(name)) && !matches!(source.token_before(name, 1), "." | "?.")
 }
 
 /// Keys that an object map already has, except for the one at the cursor.
-pub fn keys_of(source: &Source, open: usize, byte: usize) -> Vec<String> {
-    let end = source.partner(open).unwrap_or(source.tokens.len());
+pub fn present_keys(source: &Source, open: usize, byte: usize) -> Vec<String> {
+    let end = source.matching_bracket(open).unwrap_or(source.tokens.len());
     let mut keys = Vec::new();
     let mut index = open + 1;
     while index < end {
         let token = &source.tokens[index];
         if source.get(index + 1) == ":" && !(token.start..=token.end).contains(&byte) {
-            keys.push(source.string(index).unwrap_or_else(|| source.get(index).to_string()));
+            keys.push(source.string_value(index).unwrap_or_else(|| source.get(index).to_string()));
         }
         if source.get(index) == ";" {
             break;
         }
-        index = if is_open(source.get(index)) { source.partner(index).unwrap_or(end) } else { index } + 1;
+        index = if is_opening_bracket(source.get(index)) {
+            source.matching_bracket(index).unwrap_or(end)
+        } else {
+            index
+        } + 1;
     }
     keys
 }
@@ -151,7 +164,7 @@ mod tests {
     }
 
     /// Name of the call, argument, keys of the maps, whether at a key, for a cursor written as `¦`.
-    fn at(text: &str) -> Option<(String, usize, Vec<Option<String>>, bool)> {
+    fn site_at_cursor(text: &str) -> Option<(String, usize, Vec<Option<String>>, bool)> {
         let byte = text.find('¦').unwrap();
         let source = Source::new(&text.replacen('¦', "", 1));
         let site = call_around(Types::new(&source, &NoModules, &Budget::default()), byte)?;
@@ -159,7 +172,7 @@ mod tests {
         Some((source.get(site.name).to_string(), site.argument, keys, site.at_key))
     }
 
-    fn parts(
+    fn expected_site(
         name: &str,
         argument: usize,
         keys: &[Option<&str>],
@@ -169,25 +182,28 @@ mod tests {
     }
 
     #[test]
-    fn the_argument_and_the_option_are_found() {
-        assert_eq!(at("load(\"kn¦"), parts("load", 0, &[], false));
-        assert_eq!(at("cast(\"a\", ¦)"), parts("cast", 1, &[], false));
-        assert_eq!(at("h.play(c, #{ ¦ })"), parts("play", 1, &[None], true));
-        assert_eq!(at("h.play(c, #{ fade: 0.3, re¦ })"), parts("play", 1, &[None], true));
-        assert_eq!(at("h.play(c, #{ repeat: \"l¦\" })"), parts("play", 1, &[Some("repeat")], false));
+    fn the_call_argument_and_option_at_the_cursor_are_found() {
+        assert_eq!(site_at_cursor("load(\"kn¦"), expected_site("load", 0, &[], false));
+        assert_eq!(site_at_cursor("cast(\"a\", ¦)"), expected_site("cast", 1, &[], false));
+        assert_eq!(site_at_cursor("h.play(c, #{ ¦ })"), expected_site("play", 1, &[None], true));
+        assert_eq!(site_at_cursor("h.play(c, #{ fade: 0.3, re¦ })"), expected_site("play", 1, &[None], true));
         assert_eq!(
-            at("stage(#{ background: #{ to¦ } })"),
-            parts("stage", 0, &[Some("background"), None], true)
+            site_at_cursor("h.play(c, #{ repeat: \"l¦\" })"),
+            expected_site("play", 1, &[Some("repeat")], false)
         );
-        assert_eq!(at("h.key(\"rotation\", [[0, ¦]])"), parts("key", 1, &[], false));
-        assert_eq!(at("f(1, (2 + ¦))"), parts("f", 1, &[], false));
+        assert_eq!(
+            site_at_cursor("stage(#{ background: #{ to¦ } })"),
+            expected_site("stage", 0, &[Some("background"), None], true)
+        );
+        assert_eq!(site_at_cursor("h.key(\"rotation\", [[0, ¦]])"), expected_site("key", 1, &[], false));
+        assert_eq!(site_at_cursor("f(1, (2 + ¦))"), expected_site("f", 1, &[], false));
     }
 
     #[test]
-    fn statements_and_blocks_are_no_arguments() {
-        assert_eq!(at("load(\"a\"); ¦"), None);
-        assert_eq!(at("on_frame(|t| { ¦ })"), None);
-        assert_eq!(at("cast(\"a\", \nlet x = ¦"), None);
-        assert_eq!(at("a.at(1, 2).¦"), None);
+    fn statements_and_blocks_are_not_call_arguments() {
+        assert_eq!(site_at_cursor("load(\"a\"); ¦"), None);
+        assert_eq!(site_at_cursor("on_frame(|t| { ¦ })"), None);
+        assert_eq!(site_at_cursor("cast(\"a\", \nlet x = ¦"), None);
+        assert_eq!(site_at_cursor("a.at(1, 2).¦"), None);
     }
 }

@@ -11,38 +11,38 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Messages of a run by URI. The script itself always has an entry, even without messages.
-pub fn by_file(
+pub fn diagnostics_by_uri(
     checked: &CheckResult,
     source: &Source,
     folder: Option<&Path>,
     modules: &dyn Modules,
 ) -> BTreeMap<String, Vec<Value>> {
     let mut found: BTreeMap<String, Vec<Value>> = BTreeMap::from([(checked.uri.clone(), Vec::new())]);
-    let main = Main { uri: &checked.uri, source, modules };
+    let script = CheckedScript { uri: &checked.uri, source, modules };
     for diagnostic in &checked.diagnostics {
-        let is_main = diagnostic.file.is_empty() || diagnostic.file == checked.main;
+        let is_main = diagnostic.file.is_empty() || diagnostic.file == checked.script_name;
         let (uri, value) = if is_main {
             if is_expected_empty_module(diagnostic, source) {
                 continue;
             }
-            (checked.uri.clone(), main.message(diagnostic))
+            (checked.uri.clone(), script.encode_own(diagnostic))
         } else {
             let path = module_path(checked, folder, &diagnostic.file);
             let uri = path.map_or_else(|| checked.uri.clone(), |path| uri_of(&path));
-            (uri, main.of_module(diagnostic))
+            (uri, script.encode_of_module(diagnostic))
         };
         found.entry(uri).or_default().push(value);
     }
-    for (file, text) in &checked.of_assets {
-        let range = load_of(source, file).map_or(0..0, |token| source.tokens[token].clone());
+    for (file, text) in &checked.asset_warnings {
+        let range = load_path_token(source, file).map_or(0..0, |token| source.tokens[token].clone());
         let diagnostic = Diagnostic::warning(format!("{file}: {text}"));
-        let value = plain(&diagnostic, source.range(&range));
+        let value = encode_diagnostic(&diagnostic, source.range(&range));
         found.entry(checked.uri.clone()).or_default().push(value);
     }
     found
 }
 
-/// Whether a diagnostic reports an empty stage for a module, where that is intended.
+/// Whether a diagnostic reports that nothing is on stage in a script that is only a module of functions, where that is intended.
 fn is_expected_empty_module(diagnostic: &Diagnostic, source: &Source) -> bool {
     let has = |word: &str| (0..source.tokens.len()).any(|i| source.get(i) == word);
     diagnostic.line == 0
@@ -56,17 +56,18 @@ fn module_path(checked: &CheckResult, folder: Option<&Path>, name: &str) -> Opti
     // The name of another script may contain `..`.
     let beside = beside.map(|path| path.canonicalize().unwrap_or(path));
     beside
-        .filter(|path| checked.read.contains(path))
-        .or_else(|| checked.read.iter().find(|path| path.ends_with(name)).cloned())
+        .filter(|path| checked.read_files.contains(path))
+        .or_else(|| checked.read_files.iter().find(|path| path.ends_with(name)).cloned())
 }
 
 /// Token of the string in `load("…")` for a file.
-fn load_of(source: &Source, file: &str) -> Option<usize> {
-    let is_load = |i: &usize| source.before(*i, 2) == "load" && source.string(*i).as_deref() == Some(file);
+fn load_path_token(source: &Source, file: &str) -> Option<usize> {
+    let is_load =
+        |i: &usize| source.token_before(*i, 2) == "load" && source.string_value(*i).as_deref() == Some(file);
     (0..source.tokens.len()).find(is_load)
 }
 
-fn plain(diagnostic: &Diagnostic, range: Value) -> Value {
+fn encode_diagnostic(diagnostic: &Diagnostic, range: Value) -> Value {
     let severity = match diagnostic.severity {
         Severity::Error => 1,
         Severity::Warning => 2,
@@ -86,7 +87,7 @@ fn plain(diagnostic: &Diagnostic, range: Value) -> Value {
 }
 
 /// Range of a diagnostic: the token at its column, else its line without the indentation.
-fn range(diagnostic: &Diagnostic) -> Value {
+fn diagnostic_range(diagnostic: &Diagnostic) -> Value {
     let text = &diagnostic.source_line;
     let line = diagnostic.line.saturating_sub(1);
     let lines = Lines::new(text);
@@ -97,51 +98,53 @@ fn range(diagnostic: &Diagnostic) -> Value {
         let token = token_ranges(text).into_iter().find(|token| token.contains(&start));
         token.map_or(start..(start + 1).min(text.len()), |token| token.start..token.end)
     };
-    let at = |byte: usize| json!({ "line": line, "character": lines.position(text, floor(text, byte))["character"] });
+    let at = |byte: usize| json!({ "line": line, "character": lines.position(text, char_boundary_up_to(text, byte))["character"] });
     json!({ "start": at(bytes.start), "end": at(bytes.end) })
 }
 
-fn floor(text: &str, byte: usize) -> usize {
+/// The last character boundary at or before a byte.
+fn char_boundary_up_to(text: &str, byte: usize) -> usize {
     (0..=byte.min(text.len())).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
 }
 
-/// The script that was run.
-struct Main<'a> {
+/// The script that was run, to which diagnostics of its modules refer.
+struct CheckedScript<'a> {
     uri: &'a str,
     source: &'a Source,
     modules: &'a dyn Modules,
 }
 
-impl Main<'_> {
-    fn message(&self, diagnostic: &Diagnostic) -> Value {
-        let mut value = plain(diagnostic, range(diagnostic));
-        let related = self.related(diagnostic);
+impl CheckedScript<'_> {
+    fn encode_own(&self, diagnostic: &Diagnostic) -> Value {
+        let mut value = encode_diagnostic(diagnostic, diagnostic_range(diagnostic));
+        let related = self.related_places(diagnostic);
         if !related.is_empty() {
             value["relatedInformation"] = related.into();
         }
         value
     }
 
-    fn of_module(&self, diagnostic: &Diagnostic) -> Value {
-        let mut value = plain(diagnostic, range(diagnostic));
+    fn encode_of_module(&self, diagnostic: &Diagnostic) -> Value {
+        let mut value = encode_diagnostic(diagnostic, diagnostic_range(diagnostic));
         let stem = diagnostic.file.trim_end_matches(".rhai");
         let imports = (0..self.source.tokens.len()).find(|i| {
-            self.source.before(*i, 1) == "import"
-                && self.source.string(*i).is_some_and(|s| s.trim_end_matches(".rhai") == stem)
+            self.source.token_before(*i, 1) == "import"
+                && self.source.string_value(*i).is_some_and(|s| s.trim_end_matches(".rhai") == stem)
         });
         if let Some(token) = imports {
-            value["relatedInformation"] =
-                json!([self.place(self.source.range(&self.source.tokens[token]), "imported here")]);
+            value["relatedInformation"] = json!([
+                self.related_information(self.source.range(&self.source.tokens[token]), "imported here")
+            ]);
         }
         value
     }
 
-    fn place(&self, range: Value, message: &str) -> Value {
+    fn related_information(&self, range: Value, message: &str) -> Value {
         json!({ "location": { "uri": self.uri, "range": range }, "message": message })
     }
 
-    /// Places that a message mentions: "from line 3", and the declaration of a suggested name.
-    fn related(&self, diagnostic: &Diagnostic) -> Vec<Value> {
+    /// Places that a message mentions: a line, as in "from line 3", and the declaration of a suggested name.
+    fn related_places(&self, diagnostic: &Diagnostic) -> Vec<Value> {
         let mut related = Vec::new();
         for mark in ["in line ", "from line "] {
             let number = diagnostic.message.split(mark).nth(1);
@@ -149,18 +152,20 @@ impl Main<'_> {
                 number.and_then(|rest| rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok());
             if let Some(line) = number.filter(|line: &usize| *line > 0 && *line <= self.source.lines.count())
             {
-                let bytes = self.source.lines.line(&self.source.text, line - 1);
-                related.push(self.place(self.source.range(&bytes), "the earlier one"));
+                let bytes = self.source.lines.bytes_of_line(&self.source.text, line - 1);
+                related.push(
+                    self.related_information(self.source.range(&bytes), "the line that the message names"),
+                );
             }
         }
         if let Some(name) = suggestion(&diagnostic.message).filter(|name| is_word(name)) {
             let budget = Budget::default();
             let types = Types::new(self.source, self.modules, &budget);
             let declared = (0..self.source.tokens.len())
-                .find(|i| self.source.get(*i) == name && types.declares(*i).is_some());
+                .find(|i| self.source.get(*i) == name && types.declaration_at(*i).is_some());
             if let Some(token) = declared {
                 let range = self.source.range(&self.source.tokens[token]);
-                related.push(self.place(range, &format!("\"{name}\" is declared here")));
+                related.push(self.related_information(range, &format!("\"{name}\" is declared here")));
             }
         }
         related
@@ -182,15 +187,15 @@ mod tests {
 
     #[test]
     fn ranges_cover_the_token_in_utf16() {
-        let value = range(&diagnostic("  \"𝄞ä\"; hero.plya(1)", 14));
+        let value = diagnostic_range(&diagnostic("  \"𝄞ä\"; hero.plya(1)", 14));
         assert_eq!(value["start"], json!({ "line": 2, "character": 14 }));
         assert_eq!(value["end"], json!({ "line": 2, "character": 18 }));
-        let value = range(&diagnostic("    let x = 1;", 0));
+        let value = diagnostic_range(&diagnostic("    let x = 1;", 0));
         assert_eq!(
             (value["start"]["character"].as_u64(), value["end"]["character"].as_u64()),
             (Some(4), Some(14))
         );
-        assert_eq!(range(&diagnostic("", 7))["end"]["line"], 2);
+        assert_eq!(diagnostic_range(&diagnostic("", 7))["end"]["line"], 2);
     }
 
     #[test]

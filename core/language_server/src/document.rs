@@ -1,4 +1,4 @@
-//! An open file, with its text as the editor has it.
+//! An open document, with the unsaved text of the editor.
 
 use crate::position::Lines;
 use crate::source::Source;
@@ -16,18 +16,18 @@ pub struct Document {
 
 impl Document {
     pub fn new(uri: &str, version: i64, text: &str) -> Document {
-        let path = path_of(uri).map(resolved);
+        let path = path_of(uri).map(canonical_path);
         Document { uri: uri.to_string(), path, version, source: Arc::new(Source::new(text)) }
     }
 
     /// Applies changes in the order of the protocol: each is relative to the text after the previous one.
-    pub fn change(&mut self, version: i64, changes: &[Value]) {
+    pub fn apply_changes(&mut self, version: i64, changes: &[Value]) {
         let mut text = self.source.text.to_string();
         for change in changes {
             let new = change["text"].as_str().unwrap_or_default();
             if change["range"].is_object() {
                 let lines = Lines::new(&text);
-                let bytes = lines.bytes(&text, &change["range"]);
+                let bytes = lines.bytes_of_range(&text, &change["range"]);
                 text.replace_range(bytes, new);
             } else {
                 text = new.to_string();
@@ -44,7 +44,7 @@ impl Document {
 }
 
 /// Canonical path of a file, or of a file that will be saved in an existing folder.
-fn resolved(path: PathBuf) -> PathBuf {
+fn canonical_path(path: PathBuf) -> PathBuf {
     let in_folder = || Some(path.parent()?.canonicalize().ok()?.join(path.file_name()?));
     let found = path.canonicalize().ok().or_else(in_folder);
     found.unwrap_or(path)
@@ -94,7 +94,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn paths_and_uris_agree() {
+    fn paths_are_converted_to_uris_and_back() {
         assert_eq!(path_of("file:///a/b%20c/%C3%A4.rhai"), Some("/a/b c/ä.rhai".into()));
         assert_eq!(uri_of(Path::new("/a/b c/ä.rhai")), "file:///a/b%20c/%C3%A4.rhai");
         assert_eq!(path_of("file:///c%3A/scenes/a.rhai"), Some("c:/scenes/a.rhai".into()));
@@ -106,14 +106,14 @@ mod tests {
     }
 
     #[test]
-    fn changes_follow_each_other() {
+    fn each_change_applies_to_the_text_after_the_previous_change() {
         let mut document = Document::new("untitled:1", 1, "let é = 𝄞;\r\nb");
         let at = |line, from, to| json!({ "start": { "line": line, "character": from }, "end": { "line": line, "character": to } });
         let changes =
             [json!({ "range": at(0, 8, 10), "text": "12" }), json!({ "range": at(1, 0, 1), "text": "cc\n" })];
-        document.change(2, &changes);
+        document.apply_changes(2, &changes);
         assert_eq!((&*document.source.text, document.version), ("let é = 12;\r\ncc\n", 2));
-        document.change(3, &[json!({ "text": "whole" })]);
+        document.apply_changes(3, &[json!({ "text": "whole" })]);
         assert_eq!(&*document.source.text, "whole");
     }
 }

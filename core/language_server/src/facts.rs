@@ -6,29 +6,30 @@ use choreo_plugin::OptionSpec;
 use choreo_script::describe::{Entry, OptionEntry};
 use std::sync::Arc;
 
-pub fn count(number: usize, one: &str) -> String {
-    let many = if one.ends_with('h') { "es" } else { "s" };
-    format!("{number} {one}{}", if number == 1 { "" } else { many })
+/// Number and noun, such as "1 joint" or "3 joints".
+pub fn count_with_noun(number: usize, singular: &str) -> String {
+    let plural_ending = if singular.ends_with('h') { "es" } else { "s" };
+    format!("{number} {singular}{}", if number == 1 { "" } else { plural_ending })
 }
 
 /// Length of a clip, such as "1.20 s, 36 frames at 30 fps".
-pub fn length(clip: &Clip, fps: f64) -> String {
+pub fn clip_length(clip: &Clip, fps: f64) -> String {
     let secs = clip.duration.as_secs();
     let frames = (secs * fps).round();
     format!("{secs:.2} s, {frames} frames at {fps} fps")
 }
 
 /// Description of a clip in a file.
-pub fn clip(asset: &Asset, clip: &Arc<Clip>, fps: f64) -> String {
+pub fn describe_clip(asset: &Asset, clip: &Arc<Clip>, fps: f64) -> String {
     let motion =
         RootMotion::new(&asset.skeleton, clip, None, RootParts::default(), (Time::ZERO, clip.duration));
     let speed = motion.map_or(0.0, |motion| motion.velocity().with_y(0.0).length());
     let travels = if speed > 0.005 { format!(", travels {speed:.2} m/s") } else { String::new() };
-    format!("**{}** — clip of `{}`: {}{travels}", clip.name, asset.name, length(clip, fps))
+    format!("**{}** — clip of `{}`: {}{travels}", clip.name, asset.name, clip_length(clip, fps))
 }
 
 /// Description of the contents of a file.
-pub fn file(asset: &Asset, fps: f64) -> String {
+pub fn describe_file(asset: &Asset, fps: f64) -> String {
     let primitives = || asset.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let triangles: usize =
         primitives().filter(|p| p.topology == Topology::Triangles).map(|p| p.indices.len() / 3).sum();
@@ -37,32 +38,35 @@ pub fn file(asset: &Asset, fps: f64) -> String {
     let mut lines = vec![format!("**{}**{}{format}", asset.name, if format.is_empty() { "" } else { " — " })];
     lines.push(format!(
         "{}, {vertices} vertices, {}",
-        count(triangles, "triangle"),
-        count(asset.materials.len(), "material")
+        count_with_noun(triangles, "triangle"),
+        count_with_noun(asset.materials.len(), "material")
     ));
     let bounds = asset.rest_bounds();
     if !bounds.is_empty() {
         let size = bounds.max - bounds.min;
         lines.push(format!("{:.2} × {:.2} × {:.2} m at rest (x, y up, z)", size.x, size.y, size.z));
     }
-    lines.push(count(asset.skeleton.len(), "joint"));
-    let morphs = morphs(asset).len();
+    lines.push(count_with_noun(asset.skeleton.len(), "joint"));
+    let morphs = morph_names(asset).len();
     let others = [
         (morphs, "morph target"),
         (asset.expressions.len(), "expression"),
         (asset.cameras.len(), "camera"),
         (asset.lights.len(), "light"),
     ];
-    lines.extend(others.into_iter().filter(|(n, _)| *n > 0).map(|(n, what)| count(n, what)));
+    lines.extend(others.into_iter().filter(|(n, _)| *n > 0).map(|(n, what)| count_with_noun(n, what)));
     if !asset.clips.is_empty() {
-        const MOST: usize = 12;
-        let clips =
-            asset.clips.iter().take(MOST).map(|c| format!("`{}` {:.2} s", c.name, c.duration.as_secs()));
-        let more = asset.clips.len().saturating_sub(MOST);
+        const MAX_LISTED_CLIPS: usize = 12;
+        let clips = asset
+            .clips
+            .iter()
+            .take(MAX_LISTED_CLIPS)
+            .map(|c| format!("`{}` {:.2} s", c.name, c.duration.as_secs()));
+        let more = asset.clips.len().saturating_sub(MAX_LISTED_CLIPS);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         lines.push(format!(
             "{} at {fps} fps: {}{more}",
-            count(asset.clips.len(), "clip"),
+            count_with_noun(asset.clips.len(), "clip"),
             clips.collect::<Vec<_>>().join(", ")
         ));
     }
@@ -71,7 +75,7 @@ pub fn file(asset: &Asset, fps: f64) -> String {
     lines.join("\n\n")
 }
 
-pub fn morphs(asset: &Asset) -> Vec<String> {
+pub fn morph_names(asset: &Asset) -> Vec<String> {
     let mut names: Vec<String> = asset.meshes.iter().flat_map(|m| m.morph_names.iter().cloned()).collect();
     names.sort();
     names.dedup();
@@ -93,7 +97,7 @@ pub(crate) fn short_joints(skeleton: &Skeleton) -> Vec<Option<String>> {
 
 /// Description of a joint, such as "joint of `a.glb`, child of Hips, 3 joints below it". `name` may be a short name, such as LeftHand for
 /// hand.l.
-pub fn joint(asset: &Asset, name: &str) -> Option<String> {
+pub fn describe_joint(asset: &Asset, name: &str) -> Option<String> {
     let skeleton = &asset.skeleton;
     let index = skeleton.find(name)?;
     let own = &skeleton.names()[index];
@@ -109,12 +113,12 @@ pub fn joint(asset: &Asset, name: &str) -> Option<String> {
     Some(format!(
         "**{name}** — {short}joint of `{}`, {parent}, {} below it",
         asset.name,
-        count(below.count(), "joint")
+        count_with_noun(below.count(), "joint")
     ))
 }
 
 /// An entry of the reference as Markdown.
-pub fn entry(entry: &Entry) -> String {
+pub fn describe_entry(entry: &Entry) -> String {
     use choreo_script::describe::Returns;
     let gives = match entry.returns {
         Returns::Nothing | Returns::Receiver => String::new(),
@@ -137,7 +141,7 @@ pub fn entry(entry: &Entry) -> String {
 }
 
 /// Description of an option of a call.
-pub fn option(entry: &Entry, option: &OptionEntry) -> String {
+pub fn describe_option(entry: &Entry, option: &OptionEntry) -> String {
     match option.about.is_empty() {
         true => format!("**{}** — option of `{}`", option.name, entry.full_name()),
         false => format!("**{}** — option of `{}`: {}", option.name, entry.full_name(), option.about),
@@ -145,6 +149,6 @@ pub fn option(entry: &Entry, option: &OptionEntry) -> String {
 }
 
 /// Description of an option of a plugin, such as "how bright (0 to 10, default 1)".
-pub(crate) fn plugin_option(option: &OptionSpec) -> String {
+pub(crate) fn describe_plugin_option(option: &OptionSpec) -> String {
     format!("{} ({}, default {})", option.about, option.allowed(), option.default())
 }

@@ -14,15 +14,15 @@ use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 /// Time that a request waits for a file that is being read; after that it is answered without the file.
-const FILE_WAIT: Duration = Duration::from_millis(150);
-/// Largest number of names visited, including folders, and largest depth of folders.
-const MOST_NAMES: usize = 4000;
-const DEEPEST: usize = 6;
+const FILE_WAIT_TIME: Duration = Duration::from_millis(150);
+/// Largest number of files and folders that are visited, and largest depth of folders.
+const MAX_NAMES: usize = 4000;
+const MAX_FOLDER_DEPTH: usize = 6;
 
 /// Contents of a file, as far as they are known.
 #[derive(Clone)]
 pub enum Contents {
-    Known(Arc<Asset>),
+    Loaded(Arc<Asset>),
     /// The file is being read.
     Reading,
     Unreadable(String),
@@ -55,14 +55,14 @@ impl Files {
         tests_root: Option<&Path>,
         name: &str,
     ) -> Contents {
-        let import = match self.begin(project, folder, tests_root, name) {
+        let import = match self.start_import(project, folder, tests_root, name) {
             Ok(import) => import,
             Err(error) => return Contents::Unreadable(error.message),
         };
-        let until = Instant::now() + FILE_WAIT;
+        let until = Instant::now() + FILE_WAIT_TIME;
         loop {
             match import.settled() {
-                Some(Ok(asset)) => return Contents::Known(asset),
+                Some(Ok(asset)) => return Contents::Loaded(asset),
                 Some(Err(error)) => return Contents::Unreadable(error.message),
                 None if Instant::now() > until => return Contents::Reading,
                 None => std::thread::sleep(Duration::from_millis(2)),
@@ -71,7 +71,7 @@ impl Files {
     }
 
     /// Starts reading a file that has not been read, or has changed.
-    fn begin(
+    fn start_import(
         &mut self,
         project: &Project,
         folder: &Path,
@@ -108,7 +108,7 @@ fn folders(project: &Project, folder: &Path, tests_root: Option<&Path>) -> Resul
 
 /// Names of files with the given extensions (all files if there are none) in the folder of a script and on the search paths, relative to
 /// these folders, with `/`. Hidden files and links to folders are left out.
-pub fn names(project: &Project, folder: &Path, extensions: &[String]) -> Vec<String> {
+pub fn find_files(project: &Project, folder: &Path, extensions: &[String]) -> Vec<String> {
     let mut found = Vec::new();
     let mut seen = 0;
     for root in std::iter::once(folder).chain(project.search.iter().map(PathBuf::as_path)) {
@@ -117,23 +117,23 @@ pub fn names(project: &Project, folder: &Path, extensions: &[String]) -> Vec<Str
         while let Some(here) = open.pop_front() {
             for entry in std::fs::read_dir(&here).into_iter().flatten().flatten() {
                 seen += 1;
-                if seen > MOST_NAMES {
-                    return sorted(found);
+                if seen > MAX_NAMES {
+                    return sorted_by_depth(found);
                 }
                 let (path, kind) = (entry.path(), entry.file_type());
                 let hidden = entry.file_name().to_string_lossy().starts_with('.');
                 let below = path.strip_prefix(root).unwrap_or(&path).components().count();
                 match kind {
-                    Ok(kind) if kind.is_dir() && !hidden && below < DEEPEST => open.push_back(path),
+                    Ok(kind) if kind.is_dir() && !hidden && below < MAX_FOLDER_DEPTH => open.push_back(path),
                     Ok(kind) if !kind.is_dir() && !hidden && has_extension(&path, extensions) => {
-                        found.extend(path.strip_prefix(root).ok().and_then(slashes));
+                        found.extend(path.strip_prefix(root).ok().and_then(with_slashes));
                     }
                     _ => {}
                 }
             }
         }
     }
-    sorted(found)
+    sorted_by_depth(found)
 }
 
 /// Whether a file was written by `choreo export`: glTF and USD files state that in their first bytes.
@@ -146,7 +146,7 @@ pub(crate) fn is_exported(project: &Project, folder: &Path, name: &str) -> bool 
     read && head.windows(MARK.len()).any(|bytes| bytes == MARK)
 }
 
-fn sorted(mut names: Vec<String>) -> Vec<String> {
+fn sorted_by_depth(mut names: Vec<String>) -> Vec<String> {
     names.sort_by_key(|name| (name.matches('/').count(), name.clone()));
     names.dedup();
     names
@@ -157,7 +157,8 @@ fn has_extension(path: &Path, extensions: &[String]) -> bool {
     extensions.is_empty() || own.is_some_and(|own| extensions.contains(&own))
 }
 
-fn slashes(path: &Path) -> Option<String> {
+/// A relative path with `/` between its parts; `None` if it has other components or is not UTF-8.
+fn with_slashes(path: &Path) -> Option<String> {
     let parts = path.components().map(|part| match part {
         Component::Normal(part) => part.to_str(),
         _ => None,
@@ -166,7 +167,7 @@ fn slashes(path: &Path) -> Option<String> {
 }
 
 /// Names of built-in assets, such as `choreo:mannequin`.
-pub fn built_in(project: &Project) -> Vec<String> {
+pub fn built_in_names(project: &Project) -> Vec<String> {
     built_in_assets(&project.registry).map(|(name, _)| name).collect()
 }
 
@@ -177,7 +178,7 @@ mod tests {
     use choreo_script::Limits;
 
     #[test]
-    fn files_are_listed_beneath_the_folders_and_nowhere_else() {
+    fn only_files_inside_the_folders_of_a_script_are_listed_and_read() {
         let root = std::env::temp_dir().join(format!("choreo-names-{}", std::process::id()));
         let scene = root.join("scene");
         std::fs::create_dir_all(scene.join("models/.git")).unwrap();
@@ -191,8 +192,8 @@ mod tests {
             root: None,
             limits: Limits::default(),
         };
-        assert_eq!(names(&project, &scene, &["glb".into()]), ["a.glb", "models/b.GLB"]);
-        assert_eq!(names(&project, &scene, &[]), ["a.glb", "models/b.GLB", "models/c.txt"]);
+        assert_eq!(find_files(&project, &scene, &["glb".into()]), ["a.glb", "models/b.GLB"]);
+        assert_eq!(find_files(&project, &scene, &[]), ["a.glb", "models/b.GLB", "models/c.txt"]);
         let mut files = Files::new();
         let outside = files.contents(&project, &scene, None, "../outside.glb");
         assert!(matches!(outside, Contents::Unreadable(why) if why.contains("leads out of the folders")));

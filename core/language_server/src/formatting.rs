@@ -9,7 +9,7 @@ pub fn formatting(view: &View, range: Option<&Value>) -> Value {
     let source = view.source;
     let Ok(edits) = edits(&source.text) else { return Value::Null };
     let lines = range.map(|range| {
-        let bytes = source.lines.bytes(&source.text, range);
+        let bytes = source.lines.bytes_of_range(&source.text, range);
         // A range that ends at the start of a line does not include that line.
         let end = source.lines.line_of(bytes.end.saturating_sub(1).max(bytes.start));
         source.lines.line_of(bytes.start)..=end

@@ -18,13 +18,13 @@ const MOST_TIMES: usize = 3;
 
 pub fn hints(view: &View, settings: &Settings, last: Option<&CheckResult>, range: &Value) -> Value {
     let source = view.source;
-    let bytes = source.lines.bytes(&source.text, range);
+    let bytes = source.lines.bytes_of_range(&source.text, range);
     let mut found = Vec::new();
     if let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()).filter(|_| settings.cue_times) {
-        cue_times(source, stage, places, &bytes, &mut found);
+        add_cue_times(source, stage, places, &bytes, &mut found);
     }
     if settings.clip_lengths {
-        clip_lengths(view, &bytes, &mut found);
+        add_clip_lengths(view, &bytes, &mut found);
     }
     found.into()
 }
@@ -45,7 +45,7 @@ pub struct PlacedCue<'s> {
 
 /// All cues with their places in the script. A cue without an end lasts until its clip is over, until the next cue takes over, or until the
 /// stage ends.
-pub fn cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
+pub fn placed_cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
     let mut found = Vec::new();
     for (actor, places) in stage.actors.iter().zip(&places.cues) {
         for (layer, places) in actor.layers.iter().zip(places) {
@@ -60,50 +60,57 @@ pub fn cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
     found
 }
 
-/// Maps lines of the text that was run to lines of the current text. A line that was edited since then is not found, nor is one whose
-/// number of identical copies has changed.
+/// Maps lines of the text that was run to lines of the current text. A line that was edited since the run has no current line. Neither has
+/// a line whose text now occurs more or less often than in the text that was run.
 pub struct LineMap<'m> {
-    run: Vec<&'m str>,
-    /// Line numbers of each text of a line, from 0: in the text that was run, and in the current text.
-    lines: BTreeMap<&'m str, [Vec<usize>; 2]>,
+    run_lines: Vec<&'m str>,
+    /// Line numbers, from 0, at which each line text occurs: in the text that was run, and in the current text.
+    line_numbers: BTreeMap<&'m str, [Vec<usize>; 2]>,
 }
 
 impl<'m> LineMap<'m> {
     pub fn new(source: &'m Source, places: &'m Places) -> LineMap<'m> {
-        let run: Vec<&str> = places.sources.get(&places.main).map_or("", |text| &**text).lines().collect();
-        let mut lines: BTreeMap<&str, [Vec<usize>; 2]> = BTreeMap::new();
-        for (number, line) in run.iter().enumerate() {
-            lines.entry(line).or_default()[0].push(number);
+        let run_lines: Vec<&str> =
+            places.sources.get(&places.main).map_or("", |text| &**text).lines().collect();
+        let mut line_numbers: BTreeMap<&str, [Vec<usize>; 2]> = BTreeMap::new();
+        for (number, line) in run_lines.iter().enumerate() {
+            line_numbers.entry(line).or_default()[0].push(number);
         }
         for (number, line) in source.text.lines().enumerate() {
-            lines.entry(line).or_default()[1].push(number);
+            line_numbers.entry(line).or_default()[1].push(number);
         }
-        LineMap { run, lines }
+        LineMap { run_lines, line_numbers }
     }
 
     /// Line of the current text, from 0, for a line of the text that was run, from 1.
-    pub fn line(&self, old: usize) -> Option<usize> {
+    pub fn current_line(&self, old: usize) -> Option<usize> {
         let old = old.checked_sub(1)?;
-        let [run, now] = self.lines.get(self.run.get(old)?)?;
+        let [run, now] = self.line_numbers.get(self.run_lines.get(old)?)?;
         let copy = run.iter().position(|number| *number == old).filter(|_| run.len() == now.len())?;
         Some(now[copy])
     }
 }
 
-fn cue_times(source: &Source, stage: &Stage, places: &Places, bytes: &Range<usize>, found: &mut Vec<Value>) {
+fn add_cue_times(
+    source: &Source,
+    stage: &Stage,
+    places: &Places,
+    bytes: &Range<usize>,
+    found: &mut Vec<Value>,
+) {
     let mut by_place: BTreeMap<(usize, usize), Vec<PlacedCue>> = BTreeMap::new();
-    for cue in cues(stage, places) {
+    for cue in placed_cues(stage, places) {
         if places.is_main(&cue.place.file) {
             by_place.entry((cue.place.line, cue.place.column)).or_default().push(cue);
         }
     }
     let line_map = LineMap::new(source, places);
     for ((line, column), cues) in by_place {
-        let Some(line) = line_map.line(line) else { continue };
+        let Some(line) = line_map.current_line(line) else { continue };
         let byte = source.lines.byte_of_diagnostic(&source.text, line + 1, column);
         // Keyframes of joints form a cue whose times are stated by the keyframes.
         let Some(call) = call_at(source, byte).filter(|call| source.get(*call) != "key") else { continue };
-        let (end, is_stated) = chain(source, call);
+        let (end, is_stated) = cue_call_chain(source, call);
         if is_stated || !(bytes.start..=bytes.end).contains(&end) {
             continue;
         }
@@ -130,13 +137,13 @@ fn call_at(source: &Source, byte: usize) -> Option<usize> {
     (token..token + 2).find(|token| source.get(token + 1) == "(")
 }
 
-/// The byte after the chained calls that describe a cue, and whether they state both its start and its end.
-fn chain(source: &Source, call: usize) -> (usize, bool) {
+/// The byte after the chained calls that describe a cue, and whether these calls give both its start and its end as numbers.
+fn cue_call_chain(source: &Source, call: usize) -> (usize, bool) {
     let (mut starts, mut ends) = (false, false);
     let mut name = call;
     loop {
         let open = name + 1;
-        let Some(close) = source.partner(open) else { return (source.tokens[name].end, true) };
+        let Some(close) = source.matching_bracket(open) else { return (source.tokens[name].end, true) };
         let is_number = |token: usize| source.get(token).starts_with(|c: char| c.is_ascii_digit());
         match source.get(name) {
             "from" => starts |= is_number(open + 1) && close == open + 2,
@@ -158,7 +165,7 @@ fn chain(source: &Source, call: usize) -> (usize, bool) {
     }
 }
 
-fn clip_lengths(view: &View, bytes: &Range<usize>, found: &mut Vec<Value>) {
+fn add_clip_lengths(view: &View, bytes: &Range<usize>, found: &mut Vec<Value>) {
     let source = view.source;
     let first = source.tokens.partition_point(|token| token.end < bytes.start);
     for token in first..source.tokens.len() {
@@ -167,16 +174,16 @@ fn clip_lengths(view: &View, bytes: &Range<usize>, found: &mut Vec<Value>) {
             return;
         }
         let is_name = is_string(source.get(token))
-            && source.before(token, 1) == "("
-            && source.before(token, 2) == "clip";
-        if !is_name || source.before(token, 3) != "." {
+            && source.token_before(token, 1) == "("
+            && source.token_before(token, 2) == "clip";
+        if !is_name || source.token_before(token, 3) != "." {
             continue;
         }
-        let on = view.types().ending_at(token - 3);
-        let Some((file, name)) = on.file.zip(source.string(token)) else { continue };
-        let Some(Contents::Known(asset)) = view.contents(&file) else { continue };
+        let on = view.types().value_ending_at(token - 3);
+        let Some((file, name)) = on.file.zip(source.string_value(token)) else { continue };
+        let Some(Contents::Loaded(asset)) = view.contents(&file) else { continue };
         let Some(clip) = asset.clips.iter().find(|clip| clip.name == name) else { continue };
-        let tooltip = crate::facts::clip(&asset, clip, view.fps);
+        let tooltip = crate::facts::describe_clip(&asset, clip, view.fps);
         let mut hint = hint(source, range.end, &format!("{:.2} s", clip.duration.as_secs()), String::new());
         hint["tooltip"] = json!({ "kind": "markdown", "value": tooltip });
         found.push(hint);

@@ -42,7 +42,7 @@ mod view;
 
 pub use calls::calls;
 pub use references::{NotRenamed, variable_uses};
-pub use server::{Ended, serve};
+pub use server::{SessionEnd, serve};
 
 use choreo_plugin::Registry;
 use choreo_script::{Diagnostic, Limits, Places};

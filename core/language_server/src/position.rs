@@ -25,7 +25,7 @@ impl Lines {
     }
 
     /// Bytes of a line without its line break; an empty range after the last line.
-    pub fn line(&self, text: &str, line: usize) -> Range<usize> {
+    pub fn bytes_of_line(&self, text: &str, line: usize) -> Range<usize> {
         let start = self.starts.get(line).copied().unwrap_or(text.len());
         let end = self.starts.get(line + 1).copied().unwrap_or(text.len());
         start..start + text[start..end].trim_end_matches(['\n', '\r']).len()
@@ -34,7 +34,7 @@ impl Lines {
     /// Byte of a position of the protocol. A column after the end of the line means its end, as the protocol demands.
     pub fn byte(&self, text: &str, position: &Value) -> usize {
         let number = |name: &str| position[name].as_u64().unwrap_or(0) as usize;
-        let range = self.line(text, number("line"));
+        let range = self.bytes_of_line(text, number("line"));
         let (wanted, mut column) = (number("character"), 0);
         for (at, c) in text[range.clone()].char_indices() {
             if column >= wanted {
@@ -46,30 +46,33 @@ impl Lines {
     }
 
     /// Line and UTF-16 column of a byte, both from 0.
-    pub fn place(&self, text: &str, byte: usize) -> (usize, usize) {
+    pub fn line_and_column(&self, text: &str, byte: usize) -> (usize, usize) {
         let byte = byte.min(text.len());
         let line = self.line_of(byte);
         let start = self.starts[line];
         (line, text[start..byte].chars().map(char::len_utf16).sum())
     }
 
+    /// Position of the protocol of a byte.
     pub fn position(&self, text: &str, byte: usize) -> Value {
-        let (line, character) = self.place(text, byte);
+        let (line, character) = self.line_and_column(text, byte);
         json!({ "line": line, "character": character })
     }
 
+    /// Bytes as a range of the protocol.
     pub fn range(&self, text: &str, bytes: &Range<usize>) -> Value {
         json!({ "start": self.position(text, bytes.start), "end": self.position(text, bytes.end) })
     }
 
-    pub fn bytes(&self, text: &str, range: &Value) -> Range<usize> {
+    /// Bytes of a range of the protocol.
+    pub fn bytes_of_range(&self, text: &str, range: &Value) -> Range<usize> {
         let (start, end) = (self.byte(text, &range["start"]), self.byte(text, &range["end"]));
         start.min(end)..end.max(start)
     }
 
     /// Byte of a position of a diagnostic: line and character column, both from 1.
     pub(crate) fn byte_of_diagnostic(&self, text: &str, line: usize, column: usize) -> usize {
-        let range = self.line(text, line.saturating_sub(1));
+        let range = self.bytes_of_line(text, line.saturating_sub(1));
         let skipped: usize =
             text[range.clone()].chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
         range.start + skipped

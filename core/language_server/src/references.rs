@@ -5,7 +5,7 @@ use crate::document::uri_of;
 use crate::request::Request;
 use crate::source::{InnerWord, Source, is_string, is_word};
 use crate::transport::ResponseError;
-use crate::values::{Budget, Declaration, Declared, Modules, Types, is_keyword};
+use crate::values::{Budget, Declaration, DeclarationKind, Modules, Types, is_keyword};
 use crate::view::View;
 use choreo_script::describe;
 use serde_json::{Map, Value, json};
@@ -24,27 +24,27 @@ struct NameAtCursor {
 }
 
 /// Largest number of scripts in a folder that are searched for uses of a module.
-const MOST_FILES: usize = 300;
+const MAX_FILES: usize = 300;
 
 pub fn definition(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
     if let Some(named) = name_at_cursor(view, request.byte()) {
-        return Ok(declared_at(request, &named).unwrap_or(Value::Null));
+        return Ok(declaration_location(request, &named).unwrap_or(Value::Null));
     }
     let Some(token) = view.source.token_at(request.byte()) else { return Ok(Value::Null) };
     if is_string(view.source.get(token)) {
-        let name = view.source.string(token).unwrap_or_default();
-        let opens = matches!(
-            (view.source.before(token, 1), view.source.before(token, 2)),
+        let name = view.source.string_value(token).unwrap_or_default();
+        let is_script_path = matches!(
+            (view.source.token_before(token, 1), view.source.token_before(token, 2)),
             ("import", _) | ("(", "scene")
         );
-        let path = view.modules.path(&name).filter(|_| opens);
-        return Ok(path.map_or(Value::Null, |path| location(&uri_of(&path), start())));
+        let path = view.modules.path(&name).filter(|_| is_script_path);
+        return Ok(path.map_or(Value::Null, |path| location(&uri_of(&path), file_start())));
     }
     Ok(Value::Null)
 }
 
-fn start() -> Value {
+fn file_start() -> Value {
     json!({ "start": { "line": 0, "character": 0 }, "end": { "line": 0, "character": 0 } })
 }
 
@@ -52,7 +52,7 @@ fn location(uri: &str, range: Value) -> Value {
     json!({ "uri": uri, "range": range })
 }
 
-fn declared_at(request: &Request, named: &NameAtCursor) -> Option<Value> {
+fn declaration_location(request: &Request, named: &NameAtCursor) -> Option<Value> {
     let view = request.view;
     let Some(module) = &named.module else {
         let range = view.source.range(&view.source.tokens[named.declaration.token]);
@@ -72,7 +72,7 @@ fn name_at_cursor(view: &View, byte: usize) -> Option<NameAtCursor> {
             return None;
         }
         if word.before[0] == "::" {
-            return of_module(view, word.before[1], word.text, word.string, word.range);
+            return module_member(view, word.before[1], word.text, word.string, word.range);
         }
         let declaration = types.declaration(word.text, word.string)?;
         return Some(NameAtCursor {
@@ -87,113 +87,124 @@ fn name_at_cursor(view: &View, byte: usize) -> Option<NameAtCursor> {
     if !is_word(name) || is_keyword(name) || is_member(source, token) {
         return None;
     }
-    if source.before(token, 1) == "::" {
-        return of_module(view, source.before(token, 2), name, token, range);
+    if source.token_before(token, 1) == "::" {
+        return module_member(view, source.token_before(token, 2), name, token, range);
     }
-    let declaration = types.declares(token).or_else(|| types.declaration(name, token))?;
+    let declaration = types.declaration_at(token).or_else(|| types.declaration(name, token))?;
     Some(NameAtCursor { name: name.to_string(), range, module: None, declaration })
 }
 
 /// The name of a module member, given the alias under which the module is imported at a token.
-fn of_module(view: &View, alias: &str, name: &str, from: usize, range: Range<usize>) -> Option<NameAtCursor> {
+fn module_member(
+    view: &View,
+    alias: &str,
+    name: &str,
+    from: usize,
+    range: Range<usize>,
+) -> Option<NameAtCursor> {
     let types = view.types();
-    let module = types.declared(&types.declaration(alias, from)?).name?;
-    let declaration = exported(&*view.modules.module(&module)?, name, view.modules)?;
+    let module = types.declared_value(&types.declaration(alias, from)?).name?;
+    let declaration = exported_declaration(&*view.modules.module(&module)?, name, view.modules)?;
     Some(NameAtCursor { name: name.to_string(), range, module: Some(module), declaration })
 }
 
 /// Whether a token is a method, a property, or the key of an object map.
 fn is_member(source: &Source, token: usize) -> bool {
-    let in_map = source.parent(token).is_some_and(|open| source.get(open) == "#{");
-    matches!(source.before(token, 1), "." | "?.") || (in_map && source.get(token + 1) == ":")
+    let in_map = source.enclosing_bracket(token).is_some_and(|open| source.get(open) == "#{");
+    matches!(source.token_before(token, 1), "." | "?.") || (in_map && source.get(token + 1) == ":")
 }
 
 /// Declaration of a function or variable that a module exports.
-fn exported(source: &Source, name: &str, modules: &dyn Modules) -> Option<Declaration> {
+fn exported_declaration(source: &Source, name: &str, modules: &dyn Modules) -> Option<Declaration> {
     let budget = Budget::default();
     let types = Types::new(source, modules, &budget);
     let of_name = (0..source.tokens.len())
-        .filter(|token| source.get(*token) == name && source.parent(*token).is_none());
-    let mut declared = of_name.filter_map(|token| types.declares(token));
-    declared.find(|d| d.kind == Declared::Function || source.before(d.token, 2) == "export")
+        .filter(|token| source.get(*token) == name && source.enclosing_bracket(*token).is_none());
+    let mut declared = of_name.filter_map(|token| types.declaration_at(token));
+    declared.find(|d| d.kind == DeclarationKind::Function || source.token_before(d.token, 2) == "export")
 }
 
-/// Ranges in a source that refer to one of its declarations.
-fn uses(source: &Source, named: &NameAtCursor, modules: &dyn Modules) -> Vec<Range<usize>> {
-    let is_it = |declared: Option<Declaration>| declared.as_ref() == Some(&named.declaration);
-    let own = |token: &usize| {
+/// Ranges in a source that refer to a name that the source declares.
+fn find_uses(source: &Source, named: &NameAtCursor, modules: &dyn Modules) -> Vec<Range<usize>> {
+    let is_same = |declared: Option<Declaration>| declared.as_ref() == Some(&named.declaration);
+    let is_use_in_code = |token: &usize| {
         let budget = Budget::default();
         let types = Types::new(source, modules, &budget);
-        let other = is_member(source, *token) || source.before(*token, 1) == "::";
-        !other && is_it(types.declares(*token).or_else(|| types.declaration(&named.name, *token)))
+        let is_other_name = is_member(source, *token) || source.token_before(*token, 1) == "::";
+        !is_other_name
+            && is_same(types.declaration_at(*token).or_else(|| types.declaration(&named.name, *token)))
     };
-    let inner = |word: &InnerWord| {
+    let is_use_in_string = |word: &InnerWord| {
         let budget = Budget::default();
         let types = Types::new(source, modules, &budget);
-        let other = word.text != named.name || word.is_member() || word.before[0] == "::";
-        !other && is_it(types.declaration(word.text, word.string))
+        let is_other_name = word.text != named.name || word.is_member() || word.before[0] == "::";
+        !is_other_name && is_same(types.declaration(word.text, word.string))
     };
     let tokens = (0..source.tokens.len()).filter(|token| source.get(*token) == named.name);
-    let tokens = tokens.filter(own).map(|token| source.tokens[token].clone());
-    in_order(tokens.chain(source.inner_words().filter(inner).map(|word| word.range)))
+    let tokens = tokens.filter(is_use_in_code).map(|token| source.tokens[token].clone());
+    sorted_by_start(tokens.chain(source.inner_words().filter(is_use_in_string).map(|word| word.range)))
 }
 
-fn in_order(ranges: impl Iterator<Item = Range<usize>>) -> Vec<Range<usize>> {
+fn sorted_by_start(ranges: impl Iterator<Item = Range<usize>>) -> Vec<Range<usize>> {
     let mut ranges: Vec<_> = ranges.collect();
     ranges.sort_by_key(|range| range.start);
     ranges
 }
 
 /// Ranges in a script that refer to a name of a module.
-fn uses_of_module(source: &Source, module: &str, name: &str) -> Vec<Range<usize>> {
+fn find_uses_of_module_member(source: &Source, module: &str, name: &str) -> Vec<Range<usize>> {
     let imports = (0..source.tokens.len()).filter(|i| {
-        source.before(*i, 1) == "import"
-            && source.string(*i).is_some_and(|s| s.trim_end_matches(".rhai") == module)
+        source.token_before(*i, 1) == "import"
+            && source.string_value(*i).is_some_and(|s| s.trim_end_matches(".rhai") == module)
     });
     let aliases: Vec<&str> =
         imports.filter(|i| source.get(i + 1) == "as").map(|i| source.get(i + 2)).collect();
-    let means =
+    let is_member_name =
         |text: &str, before: [&str; 2]| text == name && before[0] == "::" && aliases.contains(&before[1]);
-    let own = |token: &usize| means(source.get(*token), [source.before(*token, 1), source.before(*token, 2)]);
-    let tokens = (0..source.tokens.len()).filter(own).map(|token| source.tokens[token].clone());
-    let inner = source.inner_words().filter(|word| means(word.text, word.before)).map(|word| word.range);
-    in_order(tokens.chain(inner))
+    let is_use = |token: &usize| {
+        is_member_name(source.get(*token), [source.token_before(*token, 1), source.token_before(*token, 2)])
+    };
+    let tokens = (0..source.tokens.len()).filter(is_use).map(|token| source.tokens[token].clone());
+    let inner =
+        source.inner_words().filter(|word| is_member_name(word.text, word.before)).map(|word| word.range);
+    sorted_by_start(tokens.chain(inner))
 }
 
 /// All occurrences of a name: URI, source and bytes.
-fn places(request: &Request, named: &NameAtCursor) -> Vec<(String, Arc<Source>, Range<usize>)> {
+fn find_occurrences(request: &Request, named: &NameAtCursor) -> Vec<(String, Arc<Source>, Range<usize>)> {
     let view = request.view;
-    let own = Arc::new(Source::new(&view.source.text));
-    let home = match &named.module {
-        None => Some((request.uri.to_string(), own)),
+    let script = Arc::new(Source::new(&view.source.text));
+    let declaring_source = match &named.module {
+        None => Some((request.uri.to_string(), script)),
         Some(module) => view.modules.path(module).map(|p| uri_of(&p)).zip(view.modules.module(module)),
     };
-    let Some((home_uri, home)) = home else { return Vec::new() };
+    let Some((declaring_uri, declaring_source)) = declaring_source else { return Vec::new() };
     let mut found: Vec<(String, Arc<Source>, Range<usize>)> = Vec::new();
     let mut add = |uri: &str, source: &Arc<Source>, ranges: Vec<Range<usize>>| {
         found.extend(ranges.into_iter().map(|range| (uri.to_string(), source.clone(), range)));
     };
-    add(&home_uri, &home, uses(&home, named, view.modules));
-    if exported(&home, &named.name, view.modules).as_ref() != Some(&named.declaration) {
+    add(&declaring_uri, &declaring_source, find_uses(&declaring_source, named, view.modules));
+    if exported_declaration(&declaring_source, &named.name, view.modules).as_ref() != Some(&named.declaration)
+    {
         return found;
     }
-    for file in view.files_named(&["rhai".into()]).into_iter().take(MOST_FILES) {
+    for file in view.files_named(&["rhai".into()]).into_iter().take(MAX_FILES) {
         let (Some(path), Some(source)) = (view.modules.path(&file), view.modules.module(&file)) else {
             continue;
         };
         let uri = uri_of(&path);
-        let module = scripts_name(view, &home_uri);
-        if uri != home_uri
+        let module = import_name(view, &declaring_uri);
+        if uri != declaring_uri
             && let Some(module) = module
         {
-            add(&uri, &source, uses_of_module(&source, &module, &named.name));
+            add(&uri, &source, find_uses_of_module_member(&source, &module, &named.name));
         }
     }
     found
 }
 
 /// Name by which scripts in the folder import a file.
-fn scripts_name(view: &View, uri: &str) -> Option<String> {
+fn import_name(view: &View, uri: &str) -> Option<String> {
     let names = view.files_named(&["rhai".into()]);
     let is_it = |name: &&String| view.modules.path(name).is_some_and(|path| uri_of(&path) == uri);
     names.iter().find(is_it).map(|name| name.trim_end_matches(".rhai").to_string())
@@ -202,35 +213,40 @@ fn scripts_name(view: &View, uri: &str) -> Option<String> {
 pub fn references(request: &Request) -> Result<Value, ResponseError> {
     let Some(named) = name_at_cursor(request.view, request.byte()) else { return Ok(json!([])) };
     let with_declaration = request.parameters["context"]["includeDeclaration"] != false;
-    let declared = declared_at(request, &named);
-    let all =
-        places(request, &named).into_iter().map(|(uri, source, bytes)| location(&uri, source.range(&bytes)));
+    let declared = declaration_location(request, &named);
+    let all = find_occurrences(request, &named)
+        .into_iter()
+        .map(|(uri, source, bytes)| location(&uri, source.range(&bytes)));
     Ok(all.filter(|place| with_declaration || Some(place) != declared.as_ref()).collect::<Vec<_>>().into())
 }
 
 pub(crate) fn prepare_rename(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
     let Some(named) = name_at_cursor(view, request.byte()) else {
-        return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
+        return Err(rename_error(
+            "only variables, parameters, functions and names of modules can be renamed",
+        ));
     };
     Ok(json!({ "range": view.source.range(&named.range), "placeholder": named.name }))
 }
 
-fn refused(why: &str) -> ResponseError {
+fn rename_error(why: &str) -> ResponseError {
     ResponseError::new(ResponseError::FAILED, why)
 }
 
 pub fn rename(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
     let Some(named) = name_at_cursor(view, request.byte()) else {
-        return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
+        return Err(rename_error(
+            "only variables, parameters, functions and names of modules can be renamed",
+        ));
     };
     let new = request.parameters["newName"].as_str().unwrap_or_default();
-    unfit_name(new, &named.declaration).map_or(Ok(()), |why| Err(refused(&why)))?;
-    let places = places(request, &named);
+    invalid_name_reason(new, &named.declaration).map_or(Ok(()), |why| Err(rename_error(&why)))?;
+    let places = find_occurrences(request, &named);
     let mut changes: Map<String, Value> = Map::new();
     for (uri, source, bytes) in &places {
-        unsafe_name(source, &named, new).map_or(Ok(()), |not| Err(refused(&not.why)))?;
+        rename_conflict(source, &named, new).map_or(Ok(()), |conflict| Err(rename_error(&conflict.why)))?;
         let edit = json!({ "range": source.range(bytes), "newText": new });
         match changes.get_mut(uri).and_then(Value::as_array_mut) {
             Some(edits) => edits.push(edit),
@@ -241,14 +257,14 @@ pub fn rename(request: &Request) -> Result<Value, ResponseError> {
 }
 
 /// Reason why a text is not a valid new name. A variable may have the name of an API function, since scripts can still call the function.
-fn unfit_name(new: &str, declaration: &Declaration) -> Option<String> {
+fn invalid_name_reason(new: &str, declaration: &Declaration) -> Option<String> {
     let plain = is_word(new) && new.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     if !plain || is_keyword(new) {
         let why = "cannot be a name: write letters, digits and _, and no keyword of the language";
         return Some(format!("\"{new}\" {why}"));
     }
-    let taken = describe::entry("", new).filter(|_| declaration.kind == Declared::Function);
-    taken.map(|_| format!("{new} is a function of the API"))
+    let taken = describe::entry("", new).filter(|_| declaration.kind == DeclarationKind::Function);
+    taken.map(|_| format!("{new} is a function of the API; choose another name"))
 }
 
 /// Reason why a variable is not renamed, for the user.
@@ -270,37 +286,37 @@ pub fn variable_uses(text: &str, byte: usize, new: &str) -> Result<Vec<Range<usi
     let refuse = |why: String| NotRenamed { why: format!("line {line}: {why}"), line: Some(line) };
     let token = source.token_at(byte);
     let types = Types::new(&source, &NoModules, &budget);
-    let declared = token.and_then(|token| Some((token, types.declares(token)?)));
+    let declared = token.and_then(|token| Some((token, types.declaration_at(token)?)));
     let (token, declaration) = declared.ok_or_else(|| refuse("no variable is declared there".to_string()))?;
-    unfit_name(new, &declaration).map_or(Ok(()), |why| Err(refuse(why)))?;
+    invalid_name_reason(new, &declaration).map_or(Ok(()), |why| Err(refuse(why)))?;
     let (name, range) = (source.get(token).to_string(), source.tokens[token].clone());
-    if exported(&source, &name, &NoModules).as_ref() == Some(&declaration) {
+    if exported_declaration(&source, &name, &NoModules).as_ref() == Some(&declaration) {
         return Err(refuse(format!("other scripts can use it as {name}; rename it in the script")));
     }
     let named = NameAtCursor { name, range, module: None, declaration };
-    unsafe_name(&source, &named, new).map_or(Ok(()), Err)?;
-    Ok(uses(&source, &named, &NoModules))
+    rename_conflict(&source, &named, new).map_or(Ok(()), Err)?;
+    Ok(find_uses(&source, &named, &NoModules))
 }
 
 /// Reason why a name cannot be changed safely in a source.
-fn unsafe_name(source: &Source, named: &NameAtCursor, new: &str) -> Option<NotRenamed> {
-    let is_function = named.declaration.kind == Declared::Function;
+fn rename_conflict(source: &Source, named: &NameAtCursor, new: &str) -> Option<NotRenamed> {
+    let is_function = named.declaration.kind == DeclarationKind::Function;
     let line = |range: &Range<usize>| source.lines.line_of(range.start) + 1;
-    let not =
+    let conflict =
         |line: usize, why: String| Some(NotRenamed { why: format!("line {line} {why}"), line: Some(line) });
-    let used = |line: usize| not(line, format!("uses the name {new} already"));
-    let as_method = |line: usize| not(line, format!("may call {} as a method", named.name));
+    let used = |line: usize| conflict(line, format!("uses the name {new} already"));
+    let as_method = |line: usize| conflict(line, format!("may call {} as a method", named.name));
     for token in 0..source.tokens.len() {
         let (text, line) = (source.get(token), line(&source.tokens[token]));
         if text == new && !is_member(source, token) {
             return used(line);
         }
-        let words =
+        let mentions_name =
             |text: &str| text.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == named.name);
-        if is_function && is_string(text) && source.before(token, 2) == "Fn" && words(text) {
-            return not(line, format!("calls {} by its name in a text", named.name));
+        if is_function && is_string(text) && source.token_before(token, 2) == "Fn" && mentions_name(text) {
+            return conflict(line, format!("calls {} by its name in a text", named.name));
         }
-        if is_function && text == named.name && matches!(source.before(token, 1), "." | "?.") {
+        if is_function && text == named.name && matches!(source.token_before(token, 1), "." | "?.") {
             return as_method(line);
         }
     }
@@ -313,7 +329,7 @@ fn unsafe_name(source: &Source, named: &NameAtCursor, new: &str) -> Option<NotRe
             || word.next == "|"
             || (word.before[0] == "(" && word.before[1] == "for");
         if word.text == named.name && declares {
-            return not(line, format!("declares another {} inside a text", named.name));
+            return conflict(line, format!("declares another {} inside a text", named.name));
         }
         if is_function && word.text == named.name && matches!(word.before[0], "." | "?.") {
             return as_method(line);
@@ -337,14 +353,14 @@ mod tests {
     }
 
     #[test]
-    fn a_variable_is_renamed_where_it_is_meant() {
+    fn a_variable_is_renamed_only_where_its_declaration_is_visible() {
         let text = "let |a = cast(\"a\", m);\na.play(`${a.name} a`); b.a(#{ a: a });\nfn f(a) { a }\n{ let a = 2; a }\nlist.map(|a| a + 1); c(|x| x + a);";
         let wanted = "let e = cast(\"a\", m);\ne.play(`${e.name} a`); b.a(#{ a: e });\nfn f(a) { a }\n{ let a = 2; a }\nlist.map(|a| a + 1); c(|x| x + e);";
         assert_eq!(renamed(text, "e").unwrap(), wanted);
     }
 
     #[test]
-    fn what_is_not_certain_is_refused_with_its_line() {
+    fn an_unsafe_rename_is_refused_with_the_line_of_the_conflict() {
         for (text, new, why, line) in [
             ("let |a = 1;\nlet e = a;", "e", "line 2 uses the name e already", 2),
             ("let |a = 1;\nsun(1);", "sun", "line 2 uses the name sun already", 2),

@@ -1,7 +1,7 @@
 //! The server: processes messages in order, answers requests, and forwards the findings of the checker.
 
-use crate::checker::{CheckResult, Checker, Job, Unsaved, tests_root};
-use crate::commands::{self, CommandRequest, Running};
+use crate::checker::{CheckResult, Checker, Job, UnsavedTexts, tests_root};
+use crate::commands::{self, CommandRequest, RunningCommands};
 use crate::document::{Document, path_of};
 use crate::files::Files;
 use crate::request::Request;
@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 
 /// How a session ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub enum SessionEnd {
     /// The client sent `shutdown` and `exit`.
     Exit,
     /// The client sent `exit` without `shutdown`, or its pipe was closed.
@@ -42,7 +42,7 @@ pub fn serve(
     mut input: impl BufRead + Send + 'static,
     output: impl Write + Send + 'static,
     host: Arc<dyn Host>,
-) -> Ended {
+) -> SessionEnd {
     let (events, incoming) = channel();
     let files = Files::new();
     let checked = events.clone();
@@ -59,7 +59,7 @@ pub fn serve(
         }
     };
     if std::thread::Builder::new().name("client".into()).spawn(read).is_err() {
-        return Ended::Abruptly;
+        return SessionEnd::Abruptly;
     }
     let server = Server {
         host,
@@ -69,11 +69,11 @@ pub fn serve(
         modules: RefCell::default(),
         documents: BTreeMap::new(),
         projects: RefCell::default(),
-        last: BTreeMap::new(),
-        published: BTreeMap::new(),
+        last_results: BTreeMap::new(),
+        published_diagnostics: BTreeMap::new(),
         root: std::env::current_dir().unwrap_or_default(),
         settings: Settings::default(),
-        running: Running::default(),
+        running: RunningCommands::default(),
         client_capabilities: ClientCapabilities::default(),
         initialized: false,
         shut_down: false,
@@ -89,15 +89,15 @@ struct Server {
     modules: RefCell<ModuleFiles>,
     /// Open documents by URI.
     documents: BTreeMap<String, Document>,
-    /// Settings by URI, read again after a moment.
+    /// Project settings by URI of the document, each with the time when it was read.
     projects: RefCell<BTreeMap<String, (Instant, Project)>>,
     /// Result of the last run of each document.
-    last: BTreeMap<String, CheckResult>,
-    /// Published messages, by the script that was run and the file that they are about.
-    published: BTreeMap<String, BTreeMap<String, Vec<Value>>>,
+    last_results: BTreeMap<String, CheckResult>,
+    /// Published diagnostics, by the URI of the script that was run, then by the URI of the file that they are about.
+    published_diagnostics: BTreeMap<String, BTreeMap<String, Vec<Value>>>,
     root: PathBuf,
     settings: Settings,
-    running: Running,
+    running: RunningCommands,
     client_capabilities: ClientCapabilities,
     initialized: bool,
     shut_down: bool,
@@ -113,16 +113,16 @@ struct ClientCapabilities {
     show_progress: bool,
 }
 
-type Answer = Result<Value, ResponseError>;
+type RequestResult = Result<Value, ResponseError>;
 
 impl Server {
-    fn run(mut self, incoming: &Receiver<Event>) -> Ended {
+    fn run(mut self, incoming: &Receiver<Event>) -> SessionEnd {
         let mut waiting: VecDeque<Event> = VecDeque::new();
         loop {
             if waiting.is_empty() {
                 match incoming.recv() {
                     Ok(event) => waiting.push_back(event),
-                    Err(_) => return Ended::Abruptly,
+                    Err(_) => return SessionEnd::Abruptly,
                 }
             }
             // Requests that are cancelled before their turn are not processed.
@@ -131,15 +131,15 @@ impl Server {
             let Some(event) = waiting.pop_front() else { continue };
             match event {
                 Event::Checked(checked) => self.publish_result(*checked),
-                Event::Client(Received::Closed) => return Ended::Abruptly,
-                Event::Client(Received::Nonsense(why)) => {
-                    self.client.refuse(&Value::Null, &ResponseError::new(ResponseError::PARSE, why));
+                Event::Client(Received::Closed) => return SessionEnd::Abruptly,
+                Event::Client(Received::Invalid(why)) => {
+                    self.client.send_error(&Value::Null, &ResponseError::new(ResponseError::PARSE, why));
                 }
                 Event::Client(Received::Message(message)) => {
                     if message["method"] == "exit" {
-                        return if self.shut_down { Ended::Exit } else { Ended::Abruptly };
+                        return if self.shut_down { SessionEnd::Exit } else { SessionEnd::Abruptly };
                     }
-                    self.message(&message);
+                    self.handle_message(&message);
                 }
             }
         }
@@ -165,31 +165,33 @@ impl Server {
             let cancelled = !id.is_null() && message["method"].is_string() && cancels.contains(id);
             if cancelled {
                 let error = ResponseError::new(ResponseError::CANCELLED, "the request was cancelled");
-                self.client.refuse(id, &error);
+                self.client.send_error(id, &error);
             }
             !cancelled
         });
     }
 
     /// Processes a request or notification. A panic becomes the error of its request, and the server continues.
-    fn message(&mut self, message: &Value) {
+    fn handle_message(&mut self, message: &Value) {
         let id = message.get("id").cloned();
         let Some(method) = message["method"].as_str() else {
             // The message is the response to a request of the server, or invalid.
             if let Some(id) = id.filter(|_| message.get("result").is_none() && message.get("error").is_none())
             {
                 self.client
-                    .refuse(&id, &ResponseError::new(ResponseError::INVALID, "a message has no method"));
+                    .send_error(&id, &ResponseError::new(ResponseError::INVALID, "a message has no method"));
             }
             return;
         };
         let parameters = &message["params"];
         let answer = catch_unwind(AssertUnwindSafe(|| match &id {
             // The response is sent when the command has ended.
-            Some(id) if method == "workspace/executeCommand" => self.execute(id, parameters).map(|()| None),
-            Some(_) => self.request(method, parameters).map(Some),
+            Some(id) if method == "workspace/executeCommand" => {
+                self.execute_command(id, parameters).map(|()| None)
+            }
+            Some(_) => self.handle_request(method, parameters).map(Some),
             None => {
-                self.notification(method, parameters);
+                self.handle_notification(method, parameters);
                 Ok(None)
             }
         }));
@@ -200,13 +202,13 @@ impl Server {
             ))
         });
         match (id, answer) {
-            (Some(id), Ok(Some(result))) => self.client.answer(&id, result),
-            (Some(id), Err(error)) => self.client.refuse(&id, &error),
+            (Some(id), Ok(Some(result))) => self.client.send_result(&id, result),
+            (Some(id), Err(error)) => self.client.send_error(&id, &error),
             (_, Ok(None)) | (None, _) => {}
         }
     }
 
-    fn request(&mut self, method: &str, p: &Value) -> Answer {
+    fn handle_request(&mut self, method: &str, p: &Value) -> RequestResult {
         match method {
             "initialize" => return Ok(self.initialize(p)),
             _ if !self.initialized => {
@@ -236,7 +238,7 @@ impl Server {
         let folder = document.folder().unwrap_or(&self.root);
         let tests_root = self.tests_root(document, &project);
         let modules = self.modules(folder, tests_root.as_deref());
-        let last = self.last.get(uri);
+        let last = self.last_results.get(uri);
         let stage = last.and_then(|checked| checked.stage.as_ref());
         let view = View {
             source: &document.source,
@@ -253,7 +255,7 @@ impl Server {
     }
 
     fn modules<'m>(&'m self, folder: &'m Path, tests_root: Option<&'m Path>) -> OpenModules<'m> {
-        OpenModules { documents: &self.documents, folder: Some(folder), tests_root, known: &self.modules }
+        OpenModules { documents: &self.documents, folder: Some(folder), tests_root, cache: &self.modules }
     }
 
     /// Folder that a document with tests may read completely.
@@ -264,7 +266,7 @@ impl Server {
     }
 
     /// Starts a command. Its first argument names the file: `{ uri, line?, time?, section?, silent? }`.
-    fn execute(&mut self, id: &Value, p: &Value) -> Result<(), ResponseError> {
+    fn execute_command(&mut self, id: &Value, p: &Value) -> Result<(), ResponseError> {
         let wrong = |why: &str| ResponseError::new(ResponseError::PARAMETERS, why);
         if !self.initialized {
             return Err(ResponseError::new(
@@ -272,27 +274,31 @@ impl Server {
                 "the first request must be initialize",
             ));
         }
-        let name = p["command"].as_str().filter(|name| commands::NAMES.contains(name));
-        let name = name.ok_or_else(|| wrong("there is no such command"))?.to_string();
-        let given = &p["arguments"][0];
-        let uri = given["uri"].as_str().unwrap_or_default();
+        let name = p["command"].as_str().unwrap_or_default().to_string();
+        if !commands::NAMES.contains(&&*name) {
+            let known = commands::NAMES.join(", ");
+            return Err(wrong(&format!("the command \"{name}\" does not exist; the commands are {known}")));
+        }
+        let argument = &p["arguments"][0];
+        let uri = argument["uri"].as_str().unwrap_or_default();
         let script = path_of(uri).filter(|path| path.is_file());
-        let script = script.ok_or_else(|| wrong("the first argument has the uri of a saved script"))?;
-        let mut secs = given["time"].as_f64().unwrap_or(0.0);
+        let script = script
+            .ok_or_else(|| wrong("the first argument needs a field uri: the file: URI of a saved script"))?;
+        let mut secs = argument["time"].as_f64().unwrap_or(0.0);
         if let Some(document) = self.documents.get(uri) {
             let text = std::fs::read_to_string(&script).unwrap_or_default();
             if text.trim_start_matches('\u{feff}') != document.source.text.trim_start_matches('\u{feff}') {
                 let name = script.file_name().unwrap_or_default().to_string_lossy();
                 return Err(ResponseError::new(ResponseError::FAILED, format!("save {name} first")));
             }
-            if let (None, Some(line)) = (given["time"].as_f64(), given["line"].as_u64()) {
-                secs = lenses::time_at(&document.source, self.last.get(uri), line as usize);
+            if let (None, Some(line)) = (argument["time"].as_f64(), argument["line"].as_u64()) {
+                secs = lenses::time_of_line(&document.source, self.last_results.get(uri), line as usize);
             }
         }
         let mut progress = p.get("workDoneToken").cloned();
         if progress.is_none() && self.client_capabilities.show_progress {
             let token = json!(format!("command {id}"));
-            self.client.ask("window/workDoneProgress/create", json!({ "token": token }));
+            self.client.send_request("window/workDoneProgress/create", json!({ "token": token }));
             progress = Some(token);
         }
         let request = CommandRequest {
@@ -300,9 +306,9 @@ impl Server {
             name,
             script,
             secs,
-            section: given["section"].as_str().map(str::to_string),
+            section: argument["section"].as_str().map(str::to_string),
             root: self.root.clone(),
-            is_silent: given["silent"] == true,
+            is_silent: argument["silent"] == true,
             progress,
         };
         self.running.start(request, &*self.host, self.client.clone())
@@ -346,7 +352,7 @@ impl Server {
         })
     }
 
-    fn notification(&mut self, method: &str, p: &Value) {
+    fn handle_notification(&mut self, method: &str, p: &Value) {
         let document = &p["textDocument"];
         let uri = document["uri"].as_str().unwrap_or_default().to_string();
         let version = document["version"].as_i64().unwrap_or(0);
@@ -354,13 +360,13 @@ impl Server {
             "textDocument/didOpen" => {
                 let text = document["text"].as_str().unwrap_or_default();
                 self.documents.insert(uri.clone(), Document::new(&uri, version, text));
-                self.check(&uri);
+                self.check_with_dependents(&uri);
             }
             "textDocument/didChange" => {
                 let changes = p["contentChanges"].as_array().cloned().unwrap_or_default();
                 if let Some(document) = self.documents.get_mut(&uri) {
-                    document.change(version, &changes);
-                    self.check(&uri);
+                    document.apply_changes(version, &changes);
+                    self.check_with_dependents(&uri);
                 }
             }
             "textDocument/didSave" | "workspace/didChangeWatchedFiles" => {
@@ -370,29 +376,29 @@ impl Server {
             }
             "workspace/didChangeConfiguration" => {
                 self.settings.update(&p["settings"]["choreo"]);
-                self.refresh();
+                self.refresh_hints_and_lenses();
             }
             "$/cancelRequest" => self.running.cancel(&p["id"]),
             "window/workDoneProgress/cancel" => self.running.cancel(&p["token"]),
             "textDocument/didClose" => {
                 self.documents.remove(&uri);
-                self.last.remove(&uri);
-                let gone = self.published.remove(&uri).unwrap_or_default();
-                gone.keys().for_each(|target| self.publish(target));
+                self.last_results.remove(&uri);
+                let removed = self.published_diagnostics.remove(&uri).unwrap_or_default();
+                removed.keys().for_each(|target| self.publish(target));
             }
             _ => {}
         }
     }
 
     /// Submits a script and the open scripts that import it to the checker.
-    fn check(&mut self, uri: &str) {
+    fn check_with_dependents(&mut self, uri: &str) {
         let path = self.documents.get(uri).and_then(|document| document.path.clone());
-        let uses = |checked: &&CheckResult| {
-            checked.uri != uri && path.as_ref().is_some_and(|p| checked.read.contains(p))
+        let is_dependent = |checked: &&CheckResult| {
+            checked.uri != uri && path.as_ref().is_some_and(|p| checked.read_files.contains(p))
         };
         let dependents: Vec<String> =
-            self.last.values().filter(uses).map(|checked| checked.uri.clone()).collect();
-        // The one that is submitted last is run first.
+            self.last_results.values().filter(is_dependent).map(|checked| checked.uri.clone()).collect();
+        // The checker runs the script first that is submitted last.
         dependents.iter().for_each(|uri| self.submit(uri));
         self.submit(uri);
     }
@@ -400,7 +406,7 @@ impl Server {
     fn submit(&self, uri: &str) {
         let Some(document) = self.documents.get(uri) else { return };
         let texts = self.documents.values().filter_map(|d| Some((d.path.clone()?, d.source.text.clone())));
-        let unsaved: Unsaved = Arc::new(texts.collect());
+        let unsaved: UnsavedTexts = Arc::new(texts.collect());
         self.checker.submit(Job {
             uri: uri.to_string(),
             version: document.version,
@@ -420,38 +426,40 @@ impl Server {
         };
         let folder = document.folder().unwrap_or(&self.root);
         let modules = self.modules(folder, None);
-        let new = diagnostics::by_file(&checked, &document.source, document.folder(), &modules);
-        let old = self.published.insert(uri.clone(), new).unwrap_or_default();
+        let new = diagnostics::diagnostics_by_uri(&checked, &document.source, document.folder(), &modules);
+        let old = self.published_diagnostics.insert(uri.clone(), new).unwrap_or_default();
         let mut targets: Vec<String> = old.into_keys().collect();
-        targets.extend(self.published.get(&uri).into_iter().flat_map(|new| new.keys().cloned()));
+        targets.extend(self.published_diagnostics.get(&uri).into_iter().flat_map(|new| new.keys().cloned()));
         targets.sort();
         targets.dedup();
         targets.iter().for_each(|target| self.publish(target));
         // While the script has errors, the last valid stage is kept.
         let is_new = checked.stage.is_some();
-        if let Some(before) = self.last.remove(&uri).filter(|_| !is_new) {
+        if let Some(before) = self.last_results.remove(&uri).filter(|_| !is_new) {
             checked.stage = before.stage;
         }
-        self.last.insert(uri, checked);
+        self.last_results.insert(uri, checked);
         if is_new {
-            self.refresh();
+            self.refresh_hints_and_lenses();
         }
     }
 
     /// Asks the client to request everything again that depends on the last run.
-    fn refresh(&self) {
+    fn refresh_hints_and_lenses(&self) {
         if self.client_capabilities.refresh_hints {
-            self.client.ask("workspace/inlayHint/refresh", Value::Null);
+            self.client.send_request("workspace/inlayHint/refresh", Value::Null);
         }
         if self.client_capabilities.refresh_lenses {
-            self.client.ask("workspace/codeLens/refresh", Value::Null);
+            self.client.send_request("workspace/codeLens/refresh", Value::Null);
         }
     }
 
     /// Publishes all messages about a file. Messages about a module are sent once, even if several scripts import it.
     fn publish(&self, target: &str) {
         let mut all: Vec<&Value> = Vec::new();
-        for message in self.published.values().filter_map(|of_script| of_script.get(target)).flatten() {
+        for message in
+            self.published_diagnostics.values().filter_map(|of_script| of_script.get(target)).flatten()
+        {
             let same =
                 |known: &&Value| known["range"] == message["range"] && known["message"] == message["message"];
             if !all.iter().any(same) {
@@ -465,7 +473,7 @@ impl Server {
         self.client.notify("textDocument/publishDiagnostics", parameters);
     }
 
-    /// Settings of a document.
+    /// Project settings of a document, reused for a short time.
     fn project(&self, document: &Document) -> Result<Project, HostError> {
         /// Time for which settings are reused.
         const SETTINGS_LIFETIME: Duration = Duration::from_secs(2);
@@ -481,10 +489,10 @@ impl Server {
     }
 }
 
-type Method = fn(&Request) -> Answer;
+type RequestHandler = fn(&Request) -> RequestResult;
 
 /// Requests about a document, by method.
-const METHODS: &[(&str, Method)] = &[
+const METHODS: &[(&str, RequestHandler)] = &[
     ("textDocument/completion", |r| Ok(completion::complete(r.view, r.byte()))),
     ("textDocument/hover", |r| Ok(hover::hover(r.view, r.byte()))),
     ("textDocument/signatureHelp", |r| Ok(signature::signature(r.view, r.byte()))),
@@ -493,11 +501,13 @@ const METHODS: &[(&str, Method)] = &[
     ("textDocument/prepareRename", references::prepare_rename),
     ("textDocument/rename", references::rename),
     ("textDocument/documentSymbol", |r| Ok(symbols::symbols(r.view))),
-    ("textDocument/foldingRange", |r| Ok(symbols::folding(r.view))),
+    ("textDocument/foldingRange", |r| Ok(symbols::folding_ranges(r.view))),
     ("textDocument/documentColor", |r| Ok(colors::colors(r.view))),
     ("textDocument/inlayHint", |r| Ok(hints::hints(r.view, r.settings, r.last, &r.parameters["range"]))),
-    ("textDocument/semanticTokens/full", |r| Ok(semantic::tokens(r.view, None))),
-    ("textDocument/semanticTokens/range", |r| Ok(semantic::tokens(r.view, Some(&r.parameters["range"])))),
+    ("textDocument/semanticTokens/full", |r| Ok(semantic::semantic_tokens(r.view, None))),
+    ("textDocument/semanticTokens/range", |r| {
+        Ok(semantic::semantic_tokens(r.view, Some(&r.parameters["range"])))
+    }),
     ("textDocument/formatting", |r| Ok(formatting::formatting(r.view, None))),
     ("textDocument/rangeFormatting", |r| Ok(formatting::formatting(r.view, Some(&r.parameters["range"])))),
     ("textDocument/codeLens", |r| match r.settings.code_lenses {
@@ -505,7 +515,7 @@ const METHODS: &[(&str, Method)] = &[
         false => Ok(json!([])),
     }),
     ("textDocument/codeAction", |r| {
-        let given = r.parameters["context"]["diagnostics"].as_array().cloned().unwrap_or_default();
-        Ok(actions::actions(r.view, r.uri, &given))
+        let diagnostics = r.parameters["context"]["diagnostics"].as_array().cloned().unwrap_or_default();
+        Ok(actions::actions(r.view, r.uri, &diagnostics))
     }),
 ];

@@ -8,8 +8,11 @@ use serde_json::{Value, json};
 pub fn signature(view: &View, byte: usize) -> Value {
     let source = view.source;
     let Some(site) = call_around(view.types(), byte) else { return Value::Null };
-    let own = own_function(view, source.get(site.name), site.argument);
-    let Some(entry) = site.entry(source).filter(|_| own.is_null() || site.on.is_some()) else { return own };
+    let script_function = script_function_signature(view, source.get(site.name), site.argument);
+    let Some(entry) = site.entry(source).filter(|_| script_function.is_null() || site.receiver.is_some())
+    else {
+        return script_function;
+    };
     let given = source.arguments(site.open).len().max(site.argument + 1);
     let mut active = None;
     let signatures: Vec<Value> = entry
@@ -17,11 +20,11 @@ pub fn signature(view: &View, byte: usize) -> Value {
         .iter()
         .enumerate()
         .map(|(index, usage)| {
-            let parameters = parameters(usage);
+            let parameters = parameter_ranges(usage);
             if active.is_none() && parameters.len() >= given {
                 active = Some(index);
             }
-            let about = facts::entry(entry);
+            let about = facts::describe_entry(entry);
             json!({
                 "label": usage, "parameters": parameters, "activeParameter": site.argument,
                 "documentation": { "kind": "markdown", "value": about },
@@ -32,21 +35,21 @@ pub fn signature(view: &View, byte: usize) -> Value {
 }
 
 /// Signature of a function that the script defines.
-fn own_function(view: &View, name: &str, argument: usize) -> Value {
+fn script_function_signature(view: &View, name: &str, argument: usize) -> Value {
     let source = view.source;
     let function = (1..source.tokens.len()).find(|i| source.get(*i) == name && source.get(i - 1) == "fn");
-    let Some((function, end)) = function.and_then(|f| Some((f, source.partner(f + 1)?))) else {
+    let Some((function, end)) = function.and_then(|f| Some((f, source.matching_bracket(f + 1)?))) else {
         return Value::Null;
     };
     let label = &source.text[source.tokens[function].start..source.tokens[end].end];
     json!({
-        "signatures": [{ "label": label, "parameters": parameters(label), "activeParameter": argument }],
+        "signatures": [{ "label": label, "parameters": parameter_ranges(label), "activeParameter": argument }],
         "activeSignature": 0, "activeParameter": argument,
     })
 }
 
 /// Ranges of the parameters in a label, in UTF-16.
-fn parameters(label: &str) -> Vec<Value> {
+fn parameter_ranges(label: &str) -> Vec<Value> {
     let Some(open) = label.find('(') else { return Vec::new() };
     let inside = label[open + 1..].trim_end_matches(')');
     let utf16 = |text: &str| text.encode_utf16().count();
@@ -63,13 +66,13 @@ fn parameters(label: &str) -> Vec<Value> {
 
 #[cfg(test)]
 mod tests {
-    use super::parameters;
+    use super::parameter_ranges;
     use serde_json::json;
 
     #[test]
-    fn parameters_are_found_in_the_label() {
-        let found = parameters("Actor.at(x, yy)");
+    fn parameter_ranges_cover_the_parameter_names_of_a_label() {
+        let found = parameter_ranges("Actor.at(x, yy)");
         assert_eq!(found, [json!({ "label": [9, 10] }), json!({ "label": [12, 14] })]);
-        assert!(parameters("Cue.loop()").is_empty());
+        assert!(parameter_ranges("Cue.loop()").is_empty());
     }
 }

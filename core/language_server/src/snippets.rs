@@ -1,9 +1,9 @@
-//! Snippets: calls with placeholders, and templates for the start of a script.
+//! Snippets: calls with placeholders, and templates of statements.
 
 use choreo_script::describe::Entry;
 
 /// Templates for the start of a statement: label, description, text.
-pub(crate) const STARTERS: &[(&str, &str, &str)] = &[
+pub(crate) const STATEMENT_TEMPLATES: &[(&str, &str, &str)] = &[
     (
         "character",
         "A model on stage that plays a clip",
@@ -22,8 +22,8 @@ pub(crate) const STARTERS: &[(&str, &str, &str)] = &[
     ("let", "A variable", "let ${1:name} = $0;"),
 ];
 
-/// A call with placeholders for required arguments: `cast("${1:name}", ${2:asset})`.
-pub fn call(entry: &Entry, texts: &dyn Fn(&str) -> bool) -> String {
+/// A call with placeholders for required arguments: `cast("${1:name}", ${2:asset})`. `is_text`: whether an argument of a name is a string.
+pub fn call_snippet(entry: &Entry, is_text: &dyn Fn(&str) -> bool) -> String {
     let Some(form) = entry.forms.first() else { return entry.name.to_string() };
     let arguments = form.iter().enumerate().map(|(index, argument)| {
         let number = index + 1;
@@ -31,7 +31,7 @@ pub fn call(entry: &Entry, texts: &dyn Fn(&str) -> bool) -> String {
             "options" => format!("#{{ ${number} }}"),
             "callback" => format!("|${{{number}:t}}| {{\n    $0\n}}"),
             "section" | "build" => "|| {\n    $0\n}".to_string(),
-            name if texts(name) => format!("\"${{{number}:{name}}}\""),
+            name if is_text(name) => format!("\"${{{number}:{name}}}\""),
             name => format!("${{{number}:{name}}}"),
         }
     });
@@ -39,7 +39,7 @@ pub fn call(entry: &Entry, texts: &dyn Fn(&str) -> bool) -> String {
 }
 
 /// Text of a snippet without placeholders, for clients that do not support snippets.
-pub fn plain(snippet: &str) -> String {
+pub fn without_placeholders(snippet: &str) -> String {
     let mut text = String::new();
     let mut rest = snippet;
     while let Some(at) = rest.find('$') {
@@ -62,13 +62,14 @@ mod tests {
     use choreo_script::describe;
 
     #[test]
-    fn calls_have_placeholders_for_what_must_be_given() {
-        let of =
-            |on: &str, name: &str| call(describe::entry(on, name).unwrap(), &|argument| argument == "name");
+    fn calls_have_placeholders_for_required_arguments() {
+        let of = |on: &str, name: &str| {
+            call_snippet(describe::entry(on, name).unwrap(), &|argument| argument == "name")
+        };
         assert_eq!(of("", "cast"), "cast(\"${1:name}\", ${2:asset})");
         assert_eq!(of("Actor", "play"), "play(${1:clip})");
         assert_eq!(of("Cue", "loop"), "loop()");
-        assert_eq!(plain(&of("", "cast")), "cast(\"name\", asset)");
-        assert_eq!(plain("a${1:b}$0;"), "ab;");
+        assert_eq!(without_placeholders(&of("", "cast")), "cast(\"name\", asset)");
+        assert_eq!(without_placeholders("a${1:b}$0;"), "ab;");
     }
 }

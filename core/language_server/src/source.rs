@@ -12,16 +12,16 @@ pub struct Source {
     /// Code inside interpolated strings, in order.
     inner: Vec<InnerCode>,
     /// The matching bracket of each bracket.
-    partner: Vec<Option<usize>>,
+    matching_bracket: Vec<Option<usize>>,
     /// The innermost bracket around each token.
-    parent: Vec<Option<usize>>,
+    enclosing_bracket: Vec<Option<usize>>,
 }
 
-pub fn is_open(token: &str) -> bool {
+pub fn is_opening_bracket(token: &str) -> bool {
     matches!(token, "(" | "[" | "{" | "#{")
 }
 
-fn closes(open: &str, close: &str) -> bool {
+fn brackets_match(open: &str, close: &str) -> bool {
     matches!((open, close), ("(", ")") | ("[", "]") | ("{" | "#{", "}"))
 }
 
@@ -54,7 +54,7 @@ impl<'s> InnerWord<'s> {
         let range = code.tokens[at].clone();
         InnerWord {
             text: get(Some(at)),
-            string: source.count_before(range.end).saturating_sub(1),
+            string: source.count_tokens_before(range.end).saturating_sub(1),
             range,
             before: [get(at.checked_sub(1)), get(at.checked_sub(2))],
             next: get(Some(at + 1)),
@@ -69,30 +69,31 @@ impl<'s> InnerWord<'s> {
 
 impl Source {
     pub fn new(text: &str) -> Source {
-        let (tokens, inner) = tokens(text);
+        let (tokens, inner) = tokenize(text);
         let mut source = Source {
             text: text.into(),
             lines: Lines::new(text),
-            partner: vec![None; tokens.len()],
-            parent: vec![None; tokens.len()],
+            matching_bracket: vec![None; tokens.len()],
+            enclosing_bracket: vec![None; tokens.len()],
             tokens,
             inner,
         };
-        let mut open: Vec<usize> = Vec::new();
+        let mut open_brackets: Vec<usize> = Vec::new();
         for index in 0..source.tokens.len() {
             let token = source.get(index);
             let is_close = matches!(token, ")" | "]" | "}");
             // A bracket that is not closed ends with the bracket around it.
-            let matching = open.iter().rposition(|o| is_close && closes(source.get(*o), token));
+            let matching =
+                open_brackets.iter().rposition(|o| is_close && brackets_match(source.get(*o), token));
             if let Some(depth) = matching {
-                source.partner[index] = Some(open[depth]);
-                let opened = open[depth];
-                source.partner[opened] = Some(index);
-                open.truncate(depth);
+                source.matching_bracket[index] = Some(open_brackets[depth]);
+                let opened = open_brackets[depth];
+                source.matching_bracket[opened] = Some(index);
+                open_brackets.truncate(depth);
             }
-            source.parent[index] = open.last().copied();
-            if is_open(source.get(index)) {
-                open.push(index);
+            source.enclosing_bracket[index] = open_brackets.last().copied();
+            if is_opening_bracket(source.get(index)) {
+                open_brackets.push(index);
             }
         }
         source
@@ -103,21 +104,23 @@ impl Source {
         self.tokens.get(index).map_or("", |token| &self.text[token.clone()])
     }
 
-    /// Text of the token `places` before; empty before the first token.
-    pub fn before(&self, index: usize, places: usize) -> &str {
+    /// Text of the token that is `places` tokens before another; empty before the first token.
+    pub fn token_before(&self, index: usize, places: usize) -> &str {
         index.checked_sub(places).map_or("", |index| self.get(index))
     }
 
-    pub fn partner(&self, index: usize) -> Option<usize> {
-        self.partner.get(index).copied().flatten()
+    /// Token of the bracket that opens or closes the bracket at a token; `None` if there is none.
+    pub fn matching_bracket(&self, index: usize) -> Option<usize> {
+        self.matching_bracket.get(index).copied().flatten()
     }
 
-    pub fn parent(&self, index: usize) -> Option<usize> {
-        self.parent.get(index).copied().flatten()
+    /// Token of the innermost opening bracket around a token.
+    pub fn enclosing_bracket(&self, index: usize) -> Option<usize> {
+        self.enclosing_bracket.get(index).copied().flatten()
     }
 
     /// Number of tokens that begin before a byte.
-    pub(crate) fn count_before(&self, byte: usize) -> usize {
+    pub(crate) fn count_tokens_before(&self, byte: usize) -> usize {
         self.tokens.partition_point(|token| token.start < byte)
     }
 
@@ -156,11 +159,12 @@ impl Source {
         }
         let start = code.filter(|_| depth > 0)?;
         let rest = &self.text[byte..token.end];
-        let closes = |c: char| {
+        let is_final_brace = |c: char| {
             depth = if c == '{' { depth + 1 } else { depth - usize::from(c == '}') };
             depth == 0
         };
-        let end = rest.find(closes).or_else(|| rest.find(['\n', '`'])).map_or(token.end, |at| byte + at);
+        let end =
+            rest.find(is_final_brace).or_else(|| rest.find(['\n', '`'])).map_or(token.end, |at| byte + at);
         let mut text = self.text.as_bytes().to_vec();
         let blank = |text: &mut Vec<u8>, range: Range<usize>| {
             text[range].iter_mut().filter(|byte| **byte != b'\n').for_each(|byte| *byte = b' ');
@@ -188,12 +192,12 @@ impl Source {
     /// Whether the script declares a test.
     pub(crate) fn has_tests(&self) -> bool {
         let is_test = |at: &usize| self.get(*at) == "test" && self.get(at + 1) == "(";
-        (0..self.tokens.len()).any(|at| is_test(&at) && self.before(at, 1) != ".")
+        (0..self.tokens.len()).any(|at| is_test(&at) && self.token_before(at, 1) != ".")
     }
 
     /// Whether a byte is in a comment: between two tokens, after `//` or inside `/* */`.
     pub(crate) fn in_comment(&self, byte: usize) -> bool {
-        let count = self.count_before(byte);
+        let count = self.count_tokens_before(byte);
         let start = count.checked_sub(1).map_or(0, |last| self.tokens[last].end);
         if start >= byte {
             return false;
@@ -205,7 +209,7 @@ impl Source {
     }
 
     /// Contents of a plain string, with escapes resolved.
-    pub fn string(&self, index: usize) -> Option<String> {
+    pub fn string_value(&self, index: usize) -> Option<String> {
         let token = self.get(index);
         let quote = token.chars().next().filter(|c| matches!(c, '"' | '`'))?;
         let inside = &token[1..];
@@ -227,7 +231,7 @@ impl Source {
     }
 
     /// Bytes between the quotes of a string.
-    pub fn string_contents(&self, index: usize) -> Range<usize> {
+    pub fn string_content_range(&self, index: usize) -> Range<usize> {
         let range = self.tokens[index].clone();
         let token = self.get(index);
         let closed = token.len() > 1 && token.ends_with(&token[..1]);
@@ -236,7 +240,7 @@ impl Source {
 
     /// Arguments of a call as ranges of tokens, given its opening parenthesis.
     pub fn arguments(&self, open: usize) -> Vec<Range<usize>> {
-        let end = self.partner(open).unwrap_or(self.tokens.len());
+        let end = self.matching_bracket(open).unwrap_or(self.tokens.len());
         let mut arguments = Vec::new();
         let mut start = open + 1;
         let mut index = start;
@@ -247,7 +251,7 @@ impl Source {
                     start = index + 1;
                 }
                 ";" => break,
-                token if is_open(token) => index = self.partner(index).unwrap_or(end),
+                token if is_opening_bracket(token) => index = self.matching_bracket(index).unwrap_or(end),
                 _ => {}
             }
             index += 1;
@@ -266,7 +270,7 @@ impl Source {
 
 /// Tokens of a text, and the code inside its strings. A string that is not closed ends with its line, so that the text after it is still
 /// parsed.
-fn tokens(text: &str) -> (Vec<Range<usize>>, Vec<InnerCode>) {
+fn tokenize(text: &str) -> (Vec<Range<usize>>, Vec<InnerCode>) {
     let mut tokens: Vec<Range<usize>> = Vec::new();
     let mut inner: Vec<InnerCode> = Vec::new();
     let mut base = 0;
@@ -293,7 +297,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_open_string_ends_with_its_line() {
+    fn an_unclosed_string_ends_at_the_end_of_its_line() {
         let source = Source::new("load(\"kni\nlet é = [1, \"a\\\"b\"];\nf(`x ${y}`)");
         let all: Vec<&str> = (0..source.tokens.len()).map(|i| source.get(i)).collect();
         let expected = [
@@ -315,14 +319,14 @@ mod tests {
             ")",
         ];
         assert_eq!(all, expected);
-        assert_eq!(source.string(2).unwrap(), "kni");
-        assert_eq!(source.string(9).unwrap(), "a\"b");
-        assert_eq!(source.string(14), None);
-        assert_eq!((source.partner(6), source.parent(7)), (Some(10), Some(6)));
+        assert_eq!(source.string_value(2).unwrap(), "kni");
+        assert_eq!(source.string_value(9).unwrap(), "a\"b");
+        assert_eq!(source.string_value(14), None);
+        assert_eq!((source.matching_bracket(6), source.enclosing_bracket(7)), (Some(10), Some(6)));
     }
 
     #[test]
-    fn arguments_are_found_in_calls_that_are_not_complete() {
+    fn arguments_are_found_in_unfinished_calls() {
         let source = Source::new("a(b(1, 2), #{ c: [3, 4] }, ); d(5, ; e");
         assert_eq!(source.arguments(1).len(), 2);
         let open = (0..source.tokens.len()).find(|i| source.get(*i) == "d").unwrap() + 1;
@@ -331,7 +335,7 @@ mod tests {
 
     /// The cursor is written as `¦`.
     #[test]
-    fn code_of_interpolated_strings_stands_in_their_place() {
+    fn an_interpolated_string_is_replaced_by_its_code_at_the_cursor() {
         for (written, expected) in [
             ("f(`é ${a.¦b} x ${c}`, 1);", Some("f(     (a.b)        , 1);")),
             ("f(`${#{ a: 1 }.¦}`);", Some("f(  (#{ a: 1 }.) );")),
@@ -348,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn comments_are_known() {
+    fn positions_in_line_and_block_comments_are_detected() {
         let text = "a; // b\nc /* d\n e */ f";
         let source = Source::new(text);
         let inside = |part: &str| source.in_comment(text.find(part).unwrap() + 1);

@@ -1,6 +1,6 @@
-//! Document symbols: variables, functions, tests and elements on stage, by name.
+//! Document symbols: variables, functions, modules, tests, actors, cameras and markers, by name.
 
-use crate::values::Declared;
+use crate::values::DeclarationKind;
 use crate::view::View;
 use serde_json::{Value, json};
 use std::ops::Range;
@@ -26,26 +26,26 @@ pub fn symbols(view: &View) -> Value {
             });
             (whole, value)
         };
-        // Tests, and elements on stage that have no variable.
+        // Tests, actors, cameras and markers are listed by the name in their call, even without a variable.
         let on_stage = matches!(name, "test" | "cast" | "camera" | "marker") && source.get(token + 1) == "(";
         if on_stage
-            && source.before(token, 1) != "."
-            && let Some(text) = source.string(token + 2)
+            && source.token_before(token, 1) != "."
+            && let Some(text) = source.string_value(token + 2)
         {
-            let end = source.partner(token + 1).map_or(bytes.end, |close| source.tokens[close].end);
+            let end = source.matching_bracket(token + 1).map_or(bytes.end, |close| source.tokens[close].end);
             let kind = if name == "test" { METHOD } else { OBJECT };
             found.push(named(&text, kind, name.to_string(), bytes.start..end));
             continue;
         }
-        let Some(declaration) = types.declares(token) else { continue };
+        let Some(declaration) = types.declaration_at(token) else { continue };
         match declaration.kind {
-            Declared::Function => {
-                let body = source.partner(token + 1).map(|close| close + 1);
+            DeclarationKind::Function => {
+                let body = source.matching_bracket(token + 1).map(|close| close + 1);
                 let end = body
-                    .and_then(|open| source.partner(open))
+                    .and_then(|open| source.matching_bracket(open))
                     .map_or(bytes.end, |close| source.tokens[close].end);
                 let parameters = source
-                    .partner(token + 1)
+                    .matching_bracket(token + 1)
                     .map_or("", |close| &source.text[bytes.end..source.tokens[close].end]);
                 found.push(named(
                     name,
@@ -54,9 +54,9 @@ pub fn symbols(view: &View) -> Value {
                     source.tokens[token - 1].start..end,
                 ));
             }
-            Declared::Variable => {
+            DeclarationKind::Variable => {
                 let last = types.statement_end(token).saturating_sub(1).max(token);
-                let detail = crate::completion::in_words(&types.declared(&declaration));
+                let detail = crate::completion::describe_value(&types.declared_value(&declaration));
                 found.push(named(
                     name,
                     VARIABLE,
@@ -64,17 +64,17 @@ pub fn symbols(view: &View) -> Value {
                     source.tokens[token - 1].start..source.tokens[last].end,
                 ));
             }
-            Declared::Module => {
+            DeclarationKind::Module => {
                 found.push(named(name, MODULE, String::new(), source.tokens[token - 3].start..bytes.end))
             }
             _ => {}
         }
     }
-    nested(found).into()
+    nest_symbols(found).into()
 }
 
 /// Nests symbols: a symbol inside another becomes its child.
-fn nested(found: Vec<(Range<usize>, Value)>) -> Vec<Value> {
+fn nest_symbols(found: Vec<(Range<usize>, Value)>) -> Vec<Value> {
     let mut open: Vec<(Range<usize>, Value)> = Vec::new();
     let mut roots: Vec<Value> = Vec::new();
     let mut sorted = found;
@@ -102,11 +102,11 @@ fn nested(found: Vec<(Range<usize>, Value)>) -> Vec<Value> {
 }
 
 /// Folding ranges: brackets, and comments that span several lines.
-pub fn folding(view: &View) -> Value {
+pub fn folding_ranges(view: &View) -> Value {
     let source = view.source;
     let mut found = Vec::new();
     for token in 0..source.tokens.len() {
-        let Some(close) = source.partner(token).filter(|close| *close > token) else { continue };
+        let Some(close) = source.matching_bracket(token).filter(|close| *close > token) else { continue };
         let start = source.lines.line_of(source.tokens[token].start);
         let end = source.lines.line_of(source.tokens[close].start);
         // The line with the closing bracket stays visible.
@@ -114,8 +114,9 @@ pub fn folding(view: &View) -> Value {
             found.push(json!({ "startLine": start, "endLine": end - 1 }));
         }
     }
-    let is_comment =
-        |line: usize| source.text[source.lines.line(&source.text, line)].trim_start().starts_with("//");
+    let is_comment = |line: usize| {
+        source.text[source.lines.bytes_of_line(&source.text, line)].trim_start().starts_with("//")
+    };
     let mut line = 0;
     while line < source.lines.count() {
         let first = line;

@@ -6,36 +6,36 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Largest message in bytes.
-const LARGEST: usize = 64 << 20;
+const MAX_MESSAGE_BYTES: usize = 64 << 20;
 /// Longest header line in bytes.
-const LONGEST_LINE: u64 = 4096;
+const MAX_HEADER_LINE_BYTES: u64 = 4096;
 
 /// A message of the client, or the end of its messages.
 #[derive(Debug, PartialEq)]
 pub enum Received {
     Message(Value),
     /// Invalid data; the next message can still be read.
-    Nonsense(String),
+    Invalid(String),
     /// The client has closed the pipe.
     Closed,
 }
 
-/// Reads the next message. A header without a length, and a message that is not JSON, give [`Received::Nonsense`].
+/// Reads the next message. A header without a length, and a message that is not JSON, give [`Received::Invalid`].
 pub fn receive(input: &mut impl BufRead) -> Received {
     match try_receive(input) {
         Ok(received) => received,
-        Err(error) if error.kind() == io::ErrorKind::InvalidData => Received::Nonsense(error.to_string()),
+        Err(error) if error.kind() == io::ErrorKind::InvalidData => Received::Invalid(error.to_string()),
         Err(_) => Received::Closed,
     }
 }
 
 fn try_receive(input: &mut impl BufRead) -> io::Result<Received> {
-    let nonsense = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what);
+    let invalid = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what);
     let mut length: Option<usize> = None;
     let mut lines = 0;
     loop {
         let mut line = Vec::new();
-        if input.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)? == 0 {
+        if input.by_ref().take(MAX_HEADER_LINE_BYTES).read_until(b'\n', &mut line)? == 0 {
             return Ok(Received::Closed);
         }
         let line = String::from_utf8_lossy(&line);
@@ -45,20 +45,24 @@ fn try_receive(input: &mut impl BufRead) -> io::Result<Received> {
         }
         lines += 1;
         let Some((name, value)) = line.split_once(':') else {
-            return Err(nonsense("a line of a header has no colon"));
+            return Err(invalid("a header line of a message has no colon; write Content-Length: BYTES"));
         };
         if name.eq_ignore_ascii_case("content-length") {
             length = value.trim().parse().ok();
         }
     }
-    let length = length.ok_or_else(|| nonsense("a header has no Content-Length"))?;
-    if length > LARGEST {
+    let length = length.ok_or_else(|| {
+        invalid("a message header has no Content-Length, the number of bytes of the message")
+    })?;
+    if length > MAX_MESSAGE_BYTES {
         io::copy(&mut input.by_ref().take(length as u64), &mut io::sink())?;
-        return Err(nonsense("a message is too large"));
+        return Err(invalid(&format!(
+            "a message has {length} bytes; at most {MAX_MESSAGE_BYTES} bytes are allowed"
+        )));
     }
     let mut body = vec![0; length];
     input.read_exact(&mut body)?;
-    serde_json::from_slice(&body).map(Received::Message).map_err(|e| nonsense(&e.to_string()))
+    serde_json::from_slice(&body).map(Received::Message).map_err(|e| invalid(&e.to_string()))
 }
 
 /// Connection to the client, shared by threads.
@@ -70,7 +74,7 @@ impl Client {
         Client(Arc::new(Mutex::new(Box::new(output))))
     }
 
-    /// Sends a message. Errors are ignored: that the client has gone is noticed when its messages end.
+    /// Sends a message. Errors are ignored: if the client has disconnected, reading its next message ends the session.
     fn send(&self, message: &Value) {
         let body = message.to_string();
         let mut output = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -78,17 +82,17 @@ impl Client {
         let _ = written.and_then(|()| output.flush());
     }
 
-    pub fn answer(&self, id: &Value, result: Value) {
+    pub fn send_result(&self, id: &Value, result: Value) {
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "result": result }));
     }
 
-    pub fn refuse(&self, id: &Value, error: &ResponseError) {
+    pub fn send_error(&self, id: &Value, error: &ResponseError) {
         let error = json!({ "code": error.code, "message": error.message });
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "error": error }));
     }
 
     /// Sends a request whose response is ignored.
-    pub fn ask(&self, method: &str, parameters: Value) {
+    pub fn send_request(&self, method: &str, parameters: Value) {
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let id = format!("choreo {}", NUMBER.fetch_add(1, Ordering::Relaxed));
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": parameters }));
@@ -126,7 +130,7 @@ impl ResponseError {
 mod tests {
     use super::*;
 
-    fn all(bytes: &[u8]) -> Vec<Received> {
+    fn receive_all(bytes: &[u8]) -> Vec<Received> {
         let mut input = bytes;
         let mut found = Vec::new();
         loop {
@@ -140,16 +144,17 @@ mod tests {
     }
 
     #[test]
-    fn messages_are_read_after_nonsense() {
-        let found =
-            all(b"Content-Length: 2\r\n\r\n{}content-length:3\r\nX: y\r\n\r\n{a}Content-Length: 1\r\n\r\n7");
+    fn messages_are_read_after_invalid_data() {
+        let found = receive_all(
+            b"Content-Length: 2\r\n\r\n{}content-length:3\r\nX: y\r\n\r\n{a}Content-Length: 1\r\n\r\n7",
+        );
         assert_eq!(found[0], Received::Message(json!({})));
-        assert!(matches!(&found[1], Received::Nonsense(_)), "{:?}", found[1]);
+        assert!(matches!(&found[1], Received::Invalid(_)), "{:?}", found[1]);
         assert_eq!(found[2..], [Received::Message(json!(7)), Received::Closed]);
-        let found = all(b"hello\nContent-Length: 2\r\n\r\n{}Content-Length: 5\r\n\r\n{}");
-        assert!(matches!(&found[0], Received::Nonsense(_)));
+        let found = receive_all(b"hello\nContent-Length: 2\r\n\r\n{}Content-Length: 5\r\n\r\n{}");
+        assert!(matches!(&found[0], Received::Invalid(_)));
         assert_eq!(found[1..], [Received::Message(json!({})), Received::Closed]);
-        let found = all(b"Content-Length: 99999999999999\r\n\r\n{}");
+        let found = receive_all(b"Content-Length: 99999999999999\r\n\r\n{}");
         assert!(!found.iter().any(|f| matches!(f, Received::Message(_))));
     }
 
@@ -170,6 +175,6 @@ mod tests {
         Client::new(sink.clone()).notify("ä", json!("€"));
         let written = sink.0.lock().unwrap().clone();
         let expected = json!({ "jsonrpc": "2.0", "method": "ä", "params": "€" });
-        assert_eq!(all(&written), [Received::Message(expected), Received::Closed]);
+        assert_eq!(receive_all(&written), [Received::Message(expected), Received::Closed]);
     }
 }

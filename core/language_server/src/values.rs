@@ -1,4 +1,4 @@
-//! Types of expressions, inferred from the result types that the API states. No code is run.
+//! Types of expressions, inferred from the result types in the description of the API. No code is run.
 
 use crate::source::{Source, is_string, is_word};
 use choreo_script::BUILT_IN;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// Known properties of an expression's value.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Value {
+pub struct ScriptValue {
     /// Type of a handle, or a word for plain values ("text", "number", "array", "map", "function"); empty if unknown.
     pub kind: String,
     /// File that the value comes from, as written in the script.
@@ -20,20 +20,20 @@ pub struct Value {
     /// File and name of the clip that a cue plays.
     pub clip: Option<(String, String)>,
     /// Element of an array.
-    pub item: Option<Box<Value>>,
+    pub element: Option<Box<ScriptValue>>,
     /// Opening brackets, in this source, of the object maps that the value may be: one map, or the rows of an array.
     maps: Vec<usize>,
 }
 
-impl Value {
-    fn of(kind: &str) -> Value {
-        Value { kind: kind.to_string(), ..Value::default() }
+impl ScriptValue {
+    fn of(kind: &str) -> ScriptValue {
+        ScriptValue { kind: kind.to_string(), ..ScriptValue::default() }
     }
 
     /// The value as seen from another source, which cannot refer to brackets of this one.
-    fn without_maps(self) -> Value {
-        let item = self.item.map(|item| Box::new(item.without_maps()));
-        Value { item, maps: Vec::new(), ..self }
+    fn without_maps(self) -> ScriptValue {
+        let element = self.element.map(|element| Box::new(element.without_maps()));
+        ScriptValue { element, maps: Vec::new(), ..self }
     }
 
     pub(crate) fn is_handle(&self) -> bool {
@@ -46,11 +46,11 @@ impl Value {
 pub struct Declaration {
     /// Token of the name.
     pub token: usize,
-    pub kind: Declared,
+    pub kind: DeclarationKind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Declared {
+pub enum DeclarationKind {
     /// Declared by `let` or `const`: the value begins after `=`.
     Variable,
     /// Declared by `for NAME in`.
@@ -91,7 +91,7 @@ impl Default for Budget {
 }
 
 /// Largest depth of evaluation: declarations may refer to each other in a cycle.
-const DEEPEST: usize = 24;
+const MAX_DEPTH: usize = 24;
 
 impl<'a> Types<'a> {
     pub fn new(source: &'a Source, modules: &'a dyn Modules, budget: &'a Budget) -> Types<'a> {
@@ -101,12 +101,12 @@ impl<'a> Types<'a> {
     fn with_next_depth(self) -> Option<Types<'a>> {
         let left = self.budget.0.get().checked_sub(1)?;
         self.budget.0.set(left);
-        (self.depth < DEEPEST).then_some(Types { depth: self.depth + 1, ..self })
+        (self.depth < MAX_DEPTH).then_some(Types { depth: self.depth + 1, ..self })
     }
 
     /// Value of the expression that ends before a token, such as the dot of a method call.
-    pub(crate) fn ending_at(self, end: usize) -> Value {
-        let Some(start) = self.chain_start(end) else { return Value::default() };
+    pub(crate) fn value_ending_at(self, end: usize) -> ScriptValue {
+        let Some(start) = self.chain_start(end) else { return ScriptValue::default() };
         self.value(start..end)
     }
 
@@ -116,7 +116,7 @@ impl<'a> Types<'a> {
         loop {
             match self.source.get(index) {
                 ")" | "]" => {
-                    let open = self.source.partner(index)?;
+                    let open = self.source.matching_bracket(index)?;
                     let called = open.checked_sub(1).filter(|before| {
                         let token = self.source.get(*before);
                         (is_word(token) && (!is_keyword(token) || self.is_after_dot(*before)))
@@ -133,7 +133,7 @@ impl<'a> Types<'a> {
                 token if is_word(token) || is_string(token) => {}
                 _ => return None,
             }
-            match self.source.before(index, 1) {
+            match self.source.token_before(index, 1) {
                 "." | "?." | "::" => index = index.checked_sub(2)?,
                 _ => return Some(index),
             }
@@ -142,31 +142,31 @@ impl<'a> Types<'a> {
 
     /// Whether a token follows a dot: there, keywords of Rhai are method names.
     fn is_after_dot(self, token: usize) -> bool {
-        matches!(self.source.before(token, 1), "." | "?.")
+        matches!(self.source.token_before(token, 1), "." | "?.")
     }
 
     /// Value of the expression in a range of tokens.
-    pub fn value(self, tokens: Range<usize>) -> Value {
-        let Some(deeper) = self.with_next_depth() else { return Value::default() };
-        let (mut value, mut index) = deeper.primary(tokens.start, tokens.end);
+    pub fn value(self, tokens: Range<usize>) -> ScriptValue {
+        let Some(deeper) = self.with_next_depth() else { return ScriptValue::default() };
+        let (mut value, mut index) = deeper.primary_value(tokens.start, tokens.end);
         while index < tokens.end {
             match self.source.get(index) {
                 "." | "?." if self.source.get(index + 2) == "(" => {
-                    value = deeper.method(&value, index + 1);
-                    index = self.source.partner(index + 2).map_or(tokens.end, |close| close + 1);
+                    value = deeper.method_result(&value, index + 1);
+                    index = self.source.matching_bracket(index + 2).map_or(tokens.end, |close| close + 1);
                 }
                 "." | "?." if value.kind == "map" => {
                     value = deeper.field(&value, self.source.get(index + 1));
                     index += 2;
                 }
                 "[" if value.kind == "map" => {
-                    let key = self.source.string(index + 1).unwrap_or_default();
+                    let key = self.source.string_value(index + 1).unwrap_or_default();
                     value = deeper.field(&value, &key);
-                    index = self.source.partner(index).map_or(tokens.end, |close| close + 1);
+                    index = self.source.matching_bracket(index).map_or(tokens.end, |close| close + 1);
                 }
                 "[" => {
-                    value = value.item.map(|item| *item).unwrap_or_default();
-                    index = self.source.partner(index).map_or(tokens.end, |close| close + 1);
+                    value = value.element.map(|element| *element).unwrap_or_default();
+                    index = self.source.matching_bracket(index).map_or(tokens.end, |close| close + 1);
                 }
                 _ => break,
             }
@@ -175,39 +175,39 @@ impl<'a> Types<'a> {
     }
 
     /// Value before the first dot, and the token after it.
-    fn primary(self, index: usize, end: usize) -> (Value, usize) {
-        let after = |open: usize| self.source.partner(open).map_or(end, |close| close + 1);
+    fn primary_value(self, index: usize, end: usize) -> (ScriptValue, usize) {
+        let after = |open: usize| self.source.matching_bracket(open).map_or(end, |close| close + 1);
         let token = self.source.get(index);
         match token {
             "[" => {
                 let rows = self.source.arguments(index);
-                let mut item = rows.first().map(|first| Box::new(self.value(first.clone())));
-                if let Some(item) = item.as_mut().filter(|item| item.kind == "map") {
+                let mut element = rows.first().map(|first| Box::new(self.value(first.clone())));
+                if let Some(element) = element.as_mut().filter(|element| element.kind == "map") {
                     let maps = rows.iter().skip(1).map(|row| row.start);
-                    item.maps.extend(maps.filter(|row| self.source.get(*row) == "#{"));
+                    element.maps.extend(maps.filter(|row| self.source.get(*row) == "#{"));
                 }
-                (Value { item, ..Value::of("array") }, after(index))
+                (ScriptValue { element, ..ScriptValue::of("array") }, after(index))
             }
-            "#{" => (Value { maps: vec![index], ..Value::of("map") }, after(index)),
-            "(" => (self.value(index + 1..self.source.partner(index).unwrap_or(end)), after(index)),
-            "|" | "||" => (Value::of("function"), end),
-            "true" | "false" => (Value::of("flag"), index + 1),
+            "#{" => (ScriptValue { maps: vec![index], ..ScriptValue::of("map") }, after(index)),
+            "(" => (self.value(index + 1..self.source.matching_bracket(index).unwrap_or(end)), after(index)),
+            "|" | "||" => (ScriptValue::of("function"), end),
+            "true" | "false" => (ScriptValue::of("flag"), index + 1),
             _ if is_string(token) => {
-                (Value { name: self.source.string(index), ..Value::of("text") }, index + 1)
+                (ScriptValue { name: self.source.string_value(index), ..ScriptValue::of("text") }, index + 1)
             }
             _ if token.starts_with(|c: char| c.is_ascii_digit() || c == '-') => {
-                (Value::of("number"), index + 1)
+                (ScriptValue::of("number"), index + 1)
             }
             _ if is_word(token) && self.source.get(index + 1) == "::" => {
-                let value = self.of_module(token, index + 2);
+                let value = self.module_member_value(token, index + 2);
                 let open = index + 3;
                 (value, if self.source.get(open) == "(" { after(open) } else { open })
             }
             _ if is_word(token) && self.source.get(index + 1) == "(" => {
-                (self.function(index), after(index + 1))
+                (self.function_result(index), after(index + 1))
             }
-            _ if is_word(token) => (self.variable(token, index), index + 1),
-            _ => (Value::default(), end),
+            _ if is_word(token) => (self.variable_value(token, index), index + 1),
+            _ => (ScriptValue::default(), end),
         }
     }
 
@@ -216,19 +216,19 @@ impl<'a> Types<'a> {
         let source = self.source;
         let entries = source.arguments(open).into_iter();
         entries.filter(move |entry| source.get(entry.start + 1) == ":").map(move |entry| {
-            let key = source.string(entry.start).unwrap_or_else(|| source.get(entry.start).to_string());
+            let key = source.string_value(entry.start).unwrap_or_else(|| source.get(entry.start).to_string());
             (key, entry.start + 2..entry.end)
         })
     }
 
     /// Value of an entry of an object map.
-    pub fn field(self, map: &Value, key: &str) -> Value {
+    pub fn field(self, map: &ScriptValue, key: &str) -> ScriptValue {
         let mut entries = map.maps.iter().flat_map(|open| self.map_entries(*open));
         entries.find(|(known, _)| known == key).map(|(_, tokens)| self.value(tokens)).unwrap_or_default()
     }
 
     /// Keys of an object map; for the rows of an array, the keys of all rows.
-    pub fn keys(self, map: &Value) -> Vec<String> {
+    pub fn keys(self, map: &ScriptValue) -> Vec<String> {
         let mut keys: Vec<String> = Vec::new();
         for (key, _) in map.maps.iter().flat_map(|open| self.map_entries(*open)) {
             if !keys.contains(&key) {
@@ -239,54 +239,65 @@ impl<'a> Types<'a> {
     }
 
     /// Result of a function call, given the token of the function name.
-    fn function(self, name: usize) -> Value {
+    fn function_result(self, name: usize) -> ScriptValue {
         let called = self.source.get(name);
         let arguments = self.source.arguments(name + 1);
-        if let Some(declared) = self.own_function(called) {
-            return self.result_of(declared);
+        if let Some(declared) = self.script_function(called) {
+            return self.script_function_result(declared);
         }
-        let Some(entry) = describe::entry("", called) else { return Value::default() };
-        self.result(entry.returns, &Value::default(), &arguments, called)
+        let Some(entry) = describe::entry("", called) else { return ScriptValue::default() };
+        self.api_result(entry.returns, &ScriptValue::default(), &arguments, called)
     }
 
-    fn method(self, on: &Value, name: usize) -> Value {
+    /// Result of a method call, given the receiver and the token of the method name.
+    fn method_result(self, on: &ScriptValue, name: usize) -> ScriptValue {
         let called = self.source.get(name);
         let arguments = self.source.arguments(name + 1);
         match describe::entry(&on.kind, called) {
             Some(entry) => {
-                let value = self.result(entry.returns, on, &arguments, called);
+                let value = self.api_result(entry.returns, on, &arguments, called);
                 let scene = on.name.as_deref().filter(|_| on.kind == "Scene" && called == "actor");
                 let cast = scene.zip(value.name.as_deref());
-                cast.and_then(|(scene, name)| self.cast_in(scene, name)).unwrap_or(value)
+                cast.and_then(|(scene, name)| self.actor_cast_in_script(scene, name)).unwrap_or(value)
             }
-            None => Value::default(),
+            None => ScriptValue::default(),
         }
     }
 
     /// The actor that the script of another file casts under a name.
-    fn cast_in(self, file: &str, name: &str) -> Option<Value> {
+    fn actor_cast_in_script(self, file: &str, name: &str) -> Option<ScriptValue> {
         let source = self.modules.module(file)?;
         let types = Types { source: &source, ..self.with_next_depth()? };
-        let casts = |at: &usize| {
-            let given = || source.arguments(at + 1).into_iter().next().and_then(|a| source.string(a.start));
-            source.get(*at) == "cast" && source.get(at + 1) == "(" && given().as_deref() == Some(name)
+        let is_cast_of_name = |at: &usize| {
+            let first_argument =
+                || source.arguments(at + 1).into_iter().next().and_then(|a| source.string_value(a.start));
+            source.get(*at) == "cast"
+                && source.get(at + 1) == "("
+                && first_argument().as_deref() == Some(name)
         };
-        let value = types.function((0..source.tokens.len()).find(casts)?).without_maps();
+        let value = types.function_result((0..source.tokens.len()).find(is_cast_of_name)?).without_maps();
         // Paths in that script are relative to its folder.
         let folder = file.rsplit_once('/').map(|(folder, _)| folder);
-        let beside = |model: String| match folder.filter(|_| !model.starts_with(BUILT_IN)) {
+        let relative_to_script = |model: String| match folder.filter(|_| !model.starts_with(BUILT_IN)) {
             Some(folder) => format!("{folder}/{model}"),
             None => model,
         };
-        Some(Value { file: value.file.map(beside), ..value })
+        Some(ScriptValue { file: value.file.map(relative_to_script), ..value })
     }
 
-    fn result(self, gives: Returns, on: &Value, arguments: &[Range<usize>], called: &str) -> Value {
-        let values: Vec<Value> =
+    /// Result of an API function or method.
+    fn api_result(
+        self,
+        returns: Returns,
+        on: &ScriptValue,
+        arguments: &[Range<usize>],
+        called: &str,
+    ) -> ScriptValue {
+        let values: Vec<ScriptValue> =
             arguments.iter().take(3).map(|argument| self.value(argument.clone())).collect();
         let first = values.first().cloned().unwrap_or_default();
-        match gives {
-            Returns::Nothing => Value::default(),
+        match returns {
+            Returns::Nothing => ScriptValue::default(),
             // The method returns a changed receiver: the same object with another texture, a copy and so on.
             Returns::Receiver => on.clone(),
             Returns::Handle(kind) => {
@@ -294,31 +305,34 @@ impl<'a> Types<'a> {
                 let given = values.iter().find_map(|value| value.file.clone().filter(|_| value.is_handle()));
                 let clip = values.iter().filter(|value| value.kind == "Clip");
                 let clip = clip.filter_map(|value| Some((value.file.clone()?, value.name.clone()?))).next();
-                Value {
+                ScriptValue {
                     file: loaded.or_else(|| on.file.clone()).or(given),
                     name: first
                         .name
                         .filter(|_| first.kind == "text")
                         .or_else(|| on.name.clone().filter(|_| on.kind == kind)),
                     clip: clip.or_else(|| on.clip.clone()),
-                    ..Value::of(kind)
+                    ..ScriptValue::of(kind)
                 }
             }
             Returns::Value(_) if called == "param" => values.get(1).cloned().unwrap_or_default(),
             Returns::Value(what) => match what {
-                "float" | "int" | "number" => Value::of("number"),
-                "array of texts" => Value { item: Some(Box::new(Value::of("text"))), ..Value::of("array") },
-                what => Value::of(what),
+                "float" | "int" | "number" => ScriptValue::of("number"),
+                "array of texts" => ScriptValue {
+                    element: Some(Box::new(ScriptValue::of("text"))),
+                    ..ScriptValue::of("array")
+                },
+                what => ScriptValue::of(what),
             },
         }
     }
 
     /// Value of a variable that is visible at a token.
-    fn variable(self, name: &str, from: usize) -> Value {
+    fn variable_value(self, name: &str, from: usize) -> ScriptValue {
         match self.declaration(name, from) {
-            Some(declaration) => self.declared(&declaration),
-            None if matches!(name, "PI" | "TAU") => Value::of("number"),
-            None => Value::default(),
+            Some(declaration) => self.declared_value(&declaration),
+            None if matches!(name, "PI" | "TAU") => ScriptValue::of("number"),
+            None => ScriptValue::default(),
         }
     }
 
@@ -326,8 +340,8 @@ impl<'a> Types<'a> {
     pub fn declaration(self, name: &str, from: usize) -> Option<Declaration> {
         let candidates =
             (0..from.min(self.source.tokens.len())).rev().filter(|i| self.source.get(*i) == name);
-        let seen = self.first_visible(candidates.filter_map(|token| self.declares(token)), from);
-        seen.or_else(|| self.own_function(name))
+        let seen = self.first_visible(candidates.filter_map(|token| self.declaration_at(token)), from);
+        seen.or_else(|| self.script_function(name))
     }
 
     /// The first of some declarations of a name that is visible at a token. The declarations are given in backward order.
@@ -336,52 +350,58 @@ impl<'a> Types<'a> {
         candidates: impl Iterator<Item = Declaration>,
         from: usize,
     ) -> Option<Declaration> {
-        let around: Vec<Option<usize>> =
-            std::iter::successors(Some(self.source.parent(from)), |p| p.map(|p| self.source.parent(p)))
-                .collect();
-        let is_seen = |declaration: &Declaration| {
+        let enclosing_brackets: Vec<Option<usize>> =
+            std::iter::successors(Some(self.source.enclosing_bracket(from)), |p| {
+                p.map(|p| self.source.enclosing_bracket(p))
+            })
+            .collect();
+        let is_visible = |declaration: &Declaration| {
             let block = match declaration.kind {
-                Declared::Variable | Declared::Function | Declared::Module => {
-                    self.source.parent(declaration.token)
+                DeclarationKind::Variable | DeclarationKind::Function | DeclarationKind::Module => {
+                    self.source.enclosing_bracket(declaration.token)
                 }
-                _ => return self.body(declaration).is_some_and(|body| body.contains(&from)),
+                _ => return self.visible_tokens(declaration).is_some_and(|tokens| tokens.contains(&from)),
             };
-            around.contains(&block)
+            enclosing_brackets.contains(&block)
         };
-        let mut seen = candidates.filter(is_seen);
+        let mut seen = candidates.filter(is_visible);
         let first = seen.next();
         // The second `a` in `let a = a.at(…)` is the variable declared before.
-        let is_inside = |d: &Declaration| d.kind == Declared::Variable && self.statement_end(d.token) > from;
-        let before = first.as_ref().filter(|d| is_inside(d)).and_then(|_| seen.find(|d| !is_inside(d)));
+        let contains_use =
+            |d: &Declaration| d.kind == DeclarationKind::Variable && self.statement_end(d.token) > from;
+        let before = first.as_ref().filter(|d| contains_use(d)).and_then(|_| seen.find(|d| !contains_use(d)));
         before.or(first)
     }
 
-    fn own_function(self, name: &str) -> Option<Declaration> {
+    fn script_function(self, name: &str) -> Option<Declaration> {
         let tokens = 0..self.source.tokens.len();
         let token = tokens.skip(1).find(|i| self.source.get(*i) == name && self.source.get(i - 1) == "fn")?;
-        Some(Declaration { token, kind: Declared::Function })
+        Some(Declaration { token, kind: DeclarationKind::Function })
     }
 
     /// The declaration whose name is this token.
-    pub fn declares(self, token: usize) -> Option<Declaration> {
+    pub fn declaration_at(self, token: usize) -> Option<Declaration> {
         let source = self.source;
-        let kind = match (source.before(token, 1), source.get(token + 1)) {
-            ("let" | "const", _) => Declared::Variable,
-            ("fn", _) => Declared::Function,
-            ("for", "in" | ",") => Declared::Loop,
-            ("as", _) if is_string(source.before(token, 2)) => Declared::Module,
+        let kind = match (source.token_before(token, 1), source.get(token + 1)) {
+            ("let" | "const", _) => DeclarationKind::Variable,
+            ("fn", _) => DeclarationKind::Function,
+            ("for", "in" | ",") => DeclarationKind::Loop,
+            ("as", _) if is_string(source.token_before(token, 2)) => DeclarationKind::Module,
             // A loop with an index: `for (line, number) in lines`.
-            ("(" | ",", ")" | ",") if self.is_loop_pair(token) => Declared::Loop,
+            ("(" | ",", ")" | ",") if self.is_in_loop_pair(token) => DeclarationKind::Loop,
             ("(" | ",", ")" | ",") => {
-                let open = source.parent(token)?;
-                let named = source.before(open, 2) == "fn" && source.get(open) == "(";
+                let open = source.enclosing_bracket(token)?;
+                let named = source.token_before(open, 2) == "fn" && source.get(open) == "(";
                 let number = source.arguments(open).iter().position(|a| a.start == token);
-                return Some(Declaration { token, kind: Declared::Parameter(number.filter(|_| named)?) });
+                return Some(Declaration {
+                    token,
+                    kind: DeclarationKind::Parameter(number.filter(|_| named)?),
+                });
             }
             ("|" | ",", "|" | ",") => {
                 return self.closure_start(token).map(|start| Declaration {
                     token,
-                    kind: Declared::ClosureParameter((token - start - 1) / 2),
+                    kind: DeclarationKind::ClosureParameter((token - start - 1) / 2),
                 });
             }
             _ => return None,
@@ -389,63 +409,72 @@ impl<'a> Types<'a> {
         Some(Declaration { token, kind })
     }
 
-    fn is_loop_pair(self, token: usize) -> bool {
-        self.source.parent(token).is_some_and(|open| self.source.before(open, 1) == "for")
+    fn is_in_loop_pair(self, token: usize) -> bool {
+        self.source.enclosing_bracket(token).is_some_and(|open| self.source.token_before(open, 1) == "for")
     }
 
     /// The `|` before the parameters of a closure, given one of its parameters.
     fn closure_start(self, token: usize) -> Option<usize> {
         let mut start = token;
-        while self.source.before(start, 1) == "," && is_word(self.source.before(start, 2)) {
+        while self.source.token_before(start, 1) == "," && is_word(self.source.token_before(start, 2)) {
             start -= 2;
         }
         let bar = start.checked_sub(1).filter(|bar| self.source.get(*bar) == "|")?;
         // The bars in `a | b | c` are operators, not a closure.
         let is_value = |t: &str| is_word(t) && !matches!(t, "return" | "in") || matches!(t, ")" | "]");
-        (!is_value(self.source.before(bar, 1))).then_some(bar)
+        (!is_value(self.source.token_before(bar, 1))).then_some(bar)
     }
 
-    /// Tokens in which a parameter or loop variable is visible.
-    fn body(self, declaration: &Declaration) -> Option<Range<usize>> {
+    /// Tokens between which a parameter or loop variable is visible: the body of its function, closure or loop.
+    fn visible_tokens(self, declaration: &Declaration) -> Option<Range<usize>> {
         let source = self.source;
         let from = match declaration.kind {
-            Declared::Parameter(_) => source.partner(source.parent(declaration.token)?)? + 1,
-            Declared::ClosureParameter(_) => {
+            DeclarationKind::Parameter(_) => {
+                source.matching_bracket(source.enclosing_bracket(declaration.token)?)? + 1
+            }
+            DeclarationKind::ClosureParameter(_) => {
                 (declaration.token..source.tokens.len()).find(|i| source.get(*i) == "|")? + 1
             }
-            Declared::Loop => (declaration.token..source.tokens.len()).find(|i| source.get(*i) == "{")?,
+            DeclarationKind::Loop => {
+                (declaration.token..source.tokens.len()).find(|i| source.get(*i) == "{")?
+            }
             _ => return None,
         };
-        let block = (source.get(from) == "{").then(|| source.partner(from).unwrap_or(source.tokens.len()));
-        let around = source.parent(declaration.token).and_then(|open| source.partner(open));
+        let block =
+            (source.get(from) == "{").then(|| source.matching_bracket(from).unwrap_or(source.tokens.len()));
+        let around =
+            source.enclosing_bracket(declaration.token).and_then(|open| source.matching_bracket(open));
         Some(from..block.or(around).unwrap_or(source.tokens.len()))
     }
 
     /// Value of a declared name.
-    pub fn declared(self, declaration: &Declaration) -> Value {
-        let Some(types) = self.with_next_depth() else { return Value::default() };
+    pub fn declared_value(self, declaration: &Declaration) -> ScriptValue {
+        let Some(types) = self.with_next_depth() else { return ScriptValue::default() };
         let (source, token) = (self.source, declaration.token);
         match declaration.kind {
-            Declared::Variable if source.get(token + 1) == "=" => {
+            DeclarationKind::Variable if source.get(token + 1) == "=" => {
                 types.value(token + 2..self.statement_end(token))
             }
-            Declared::Variable => Value::default(),
-            Declared::Function => Value::of("function"),
-            Declared::Module => Value { name: source.string(token - 2), ..Value::of("module") },
-            Declared::Loop => {
-                if source.before(token, 1) == "," {
-                    return Value::of("number");
+            DeclarationKind::Variable => ScriptValue::default(),
+            DeclarationKind::Function => ScriptValue::of("function"),
+            DeclarationKind::Module => {
+                ScriptValue { name: source.string_value(token - 2), ..ScriptValue::of("module") }
+            }
+            DeclarationKind::Loop => {
+                if source.token_before(token, 1) == "," {
+                    return ScriptValue::of("number");
                 }
                 let Some(start) = (token..token + 5).find(|i| source.get(*i) == "in") else {
-                    return Value::default();
+                    return ScriptValue::default();
                 };
                 let end = (start..source.tokens.len()).find(|i| source.get(*i) == "{");
                 let over = types.value(start + 1..end.unwrap_or(start + 1));
-                over.item.map(|item| *item).unwrap_or_default()
+                over.element.map(|element| *element).unwrap_or_default()
             }
-            Declared::Parameter(number) => {
-                let Some(function) = source.parent(token).and_then(|open| open.checked_sub(1)) else {
-                    return Value::default();
+            DeclarationKind::Parameter(number) => {
+                let Some(function) = source.enclosing_bracket(token).and_then(|open| open.checked_sub(1))
+                else {
+                    return ScriptValue::default();
                 };
                 let name = source.get(function);
                 let calls = (0..source.tokens.len())
@@ -456,30 +485,30 @@ impl<'a> Types<'a> {
                     .find(|value| !value.kind.is_empty())
                     .unwrap_or_default()
             }
-            Declared::ClosureParameter(_) => types.closure_parameter(token),
+            DeclarationKind::ClosureParameter(_) => types.closure_parameter(token),
         }
     }
 
     /// Value of a closure's parameter: the actor of `perform(actors, |actor| …)`, the time of `on_frame(|t| …)`.
-    fn closure_parameter(self, token: usize) -> Value {
+    fn closure_parameter(self, token: usize) -> ScriptValue {
         let source = self.source;
-        let Some(bar) = self.closure_start(token) else { return Value::default() };
-        let performed = |open: usize| {
+        let Some(bar) = self.closure_start(token) else { return ScriptValue::default() };
+        let performing_actor = |open: usize| {
             let who =
                 source.arguments(open).into_iter().next().map(|who| self.value(who)).unwrap_or_default();
-            who.item.clone().map_or(who, |item| *item)
+            who.element.clone().map_or(who, |element| *element)
         };
-        if source.before(bar, 1) == "=" {
-            let name = source.before(bar, 2);
+        if source.token_before(bar, 1) == "=" {
+            let name = source.token_before(bar, 2);
             let is_call = |i: &usize| source.get(*i) == "perform" && source.get(i + 1) == "(";
             let uses = |open: &usize| source.arguments(*open).iter().any(|a| source.get(a.start) == name);
             let call = (0..source.tokens.len()).filter(is_call).map(|i| i + 1).find(uses);
-            return call.map(performed).unwrap_or_default();
+            return call.map(performing_actor).unwrap_or_default();
         }
-        match source.parent(bar).map(|open| (open, source.before(open, 1))) {
-            Some((open, "perform")) => performed(open),
-            Some((_, "on_frame")) => Value::of("number"),
-            _ => Value::default(),
+        match source.enclosing_bracket(bar).map(|open| (open, source.token_before(open, 1))) {
+            Some((open, "perform")) => performing_actor(open),
+            Some((_, "on_frame")) => ScriptValue::of("number"),
+            _ => ScriptValue::default(),
         }
     }
 
@@ -492,7 +521,7 @@ impl<'a> Types<'a> {
                 ";" | ")" | "]" | "}" => return index,
                 // A new statement begins: the one before is not finished.
                 "let" | "fn" | "const" | "import" if index > from => return index,
-                "(" | "[" | "{" | "#{" => index = source.partner(index).unwrap_or(index),
+                "(" | "[" | "{" | "#{" => index = source.matching_bracket(index).unwrap_or(index),
                 _ => {}
             }
             index += 1;
@@ -501,15 +530,17 @@ impl<'a> Types<'a> {
     }
 
     /// Result of a function that the script defines: its last expression.
-    fn result_of(self, function: Declaration) -> Value {
-        let Some(types) = self.with_next_depth() else { return Value::default() };
+    fn script_function_result(self, function: Declaration) -> ScriptValue {
+        let Some(types) = self.with_next_depth() else { return ScriptValue::default() };
         let source = self.source;
-        let Some(parameters) = source.partner(function.token + 1) else { return Value::default() };
-        let open = parameters + 1;
-        let Some(close) = source.partner(open).filter(|_| source.get(open) == "{") else {
-            return Value::default();
+        let Some(parameters) = source.matching_bracket(function.token + 1) else {
+            return ScriptValue::default();
         };
-        let inside = |i: &usize| source.parent(*i) == Some(open);
+        let open = parameters + 1;
+        let Some(close) = source.matching_bracket(open).filter(|_| source.get(open) == "{") else {
+            return ScriptValue::default();
+        };
+        let inside = |i: &usize| source.enclosing_bracket(*i) == Some(open);
         let last = (open + 1..close).filter(inside).rfind(|i| matches!(source.get(*i), ";" | "}"));
         let value = types.value(last.unwrap_or(open) + 1..close);
         if !value.kind.is_empty() {
@@ -520,17 +551,17 @@ impl<'a> Types<'a> {
     }
 
     /// Value of `MODULE::name` or `MODULE::name(…)`.
-    fn of_module(self, module: &str, name: usize) -> Value {
-        let path = self.variable(module, name).name;
+    fn module_member_value(self, module: &str, name: usize) -> ScriptValue {
+        let path = self.variable_value(module, name).name;
         let Some((source, types)) = path.and_then(|p| self.modules.module(&p)).zip(self.with_next_depth())
         else {
-            return Value::default();
+            return ScriptValue::default();
         };
         let types = Types { source: &source, ..types };
         let wanted = self.source.get(name);
         let value = match self.source.get(name + 1) {
-            "(" => types.own_function(wanted).map(|f| types.result_of(f)).unwrap_or_default(),
-            _ => types.variable(wanted, source.tokens.len()),
+            "(" => types.script_function(wanted).map(|f| types.script_function_result(f)).unwrap_or_default(),
+            _ => types.variable_value(wanted, source.tokens.len()),
         };
         value.without_maps()
     }
@@ -551,8 +582,8 @@ pub(crate) fn is_keyword(word: &str) -> bool {
 mod tests {
     use super::*;
 
-    struct Steps;
-    impl Modules for Steps {
+    struct StepsModule;
+    impl Modules for StepsModule {
         fn module(&self, path: &str) -> Option<Arc<Source>> {
             let text = "fn walker(x) { let a = load(\"walk.bvh\"); a.clip(\"Walk\") } fn table() { #{ who: sun() } }";
             (path == "steps").then(|| Arc::new(Source::new(text)))
@@ -563,47 +594,50 @@ mod tests {
     }
 
     /// The value before the dot that is written as `.|`.
-    fn at_mark(text: &str) -> Value {
+    fn value_at_mark(text: &str) -> ScriptValue {
         let at = text.find(".|").unwrap();
         let source = Source::new(&text.replacen(".|", ".", 1));
         let dot = source.tokens.iter().position(|t| t.start == at).unwrap();
-        Types::new(&source, &Steps, &Budget::default()).ending_at(dot)
+        Types::new(&source, &StepsModule, &Budget::default()).value_ending_at(dot)
     }
 
-    fn kind(text: &str) -> String {
-        at_mark(text).kind
-    }
-
-    #[test]
-    fn chains_have_the_types_that_the_api_states() {
-        assert_eq!(kind("let a = load(\"a.glb\");\na.|"), "Asset");
-        assert_eq!(kind("cast(\"x\", load(\"a.glb\")).at(0, 1, 2).|\nlet b = 3;"), "Actor");
-        assert_eq!(kind("let a = cast(\"x\", load(\"a\")); a.play(a.joint(\"b\")).until(3).|"), "Cue");
-        assert_eq!(kind("let l = [camera(\"a\"), camera(\"b\")]; l[0].|"), "Camera");
-        assert_eq!(kind("for c in [camera(\"a\")] { c.| }"), "Camera");
-        assert_eq!(kind("for (c, i) in [camera(\"a\")] { c.| }"), "Camera");
-        assert_eq!(kind("(sun()).|"), "Light");
-        assert_eq!(kind("x.|"), "");
-        assert_eq!(kind("let x = x.|"), "");
+    fn type_at_mark(text: &str) -> String {
+        value_at_mark(text).kind
     }
 
     #[test]
-    fn files_and_names_follow_the_chain() {
-        let walk = at_mark("let a = load(\"a.glb\"); let w = a.clip(\"Walk\"); w.|");
+    fn method_chains_have_the_result_types_of_the_api() {
+        assert_eq!(type_at_mark("let a = load(\"a.glb\");\na.|"), "Asset");
+        assert_eq!(type_at_mark("cast(\"x\", load(\"a.glb\")).at(0, 1, 2).|\nlet b = 3;"), "Actor");
+        assert_eq!(
+            type_at_mark("let a = cast(\"x\", load(\"a\")); a.play(a.joint(\"b\")).until(3).|"),
+            "Cue"
+        );
+        assert_eq!(type_at_mark("let l = [camera(\"a\"), camera(\"b\")]; l[0].|"), "Camera");
+        assert_eq!(type_at_mark("for c in [camera(\"a\")] { c.| }"), "Camera");
+        assert_eq!(type_at_mark("for (c, i) in [camera(\"a\")] { c.| }"), "Camera");
+        assert_eq!(type_at_mark("(sun()).|"), "Light");
+        assert_eq!(type_at_mark("x.|"), "");
+        assert_eq!(type_at_mark("let x = x.|"), "");
+    }
+
+    #[test]
+    fn method_chains_keep_the_file_and_name_of_their_value() {
+        let walk = value_at_mark("let a = load(\"a.glb\"); let w = a.clip(\"Walk\"); w.|");
         assert_eq!((walk.file.as_deref(), walk.name.as_deref()), (Some("a.glb"), Some("Walk")));
-        let hero = at_mark("let f = param(\"m\", \"b.fbx\"); let h = cast(\"hero\", load(f)); h.|");
+        let hero = value_at_mark("let f = param(\"m\", \"b.fbx\"); let h = cast(\"hero\", load(f)); h.|");
         assert_eq!((hero.file.as_deref(), hero.name.as_deref()), (Some("b.fbx"), Some("hero")));
-        let cue = at_mark("let h = cast(\"h\", load(\"b\")); h.play(load(\"c\").clip(\"Run\")).|");
+        let cue = value_at_mark("let h = cast(\"h\", load(\"b\")); h.play(load(\"c\").clip(\"Run\")).|");
         assert_eq!((cue.file.as_deref(), cue.clip), (Some("b"), Some(("c".into(), "Run".into()))));
-        assert_eq!(at_mark("effect(\"bloom\").|").name.as_deref(), Some("bloom"));
+        assert_eq!(value_at_mark("effect(\"bloom\").|").name.as_deref(), Some("bloom"));
     }
 
     /// The rows of the guide's dialogue.
     #[test]
-    fn maps_have_the_values_of_their_keys() {
+    fn fields_of_object_maps_have_the_types_of_their_values() {
         let rows = "let ada = cast(\"ada\", load(\"a.glb\")); let ben = cast(\"ben\", load(\"b.glb\"));\n\
                     let lines = [#{ who: ada, from: 0.5 }, #{ \"who\": ben, until: camera(\"c\") }];\n";
-        let of = |rest: &str| at_mark(&format!("{rows}{rest}"));
+        let of = |rest: &str| value_at_mark(&format!("{rows}{rest}"));
         let who = of("for line in lines { line.who.| }");
         assert_eq!((who.kind.as_str(), who.file.as_deref()), ("Actor", Some("a.glb")));
         assert_eq!(of("for line in lines { line.who.play(x).| }").kind, "Cue");
@@ -614,42 +648,42 @@ mod tests {
         assert_eq!([of("lines[0].none.|").kind, of("let m = #{ a: m.a }; m.a.|").kind], ["", ""]);
         let source = Source::new(rows);
         let budget = Budget::default();
-        let types = Types::new(&source, &Steps, &budget);
-        let row = types.variable("lines", source.tokens.len()).item.unwrap();
+        let types = Types::new(&source, &StepsModule, &budget);
+        let row = types.variable_value("lines", source.tokens.len()).element.unwrap();
         assert_eq!(types.keys(&row), ["who", "from", "until"]);
         // Brackets of another source mean nothing here.
-        let module = at_mark("import \"steps\" as s; s::table().who.|");
+        let module = value_at_mark("import \"steps\" as s; s::table().who.|");
         assert_eq!(module.kind, "");
     }
 
     #[test]
-    fn what_refers_to_itself_again_and_again_ends() {
+    fn evaluation_of_repeated_and_recursive_references_ends() {
         let mut text = String::from("let a0 = sun();\n");
         for i in 1..60 {
             text += &format!("let a{i} = cast(a{0}, a{0}, a{0});\n", i - 1);
         }
-        assert_eq!(kind(&(text + "a59.|")), "Actor");
-        assert_eq!(kind("fn f(x) { f(f(f(x))) }\nf(f(1)).|"), "");
+        assert_eq!(type_at_mark(&(text + "a59.|")), "Actor");
+        assert_eq!(type_at_mark("fn f(x) { f(f(f(x))) }\nf(f(1)).|"), "");
     }
 
     #[test]
-    fn blocks_hide_their_variables() {
-        assert_eq!(kind("let a = sun(); { let a = camera(\"c\"); }\na.|"), "Light");
-        assert_eq!(kind("let a = sun(); { let a = camera(\"c\"); a.| }"), "Camera");
-        assert_eq!(kind("let a = sun(); let a = a.at(0, 1, 2); a.|"), "Light");
-        assert_eq!(kind("fn f() { let a = sun(); }\na.|"), "");
+    fn variables_are_visible_only_in_their_block() {
+        assert_eq!(type_at_mark("let a = sun(); { let a = camera(\"c\"); }\na.|"), "Light");
+        assert_eq!(type_at_mark("let a = sun(); { let a = camera(\"c\"); a.| }"), "Camera");
+        assert_eq!(type_at_mark("let a = sun(); let a = a.at(0, 1, 2); a.|"), "Light");
+        assert_eq!(type_at_mark("fn f() { let a = sun(); }\na.|"), "");
     }
 
     #[test]
     fn functions_parameters_and_modules_have_types() {
-        assert_eq!(kind("fn f(x) { let a = load(x); cast(x, a) }\nf(\"b\").|"), "Actor");
-        assert_eq!(kind("fn f(x, y) { y.| }\nf(1, camera(\"c\"));"), "Camera");
-        assert_eq!(kind("let l = [cast(\"a\", load(\"b\"))]; perform(l, |who| { who.| });"), "Actor");
+        assert_eq!(type_at_mark("fn f(x) { let a = load(x); cast(x, a) }\nf(\"b\").|"), "Actor");
+        assert_eq!(type_at_mark("fn f(x, y) { y.| }\nf(1, camera(\"c\"));"), "Camera");
+        assert_eq!(type_at_mark("let l = [cast(\"a\", load(\"b\"))]; perform(l, |who| { who.| });"), "Actor");
         assert_eq!(
-            kind("let a = cast(\"a\", load(\"b\")); let g = |who| { who.| }; perform(a, g);"),
+            type_at_mark("let a = cast(\"a\", load(\"b\")); let g = |who| { who.| }; perform(a, g);"),
             "Actor"
         );
-        assert_eq!(kind("fn f() { return sun(); }\nf().|"), "Light");
-        assert_eq!(at_mark("import \"steps\" as s; s::walker(1).|").name.as_deref(), Some("Walk"));
+        assert_eq!(type_at_mark("fn f() { return sun(); }\nf().|"), "Light");
+        assert_eq!(value_at_mark("import \"steps\" as s; s::walker(1).|").name.as_deref(), Some("Walk"));
     }
 }

@@ -32,7 +32,7 @@ pub struct View<'v> {
 
 impl View<'_> {
     /// The same context for another text.
-    pub fn of<'s>(&'s self, source: &'s Source) -> View<'s> {
+    pub fn with_source<'s>(&'s self, source: &'s Source) -> View<'s> {
         let View { project, folder, tests_root, files, modules, fps, snippets, .. } = *self;
         View { source, project, folder, tests_root, files, modules, budget: Budget::default(), fps, snippets }
     }
@@ -48,7 +48,7 @@ impl View<'_> {
 
     /// Names of files that the script may read.
     pub(crate) fn files_named(&self, extensions: &[String]) -> Vec<String> {
-        self.folder.map(|folder| files::names(self.project, folder, extensions)).unwrap_or_default()
+        self.folder.map(|folder| files::find_files(self.project, folder, extensions)).unwrap_or_default()
     }
 
     /// Whether a file was written by `choreo export`.
@@ -76,15 +76,15 @@ impl View<'_> {
             Ok(Some(effect)) => effect.manifest().options.clone(),
             _ => Vec::new(),
         };
-        match &site.on {
+        match &site.receiver {
             Some(on) if on.kind == "Effect" && matches!(name, "set" | "key") => {
                 on.name.as_deref().map(of_effect).unwrap_or_default()
             }
             None if name == "effect" => {
-                site.first_text(self.source).as_deref().map(of_effect).unwrap_or_default()
+                site.first_argument_text(self.source).as_deref().map(of_effect).unwrap_or_default()
             }
             None if name == "load" => {
-                let Some(file) = site.first_text(self.source) else { return Vec::new() };
+                let Some(file) = site.first_argument_text(self.source) else { return Vec::new() };
                 let extension = file.rsplit('.').next().unwrap_or_default().to_lowercase();
                 let built_in = file.strip_prefix(BUILT_IN);
                 let importer = registry.importers().iter().find(|importer| {
@@ -107,19 +107,19 @@ pub(crate) struct OpenModules<'m> {
     pub folder: Option<&'m Path>,
     /// Folder that a script with tests may read completely.
     pub tests_root: Option<&'m Path>,
-    pub known: &'m RefCell<ModuleFiles>,
+    pub cache: &'m RefCell<ModuleFiles>,
 }
 
 /// Modules that were read from files, with their modification times.
 pub type ModuleFiles = BTreeMap<PathBuf, (Option<SystemTime>, Arc<Source>)>;
 
 impl Modules for OpenModules<'_> {
-    /// Only the folder of the script and the root of tests are searched.
+    /// Path of a module. Only the folder of the script and the root of tests are searched, not the search paths of the project.
     fn path(&self, name: &str) -> Option<PathBuf> {
         /// Largest script in bytes.
-        const LARGEST: u64 = 4 << 20;
+        const MAX_SCRIPT_BYTES: u64 = 4 << 20;
         let name = if name.ends_with(".rhai") { name.to_string() } else { format!("{name}.rhai") };
-        let mut folders = Folders::new(self.folder?, &[], LARGEST).ok()?;
+        let mut folders = Folders::new(self.folder?, &[], MAX_SCRIPT_BYTES).ok()?;
         if let Some(root) = self.tests_root {
             folders = folders.with_root(root).ok()?;
         }
@@ -132,11 +132,11 @@ impl Modules for OpenModules<'_> {
             return Some(open.source.clone());
         }
         let changed = std::fs::metadata(&path).ok().and_then(|data| data.modified().ok());
-        if let Some((_, known)) = self.known.borrow().get(&path).filter(|(at, _)| *at == changed) {
+        if let Some((_, known)) = self.cache.borrow().get(&path).filter(|(at, _)| *at == changed) {
             return Some(known.clone());
         }
         let source = Arc::new(Source::new(&std::fs::read_to_string(&path).ok()?));
-        self.known.borrow_mut().insert(path, (changed, source.clone()));
+        self.cache.borrow_mut().insert(path, (changed, source.clone()));
         Some(source)
     }
 }

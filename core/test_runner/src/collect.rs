@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Largest number of files; more are a mistake (`choreo test /`).
-const MOST_FILES: usize = 20_000;
+const MAX_FILES: usize = 20_000;
 /// Folders that contain no tests: imported modules, golden images, build output, packages.
 const SKIPPED_FOLDERS: &[&str] = &["modules", "pictures", "target", "node_modules"];
-/// Extensions of plugins in Rhai, which are no tests.
-const PLUGINS: [&str; 2] = [".importer.rhai", ".exporter.rhai"];
+/// Extensions of plugins written in Rhai, which are not tests.
+const PLUGIN_EXTENSIONS: [&str; 2] = [".importer.rhai", ".exporter.rhai"];
 
 /// One section to run.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,10 +24,10 @@ pub struct Case {
     /// The section, or the errors if the file cannot be read.
     pub section: Result<SectionInfo, Vec<Diagnostic>>,
     /// First and last line of each section in the file.
-    pub spans: Arc<[(usize, usize)]>,
+    pub section_lines: Arc<[(usize, usize)]>,
 }
 
-/// Reason why there is nothing to run; a complete message that says what to type.
+/// Reason why no section can be run: a complete message that says what to type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NothingToRun {
     /// The command line is wrong.
@@ -61,13 +61,13 @@ impl Case {
 
 /// Scripts named by the paths, and in the folders named by the paths, in the given order; each with the folder in which it was found. The
 /// content of a folder is sorted by name.
-pub fn files(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Option<PathBuf>)>, NothingToRun> {
+pub fn find_scripts(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Option<PathBuf>)>, NothingToRun> {
     let mut files: Vec<(PathBuf, Option<PathBuf>)> = Vec::new();
     for path in paths {
         let shown = shown(path);
         if path.is_dir() {
             let before = files.len();
-            walk(path, path, &mut files)?;
+            find_scripts_in_folder(path, path, &mut files)?;
             if files.len() == before {
                 return Err(NothingToRun::Input(format!("{shown}: no scripts (.rhai) in this folder")));
             }
@@ -93,7 +93,8 @@ pub fn contains_file(folder: &Path, file: &Path) -> bool {
     real.is_some_and(|(file, folder)| file.starts_with(folder))
 }
 
-/// Collects all sections of the [`files`]. The root of a file is the folder of its project, else `options.root` if the file lies in it.
+/// Collects all sections of the scripts that the paths name ([`find_scripts`]). The root of a file is the folder of its project, else
+/// `options.root` if the file lies in it, else the folder in which the file was found.
 pub fn collect(
     paths: &[PathBuf],
     registry: &Registry,
@@ -101,19 +102,20 @@ pub fn collect(
     project: impl Fn(&Path) -> Option<PathBuf>,
 ) -> Result<Vec<Case>, NothingToRun> {
     let mut cases = Vec::new();
-    for (path, root) in files(paths)? {
+    for (path, root) in find_scripts(paths)? {
         let file = shown(&path);
-        let outer = || options.root.clone().filter(|root| contains_file(root, &path));
-        let root = project(&path).or_else(outer).or_else(|| root.clone());
+        let given_root = || options.root.clone().filter(|root| contains_file(root, &path));
+        let root = project(&path).or_else(given_root).or_else(|| root.clone());
         let options = TestOptions { root, ..options.clone() };
         let listed = list_sections(&path, registry, &options);
-        let spans: Arc<[(usize, usize)]> = listed.iter().flatten().map(|s| (s.line, s.end_line)).collect();
+        let section_lines: Arc<[(usize, usize)]> =
+            listed.iter().flatten().map(|s| (s.line, s.end_line)).collect();
         let case = |section| Case {
             path: path.clone(),
             file: file.clone(),
             root: options.root.clone(),
             section,
-            spans: spans.clone(),
+            section_lines: section_lines.clone(),
         };
         match listed {
             Ok(sections) => cases.extend(sections.into_iter().map(|s| case(Ok(s)))),
@@ -123,7 +125,11 @@ pub fn collect(
     Ok(cases)
 }
 
-fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>) -> Result<(), NothingToRun> {
+fn find_scripts_in_folder(
+    folder: &Path,
+    root: &Path,
+    files: &mut Vec<(PathBuf, Option<PathBuf>)>,
+) -> Result<(), NothingToRun> {
     let failed = |e: std::io::Error| NothingToRun::Input(format!("{}: {e}", shown(folder)));
     for (name, kind) in choreo_files::entries(folder).map_err(failed)? {
         let path = folder.join(&name);
@@ -134,24 +140,24 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
         // Links to folders are not followed, since they may form a cycle.
         if kind.is_dir() {
             if !SKIPPED_FOLDERS.contains(&text.as_ref()) {
-                walk(&path, root, files)?;
+                find_scripts_in_folder(&path, root, files)?;
             }
         } else if text.to_ascii_lowercase().ends_with(".rhai")
-            && !PLUGINS.iter().any(|ending| text.ends_with(ending))
+            && !PLUGIN_EXTENSIONS.iter().any(|ending| text.ends_with(ending))
             && path.is_file()
         {
-            if files.len() >= MOST_FILES {
+            if files.len() >= MAX_FILES {
                 return Err(NothingToRun::Usage(format!(
-                    "more than {MOST_FILES} scripts below {}; name the folder of the tests",
+                    "more than {MAX_FILES} scripts below {}; name the folder of the tests",
                     shown(root)
                 )));
             }
             // A file that is found in a folder must really lie in it: its text may appear in messages.
-            let leads_out = || {
+            let is_outside_root = || {
                 let real = path.canonicalize().ok().zip(root.canonicalize().ok());
                 !real.is_some_and(|(path, root)| path.starts_with(root))
             };
-            if kind.is_symlink() && leads_out() {
+            if kind.is_symlink() && is_outside_root() {
                 return Err(NothingToRun::Input(format!(
                     "{}: it is a symbolic link that leads out of {}; remove it, or name the file itself",
                     shown(&path),

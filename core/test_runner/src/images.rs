@@ -1,8 +1,8 @@
 //! Image expectations (`expect_image`): draws a stage at a time and compares it with the golden image beside the test.
 
+use crate::golden_image::{self, GoldenImage, GoldenImageError, MAX_BYTES};
 use crate::outcome::{Check, Evidence, Measures, Pictures, SourceLocation};
-use crate::painter::{Device, NoImage, Painter, Shot};
-use crate::stored::{self, GoldenImage, MOST_BYTES, Unreadable};
+use crate::painter::{Device, DrawError, ImageRequest, Painter};
 use choreo_files::write_whole_beneath;
 use choreo_image_diff::{ImageDifference, difference_image, flip_heatmap};
 use choreo_plugin::Frame;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Longer side in pixels of an image whose script gives no size.
-const LARGEST_SIDE: u32 = 256;
+const DEFAULT_LONGER_SIDE: u32 = 256;
 
 /// Choice of the drawn images that become golden images.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub enum Accept {
 }
 
 impl Accept {
-    pub fn takes(&self, name: &str) -> bool {
+    pub fn includes(&self, name: &str) -> bool {
         match self {
             Accept::None => false,
             Accept::All => true,
@@ -55,7 +55,7 @@ pub struct SectionRef<'a> {
     pub place: SourceLocation,
 }
 
-pub enum Judged {
+pub enum ImageOutcome {
     /// A check, with the content hash of the golden image if one was read.
     Check(Box<Check>, Option<[u8; 32]>),
     /// This machine cannot draw the image; contains the reason.
@@ -69,91 +69,101 @@ pub fn judge(
     section_ref: &SectionRef,
     painter: &mut Painter,
     options: &ImageOptions,
-) -> Judged {
-    let stored_at = stored::place(section_ref.path, &wanted.name);
+) -> ImageOutcome {
+    let golden_path = golden_image::path_of(section_ref.path, &wanted.name);
     let mut check = Check {
         place: section_ref.place.clone(),
         title: format!("image \"{}\" at {} s", wanted.name, wanted.at.as_secs()),
         passed: false,
-        expected: crate::collect::shown(&stored_at),
+        expected: crate::collect::shown(&golden_path),
         got: String::new(),
         by: String::new(),
         hint: String::new(),
         evidence: Evidence::None,
     };
-    let shot = match shot(wanted, stage, options) {
-        Ok(shot) => shot,
-        Err(unknown) => return Judged::Check(Box::new(Check { got: unknown.to_string(), ..check }), None),
-    };
-    let (frame, class) = match painter.draw(stage, &shot) {
-        Ok(drawn) => drawn,
-        Err(NoImage::NoDevice(why)) => return Judged::Skipped(why),
-        Err(NoImage::Failed(why)) => {
-            check.got = format!("no image: {why}");
-            return Judged::Check(Box::new(check), None);
+    let request = match image_request(wanted, stage, options) {
+        Ok(request) => request,
+        Err(unknown) => {
+            return ImageOutcome::Check(Box::new(Check { got: unknown.to_string(), ..check }), None);
         }
     };
-    check.got = format!("{}x{} drawn on {class}", frame.width, frame.height);
-    let (verdict, read) = find(wanted, &frame, &class, &stored_at, options);
-    if let Verdict::Good(words) = verdict {
+    let (frame, device_class) = match painter.draw(stage, &request) {
+        Ok(drawn) => drawn,
+        Err(DrawError::NoDevice(why)) => return ImageOutcome::Skipped(why),
+        Err(DrawError::Failed(why)) => {
+            check.got = format!("no image: {why}");
+            return ImageOutcome::Check(Box::new(check), None);
+        }
+    };
+    check.got = format!("{}x{} drawn on {device_class}", frame.width, frame.height);
+    let (verdict, read) = compare_with_golden_image(wanted, &frame, &device_class, &golden_path, options);
+    if let Verdict::Matches(words) = verdict {
         (check.passed, check.by) = (true, words);
     } else {
-        Failing { wanted, section_ref, options, stored_at, frame: &frame, class: &class }
-            .fill(verdict, &mut check);
+        FailedComparison {
+            wanted,
+            section_ref,
+            options,
+            golden_path,
+            frame: &frame,
+            device_class: &device_class,
+        }
+        .accept_or_explain(verdict, &mut check);
     }
-    Judged::Check(Box::new(check), read)
+    ImageOutcome::Check(Box::new(check), read)
 }
 
 /// An image that differs from its golden image, or has none.
-struct Failing<'a> {
+struct FailedComparison<'a> {
     wanted: &'a ImageExpectation,
     section_ref: &'a SectionRef<'a>,
     options: &'a ImageOptions,
-    stored_at: PathBuf,
+    golden_path: PathBuf,
     frame: &'a Frame,
-    class: &'a str,
+    device_class: &'a str,
 }
 
-impl Failing<'_> {
+impl FailedComparison<'_> {
     /// Accepts the image, or adds the difference to the check and writes the images to files.
-    fn fill(self, verdict: Verdict, check: &mut Check) {
+    fn accept_or_explain(self, verdict: Verdict, check: &mut Check) {
         let (wanted, section_ref) = (self.wanted, self.section_ref);
         let name = match section_ref.section {
             "" => section_ref.file.to_string(),
             section => format!("{} > {section}", section_ref.file),
         };
-        let bytes = match stored::encode_accepted(self.frame, self.class, &name) {
+        let bytes = match golden_image::encode_accepted(self.frame, self.device_class, &name) {
             Ok(bytes) => bytes,
             Err(text) => {
-                check.got = format!("no PNG: {text}");
+                check.got = format!("the image cannot be encoded as PNG: {text}");
                 return;
             }
         };
-        let heavy = (!wanted.large && bytes.len() > MOST_BYTES).then(|| too_heavy(bytes.len()));
-        if self.options.accept.takes(&wanted.name) {
-            let written = heavy.map_or_else(
-                || stored::write(section_ref.path, &wanted.name, &bytes).map_err(|e| e.to_string()),
+        let size_error = (!wanted.large && bytes.len() > MAX_BYTES).then(|| too_large_message(bytes.len()));
+        if self.options.accept.includes(&wanted.name) {
+            let written = size_error.map_or_else(
+                || golden_image::write(section_ref.path, &wanted.name, &bytes).map_err(|e| e.to_string()),
                 Err,
             );
             check.passed = written.is_ok();
-            check.by = if check.passed { ACCEPTED } else { "not accepted" }.to_string();
+            check.by = if check.passed { ACCEPTED } else { "the image was not accepted" }.to_string();
             check.hint = written.err().unwrap_or_default();
             return;
         }
         let mut pictures = Pictures { name: wanted.name.clone(), got: bytes, ..Pictures::default() };
         self.describe(verdict, check, &mut pictures);
-        pictures.stored = self.stored_at;
-        heavy.into_iter().for_each(|text| hint(check, text));
+        pictures.stored = self.golden_path;
+        size_error.into_iter().for_each(|text| add_hint(check, text));
         if let Some(folder) = &self.options.failures {
-            write(folder, section_ref.file, &mut pictures, check);
+            write_images(folder, section_ref.file, &mut pictures, check);
         }
         check.evidence = Evidence::Pictures(Box::new(pictures));
     }
 
+    /// Fills the texts of the check and the images for the reports.
     fn describe(&self, verdict: Verdict, check: &mut Check, pictures: &mut Pictures) {
         let shown = std::mem::take(&mut check.expected);
         (check.expected, check.by) = match verdict {
-            Verdict::Good(words) => (shown, words),
+            Verdict::Matches(words) => (shown, words),
             Verdict::Missing => {
                 (format!("{shown}, which does not exist yet"), "no image has been accepted".into())
             }
@@ -176,11 +186,11 @@ impl Failing<'_> {
                 let by = found.difference.describe();
                 let expected = format!("{shown}: {}", found.difference.allowed(&self.wanted.limits));
                 if let Ok(difference) = difference_image(&found.expected, self.frame) {
-                    pictures.difference = stored::encode(&difference, &[]).unwrap_or_default();
+                    pictures.difference = golden_image::encode(&difference, &[]).unwrap_or_default();
                 }
                 pictures.expected = found.bytes;
-                let seen = flip_heatmap(&found.difference.visible, found.difference.size);
-                pictures.seen = stored::encode(&seen, &[]).unwrap_or_default();
+                let heatmap = flip_heatmap(&found.difference.visible, found.difference.size);
+                pictures.visible_difference = golden_image::encode(&heatmap, &[]).unwrap_or_default();
                 pictures.measures = Some(Measures::of(&found.difference));
                 (expected, by)
             }
@@ -188,12 +198,12 @@ impl Failing<'_> {
     }
 }
 
-fn too_heavy(bytes: usize) -> String {
+fn too_large_message(bytes: usize) -> String {
     format!(
-        "the image takes {:.1} KiB as PNG, at most {} are kept; make it smaller (size), or allow the size: \
+        "the image takes {:.1} KiB as PNG, more than the limit of {} KiB; make it smaller (size), or allow the size: \
          #{{ large: true }}",
         bytes as f64 / 1024.0,
-        MOST_BYTES >> 10
+        MAX_BYTES >> 10
     )
 }
 
@@ -201,10 +211,14 @@ fn too_heavy(bytes: usize) -> String {
 pub(crate) const ACCEPTED: &str = "accepted now";
 
 #[derive(Debug, thiserror::Error)]
-#[error("unknown device \"{0}\"; there are \"cpu\" and \"vulkan\"")]
+#[error("unknown device \"{0}\"; the devices are \"cpu\" and \"vulkan\"")]
 struct UnknownDevice(String);
 
-fn shot(wanted: &ImageExpectation, stage: &Stage, options: &ImageOptions) -> Result<Shot, UnknownDevice> {
+fn image_request(
+    wanted: &ImageExpectation,
+    stage: &Stage,
+    options: &ImageOptions,
+) -> Result<ImageRequest, UnknownDevice> {
     let device = match (options.device, wanted.device.as_deref()) {
         (Some(device), _) => device,
         (None, None | Some("cpu")) => Device::Cpu,
@@ -216,11 +230,11 @@ fn shot(wanted: &ImageExpectation, stage: &Stage, options: &ImageOptions) -> Res
     // A small image with the stage's aspect ratio.
     let [w, h] = stage.settings.size;
     let largest = w.max(h).max(1);
-    let scaled = |v: u32| match largest > LARGEST_SIDE {
-        true => ((u64::from(v) * u64::from(LARGEST_SIDE) / u64::from(largest)) as u32).max(1),
+    let scaled = |v: u32| match largest > DEFAULT_LONGER_SIDE {
+        true => ((u64::from(v) * u64::from(DEFAULT_LONGER_SIDE) / u64::from(largest)) as u32).max(1),
         false => v,
     };
-    Ok(Shot {
+    Ok(ImageRequest {
         at: wanted.at,
         size: wanted.size.unwrap_or([scaled(w), scaled(h)]),
         samples: wanted.samples.or(stage.settings.samples).unwrap_or(4),
@@ -231,7 +245,7 @@ fn shot(wanted: &ImageExpectation, stage: &Stage, options: &ImageOptions) -> Res
 /// Result of comparing an image with its golden image.
 enum Verdict {
     /// The images are equal within the tolerance; the text describes the difference.
-    Good(String),
+    Matches(String),
     Missing,
     Damaged(String),
     OtherDevice(String),
@@ -246,51 +260,51 @@ struct DifferentImage {
     difference: ImageDifference,
 }
 
-fn find(
+fn compare_with_golden_image(
     wanted: &ImageExpectation,
     frame: &Frame,
-    class: &str,
-    stored_at: &Path,
+    device_class: &str,
+    golden_path: &Path,
     options: &ImageOptions,
 ) -> (Verdict, Option<[u8; 32]>) {
-    match stored::read(stored_at) {
+    match golden_image::read(golden_path) {
         Ok((expected, bytes)) => {
             let hash = *blake3::hash(&bytes).as_bytes();
-            (against(wanted, frame, class, (expected, bytes), options), Some(hash))
+            (compare(wanted, frame, device_class, (expected, bytes), options), Some(hash))
         }
-        Err(Unreadable::Missing) => (Verdict::Missing, None),
-        Err(Unreadable::Damaged(why)) => (Verdict::Damaged(why), None),
+        Err(GoldenImageError::Missing) => (Verdict::Missing, None),
+        Err(GoldenImageError::Damaged(why)) => (Verdict::Damaged(why), None),
     }
 }
 
-fn against(
+fn compare(
     wanted: &ImageExpectation,
     frame: &Frame,
-    class: &str,
+    device_class: &str,
     (expected, bytes): (GoldenImage, Vec<u8>),
     options: &ImageOptions,
 ) -> Verdict {
-    if expected.device != class && !options.any_device {
+    if expected.device != device_class && !options.any_device {
         return Verdict::OtherDevice(expected.device);
     }
     if expected.frame == *frame {
-        return Verdict::Good("equal, bit for bit".into());
+        return Verdict::Matches("equal, bit for bit".into());
     }
     let Ok(difference) = ImageDifference::new(&expected.frame, frame, wanted.tolerance) else {
         return Verdict::OtherSize((expected, bytes));
     };
     match difference.within(&wanted.limits) {
-        true => Verdict::Good(difference.describe()),
+        true => Verdict::Matches(difference.describe()),
         false => Verdict::Differs(Box::new(DifferentImage { expected: expected.frame, bytes, difference })),
     }
 }
 
-fn hint(check: &mut Check, text: String) {
+fn add_hint(check: &mut Check, text: String) {
     check.hint = if check.hint.is_empty() { text } else { format!("{}; {text}", check.hint) };
 }
 
 /// Writes the expected image, the drawn image and the difference to files.
-fn write(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) {
+fn write_images(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) {
     for (kind, bytes) in
         [("expected", &pictures.expected), ("got", &pictures.got), ("difference", &pictures.difference)]
     {
@@ -306,7 +320,7 @@ fn write(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) 
             Ok(()) => pictures.written.push(path),
             Err(e) => {
                 pictures.written.push(PathBuf::new());
-                hint(check, format!("{}: cannot write: {e}", path.display()));
+                add_hint(check, format!("{}: cannot write: {e}", path.display()));
             }
         }
     }

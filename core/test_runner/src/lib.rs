@@ -7,6 +7,7 @@
 
 pub mod collect;
 pub mod evaluate;
+pub mod golden_image;
 pub mod images;
 pub mod outcome;
 pub mod painter;
@@ -14,7 +15,6 @@ pub mod report;
 pub mod results;
 pub mod run;
 mod section;
-pub mod stored;
 
 pub use outcome::{Check, Evidence, Measures, Outcome, Pictures, SourceLocation, Status, Trace};
 

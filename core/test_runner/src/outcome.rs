@@ -27,7 +27,7 @@ pub struct Outcome {
     pub key: String,
     /// Further arguments of the command that runs the section: folders of plugins and assets.
     #[serde(skip)]
-    pub words: String,
+    pub rerun_arguments: String,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,7 +87,7 @@ pub struct Trace {
     pub unit: String,
     /// Times in seconds, ascending.
     pub times: Vec<f64>,
-    /// Actual value at each of `times`; NaN if there is none.
+    /// Actual value at each of `times`; NaN if it is unknown.
     pub got: Vec<f64>,
     /// Expected values at each of `times`, if a whole curve is expected; else empty.
     pub expected: Vec<f64>,
@@ -113,7 +113,7 @@ pub struct Pictures {
     pub difference: Vec<u8>,
     /// Map of the perceived difference (ꟻLIP), from black over violet and orange to pale yellow.
     #[serde(skip)]
-    pub seen: Vec<u8>,
+    pub visible_difference: Vec<u8>,
     /// Paths of the three written images, in the order expected, got, difference; empty if they were not written.
     pub written: Vec<PathBuf>,
     pub measures: Option<Measures>,
@@ -177,7 +177,7 @@ impl Outcome {
             seconds: 0.0,
             reused: false,
             key: String::new(),
-            words: String::new(),
+            rerun_arguments: String::new(),
         }
     }
 
@@ -190,7 +190,7 @@ impl Outcome {
     }
 
     /// Whether the section failed or could not be judged.
-    pub fn bad(&self) -> bool {
+    pub fn has_failed(&self) -> bool {
         matches!(self.status, Status::Failed | Status::Error(_))
     }
 }
@@ -205,8 +205,8 @@ mod tests {
         assert_eq!([place(0, 0), place(3, 0), place(3, 7)], ["a/b.rhai", "a/b.rhai:3", "a/b.rhai:3:7"]);
         let skipped = Status::Skipped("why".into());
         let mut outcome = Outcome { status: skipped, ..Outcome::new("a.rhai", "", 0) };
-        assert_eq!((outcome.name().as_str(), outcome.bad()), ("a.rhai", false));
+        assert_eq!((outcome.name().as_str(), outcome.has_failed()), ("a.rhai", false));
         (outcome.section, outcome.status) = ("one".into(), Status::Error("what".into()));
-        assert_eq!((outcome.name().as_str(), outcome.bad()), ("a.rhai > one", true));
+        assert_eq!((outcome.name().as_str(), outcome.has_failed()), ("a.rhai > one", true));
     }
 }

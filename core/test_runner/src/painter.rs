@@ -11,8 +11,8 @@ use choreo_stage::{Evaluator, Stage};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Largest number of pixels of a test image. It leaves room for a "large" image, and keeps a typing error from filling the memory.
-pub const MOST_PIXELS: u64 = 4 << 20;
+/// Largest number of pixels of a test image, so that a mistyped size does not fill the memory.
+pub const MAX_PIXELS: u64 = 4 << 20;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
@@ -24,7 +24,7 @@ pub enum Device {
 
 /// Reason why there is no image.
 #[derive(Clone, Debug, PartialEq)]
-pub enum NoImage {
+pub enum DrawError {
     /// This machine has no such device; the message says what to install.
     NoDevice(String),
     Failed(String),
@@ -38,14 +38,14 @@ pub struct Painter {
     /// Whether Vulkan runs under the validation layer; each of its messages makes an image fail.
     pub validation: bool,
     cpu: Option<CpuRenderer>,
-    vulkan: Option<Result<Box<VulkanRenderer>, NoImage>>,
+    vulkan: Option<Result<Box<VulkanRenderer>, DrawError>>,
     /// Stage that each renderer has loaded: consecutive images often show the same stage.
     loaded: [Option<(Arc<Stage>, Arc<SceneResources>)>; 2],
 }
 
 /// An image to draw.
 #[derive(Clone, Debug)]
-pub struct Shot {
+pub struct ImageRequest {
     pub at: Time,
     /// Width and height in pixels.
     pub size: [u32; 2],
@@ -67,14 +67,14 @@ impl Painter {
     }
 
     /// Sets the effects for the following images: those of the program and of the plugin files that a section uses.
-    pub fn set_effects(&mut self, effects: &[Effect]) -> Result<(), NoImage> {
-        let same = self.effects.len() == effects.len()
+    pub fn set_effects(&mut self, effects: &[Effect]) -> Result<(), DrawError> {
+        let unchanged = self.effects.len() == effects.len()
             && self.effects.iter().zip(effects).all(|(a, b)| a.is_same(b));
-        if same {
+        if unchanged {
             return Ok(());
         }
         self.effects = effects.to_vec();
-        let failed = |e: RenderError| NoImage::Failed(e.to_string());
+        let failed = |e: RenderError| DrawError::Failed(e.to_string());
         if let Some(cpu) = &mut self.cpu {
             cpu.set_effects(effects).map_err(failed)?;
         }
@@ -85,24 +85,24 @@ impl Painter {
     }
 
     /// Draws an image. Returns it with the class of the device that drew it (see [`device_class`]).
-    pub fn draw(&mut self, stage: &Arc<Stage>, shot: &Shot) -> Result<(Frame, String), NoImage> {
-        let [width, height] = shot.size;
+    pub fn draw(&mut self, stage: &Arc<Stage>, request: &ImageRequest) -> Result<(Frame, String), DrawError> {
+        let [width, height] = request.size;
         let pixels = u64::from(width) * u64::from(height);
-        if pixels == 0 || pixels > MOST_PIXELS {
-            return Err(NoImage::Failed(format!(
-                "a test image of {width}x{height} pixels: it must have 1 to {MOST_PIXELS}; give a smaller size: #{{ size: [256, 144] }}"
+        if pixels == 0 || pixels > MAX_PIXELS {
+            return Err(DrawError::Failed(format!(
+                "a test image of {width}x{height} pixels: it must have 1 to {MAX_PIXELS} pixels; give another size: #{{ size: [256, 144] }}"
             )));
         }
         let mut stage = stage.clone();
-        if stage.settings.size != shot.size {
+        if stage.settings.size != request.size {
             // The size is set on the stage too, since automatic camera framing depends on the image's aspect ratio.
-            Arc::make_mut(&mut stage).settings.size = shot.size;
+            Arc::make_mut(&mut stage).settings.size = request.size;
         }
-        let failed = |e: RenderError| NoImage::Failed(e.to_string());
-        let slot = usize::from(shot.device == Device::Vulkan);
+        let failed = |e: RenderError| DrawError::Failed(e.to_string());
+        let slot = usize::from(request.device == Device::Vulkan);
         let effects = self.effects.clone();
-        let known = self.loaded[slot].take().filter(|(s, _)| same_scene(s, &stage));
-        let renderer: &mut dyn Renderer = match shot.device {
+        let loaded = self.loaded[slot].take().filter(|(s, _)| have_same_assets(s, &stage));
+        let renderer: &mut dyn Renderer = match request.device {
             Device::Cpu => self.cpu.get_or_insert_with(|| CpuRenderer::new(&effects)),
             Device::Vulkan => {
                 let cache_dir = self.gpu_cache.clone();
@@ -116,7 +116,7 @@ impl Painter {
                 }
             }
         };
-        let resources = match known {
+        let resources = match loaded {
             Some((_, resources)) => resources,
             None => {
                 let resources = Arc::new(SceneResources::new(&stage));
@@ -124,9 +124,10 @@ impl Painter {
                 resources
             }
         };
-        let options = PlanOptions { effects: &self.effects, ..PlanOptions::new(shot.size, shot.samples) };
-        let planned = plan_at(&resources, &mut Evaluator::new(stage.clone()), shot.at, &options, None);
-        let (_, plan) = planned.map_err(|e| NoImage::Failed(e.to_string()))?;
+        let options =
+            PlanOptions { effects: &self.effects, ..PlanOptions::new(request.size, request.samples) };
+        let planned = plan_at(&resources, &mut Evaluator::new(stage.clone()), request.at, &options, None);
+        let (_, plan) = planned.map_err(|e| DrawError::Failed(e.to_string()))?;
         renderer.submit(plan).map_err(failed)?;
         let frame = renderer.collect(None).map_err(failed)?;
         let class = device_class(renderer.device());
@@ -136,18 +137,18 @@ impl Painter {
 }
 
 /// Whether two stages can share scene resources: they have the same assets in the same order.
-fn same_scene(a: &Stage, b: &Stage) -> bool {
+fn have_same_assets(a: &Stage, b: &Stage) -> bool {
     a.actors.len() == b.actors.len()
         && a.actors.iter().zip(&b.actors).all(|(a, b)| Arc::ptr_eq(&a.asset, &b.asset))
 }
 
-fn start_vulkan(options: GpuOptions) -> Result<Box<VulkanRenderer>, NoImage> {
+fn start_vulkan(options: GpuOptions) -> Result<Box<VulkanRenderer>, DrawError> {
     match VulkanRenderer::new(options) {
         Ok(renderer) => Ok(Box::new(renderer)),
         Err(RenderError::NoVulkan { why }) => {
-            Err(NoImage::NoDevice(format!("no Vulkan: {}", why.lines().next().unwrap_or_default())))
+            Err(DrawError::NoDevice(format!("no Vulkan: {}", why.lines().next().unwrap_or_default())))
         }
-        Err(e) => Err(NoImage::Failed(e.to_string())),
+        Err(e) => Err(DrawError::Failed(e.to_string())),
     }
 }
 

@@ -17,18 +17,18 @@ use std::sync::{Mutex, PoisonError};
 /// Version of the entries, raised when their meaning changes.
 const FORMAT: u32 = 1;
 /// Largest entry in bytes; normal entries have a few kilobytes.
-const MOST_BYTES: u64 = 4 << 20;
+const MAX_ENTRY_BYTES: u64 = 4 << 20;
 /// Largest script in bytes.
-const MOST_SCRIPT: u64 = 64 << 20;
+const MAX_SCRIPT_BYTES: u64 = 64 << 20;
 
 type Hash = [u8; 32];
 
 pub struct Results {
     folder: PathBuf,
     /// Hash of the program and its options.
-    run: Hash,
-    /// Content hashes of files seen in this run; `None` if a file cannot be read.
-    seen: Mutex<HashMap<PathBuf, Option<Hash>>>,
+    program_hash: Hash,
+    /// Content hashes of the files that were read in this run; `None` if a file cannot be read.
+    content_hashes: Mutex<HashMap<PathBuf, Option<Hash>>>,
     /// Hash of the whole text, and of the lines outside sections, for each test file.
     outside_hashes: Mutex<HashMap<PathBuf, (Hash, Hash)>>,
 }
@@ -57,27 +57,29 @@ impl Results {
     pub fn new(folder: PathBuf, identity: &[&str]) -> Results {
         let mut hasher = blake3::Hasher::new();
         for text in identity {
-            add(&mut hasher, text.as_bytes());
+            add_to_hash(&mut hasher, text.as_bytes());
         }
         Results {
             folder,
-            run: *hasher.finalize().as_bytes(),
-            seen: Mutex::default(),
+            program_hash: *hasher.finalize().as_bytes(),
+            content_hashes: Mutex::default(),
             outside_hashes: Mutex::default(),
         }
     }
 
     /// Earlier outcome of a section, if everything is unchanged. Damaged and old entries are ignored, and so are those of another user.
     pub fn find(&self, case: &Case) -> Option<StoredOutcome> {
-        let bytes = choreo_files::read(&self.place(case)?, MOST_BYTES).ok()?;
+        let bytes = choreo_files::read(&self.entry_path(case)?, MAX_ENTRY_BYTES).ok()?;
         let entry: Entry = serde_json::from_slice(&bytes).ok()?;
-        let same = |(path, hash): &(PathBuf, String)| self.content(path).is_some_and(|h| hex(&h) == *hash);
-        let good = entry.format == FORMAT
+        let is_unchanged =
+            |(path, hash): &(PathBuf, String)| self.content_hash(path).is_some_and(|h| hex(&h) == *hash);
+        let is_current = entry.format == FORMAT
             && entry.outcome.status == Status::Passed
-            && entry.base == hex(&self.base(case, &choreo_files::read(&case.path, MOST_SCRIPT).ok()?)?)
+            && entry.base
+                == hex(&self.base_hash(case, &choreo_files::read(&case.path, MAX_SCRIPT_BYTES).ok()?)?)
             && entry.elsewhere.iter().all(|(path, there)| path.exists() == *there)
-            && entry.files.iter().chain(&entry.pictures).all(same);
-        if !good {
+            && entry.files.iter().chain(&entry.pictures).all(is_unchanged);
+        if !is_current {
             return None;
         }
         let info = case.section.as_ref().ok()?;
@@ -91,9 +93,9 @@ impl Results {
         Some(StoredOutcome { outcome, files: names(entry.files), pictures: names(entry.pictures) })
     }
 
-    /// Stores a passed outcome and sets its key. If the folder cannot be written, the section is only run again next time. `files` and
+    /// Stores a passed outcome and sets its key. If the folder cannot be written, the section is simply run again next time. `files` and
     /// `pictures` carry hashes of the content that was read: the files may have changed since.
-    pub fn keep(
+    pub fn store(
         &self,
         case: &Case,
         outcome: &mut Outcome,
@@ -101,10 +103,12 @@ impl Results {
         pictures: &[(PathBuf, Option<Hash>)],
         roots: &[PathBuf],
     ) {
-        let Ok(text) = choreo_files::read(&case.path, MOST_SCRIPT) else { return };
-        let (Some(base), Some(place)) = (self.base(case, &text), self.place(case)) else { return };
+        let Ok(text) = choreo_files::read(&case.path, MAX_SCRIPT_BYTES) else { return };
+        let (Some(base), Some(entry_path)) = (self.base_hash(case, &text), self.entry_path(case)) else {
+            return;
+        };
         let own = case.path.canonicalize().ok();
-        // The script was saved during the run: the text that passed is not the current one.
+        // If the script was saved during the run, the text that passed is not the current one.
         let read = files.iter().find(|(path, _)| Some(path) == own.as_ref());
         if read.is_some_and(|(_, hash)| blake3::hash(&text) != *hash) {
             return;
@@ -114,15 +118,15 @@ impl Results {
             .filter(|(path, _)| Some(path) != own.as_ref())
             .map(|(path, hash)| (path.clone(), hex(hash)))
             .collect();
-        let mut kept = Vec::new();
+        let mut picture_hashes = Vec::new();
         for (path, hash) in pictures {
             let Some(hash) = hash else { return };
-            kept.push((path.clone(), hex(hash)));
+            picture_hashes.push((path.clone(), hex(hash)));
         }
         let mut key = blake3::Hasher::new();
-        add(&mut key, &base);
-        for (_, hash) in files.iter().chain(&kept) {
-            add(&mut key, hash.as_bytes());
+        add_to_hash(&mut key, &base);
+        for (_, hash) in files.iter().chain(&picture_hashes) {
+            add_to_hash(&mut key, hash.as_bytes());
         }
         outcome.key = hex(key.finalize().as_bytes());
         let elsewhere = alternative_places(&files, roots);
@@ -130,42 +134,43 @@ impl Results {
             format: FORMAT,
             base: hex(&base),
             files,
-            pictures: kept,
+            pictures: picture_hashes,
             elsewhere,
             outcome: outcome.clone(),
         };
         if let Ok(text) = serde_json::to_vec(&entry) {
-            let name = place.file_name().unwrap_or_default();
+            let name = entry_path.file_name().unwrap_or_default();
             let _ = write_whole_beneath(&self.folder, name.as_ref(), &text);
         }
     }
 
     /// Removes the stored result of a section that must be run again.
-    pub fn forget(&self, case: &Case) {
-        if let Some(place) = self.place(case) {
+    pub fn remove(&self, case: &Case) {
+        if let Some(place) = self.entry_path(case) {
             let _ = std::fs::remove_file(place);
         }
     }
 
-    fn place(&self, case: &Case) -> Option<PathBuf> {
+    /// Path of the stored entry of a section.
+    fn entry_path(&self, case: &Case) -> Option<PathBuf> {
         let mut hasher = blake3::Hasher::new();
-        add(&mut hasher, case.path.canonicalize().ok()?.to_string_lossy().as_bytes());
-        add(&mut hasher, case.section.as_ref().ok()?.name.as_bytes());
+        add_to_hash(&mut hasher, case.path.canonicalize().ok()?.to_string_lossy().as_bytes());
+        add_to_hash(&mut hasher, case.section.as_ref().ok()?.name.as_bytes());
         Some(self.folder.join(format!("{}.json", &hex(hasher.finalize().as_bytes())[..32])))
     }
 
     /// Hash of the program, the options, and the file's text without the lines of its other sections.
-    fn base(&self, case: &Case, text: &[u8]) -> Option<Hash> {
+    fn base_hash(&self, case: &Case, text: &[u8]) -> Option<Hash> {
         let info = case.section.as_ref().ok()?;
         let text = String::from_utf8_lossy(text);
         let mut hasher = blake3::Hasher::new();
-        add(&mut hasher, &self.run);
-        add(&mut hasher, info.name.as_bytes());
-        add(&mut hasher, format!("{:?} {:?}", info.skip, info.fails).as_bytes());
-        add(&mut hasher, case.root.as_deref().unwrap_or(Path::new("")).to_string_lossy().as_bytes());
-        add(&mut hasher, &self.hash_outside_sections(case, &text));
+        add_to_hash(&mut hasher, &self.program_hash);
+        add_to_hash(&mut hasher, info.name.as_bytes());
+        add_to_hash(&mut hasher, format!("{:?} {:?}", info.skip, info.fails).as_bytes());
+        add_to_hash(&mut hasher, case.root.as_deref().unwrap_or(Path::new("")).to_string_lossy().as_bytes());
+        add_to_hash(&mut hasher, &self.hash_outside_sections(case, &text));
         let own = text.lines().skip(info.line.saturating_sub(1)).take(info.end_line + 1 - info.line);
-        own.for_each(|line| add(&mut hasher, line.as_bytes()));
+        own.for_each(|line| add_to_hash(&mut hasher, line.as_bytes()));
         Some(*hasher.finalize().as_bytes())
     }
 
@@ -173,35 +178,35 @@ impl Results {
     fn hash_outside_sections(&self, case: &Case, text: &str) -> Hash {
         let whole = *blake3::hash(text.as_bytes()).as_bytes();
         let mut known = self.outside_hashes.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, around)) = known.get(&case.path).filter(|(of, _)| *of == whole) {
-            return *around;
+        if let Some((_, outside_hash)) = known.get(&case.path).filter(|(of, _)| *of == whole) {
+            return *outside_hash;
         }
         let lines: Vec<&str> = text.lines().collect();
         let mut in_section = vec![false; lines.len() + 1];
-        for (from, to) in case.spans.iter().filter(|(from, _)| *from <= lines.len()) {
+        for (from, to) in case.section_lines.iter().filter(|(from, _)| *from <= lines.len()) {
             in_section[*from..=(*to).clamp(*from, lines.len())].fill(true);
         }
         let mut hasher = blake3::Hasher::new();
         for (line, _) in lines.iter().zip(&in_section[1..]).filter(|(_, inside)| !**inside) {
-            add(&mut hasher, line.as_bytes());
+            add_to_hash(&mut hasher, line.as_bytes());
         }
-        let around = *hasher.finalize().as_bytes();
-        known.insert(case.path.clone(), (whole, around));
-        around
+        let outside_hash = *hasher.finalize().as_bytes();
+        known.insert(case.path.clone(), (whole, outside_hash));
+        outside_hash
     }
 
-    fn content(&self, path: &Path) -> Option<Hash> {
-        if let Some(known) = self.seen.lock().unwrap_or_else(PoisonError::into_inner).get(path) {
+    fn content_hash(&self, path: &Path) -> Option<Hash> {
+        if let Some(known) = self.content_hashes.lock().unwrap_or_else(PoisonError::into_inner).get(path) {
             return *known;
         }
         let hash = content_of(path);
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_path_buf(), hash);
+        self.content_hashes.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_path_buf(), hash);
         hash
     }
 }
 
-/// Other places at which the files could be found: the first folder that contains a file wins, so a file that appears in another folder may
-/// win next time.
+/// Other paths at which the files could be found, and whether a file is there. A script uses the first folder that contains the file, so a file
+/// that appears in another folder may replace it.
 fn alternative_places(files: &[(PathBuf, String)], roots: &[PathBuf]) -> Vec<(PathBuf, bool)> {
     let mut out = Vec::new();
     for (path, _) in files {
@@ -217,7 +222,7 @@ fn alternative_places(files: &[(PathBuf, String)], roots: &[PathBuf]) -> Vec<(Pa
 }
 
 /// Identifies this build of the program: version and content hash of its file; `None` if the file cannot be read.
-pub fn program() -> Option<String> {
+pub fn program_identity() -> Option<String> {
     let hash = content_of(&std::env::current_exe().ok()?)?;
     Some(format!("choreo {} {}", env!("CARGO_PKG_VERSION"), hex(&hash)))
 }
@@ -227,7 +232,8 @@ pub fn short_hash(path: &Path) -> String {
     hex(&blake3::hash(path.to_string_lossy().as_bytes()).as_bytes()[..8])
 }
 
-fn add(hasher: &mut blake3::Hasher, bytes: &[u8]) {
+/// Adds bytes and their number, so that two lists of texts never give the same hash by concatenation.
+fn add_to_hash(hasher: &mut blake3::Hasher, bytes: &[u8]) {
     hasher.update(&(bytes.len() as u64).to_le_bytes());
     hasher.update(bytes);
 }

@@ -5,7 +5,7 @@ use crate::images::ImageOptions;
 use crate::outcome::{Check, Evidence, Outcome, Status};
 use crate::painter::Painter;
 use crate::results::Results;
-use crate::section::{self, SectionResult, blank};
+use crate::section::{self, SectionResult, new_outcome};
 use choreo_plugin::{PluginPanic, Registry};
 use choreo_script::testing::{TestOptions, Timeout};
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,8 +31,8 @@ pub struct RunOptions {
     pub program: String,
     /// Folder for the pipeline cache, kept between runs.
     pub gpu_cache: Option<PathBuf>,
-    /// Options that sections need to be run again, such as ` --plugins DIR`; empty if none is needed.
-    pub words: String,
+    /// Further arguments of the command that runs a section again, such as ` --plugins DIR`; empty if none is needed.
+    pub rerun_arguments: String,
 }
 
 /// Results of a run.
@@ -46,8 +46,8 @@ pub struct Report {
     pub files: BTreeSet<PathBuf>,
     /// Names of all images that were compared.
     pub pictures: BTreeSet<String>,
-    /// Golden images beside the files run that no section requests.
-    pub unused: Vec<PathBuf>,
+    /// Golden images of the files that were run which no section requests.
+    pub unused_images: Vec<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -90,6 +90,7 @@ impl Report {
         let all = self.outcomes.len();
         match (bad, all, counts.passed) {
             (0, 0, _) => Some("no section was found, so nothing was tested".into()),
+            (0, 1, 0) => Some("the only section was skipped, so nothing was tested".into()),
             (0, _, 0) => Some(format!("all {all} sections were skipped, so nothing was tested")),
             (0, ..) => None,
             (1, ..) => Some("1 section failed".into()),
@@ -124,8 +125,8 @@ pub fn run(
         waiting: BTreeMap::new(),
         on_outcome,
         report: Report::default(),
-        claims: BTreeMap::new(),
-        words: &options.words,
+        image_owners: BTreeMap::new(),
+        rerun_arguments: &options.rerun_arguments,
     });
     let worker = || {
         // If there are fewer sections than cores, each image is drawn by several threads.
@@ -135,15 +136,15 @@ pub fn run(
             let index = next.fetch_add(1, Ordering::SeqCst);
             let Some(case) = cases.get(index) else { return };
             let mut work = || run_case(case, registry, options, results.as_ref(), &mut painter);
-            let ran = catch_unwind(AssertUnwindSafe(|| match &pool {
+            let result = catch_unwind(AssertUnwindSafe(|| match &pool {
                 Ok(pool) => pool.install(&mut work),
                 Err(_) => work(),
             }));
-            let ran = ran.unwrap_or_else(|panic| {
+            let result = result.unwrap_or_else(|panic| {
                 painter = Painter::new(registry.effects(), options.gpu_cache.clone());
                 outcome_of_panic(case, panic.as_ref())
             });
-            reporter.lock().unwrap_or_else(PoisonError::into_inner).report(index, ran);
+            reporter.lock().unwrap_or_else(PoisonError::into_inner).report(index, result);
         }
     };
     std::thread::scope(|scope| {
@@ -153,11 +154,11 @@ pub fn run(
             worker();
         }
     });
-    let OutcomeReporter { mut report, claims, .. } =
+    let OutcomeReporter { mut report, image_owners, .. } =
         reporter.into_inner().unwrap_or_else(PoisonError::into_inner);
     let name = |path: &PathBuf| Some(path.file_stem()?.to_string_lossy().into_owned());
-    report.pictures = claims.keys().filter_map(name).collect();
-    report.unused = unused(cases, &report, &claims);
+    report.pictures = image_owners.keys().filter_map(name).collect();
+    report.unused_images = unused_golden_images(cases, &report, &image_owners);
     report.seconds = start.elapsed().as_secs_f64();
     report
 }
@@ -173,24 +174,24 @@ fn run_case(
         // Hashes of these files have been compared already, and are not needed again.
         let files = found.files.into_iter().map(|f| (f, [0; 32])).collect();
         let pictures = found.pictures.into_iter().map(|p| (p, None)).collect();
-        return SectionResult { outcome: found.outcome, files, pictures, keep: false };
+        return SectionResult { outcome: found.outcome, files, pictures, is_reusable: false };
     }
     let timeout = options.timeout.map(Timeout::after);
     let test = TestOptions { timeout, ..options.test.clone() };
-    let mut ran = section::run(case, registry, &test, &options.pictures, painter);
+    let mut result = section::run(case, registry, &test, &options.pictures, painter);
     if let Some(results) = results {
-        if ran.keep {
-            let roots = roots(case, &options.test);
-            results.keep(case, &mut ran.outcome, &ran.files, &ran.pictures, &roots);
+        if result.is_reusable {
+            let folders = search_folders(case, &options.test);
+            results.store(case, &mut result.outcome, &result.files, &result.pictures, &folders);
         } else {
-            results.forget(case);
+            results.remove(case);
         }
     }
-    ran
+    result
 }
 
 /// Folders in which a section's files are looked for.
-fn roots(case: &Case, options: &TestOptions) -> Vec<PathBuf> {
+fn search_folders(case: &Case, options: &TestOptions) -> Vec<PathBuf> {
     let own =
         case.path.parent().map(|p| if p.as_os_str().is_empty() { PathBuf::from(".") } else { p.into() });
     let all = own.into_iter().chain(case.root.clone()).chain(options.script.search_paths.iter().cloned());
@@ -205,9 +206,9 @@ fn outcome_of_panic(case: &Case, panic: &(dyn std::any::Any + Send)) -> SectionR
         format!("a fault of choreo itself, please report it: {text}")
     };
     let text = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
-    let mut outcome = blank(case);
+    let mut outcome = new_outcome(case);
     outcome.status = Status::Error(format!("{}: {text}", case.file));
-    SectionResult { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
+    SectionResult { outcome, files: Vec::new(), pictures: Vec::new(), is_reusable: false }
 }
 
 /// Restores the order of outcomes that arrive in any order.
@@ -216,31 +217,31 @@ struct OutcomeReporter<'a> {
     on_outcome: &'a mut (dyn FnMut(&Outcome) + Send),
     report: Report,
     /// Golden images, each with the section that owns it.
-    claims: BTreeMap<PathBuf, String>,
-    words: &'a str,
+    image_owners: BTreeMap<PathBuf, String>,
+    rerun_arguments: &'a str,
 }
 
 impl OutcomeReporter<'_> {
-    fn report(&mut self, index: usize, ran: SectionResult) {
-        self.waiting.insert(index, ran);
-        while let Some(mut ran) = self.waiting.remove(&self.report.outcomes.len()) {
-            self.claim(&mut ran);
-            ran.outcome.words = self.words.to_string();
-            self.report.files.extend(ran.files.into_iter().map(|(path, _)| path));
-            (self.on_outcome)(&ran.outcome);
-            self.report.outcomes.push(ran.outcome);
+    fn report(&mut self, index: usize, result: SectionResult) {
+        self.waiting.insert(index, result);
+        while let Some(mut result) = self.waiting.remove(&self.report.outcomes.len()) {
+            self.check_unique_images(&mut result);
+            result.outcome.rerun_arguments = self.rerun_arguments.to_string();
+            self.report.files.extend(result.files.into_iter().map(|(path, _)| path));
+            (self.on_outcome)(&result.outcome);
+            self.report.outcomes.push(result.outcome);
         }
     }
 
     /// Fails a section that uses the golden image of another one: both would be compared with the same image, and overwrite it when
     /// accepted.
-    fn claim(&mut self, ran: &mut SectionResult) {
-        for (path, _) in &ran.pictures {
-            let name = ran.outcome.name();
-            let Some(owner) = self.claims.insert(path.clone(), name) else { continue };
+    fn check_unique_images(&mut self, result: &mut SectionResult) {
+        for (path, _) in &result.pictures {
+            let name = result.outcome.name();
+            let Some(owner) = self.image_owners.insert(path.clone(), name) else { continue };
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-            ran.outcome.checks.push(Check {
-                place: ran.outcome.place.clone(),
+            result.outcome.checks.push(Check {
+                place: result.outcome.place.clone(),
                 title: format!("image \"{stem}\" has a unique name"),
                 passed: false,
                 expected: "different names within a file".into(),
@@ -249,30 +250,34 @@ impl OutcomeReporter<'_> {
                 hint: "give one of them another name".into(),
                 evidence: Evidence::None,
             });
-            if !ran.outcome.bad() {
-                ran.outcome.status = Status::Failed;
+            if !result.outcome.has_failed() {
+                result.outcome.status = Status::Failed;
             }
         }
     }
 }
 
 /// Golden images that no section requests, in files whose sections have all been judged.
-fn unused(cases: &[Case], report: &Report, claims: &BTreeMap<PathBuf, String>) -> Vec<PathBuf> {
+fn unused_golden_images(
+    cases: &[Case],
+    report: &Report,
+    image_owners: &BTreeMap<PathBuf, String>,
+) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut files: BTreeMap<&PathBuf, (usize, usize, bool)> = BTreeMap::new();
     for (case, outcome) in cases.iter().zip(&report.outcomes) {
         let judged = matches!(outcome.status, Status::Passed | Status::Failed);
-        let entry = files.entry(&case.path).or_insert((0, case.spans.len(), true));
+        let entry = files.entry(&case.path).or_insert((0, case.section_lines.len(), true));
         entry.0 += 1;
         entry.2 &= judged;
     }
     for (path, (ran, all, judged)) in files {
-        let folder = crate::stored::place(path, "any");
+        let folder = crate::golden_image::path_of(path, "any");
         let Some(folder) = folder.parent().filter(|_| ran == all && judged) else { continue };
         let Ok(entries) = std::fs::read_dir(folder) else { continue };
         for entry in entries.flatten() {
             let place = folder.join(entry.file_name());
-            if place.extension().is_some_and(|e| e == "png") && !claims.contains_key(&place) {
+            if place.extension().is_some_and(|e| e == "png") && !image_owners.contains_key(&place) {
                 found.push(place);
             }
         }

@@ -2,10 +2,10 @@
 
 use crate::collect::Case;
 use crate::evaluate::evaluate;
-use crate::images::{self, Accept, ImageOptions, Judged, SectionRef};
+use crate::golden_image;
+use crate::images::{self, Accept, ImageOptions, ImageOutcome, SectionRef};
 use crate::outcome::{Check, Evidence, Outcome, SourceLocation, Status};
-use crate::painter::{Device, NoImage, Painter, Shot};
-use crate::stored;
+use crate::painter::{Device, DrawError, ImageRequest, Painter};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_script::Diagnostic;
@@ -23,19 +23,19 @@ pub(crate) struct SectionResult {
     /// Golden images that were compared, with the hash of the content that was read.
     pub pictures: Vec<(PathBuf, Option<[u8; 32]>)>,
     /// Whether a later run may reuse the outcome if nothing has changed.
-    pub keep: bool,
+    pub is_reusable: bool,
 }
 
 /// Outcome of a section before it is run.
-pub fn blank(case: &Case) -> Outcome {
+pub fn new_outcome(case: &Case) -> Outcome {
     match &case.section {
         Ok(info) => Outcome::new(&case.file, &info.name, info.line),
         Err(_) => Outcome::new(&case.file, "", 0),
     }
 }
 
-fn without_files(outcome: Outcome) -> SectionResult {
-    SectionResult { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
+fn result_without_files(outcome: Outcome) -> SectionResult {
+    SectionResult { outcome, files: Vec::new(), pictures: Vec::new(), is_reusable: false }
 }
 
 pub fn run(
@@ -46,50 +46,50 @@ pub fn run(
     painter: &mut Painter,
 ) -> SectionResult {
     let start = Instant::now();
-    let mut outcome = blank(case);
+    let mut outcome = new_outcome(case);
     let info = match &case.section {
         Ok(info) => info,
         Err(diagnostics) => {
-            outcome.status = Status::Error(lines(diagnostics));
-            return without_files(outcome);
+            outcome.status = Status::Error(diagnostics_text(diagnostics));
+            return result_without_files(outcome);
         }
     };
     if let Some(reason) = &info.skip {
         outcome.status = Status::Skipped(reason.clone());
-        return without_files(outcome);
+        return result_without_files(outcome);
     }
     // The root in the options applies only to files below it.
     let options = TestOptions { root: case.root.clone(), ..options.clone() };
     let run = match run_section(&case.path, info.index, registry, &options) {
         Ok(run) => run,
         Err(diagnostics) => {
-            outcome.status = Status::Error(lines(&diagnostics));
+            outcome.status = Status::Error(diagnostics_text(&diagnostics));
             outcome.seconds = start.elapsed().as_secs_f64();
-            return without_files(outcome);
+            return result_without_files(outcome);
         }
     };
     outcome.printed = run.printed.clone();
     // The effects include those of plugin files that the section uses, and perhaps further ones.
     let registry = registry.settled_for(run.stages.iter().map(|stage| &**stage));
-    if let Err(NoImage::Failed(why) | NoImage::NoDevice(why)) = painter.set_effects(registry.effects()) {
+    if let Err(DrawError::Failed(why) | DrawError::NoDevice(why)) = painter.set_effects(registry.effects()) {
         outcome.status = Status::Error(why);
-        return without_files(outcome);
+        return result_without_files(outcome);
     }
     // An image of a known bug must not become a golden image.
     let without_accept = ImageOptions { accept: Accept::None, ..picture_options.clone() };
     let picture_options = if info.fails.is_some() { &without_accept } else { picture_options };
-    let mut ran = judge(case, outcome, &run, &registry, picture_options, painter);
+    let mut result = judge(case, outcome, &run, &registry, picture_options, painter);
     if let Some(why) = &info.fails {
-        known_bug(&mut ran.outcome, why);
+        invert_known_bug(&mut result.outcome, why);
     }
     if let Some(Err(why)) = run.timeout.map(|timeout| timeout.check()) {
-        ran.outcome.status = Status::Error(format!("{}: {why}", ran.outcome.place));
-        ran.outcome.checks.clear();
-        ran.keep = false;
+        result.outcome.status = Status::Error(format!("{}: {why}", result.outcome.place));
+        result.outcome.checks.clear();
+        result.is_reusable = false;
     }
-    ran.outcome.seconds = start.elapsed().as_secs_f64();
-    ran.files = run.files_used;
-    ran
+    result.outcome.seconds = start.elapsed().as_secs_f64();
+    result.files = run.files_used;
+    result
 }
 
 fn judge(
@@ -102,19 +102,19 @@ fn judge(
 ) -> SectionResult {
     let mut pictures = Vec::new();
     if !run.errors.is_empty() {
-        let mut texts = vec![lines(&run.errors)];
+        let mut texts = vec![diagnostics_text(&run.errors)];
         for e in run.expected.iter().filter(|e| !e.met) {
             texts.push(format!("{}:{}: expected, but it did not occur: {}", case.file, e.line, e.text));
         }
         outcome.status = Status::Error(texts.join("\n"));
-        return without_files(outcome);
+        return result_without_files(outcome);
     }
     if run.asserts_nothing() {
         outcome.status = Status::Error(format!(
             "{}: this section asserts nothing, so it cannot fail\n    hint: add an expect(…) or expect_image(…), or //~ error: TEXT where an error is expected",
             outcome.place
         ));
-        return without_files(outcome);
+        return result_without_files(outcome);
     }
     outcome.checks = evaluate(run, registry);
     let mut skipped = None;
@@ -130,19 +130,19 @@ fn judge(
             let section_ref =
                 SectionRef { path: &case.path, file: &case.file, section: &outcome.section, place };
             let read = match images::judge(wanted, stage, &section_ref, painter, options) {
-                Judged::Check(check, read) => {
+                ImageOutcome::Check(check, read) => {
                     outcome.checks.push(*check);
                     read
                 }
-                Judged::Skipped(reason) => {
+                ImageOutcome::Skipped(reason) => {
                     skipped = Some(reason);
                     None
                 }
             };
-            pictures.push((stored::place(&case.path, &wanted.name), read));
+            pictures.push((golden_image::path_of(&case.path, &wanted.name), read));
         }
         if let Some(stage) = run.stages.first().filter(|_| run.info.as_it_stands()) {
-            outcome.checks.push(drawable(case, stage, painter));
+            outcome.checks.push(check_drawable(case, stage, painter));
         }
     }
     // Most warnings are already failed checks.
@@ -160,19 +160,19 @@ fn judge(
     };
     let expects_errors = run.expected.iter().any(|e| e.severity == choreo_script::Severity::Error);
     let accepted = outcome.checks.iter().any(|c| c.by == images::ACCEPTED);
-    let keep = outcome.status == Status::Passed && !expects_errors && !accepted;
-    SectionResult { outcome, files: Vec::new(), pictures, keep }
+    let is_reusable = outcome.status == Status::Passed && !expects_errors && !accepted;
+    SectionResult { outcome, files: Vec::new(), pictures, is_reusable }
 }
 
-/// Draws a script without sections once, at half its length.
-fn drawable(case: &Case, stage: &Arc<Stage>, painter: &mut Painter) -> Check {
+/// Check that a script without sections can be drawn; draws one frame at half its length.
+fn check_drawable(case: &Case, stage: &Arc<Stage>, painter: &mut Painter) -> Check {
     let middle = Time(stage.settings.length.0 / 2);
     let [w, h] = stage.settings.size;
     let size = if w > h { [160, (160 * h / w).max(1)] } else { [(160 * w / h.max(1)).max(1), 160] };
-    let drawn = painter.draw(stage, &Shot { at: middle, size, samples: 1, device: Device::Cpu });
+    let drawn = painter.draw(stage, &ImageRequest { at: middle, size, samples: 1, device: Device::Cpu });
     let (passed, got) = match drawn {
         Ok((frame, _)) => (true, format!("{}x{} pixels", frame.width, frame.height)),
-        Err(NoImage::Failed(why) | NoImage::NoDevice(why)) => (false, why),
+        Err(DrawError::Failed(why) | DrawError::NoDevice(why)) => (false, why),
     };
     Check {
         place: SourceLocation { file: case.file.clone(), line: 0, column: 0 },
@@ -187,7 +187,7 @@ fn drawable(case: &Case, stage: &Arc<Stage>, painter: &mut Painter) -> Check {
 }
 
 /// Inverts the outcome of a section marked as known to fail: it passes while it fails, and fails once the bug is fixed.
-fn known_bug(outcome: &mut Outcome, why: &str) {
+fn invert_known_bug(outcome: &mut Outcome, why: &str) {
     let first = match &outcome.status {
         Status::Error(text) => Some(text.lines().next().unwrap_or_default().to_string()),
         Status::Failed => {
@@ -214,7 +214,7 @@ fn known_bug(outcome: &mut Outcome, why: &str) {
     }];
 }
 
-fn lines(diagnostics: &[Diagnostic]) -> String {
+fn diagnostics_text(diagnostics: &[Diagnostic]) -> String {
     let texts: Vec<String> = diagnostics.iter().map(ToString::to_string).collect();
     texts.join("\n")
 }

@@ -1,7 +1,7 @@
 //! PNG, MP4, GIF and y4m as `choreo info` and `--resume` read them, and PNG as the stored image of a test.
 #![no_main]
 
-use choreo_test_runner::stored::{decode, encode};
+use choreo_test_runner::golden_image::{decode, encode};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -127,7 +127,7 @@ impl Tally {
             self.skips.extend(count.parse().ok().map(|n| (n, reason.to_string())));
         } else if let Some(name) = line.strip_prefix("FAILED ").or_else(|| line.strip_prefix("ERROR ")) {
             self.failures.push(format!("choreo test: {name}"));
-        } else if line.contains(" passed") && line.contains(" checks in ") {
+        } else if line.contains(" passed") && (line.contains(" checks in ") || line.contains(" check in ")) {
             for part in line.split([',', ';', '(']) {
                 let Some((count, word)) = part.trim().split_once(' ') else { continue };
                 let count: u64 = count.parse().unwrap_or(0);

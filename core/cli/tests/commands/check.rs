@@ -1,5 +1,5 @@
-//! `choreo check` on scripts that are valid but probably not intended, each with the exact text of what is found: `checked/NAME.rhai` and
-//! `checked/NAME.txt`. `CHOREO_ACCEPT=1 cargo test --workspace --test commands check` writes the texts anew; read them before you commit.
+//! `choreo check` on scripts that are valid but probably not intended: `checked/NAME.rhai`, with the exact expected output in
+//! `checked/NAME.txt`. `CHOREO_ACCEPT=1 cargo test --workspace --test commands check` updates the expected output; read it before you commit.
 
 use crate::common::*;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ fn scripts(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn every_script_is_answered_with_its_findings() {
+fn check_prints_the_expected_findings_of_every_script() {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked");
     let accept = std::env::var_os("CHOREO_ACCEPT").is_some();
     let scripts = scripts(&corpus);
@@ -38,17 +38,17 @@ fn every_script_is_answered_with_its_findings() {
     assert!(failures.is_empty(), "{} scripts:\n{}", failures.len(), failures.join("\n"));
 }
 
-/// Nothing is found where nothing is: every example script, as it is in the repository.
+/// No example script of the repository has a finding, so that the rules give no false alarms.
 #[test]
 fn the_example_scripts_have_no_warnings() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let scripts = scripts(&root.join("scripts"));
     assert!(scripts.len() >= 7);
     for path in scripts {
-        // A limit of the clock, which a script on a busy machine reaches earlier.
-        let unhurried =
+        // A limit on wall-clock time, which a script reaches earlier on a busy machine.
+        let long_time_limits =
             ["--limit", "seconds=900", "--limit", "frame_seconds=900", "--limit", "check_seconds=900"];
-        let args = [&["check", "--strict", path.to_str().unwrap()][..], &unhurried].concat();
+        let args = [&["check", "--strict", path.to_str().unwrap()][..], &long_time_limits].concat();
         let run = choreo(&root, &args);
         assert_eq!((run.code, run.err.as_str()), (0, ""), "{}: {}", path.display(), run.out);
     }
@@ -56,7 +56,7 @@ fn the_example_scripts_have_no_warnings() {
 
 #[test]
 fn the_benchmark_scripts_have_no_warnings() {
-    let Some(assets) = assets() else { return };
+    let Some(assets) = sample_assets_folder() else { return };
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     for path in scripts(&root.join("tests/bench")) {
         let search = assets.join("gltf");
@@ -67,7 +67,7 @@ fn the_benchmark_scripts_have_no_warnings() {
 }
 
 #[test]
-fn strict_fails_on_warnings_and_machines_read_rules() {
+fn strict_fails_on_warnings_and_json_contains_rules() {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked");
     let run = choreo(&corpus, &["check", "--strict", "frozen_at_end.rhai"]);
     assert_eq!(run.code, 1);

@@ -1,18 +1,18 @@
-//! info, explain, check, pose and plugins on good input.
+//! The commands `info`, `explain`, `check`, `pose` and `plugins` on valid input.
 
 use crate::common::*;
 use serde_json::Value;
 
-fn json(folder: &std::path::Path, args: &[&str]) -> Value {
+fn json_output(folder: &std::path::Path, args: &[&str]) -> Value {
     let run = choreo(folder, args);
     assert_eq!(run.code, 0, "{}", run.err);
     serde_json::from_str(&run.out).unwrap()
 }
 
 #[test]
-fn pose_gives_joints_in_the_world() {
+fn pose_prints_joints_in_world_space() {
     let dir = folder();
-    let value = json(dir.path(), &["pose", "tri.gltf", "--at", "0.25", "--json"]);
+    let value = json_output(dir.path(), &["pose", "tri.gltf", "--at", "0.25", "--json"]);
     let joints = value["actors"][0]["joints"].as_array().unwrap();
     let joint = |name: &str| joints.iter().find(|j| j["name"] == name).unwrap();
     let slider = joint("Slider");
@@ -30,7 +30,7 @@ fn pose_writes_meshes_in_the_file_s_vertex_order() {
     let dir = folder();
     let run = choreo(dir.path(), &["pose", "tri.gltf", "--at", "1", "--mesh", "o.obj", "--clip", "Slide"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    assert_eq!(parts(dir.path()), Vec::<String>::new());
+    assert_eq!(part_files(dir.path()), Vec::<String>::new());
     let obj = String::from_utf8(read(dir.path(), "o.obj")).unwrap();
     let vertices: Vec<Vec<f64>> = obj
         .lines()
@@ -46,9 +46,9 @@ fn pose_writes_meshes_in_the_file_s_vertex_order() {
 }
 
 #[test]
-fn info_counts_what_is_in_a_file() {
+fn info_counts_the_contents_of_a_file() {
     let dir = folder();
-    let value = json(dir.path(), &["info", "tri.gltf", "--json", "--joints"]);
+    let value = json_output(dir.path(), &["info", "tri.gltf", "--json", "--joints"]);
     assert_eq!(
         (&value["vertices"], &value["triangles"], &value["joints"]),
         (&3.into(), &1.into(), &2.into())
@@ -61,9 +61,9 @@ fn info_counts_what_is_in_a_file() {
 }
 
 #[test]
-fn explain_names_what_is_left_out() {
+fn explain_lists_what_the_plan_leaves_out() {
     let dir = folder();
-    let value = json(dir.path(), &["explain", "tri.gltf", "--json"]);
+    let value = json_output(dir.path(), &["explain", "tri.gltf", "--json"]);
     assert_eq!(value["frame"]["draws"], 1);
     let left: Vec<&str> =
         value["left_out"].as_array().unwrap().iter().map(|l| l["what"].as_str().unwrap()).collect();
@@ -87,7 +87,7 @@ fn explain_names_what_is_left_out() {
 }
 
 #[test]
-fn explain_says_how_many_sub_frames_motion_blur_takes_and_why() {
+fn explain_states_the_number_of_motion_blur_sub_frames_and_the_reason() {
     let dir = tempfile::tempdir().unwrap();
     let script = |turn: f64| {
         format!(
@@ -98,25 +98,25 @@ fn explain_says_how_many_sub_frames_motion_blur_takes_and_why() {
              camera(\"front\").at(0.0, 0.0, 4.0).look_at([0.0, 0.0, 0.0]);\n"
         )
     };
-    for (turn, said) in [
+    for (turn, expected) in [
         (0.0, "blur       1 sub-frame: nothing visible moves while the shutter is open"),
         (400.0, "blur       2 sub-frames: nothing moves by more than 1."),
         (20000.0, "blur       16 sub-frames: something moves by "),
     ] {
         std::fs::write(dir.path().join("s.rhai"), script(turn)).unwrap();
         let run = choreo(dir.path(), &["explain", "s.rhai", "--at", "0.5"]);
-        assert!(run.out.contains(said), "{turn}: {}", run.out);
+        assert!(run.out.contains(expected), "{turn}: {}", run.out);
     }
 }
 
-/// What a pass draws and holds is named with the pass; one that is not named costs nothing.
+/// The draws and memory of a pass are listed with the name of the pass. A pass that is not requested costs nothing.
 #[test]
 fn explain_states_the_cost_of_each_pass() {
     let dir = tempfile::tempdir().unwrap();
     let script = "stage(#{ size: [64, 36], length: 1.0, samples: 4 });\ncast(\"box\", shape(\"box\"));\n";
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
     let costs = |passes: &[&str]| -> Vec<(String, String, u64)> {
-        let value = json(dir.path(), &[&["explain", "s.rhai", "--json"], passes].concat());
+        let value = json_output(dir.path(), &[&["explain", "s.rhai", "--json"], passes].concat());
         let parts = value["in"].as_array().unwrap();
         let asked = |p: &serde_json::Value| p["asked_by"]["other"].as_str().unwrap_or_default().to_string();
         let row = |p: &serde_json::Value| {
@@ -141,14 +141,15 @@ fn explain_states_the_cost_of_each_pass() {
     assert!(one.iter().all(|(by, ..)| by == "the pass depth" || by == "the passes of the frame"), "{one:?}");
 }
 
-/// Shadow maps have no materials: nothing that the box alone asks for names those of the figure, which come first. The tables fit the terminal.
+/// The shadow map has no materials: what the box alone requests does not list the materials of the figure, which come first in the
+/// scene. The tables fit the width of the terminal.
 #[test]
-fn explain_names_the_materials_of_what_it_is_about() {
+fn explain_names_only_the_materials_that_an_actor_uses() {
     let dir = folder();
     let script = "sun(#{ shadow: true });\nlet m = load(\"choreo:mannequin\");\ncast(\"figure\", m);\n\
         cast(\"box\", shape(\"box\")).at(1, 0, 0);\ncamera(\"c\").at(0, 1, 5).look_at([0, 1, 0]);";
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
-    let value = json(dir.path(), &["explain", "s.rhai", "--json"]);
+    let value = json_output(dir.path(), &["explain", "s.rhai", "--json"]);
     let of_box = |part: &&serde_json::Value| {
         let actors = part["asked_by"]["actors"].as_array().unwrap();
         actors.len() == 1 && actors[0]["name"] == "box"
@@ -162,24 +163,24 @@ fn explain_names_the_materials_of_what_it_is_about() {
     }
     for columns in ["80", "120"] {
         let run =
-            finished(command(dir.path(), &["explain", "s.rhai"]).env("COLUMNS", columns).output().unwrap());
+            run_result(command(dir.path(), &["explain", "s.rhai"]).env("COLUMNS", columns).output().unwrap());
         let table: Vec<&str> = run.out.lines().skip_while(|line| !line.contains("requested by")).collect();
         assert!(
             table.len() > 20 && table.iter().all(|line| line.chars().count() <= columns.parse().unwrap())
         );
     }
     let mut piped = command(dir.path(), &["explain", "s.rhai"]);
-    let run = finished(piped.env_remove("COLUMNS").output().unwrap());
+    let run = run_result(piped.env_remove("COLUMNS").output().unwrap());
     assert!(run.out.lines().any(|line| line.chars().count() > 120), "{}", run.out);
 }
 
 #[test]
-fn explain_says_where_in_the_script_something_was_asked_for() {
+fn explain_states_the_script_line_that_requests_a_feature() {
     let dir = tempfile::tempdir().unwrap();
     let script = "stage(#{ length: 1.0 });\nlet m = load(\"choreo:mannequin\");\ncast(\"ada\", m).play(m.clip(\"Walk\"));\n\
                   cast(\"box\", shape(\"box\")).at(1.0, 0.0, 0.0);\neffect(\"vignette\");\n";
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
-    let value = json(dir.path(), &["explain", "s.rhai", "--json"]);
+    let value = json_output(dir.path(), &["explain", "s.rhai", "--json"]);
     let part = |kind: &str, what: &str| {
         let parts = value["in"].as_array().unwrap();
         parts
@@ -202,12 +203,13 @@ fn explain_says_where_in_the_script_something_was_asked_for() {
 }
 
 #[test]
-fn measure_names_a_way_for_each_choice() {
+fn measure_reports_every_numerical_choice_with_its_reason() {
     let dir = tempfile::tempdir().unwrap();
     let script = "stage(#{ size: [64, 48], length: 2.0 });\nlet m = load(\"choreo:mannequin\");\n\
                   cast(\"ada\", m).play(m.clip(\"Walk\")).until(1.0).then(m.clip(\"Run\"), #{ fade: 0.4 });\n";
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
-    let value = json(dir.path(), &["measure", "s.rhai", "--device", "cpu", "--json", "--plot", "m.svg"]);
+    let value =
+        json_output(dir.path(), &["measure", "s.rhai", "--device", "cpu", "--json", "--plot", "m.svg"]);
     let choices = value["choices"].as_array().unwrap();
     let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
     assert_eq!(named, ["bake", "crossfade", "skinning", "normals", "weights", "renderer", "video"]);
@@ -237,7 +239,7 @@ fn measure_names_a_way_for_each_choice() {
 }
 
 #[test]
-fn measure_compares_springs_chains_skies_and_tones() {
+fn measure_compares_springs_ik_sky_maps_and_tone_curves() {
     let dir = tempfile::tempdir().unwrap();
     let flag = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/flag.gltf");
     std::fs::copy(flag, dir.path().join("flag.gltf")).unwrap();
@@ -252,7 +254,7 @@ fn measure_compares_springs_chains_skies_and_tones() {
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
     let mut arguments = vec!["measure", "s.rhai", "--device", "cpu", "--json"];
     arguments.extend(["springs", "ik", "sky", "tones"].iter().flat_map(|key| ["--only", key]));
-    let value = json(dir.path(), &arguments);
+    let value = json_output(dir.path(), &arguments);
     let choices = value["choices"].as_array().unwrap();
     let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
     assert_eq!(named, ["springs", "ik", "sky_maps", "sky_diffuse", "agx"]);
@@ -299,7 +301,7 @@ fn measure_compares_shadows_and_sub_frames() {
         "--only",
         "motion_blur",
     ];
-    let value = json(dir.path(), &arguments);
+    let value = json_output(dir.path(), &arguments);
     let choices = value["choices"].as_array().unwrap();
     let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
     assert_eq!(named, ["shadows", "motion_blur"]);
@@ -320,7 +322,7 @@ fn measure_compares_shadows_and_sub_frames() {
 }
 
 #[test]
-fn a_walk_alone_sets_position_and_rotation() {
+fn walk_to_conflicts_with_other_positions_and_rotations() {
     let dir = tempfile::tempdir().unwrap();
     let script = "let m = load(\"choreo:mannequin\");\nlet a = cast(\"a\", m).at(0, 0, 1);\na.play(m.clip(\"Idle\"));\n\
                   a.walk_to([2, 0, 0]);\na.face([0, 0, 5]);\na.turn(90);\na.at(1, 0, 0);\n\
@@ -337,9 +339,9 @@ fn a_walk_alone_sets_position_and_rotation() {
 }
 
 #[test]
-fn plugins_and_help_are_complete() {
+fn plugins_and_help_list_all_plugins_and_exit_codes() {
     let dir = folder();
-    let value = json(dir.path(), &["plugins", "--json"]);
+    let value = json_output(dir.path(), &["plugins", "--json"]);
     let names = |kind: &str| -> Vec<String> {
         value[kind].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap().to_string()).collect()
     };
@@ -367,7 +369,7 @@ fn a_script_is_checked_posed_and_rendered() {
     std::fs::write(d.join("s.rhai"), script).unwrap();
     let run = choreo(d, &["check", "s.rhai"]);
     assert_eq!((run.code, run.out.as_str()), (0, "s.rhai: good, 10 frames, no warnings\n"), "{}", run.err);
-    let value = json(d, &["pose", "s.rhai", "--at", "0.5", "--json"]);
+    let value = json_output(d, &["pose", "s.rhai", "--at", "0.5", "--json"]);
     assert_eq!(value["actors"][0]["name"], "a");
     assert_eq!(value["actors"][0]["world_from_model"][12], 1.0);
     let run = choreo(d, &["render", "s.rhai", "-o", "f/%d.png", "--device", "cpu", "--quiet"]);
@@ -376,7 +378,7 @@ fn a_script_is_checked_posed_and_rendered() {
 }
 
 #[test]
-fn plugins_show_what_each_importer_says_of_a_file() {
+fn plugins_for_a_file_lists_the_claim_of_each_importer() {
     let dir = folder();
     std::fs::write(dir.path().join("what.dat"), "?").unwrap();
     let run = choreo(dir.path(), &["plugins", "--for", "tri.gltf"]);
@@ -388,7 +390,7 @@ fn plugins_show_what_each_importer_says_of_a_file() {
     assert!(run.out.contains("  mannequin    not mine\n"), "{}", run.out);
     let run = choreo(dir.path(), &["plugins", "--for", "what.dat"]);
     assert!(run.out.starts_with("what.dat: no importer knows this kind of file\n"), "{}", run.out);
-    let value = json(dir.path(), &["plugins", "--for", "tri.gltf", "--json"]);
+    let value = json_output(dir.path(), &["plugins", "--for", "tri.gltf", "--json"]);
     assert_eq!(value["read_by"], "gltf");
     assert_eq!(
         value["claims"][0],
@@ -424,7 +426,7 @@ fn import_options_of_model_files_come_from_the_manifest() {
     }
 }
 
-/// A body of 17 joints as BVH, two frames: names and places of its joints, each with its depth below the hips.
+/// A character of 17 joints as BVH with two frames. `names` are the names of the joints from the hips down, depth first.
 fn body_bvh(names: [&str; 17]) -> String {
     let places = [
         (0, "0 90 0"),
@@ -463,10 +465,10 @@ fn body_bvh(names: [&str; 17]) -> String {
     format!("{text}MOTION\nFrames: 2\nFrame Time: 0.5\n{}{}", frame("0"), frame("10"))
 }
 
-/// A clip of 17 joints on a body of which names and structure tell hips and legs alone, and on one of which they tell nothing: what
-/// plays it, what retargets it and what tells of it agree.
+/// A clip of 17 joints on two characters: on the first, names and structure identify only the hips and legs; on the second, they identify
+/// nothing. Scripts that play the clip, scripts that retarget it and `info --on` give the same message.
 #[test]
-fn body_parts_that_do_not_follow_are_named_by_every_command() {
+fn body_parts_that_are_not_retargeted_are_named_by_every_command() {
     let mixamo = [
         "Hips",
         "Spine",
@@ -518,10 +520,10 @@ fn body_parts_that_do_not_follow_are_named_by_every_command() {
     let parts = "9 of 17 animated joints have a partner; these body parts stay at rest: spine, head, left arm, right arm";
     for script in ["plays.rhai", "retargets.rhai", "fits.rhai"] {
         let run = choreo(dir.path(), &["check", script]);
-        let said = format!("{}{}", run.out, run.err);
+        let output = format!("{}{}", run.out, run.err);
         let warning = format!("clip \"walk\" of \"walk.bvh\" on \"legs.bvh\": {parts}");
-        assert_eq!((run.code, said.matches(&warning).count()), (0, 1), "{script}: {said}");
-        assert!(said.contains("name their partners: clip.retarget(asset, #{ joints:"), "{said}");
+        assert_eq!((run.code, output.matches(&warning).count()), (0, 1), "{script}: {output}");
+        assert!(output.contains("name their partners: clip.retarget(asset, #{ joints:"), "{output}");
     }
     let run = choreo(dir.path(), &["info", "walk.bvh", "--on", "legs.bvh"]);
     assert!(run.code == 0 && run.out.contains(&format!("\n{parts}\n")), "{}{}", run.out, run.err);
@@ -538,12 +540,13 @@ fn body_parts_that_do_not_follow_are_named_by_every_command() {
     }
 }
 
-/// ESC, carriage return, a line of its own, a line separator of terminals (C1), and characters that turn the order around.
-const EVIL: &str = "e\u{1b}[31mv\r\nerror: il\u{9b}2J\u{202e}\u{2066}";
+/// A name with ESC, a carriage return, a line feed with a forged error message, a C1 control character, and characters that change the
+/// direction of text.
+const HOSTILE_NAME: &str = "e\u{1b}[31mv\r\nerror: il\u{9b}2J\u{202e}\u{2066}";
 
-/// The triangle with such a name for everything that has one.
+/// The triangle, with `HOSTILE_NAME` in the name of each part.
 fn hostile_model() -> String {
-    let evil = serde_json::to_string(EVIL).unwrap();
+    let evil = serde_json::to_string(HOSTILE_NAME).unwrap();
     let evil = evil.trim_matches('"');
     let mut text = triangle(1.0);
     for name in ["Root", "Slider", "Tri", "Slide"] {
@@ -554,23 +557,24 @@ fn hostile_model() -> String {
         .replace("\"accessors\":", &format!("{material}\n  \"accessors\":"))
 }
 
-/// No command lets names of a file steer the terminal or begin a line; as JSON they are what they are.
+/// No command prints control characters from names in a file, so that they can neither control the terminal nor begin a new line.
+/// JSON output has the names unchanged.
 #[test]
-fn names_of_files_do_not_reach_the_terminal_as_they_are() {
+fn control_characters_in_names_do_not_reach_the_terminal() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     std::fs::write(d.join("evil.gltf"), hostile_model()).unwrap();
     let script = format!(
         "let m = load(\"evil.gltf\");\nlet a = cast({0}, m).play(m.clip(0));\nprint({0});\na.joint({0});\n",
-        serde_json::to_string(&format!("anna{EVIL}")).unwrap().replace("\\u001b", "\\x1b")
+        serde_json::to_string(&format!("anna{HOSTILE_NAME}")).unwrap().replace("\\u001b", "\\x1b")
     );
     std::fs::write(d.join("evil.rhai"), &script).unwrap();
     let section = "test(\"s\\x1b[2J\\nerror: x\", || { expect(1).equals(2); });";
     std::fs::write(d.join("evil_test.rhai"), section).unwrap();
-    let steers = |c: char| {
+    let controls_terminal = |c: char| {
         (c.is_control() && c != '\n') || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
     };
-    let mut named = 0;
+    let mut commands_with_names = 0;
     for args in [
         &["info", "evil.gltf", "--joints"][..],
         &["info", "evil.gltf", "--on", "evil.gltf"],
@@ -589,20 +593,25 @@ fn names_of_files_do_not_reach_the_terminal_as_they_are() {
     ] {
         let run = choreo(d, args);
         let text = format!("{}{}", run.out, run.err);
-        assert_eq!(text.chars().find(|c| steers(*c)), None, "{args:?}: {}", text.escape_debug());
+        assert_eq!(text.chars().find(|c| controls_terminal(*c)), None, "{args:?}: {}", text.escape_debug());
         assert!(!text.lines().any(|line| line.starts_with("error: ")), "{args:?}: {text}");
-        named += usize::from(text.contains("\u{fffd}"));
+        commands_with_names += usize::from(text.contains("\u{fffd}"));
         if let ["info" | "pose" | "explain" | "check", ..] = args {
             let run = choreo(d, &[args, &["--json"]].concat());
-            assert_eq!(run.out.chars().find(|c| steers(*c)), None, "{args:?}: {}", run.out.escape_debug());
+            assert_eq!(
+                run.out.chars().find(|c| controls_terminal(*c)),
+                None,
+                "{args:?}: {}",
+                run.out.escape_debug()
+            );
             let value: Value = serde_json::from_str(&run.out).unwrap();
-            let whole = value.to_string();
-            assert!(!whole.contains('\u{fffd}'), "{args:?}: {whole}");
+            let json = value.to_string();
+            assert!(!json.contains('\u{fffd}'), "{args:?}: {json}");
         }
     }
-    assert!(named >= 9, "the names are told by {named} commands");
-    let value = json(d, &["pose", "evil.gltf", "--json"]);
-    assert_eq!(value["actors"][0]["joints"][0]["name"], format!("Root{EVIL}"));
+    assert!(commands_with_names >= 9, "only {commands_with_names} commands print the names");
+    let value = json_output(d, &["pose", "evil.gltf", "--json"]);
+    assert_eq!(value["actors"][0]["joints"][0]["name"], format!("Root{HOSTILE_NAME}"));
 }
 
 #[test]
@@ -616,8 +625,8 @@ fn a_matrix_is_one_line_of_json() {
     });
 }
 
-/// Legs that face −z, in centimetres.
-fn legs_to_the_back() -> String {
+/// The hips and legs of a character that faces −z, in centimetres, as BVH.
+fn legs_facing_minus_z_bvh() -> String {
     let leg = |side: &str, x: i32| {
         let joint = |name: &str, offset: &str, below: &str| {
             format!(
@@ -638,7 +647,7 @@ fn legs_to_the_back() -> String {
 
 /// The recipe of a hand-over states the axes of the built-in character's hands.
 #[test]
-fn axes_of_hands_are_named() {
+fn info_states_the_axes_of_hands() {
     let dir = folder();
     let run = choreo(dir.path(), &["info", "choreo:mannequin"]);
     let line = run.out.lines().find(|line| line.starts_with("hands "));
@@ -648,10 +657,11 @@ fn axes_of_hands_are_named() {
     assert!(recipe.contains(
         "hands of the built-in character and of Mixamo y runs along the fingers\n  and z out of the palm"
     ));
-    let told = json(dir.path(), &["info", "choreo:mannequin", "--json"])["character"]["hands"].clone();
-    assert_eq!(told.as_array().unwrap().len(), 2, "{told}");
+    let hands =
+        json_output(dir.path(), &["info", "choreo:mannequin", "--json"])["character"]["hands"].clone();
+    assert_eq!(hands.as_array().unwrap().len(), 2, "{hands}");
     // VRM 0.x: joints have the axes of the model, in which the arms are stretched out.
-    let Some(assets) = assets() else { return };
+    let Some(assets) = sample_assets_folder() else { return };
     let model = assets.join("vrm/cool_loops.vrm");
     let run = choreo(dir.path(), &["info", model.to_str().unwrap()]);
     let line = run.out.lines().find(|line| line.starts_with("hands "));
@@ -660,20 +670,20 @@ fn axes_of_hands_are_named() {
 }
 
 #[test]
-fn a_character_that_faces_minus_z_is_named_so_and_walks_forwards() {
+fn a_character_that_faces_minus_z_is_detected_and_walks_forwards() {
     let dir = folder();
-    std::fs::write(dir.path().join("legs.bvh"), legs_to_the_back()).unwrap();
+    std::fs::write(dir.path().join("legs.bvh"), legs_facing_minus_z_bvh()).unwrap();
     let run = choreo(dir.path(), &["info", "legs.bvh"]);
     assert!(run.out.contains("\nfacing     -z (feet, knees, left and right)\n"), "{}{}", run.out, run.err);
-    let facing = json(dir.path(), &["info", "legs.bvh", "--json"])["facing"].clone();
+    let facing = json_output(dir.path(), &["info", "legs.bvh", "--json"])["facing"].clone();
     assert_eq!((&facing["front"], &facing["doubtful"]), (&"-z".into(), &false.into()));
-    // How far its toes are before its heels on the way, in metres.
+    // How far the toes are in front of the heel, in the direction of travel, in metres.
     let ahead = |options: &str| {
         let script = format!(
             "cast(\"a\", load(\"legs.bvh\", #{{ scale: 0.01{options} }})).path([[0, 0, 0], [4, 0, 0]], #{{ speed: 1.0 }});\nstage(#{{ length: 2.0 }});\n"
         );
         std::fs::write(dir.path().join("walks.rhai"), script).unwrap();
-        let value = json(dir.path(), &["pose", "walks.rhai", "--at", "1", "--json"]);
+        let value = json_output(dir.path(), &["pose", "walks.rhai", "--at", "1", "--json"]);
         let joints = value["actors"][0]["joints"].as_array().unwrap().clone();
         let x = |name: &str| {
             let joint = joints.iter().find(|j| j["name"] == name).unwrap();
@@ -683,6 +693,6 @@ fn a_character_that_faces_minus_z_is_named_so_and_walks_forwards() {
     };
     let (found, stated) = (ahead(""), ahead(", facing: \"+z\""));
     assert!((found - 0.12).abs() < 1e-3, "{found}");
-    // The front that the script gives takes precedence; everyone was taken to face +z, so this was a moonwalk.
+    // The front that the script gives takes precedence: with +z the character walks backwards.
     assert!((stated + 0.12).abs() < 1e-3, "{stated}");
 }

@@ -1,6 +1,6 @@
-//! `choreo format`: what it changes, what it refuses, and that scenes stay the same.
+//! `choreo format`: what it changes, what it refuses, and that the scenes of scripts do not change.
 
-use crate::common::{choreo, command, finished, names};
+use crate::common::{choreo, command, names, run_result};
 use choreo_script::ScriptOptions;
 use choreo_script::format::formatted;
 use std::io::Write;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 #[test]
-fn scripts_are_written_whole_and_only_where_they_change() {
+fn only_unformatted_scripts_are_rewritten() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
@@ -50,14 +50,14 @@ fn scripts_are_written_whole_and_only_where_they_change() {
 }
 
 #[test]
-fn a_pipe_is_formatted() {
+fn standard_input_is_formatted() {
     let folder = tempfile::tempdir().unwrap();
     let through = |args: &[&str], text: &str| {
         let mut command = command(folder.path(), args);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
-        finished(child.wait_with_output().unwrap())
+        run_result(child.wait_with_output().unwrap())
     };
     let run = through(&["format", "-"], "f( `a\u{1b} ` )");
     assert_eq!((run.code, run.out.as_str()), (0, "f(`a\u{1b} `)\n"));
@@ -77,8 +77,8 @@ fn lessons() -> Vec<PathBuf> {
     paths
 }
 
-/// Badly laid out: without indentation and with more blanks and blank lines, but with the same tokens.
-fn spoiled(text: &str) -> String {
+/// The text with the same tokens in a bad layout: without indentation, and with additional spaces and blank lines.
+fn badly_formatted(text: &str) -> String {
     let line = |line: &str| match line.contains(['"', '`', '/']) {
         true => line.trim().to_string(),
         false => line.trim().replace(", ", "  ,").replace(" = ", "="),
@@ -92,14 +92,14 @@ fn formatted_lessons_make_the_same_scenes() {
     let options = ScriptOptions { needs: choreo_plugin::ImportScope::NO_PIXELS, ..ScriptOptions::default() };
     let mut compared = 0;
     for path in lessons() {
-        let text = spoiled(&std::fs::read_to_string(&path).unwrap());
+        let text = badly_formatted(&std::fs::read_to_string(&path).unwrap());
         let scene = |text: &str| {
             let run =
                 choreo_script::run_text("scene.rhai", text, path.parent().unwrap(), &registry, &options);
-            // The hash of a callback contains its place in the script.
+            // The hash of a callback depends on its position in the script.
             run.map(|mut script| (script.stage.hooks.drain(..).count(), script.stage.content_hash()))
         };
-        // A lesson that needs a plugin file of its own is compared by its tokens only.
+        // Of a lesson that needs its own plugin file only the tokens are compared.
         let Ok(expected) = scene(&text) else { continue };
         let new = formatted(&text).unwrap();
         assert_ne!(new, text, "{}", path.display());

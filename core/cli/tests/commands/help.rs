@@ -1,4 +1,4 @@
-//! `choreo help`: words of the field, of scripts and commands.
+//! `choreo help`: terms of the field, of scripts and of commands.
 
 use crate::common::*;
 use choreo_script::ScriptOptions;
@@ -9,7 +9,7 @@ fn help(term: &[&str]) -> Run {
 }
 
 #[test]
-fn a_word_of_the_field_is_answered_with_calls_an_example_and_a_page() {
+fn help_for_a_term_shows_calls_an_example_and_a_page() {
     let run = help(&["foot", "sliding"]);
     assert_eq!(run.code, 0, "{}", run.err);
     let expected = [
@@ -25,7 +25,7 @@ fn a_word_of_the_field_is_answered_with_calls_an_example_and_a_page() {
 }
 
 #[test]
-fn commands_describe_themselves() {
+fn help_for_a_command_equals_its_help_option() {
     let run = help(&["headless"]);
     assert!(run.out.contains("\n  choreo render --frames\n      Which frames: "), "{}", run.out);
     let (with_help, with_flag) = (help(&["render"]), choreo(folder().path(), &["render", "--help"]));
@@ -34,7 +34,7 @@ fn commands_describe_themselves() {
 }
 
 #[test]
-fn a_call_is_described_and_a_word_of_descriptions_is_found() {
+fn help_describes_calls_and_searches_descriptions() {
     let run = help(&["Camera.fov"]);
     assert!(run.out.contains("Sets the vertical field of view in degrees"), "{}", run.out);
     let run = help(&["plant_feet"]);
@@ -44,7 +44,7 @@ fn a_call_is_described_and_a_word_of_descriptions_is_found() {
 }
 
 #[test]
-fn commands_rules_and_the_guide_are_found() {
+fn help_finds_commands_rules_and_pages_of_the_guide() {
     for (term, parts) in [
         ("new project", &["  choreo new project\n      A folder for videos", "choreo new --help"][..]),
         ("choreo check", &["  choreo check\n", "check --help"]),
@@ -78,9 +78,9 @@ fn commands_rules_and_the_guide_are_found() {
     );
 }
 
-/// The table of rules has every rule that a script of these tests is answered with.
+/// The table of rules in the documentation has every rule that occurs in the expected output of `checked`.
 #[test]
-fn every_rule_is_in_the_table() {
+fn the_readme_lists_every_rule_of_check() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked");
     let mut rules = std::collections::BTreeSet::new();
     for entry in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
@@ -100,7 +100,7 @@ fn every_rule_is_in_the_table() {
 }
 
 #[test]
-fn effects_and_pages_describe_themselves() {
+fn help_describes_effects_shader_functions_and_pages() {
     for (name, about, parameter) in [
         ("wireframe", "edges of triangles", "color"),
         ("vignette", "darkens", "strength"),
@@ -159,7 +159,7 @@ fn effects_and_pages_describe_themselves() {
 }
 
 #[test]
-fn an_unknown_term_is_answered_with_the_nearest_and_exit_code_2() {
+fn an_unknown_term_ends_with_exit_code_2_and_a_suggestion() {
     let run = help(&["foot slidng"]);
     assert_eq!(run.code, 2);
     assert!(
@@ -173,7 +173,7 @@ fn an_unknown_term_is_answered_with_the_nearest_and_exit_code_2() {
 }
 
 #[test]
-fn every_example_of_a_script_runs() {
+fn every_script_example_of_help_runs() {
     let prelude = include_str!("../../../../scripts/guide/frame.rhai");
     let registry = choreo::registry();
     let (dir, mut failures, mut ran) = (tempfile::tempdir().unwrap(), Vec::new(), 0);

@@ -1,4 +1,4 @@
-//! Commands that describe and check, on good input.
+//! Commands that describe and check valid input.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -11,4 +11,4 @@ mod help;
 mod new;
 mod poses;
 mod project_file;
-mod short_answers;
+mod short_messages;

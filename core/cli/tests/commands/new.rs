@@ -1,11 +1,11 @@
-//! `choreo new`: what it writes works, and it overwrites nothing.
+//! `choreo new`: the files that it writes work, and it overwrites nothing.
 
 use crate::common::*;
 use choreo_importer_kit_testing::outside;
 use std::path::Path;
 
 #[test]
-fn single_files_work_as_they_are() {
+fn new_single_file_plugins_work_unchanged() {
     let dir = folder();
     let run = choreo(dir.path(), &["new", "importer", "my_format", "--single"]);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -41,7 +41,7 @@ fn single_files_work_as_they_are() {
     assert_eq!(lines.len(), 3);
     let run = choreo(dir.path(), &["new", "importer", "c", "--single", "--hook", "vertex"]);
     assert!(run.code != 0 && run.err.contains("--hook is for effects"), "{}", run.err);
-    // A folder that is not there yet is made.
+    // A folder that does not exist is created.
     let run = choreo(dir.path(), &["new", "effect", "b", "--single", "--into", "looks/mine"]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(dir.path().join("looks/mine/b.wgsl").is_file());
@@ -49,8 +49,8 @@ fn single_files_work_as_they_are() {
 
 const OUTPUTS: &str = env!("CARGO_TARGET_TMPDIR");
 
-/// What cargo prints about the crates in a folder.
-fn cargo(folder: &Path, arguments: &[&str]) -> String {
+/// The output of a cargo command in a folder.
+fn run_cargo(folder: &Path, arguments: &[&str]) -> String {
     let output = outside::cargo(OUTPUTS, folder).args(arguments).arg("--offline").output().unwrap();
     let text = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat();
     assert!(output.status.success(), "{text}");
@@ -59,9 +59,9 @@ fn cargo(folder: &Path, arguments: &[&str]) -> String {
 
 const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "outline", "overlay", "shutter"];
 
-/// A crate of each kind and an effect of each hook, members of one workspace, with their own tests.
+/// A crate of each kind, and an effect for each hook, as members of one workspace; their own tests pass.
 #[test]
-fn crates_build_and_pass_their_tests() {
+fn new_plugin_crates_build_and_pass_their_tests() {
     let (dir, sources) = (outside::folder(OUTPUTS, "new"), outside::sources());
     std::fs::write(dir.join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
         .unwrap();
@@ -82,7 +82,7 @@ fn crates_build_and_pass_their_tests() {
         ("exporter", "export-my-format", "csv"),
     ] {
         new(kind, "my_format", &[]);
-        // None of the words of the crate that was copied is left.
+        // No name of the crate that served as the template is left.
         let made = dir.join("mine").join(made);
         let text = |name: &str| std::fs::read_to_string(made.join(name)).unwrap();
         let (source, readme) = (text("src/lib.rs"), text("README.md"));
@@ -90,7 +90,7 @@ fn crates_build_and_pass_their_tests() {
         assert!(!format!("{source}{readme}").contains(" to copy"), "{readme}");
     }
     HOOKS.iter().for_each(|hook| new("effect", &format!("of_{hook}"), &["--hook", hook]));
-    let text = cargo(&dir, &["test", "--workspace", "--no-fail-fast"]);
+    let text = run_cargo(&dir, &["test", "--workspace", "--no-fail-fast"]);
     let passed = |tests: usize| text.matches(&format!("test result: ok. {tests} passed")).count();
     // The importer has three tests; the exporter and the eight effects have two each.
     assert_eq!((passed(3), passed(2)), (1, 9), "{text}");
@@ -101,18 +101,18 @@ fn crates_build_and_pass_their_tests() {
     }
 }
 
-/// Outside a workspace a crate is one.
+/// Outside a workspace the new crate is a workspace itself.
 #[test]
-fn a_crate_on_its_own_builds() {
+fn a_new_crate_outside_a_workspace_builds() {
     let (dir, sources) = (folder(), outside::sources());
     let run = choreo(dir.path(), &["new", "exporter", "alone", "--sources", sources.to_str().unwrap()]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let text = cargo(&dir.path().join("export-alone"), &["check", "--tests"]);
+    let text = run_cargo(&dir.path().join("export-alone"), &["check", "--tests"]);
     assert!(text.contains("Checking export-alone"), "{text}");
 }
 
 #[test]
-fn nothing_is_overwritten_and_names_are_checked() {
+fn new_overwrites_nothing_and_checks_names() {
     let dir = folder();
     std::fs::write(dir.path().join("a.wgsl"), "mine").unwrap();
     let run = choreo(dir.path(), &["new", "effect", "a", "--single"]);
@@ -128,9 +128,9 @@ fn nothing_is_overwritten_and_names_are_checked() {
     assert!(run.code == 2 && run.err.contains("choreo's sources are not there"), "{}", run.err);
 }
 
-/// A project is checked, tested and drawn as it is written, and its test fails where the scene breaks what it says.
+/// A new project passes `check` and `test` and renders unchanged; its test fails if the scene is changed so that an expectation is false.
 #[test]
-fn a_project_works_as_it_is() {
+fn a_new_project_is_checked_tested_and_rendered_unchanged() {
     let dir = folder();
     let run = choreo(dir.path(), &["new", "project", "my-film"]);
     assert!(run.code == 0 && run.out.contains("choreo view my-film.rhai"), "{}{}", run.out, run.err);
@@ -149,13 +149,13 @@ fn a_project_works_as_it_is() {
     let run = choreo(&project, &["check", "my-film.rhai"]);
     assert!(run.code == 0 && !run.err.contains("warning"), "{}{}", run.out, run.err);
     let run = choreo(&project, &["test"]);
-    // The sections and the script itself.
+    // The sections of the test file, and the script itself.
     assert!(run.code == 0 && run.out.contains("3 passed, 0 failed, 0 skipped"), "{}{}", run.out, run.err);
     let frame = ["render", "my-film.rhai", "--at", "1.5", "--size", "320x180", "-o", "frame.png"];
     let run = choreo(&project, &[&frame[..], &["--device", "cpu"]].concat());
     assert_eq!(run.code, 0, "{}", run.err);
     let image = image::load_from_memory(&read(&project, "frame.png")).unwrap().to_rgb8();
-    // Brighter in one channel than in another by so much.
+    // The number of pixels in which one channel exceeds another by more than the threshold.
     let more = |a: usize, b: usize, by: u8| image.pixels().filter(|p| p[a] > p[b].saturating_add(by)).count();
     let (coral, teal) = (more(0, 2, 40), more(1, 0, 30));
     assert!(coral > 300 && teal > 300, "{coral} and {teal} pixels");
@@ -167,7 +167,7 @@ fn a_project_works_as_it_is() {
     assert!(run.code == 1 && run.out.contains("bob bows"), "{}{}", run.out, run.err);
 }
 
-/// The files for other programs can be read, and say what this repository says elsewhere.
+/// The files for other programs are valid, and agree with the documentation of this repository.
 #[test]
 fn settings_of_a_project_are_well_formed() {
     let dir = folder();
@@ -187,7 +187,7 @@ fn settings_of_a_project_are_well_formed() {
 }
 
 #[test]
-fn a_project_takes_the_place_of_nothing() {
+fn a_new_project_overwrites_nothing_and_its_name_is_checked() {
     let dir = folder();
     std::fs::create_dir(dir.path().join("there")).unwrap();
     let run = choreo(dir.path(), &["new", "project", "there"]);

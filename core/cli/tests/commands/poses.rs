@@ -1,4 +1,4 @@
-//! `choreo pose` on files by other people, joints and posed meshes, against an f64 evaluation of the glTF specification that
+//! Joints and posed meshes that `choreo pose` gives for third-party files, against an f64 implementation of the glTF specification that
 //! shares no code with the program.
 
 #[path = "../../../../plugins/import-gltf/tests/oracle/mod.rs"]
@@ -10,7 +10,7 @@ use glam::{DMat4, DVec3};
 use oracle::{Fault, Oracle};
 use serde_json::Value;
 
-/// A skin, a skin with morphs, morphs alone; a clip and a time between keys.
+/// Files with a skin, with a skin and morph targets, and with morph targets alone; a clip, and a time between two keys.
 const CASES: &[(&str, &str, f64)] = &[
     ("Knight.glb", "Walking_A", 0.4321),
     ("Fox.glb", "Run", 0.777),
@@ -18,18 +18,18 @@ const CASES: &[(&str, &str, f64)] = &[
     ("AnimatedMorphCube.glb", "Square", 1.3),
 ];
 
-/// Largest difference, as a share of the model's size: f32 through a dozen joints.
-const ALLOWED: f64 = 1e-6;
+/// Largest difference relative to the size of the model: the error of f32 along a chain of a dozen joints.
+const MAX_RELATIVE_ERROR: f64 = 1e-6;
 
 struct PoseOutput {
     joints: Vec<DVec3>,
     vertices: Vec<DVec3>,
 }
 
-/// The output of the program, and the file that it writes.
+/// The output of the program and the text of the OBJ file that it writes.
 fn pose_output(file: &str, clip: &str, at: f64) -> PoseOutput {
     let folder = tempfile::tempdir().unwrap();
-    let file = assets().unwrap().join("gltf").join(file);
+    let file = sample_assets_folder().unwrap().join("gltf").join(file);
     let args = ["pose", file.to_str().unwrap(), "--clip", clip, "--json", "--mesh", "posed.obj", "--at"];
     let run = choreo(folder.path(), &[&args[..], &[&at.to_string()]].concat());
     assert_eq!(run.code, 0, "{}", run.err);
@@ -48,8 +48,8 @@ fn pose_output(file: &str, clip: &str, at: f64) -> PoseOutput {
     PoseOutput { joints, vertices: obj.lines().filter_map(vertex).collect() }
 }
 
-/// Worst distances of joints and of vertices, of the model's size. Joints are the scene's nodes, parents first; vertices
-/// come instance by instance.
+/// The largest errors of joints and of vertices, relative to the size of the model. Joints are the nodes of the scene, parents first;
+/// vertices are in the order of the instances.
 fn worst_distances(output: &PoseOutput, oracle: &Oracle, clip: &str, at: f64) -> (f64, f64) {
     let names = oracle::list(&oracle.json, "animations");
     let clip = names.iter().position(|a| a["name"] == clip).unwrap();
@@ -73,8 +73,8 @@ fn worst_distances(output: &PoseOutput, oracle: &Oracle, clip: &str, at: f64) ->
 }
 
 #[test]
-fn joints_and_meshes_are_where_the_specification_puts_them() {
-    let Some(folder) = assets() else { return };
+fn posed_joints_and_vertices_match_the_gltf_specification() {
+    let Some(folder) = sample_assets_folder() else { return };
     for (file, clip, at) in CASES {
         let output = pose_output(file, clip, *at);
         let mut oracle = Oracle::open(&folder.join("gltf").join(file));
@@ -83,15 +83,18 @@ fn joints_and_meshes_are_where_the_specification_puts_them() {
             "{file} {clip} {at} s: joints {joints:.1e}, {} vertices {vertices:.1e}",
             output.vertices.len()
         );
-        assert!(joints < ALLOWED && vertices < ALLOWED, "{file}: joints {joints:e}, vertices {vertices:e}");
-        // A fiftieth of a second late is seen.
+        assert!(
+            joints < MAX_RELATIVE_ERROR && vertices < MAX_RELATIVE_ERROR,
+            "{file}: joints {joints:e}, vertices {vertices:e}"
+        );
+        // An error of 0.02 s in the time must be found.
         oracle.fault = Some(Fault::Late { secs: 0.02 });
         let (joints, vertices) = worst_distances(&output, &oracle, clip, *at);
-        assert!(joints.max(vertices) > 100.0 * ALLOWED, "{file}: a late pose passes");
+        assert!(joints.max(vertices) > 100.0 * MAX_RELATIVE_ERROR, "{file}: a late pose passes");
     }
 }
 
-/// The pose of someone who is not there yet: joints, but nothing to be seen.
+/// An actor that is not visible has joints, but its mesh is not written.
 #[test]
 fn hidden_actors_have_joints_and_no_mesh() {
     let folder = tempfile::tempdir().unwrap();

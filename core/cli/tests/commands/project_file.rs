@@ -1,4 +1,4 @@
-//! `choreo.toml`: folders and default options, their limits, and messages about mistakes in it.
+//! `choreo.toml`: folders and default options, their limits, and error messages.
 
 use crate::common::{Run, choreo, folder};
 use std::path::Path;
@@ -17,73 +17,76 @@ fn project() -> tempfile::TempDir {
     dir
 }
 
-fn write(d: &Path, text: &str) {
+fn write_project_file(d: &Path, text: &str) {
     std::fs::write(d.join("choreo.toml"), text).unwrap();
 }
 
-fn size(d: &Path, more: &[&str]) -> serde_json::Value {
+fn rendered_size(d: &Path, more: &[&str]) -> serde_json::Value {
     let run = choreo(d, &[&["render", "scenes/a.rhai", "-o", "a.png", "--at", "0", "--json"], more].concat());
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     serde_json::from_str::<serde_json::Value>(&run.out).unwrap()["size"].clone()
 }
 
 #[test]
-fn folders_and_defaults_come_from_it_and_the_command_line_wins() {
+fn the_project_file_sets_folders_and_defaults_and_the_command_line_overrides_them() {
     let dir = project();
     let d = dir.path();
-    // Without the folder the model is not found.
+    // Without the folder in `search` the model is not found.
     let run = choreo(d, &["check", "scenes/a.rhai"]);
     assert!(run.code == 1 && run.err.contains("tri.gltf"), "{}", run.err);
-    write(d, "search = [\"assets\"]\n[render]\nsize = \"48x32\"\nsamples = 1\ndevice = \"cpu\"\n");
+    write_project_file(
+        d,
+        "search = [\"assets\"]\n[render]\nsize = \"48x32\"\nsamples = 1\ndevice = \"cpu\"\n",
+    );
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 0);
-    assert_eq!(size(d, &[]), serde_json::json!([48, 32]));
-    assert_eq!(size(d, &["--size", "20x10"]), serde_json::json!([20, 10]));
-    // A typed option wins over one that excludes it, too: --timings and --watch exclude each other.
-    write(d, "search = [\"assets\"]\n[render]\ntimings = true\n");
+    assert_eq!(rendered_size(d, &[]), serde_json::json!([48, 32]));
+    assert_eq!(rendered_size(d, &["--size", "20x10"]), serde_json::json!([20, 10]));
+    // An option of the command line also overrides an option of the file that excludes it: --timings and --watch exclude each other.
+    write_project_file(d, "search = [\"assets\"]\n[render]\ntimings = true\n");
     let run = choreo(d, &["render", "scenes/a.rhai", "-o", "missing/a.xyz", "--watch"]);
     assert!(!run.err.contains("cannot be used with"), "{}", run.err);
     let run = choreo(d, &["check", "scenes/a.rhai", "--no-project-file"]);
     assert!(run.code == 1 && run.err.contains("tri.gltf"), "{}", run.err);
-    // The nearest file counts alone.
+    // Only the nearest file applies.
     std::fs::write(d.join("scenes/choreo.toml"), "[render]\nsize = \"8x8\"\n").unwrap();
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 1);
 }
 
 #[test]
-fn the_nearest_file_upward_marks_the_project_with_and_without_a_repository() {
+fn the_nearest_project_file_in_a_parent_folder_is_used() {
     let dir = project();
     let d = dir.path();
     let deep = d.join("scenes/more");
     std::fs::create_dir(&deep).unwrap();
     std::fs::write(deep.join("b.rhai"), SCRIPT).unwrap();
-    write(d, "search = [\"assets\"]\n[check]\nstrict = true\n");
+    write_project_file(d, "search = [\"assets\"]\n[check]\nstrict = true\n");
     for _ in 0..2 {
         assert_eq!(choreo(d, &["check", "scenes/more/b.rhai"]).code, 0);
         assert_eq!(choreo(&deep, &["check", "b.rhai"]).code, 0);
         let (_, dir) = (std::fs::remove_dir(d.join(".git")), d.join("scenes"));
-        // A folder as an argument counts from itself upwards.
+        // For an argument that is a folder, the search for `choreo.toml` begins in this folder.
         assert_eq!(choreo(&dir, &["check", "../scenes/more/b.rhai"]).code, 0);
     }
-    // strict counts in the folder below, too.
+    // `strict` also applies in folders below.
     std::fs::write(deep.join("b.rhai"), format!("{SCRIPT} camera(\"a\"); camera(\"never\");")).unwrap();
     let run = choreo(&deep, &["check", "b.rhai"]);
     assert!(run.code == 1 && run.err.contains("--strict"), "{}{}", run.out, run.err);
-    // A repository inside the project is a project of its own.
+    // A repository inside the project is a separate project.
     std::fs::create_dir(deep.join(".git")).unwrap();
     assert_eq!(choreo(&deep, &["check", "b.rhai"]).code, 1);
     assert!(choreo(&deep, &["check", "b.rhai"]).err.contains("tri.gltf"));
 }
 
-/// A file in a folder that others may write to must not reach into the folders of everybody.
+/// A `choreo.toml` of another user, in a folder that everyone may write to, is ignored.
 #[cfg(unix)]
 #[test]
-fn outside_repositories_a_file_of_another_owner_does_not_count() {
+fn a_project_file_of_another_owner_is_ignored_outside_a_repository() {
     let dir = project();
     let d = dir.path();
     std::fs::remove_dir(d.join(".git")).unwrap();
-    write(d, "search = [\"assets\"]\n");
+    write_project_file(d, "search = [\"assets\"]\n");
     if std::os::unix::fs::chown(d.join("choreo.toml"), Some(12345), None).is_err() {
-        eprintln!("only root may give files to others");
+        eprintln!("only root may change the owner of a file");
         return;
     }
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 1);
@@ -91,9 +94,9 @@ fn outside_repositories_a_file_of_another_owner_does_not_count() {
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 0);
 }
 
-/// A single-file importer in a folder that only `choreo.toml` names.
+/// A single-file importer is found in a folder that only `choreo.toml` names.
 #[test]
-fn plugins_of_its_folders_are_found() {
+fn plugins_in_folders_of_the_project_file_are_found() {
     let dir = project();
     let d = dir.path();
     let lesson = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/08_plugins");
@@ -105,18 +108,18 @@ fn plugins_of_its_folders_are_found() {
         std::fs::copy(lesson.join(from), d.join(to)).unwrap();
     }
     std::fs::write(d.join("scenes/v.rhai"), r#"cast("v", load("valley.heights"));"#).unwrap();
-    write(d, "search = [\"assets\"]\n");
+    write_project_file(d, "search = [\"assets\"]\n");
     let run = choreo(d, &["check", "scenes/v.rhai"]);
     assert!(run.code == 1 && run.err.contains("valley.heights"), "{}", run.err);
-    write(d, "search = [\"assets\"]\nplugins = [\"tools\"]\n");
+    write_project_file(d, "search = [\"assets\"]\nplugins = [\"tools\"]\n");
     let run = choreo(d, &["check", "scenes/v.rhai"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    write(d, "plugins = [\"tols\"]\n");
+    write_project_file(d, "plugins = [\"tols\"]\n");
     let run = choreo(d, &["check", "scenes/a.rhai"]);
     assert!(run.err.contains("choreo.toml:1:12: plugins: there is no folder \"tols\""), "{}", run.err);
 }
 
-/// A test reads in its project, whatever folder the command is started in, and takes the project's options.
+/// A test reads the files and takes the options of its project, whatever the current folder is.
 #[test]
 fn tests_of_a_project_run_from_every_folder() {
     let dir = project();
@@ -125,7 +128,7 @@ fn tests_of_a_project_run_from_every_folder() {
     std::fs::create_dir(d.join("tests")).unwrap();
     let test = "test(\"stands\", || { let s = scene(\"../scenes/a.rhai\"); expect(s.actor(\"t\")).near([0, 0, 0], 0.1); });";
     std::fs::write(d.join("tests/a.rhai"), test).unwrap();
-    write(d, "search = [\"assets\"]\n");
+    write_project_file(d, "search = [\"assets\"]\n");
     let outside = tempfile::tempdir().unwrap();
     let (tests, file) = (d.join("tests"), d.join("tests/a.rhai"));
     let name = |path: &Path| path.to_string_lossy().into_owned();
@@ -145,11 +148,11 @@ fn tests_of_a_project_run_from_every_folder() {
 }
 
 #[test]
-fn what_is_wrong_with_it_is_told_with_its_place() {
+fn errors_of_the_project_file_state_line_and_column() {
     let dir = project();
     let d = dir.path();
     let message = |text: &str| -> String {
-        write(d, text);
+        write_project_file(d, text);
         let Run { code, err, .. } = choreo(d, &["check", "scenes/a.rhai"]);
         assert_eq!(code, 1, "{text}: {err}");
         err.split_once("choreo.toml:").map(|(_, rest)| rest.to_string()).unwrap_or(err)
@@ -180,12 +183,12 @@ fn what_is_wrong_with_it_is_told_with_its_place() {
 
 #[cfg(unix)]
 #[test]
-fn links_lead_nowhere() {
+fn symbolic_links_out_of_the_project_are_refused() {
     let dir = project();
     let d = dir.path();
     let other = folder();
     std::os::unix::fs::symlink(other.path(), d.join("elsewhere")).unwrap();
-    write(d, "search = [\"elsewhere\"]\n");
+    write_project_file(d, "search = [\"elsewhere\"]\n");
     let run = choreo(d, &["check", "scenes/a.rhai"]);
     assert!(run.err.contains("leads out of the folder"), "{}", run.err);
     std::fs::remove_file(d.join("choreo.toml")).unwrap();

@@ -1,4 +1,4 @@
-//! An editor for tests: starts `choreo lsp` and speaks the protocol with it, independently of the server's own code.
+//! A client for tests: starts `choreo lsp` and implements the protocol independently of the server's code.
 #![allow(dead_code)]
 
 use serde_json::{Value, json};
@@ -10,15 +10,15 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 /// How long an answer may take on a busy machine before the test fails.
-const PATIENCE: Duration = Duration::from_secs(120);
+const RESPONSE_TIMEOUT: Duration = Duration::from_secs(120);
 
 pub struct Editor {
     child: Child,
     pub input: Option<ChildStdin>,
     messages: Receiver<Value>,
-    next: i64,
-    /// Messages that came while another was waited for.
-    kept: Vec<Value>,
+    next_id: i64,
+    /// Messages that arrived while the test waited for another one.
+    unread_messages: Vec<Value>,
     /// Last diagnostics by URI, with the version.
     pub diagnostics: BTreeMap<String, (i64, Vec<Value>)>,
     texts: BTreeMap<String, (i64, String)>,
@@ -30,12 +30,12 @@ pub fn uri(path: &Path) -> String {
 
 impl Editor {
     /// A server for a folder, before `initialize`.
-    pub fn raw(folder: &Path) -> Editor {
-        Editor::of(Path::new(env!("CARGO_BIN_EXE_choreo")), folder)
+    pub fn uninitialized(folder: &Path) -> Editor {
+        Editor::with_program(Path::new(env!("CARGO_BIN_EXE_choreo")), folder)
     }
 
     /// The server of a program.
-    pub fn of(program: &Path, folder: &Path) -> Editor {
+    pub fn with_program(program: &Path, folder: &Path) -> Editor {
         let mut child = Command::new(program)
             .args(["lsp", "--stdio"])
             .current_dir(folder)
@@ -49,7 +49,7 @@ impl Editor {
         let mut output = BufReader::new(child.stdout.take().unwrap());
         let (send, messages) = channel();
         std::thread::spawn(move || {
-            while let Some(message) = read(&mut output) {
+            while let Some(message) = read_message(&mut output) {
                 if send.send(message).is_err() {
                     return;
                 }
@@ -60,19 +60,19 @@ impl Editor {
             child,
             input,
             messages,
-            next: 0,
-            kept: Vec::new(),
+            next_id: 0,
+            unread_messages: Vec::new(),
             diagnostics: BTreeMap::new(),
             texts: BTreeMap::new(),
         }
     }
 
     pub fn start(folder: &Path) -> Editor {
-        Editor::with(Editor::raw(folder), folder, json!({}))
+        Editor::initialize(Editor::uninitialized(folder), folder, json!({}))
     }
 
-    /// Begins a session with capabilities beside those of texts.
-    pub fn with(mut editor: Editor, folder: &Path, mut capabilities: Value) -> Editor {
+    /// Initializes a session with capabilities in addition to those for text documents.
+    pub fn initialize(mut editor: Editor, folder: &Path, mut capabilities: Value) -> Editor {
         capabilities["textDocument"] =
             json!({ "completion": { "completionItem": { "snippetSupport": true } } });
         let parameters = json!({ "processId": null, "rootUri": uri(folder), "capabilities": capabilities });
@@ -96,46 +96,46 @@ impl Editor {
         self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
     }
 
-    /// Sends a request; its number.
-    pub fn ask(&mut self, method: &str, parameters: Value) -> i64 {
-        self.next += 1;
-        let id = self.next;
+    /// Sends a request and returns its id.
+    pub fn send_request(&mut self, method: &str, parameters: Value) -> i64 {
+        self.next_id += 1;
+        let id = self.next_id;
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": parameters }));
         id
     }
 
-    /// The result, or the error's code.
+    /// The result of the request with this id, or the error code.
     pub fn request(&mut self, method: &str, parameters: Value) -> Result<Value, i64> {
-        let id = self.ask(method, parameters);
-        self.answer(id)
+        let id = self.send_request(method, parameters);
+        self.response(id)
     }
 
-    pub fn answer(&mut self, id: i64) -> Result<Value, i64> {
-        let message = self.wait(|m| m["id"] == id && m.get("method").is_none());
+    pub fn response(&mut self, id: i64) -> Result<Value, i64> {
+        let message = self.wait_for_message(|m| m["id"] == id && m.get("method").is_none());
         match message["error"]["code"].as_i64() {
             Some(code) => Err(code),
             None => Ok(message["result"].clone()),
         }
     }
 
-    /// The next message that fits; others are kept.
-    pub fn wait(&mut self, fits: impl Fn(&Value) -> bool) -> Value {
-        if let Some(index) = self.kept.iter().position(&fits) {
-            return self.kept.remove(index);
+    /// The next message that matches; others are kept for later.
+    pub fn wait_for_message(&mut self, fits: impl Fn(&Value) -> bool) -> Value {
+        if let Some(index) = self.unread_messages.iter().position(&fits) {
+            return self.unread_messages.remove(index);
         }
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + RESPONSE_TIMEOUT;
         loop {
             let left = end.saturating_duration_since(Instant::now());
             let message = self.messages.recv_timeout(left).expect("the server answers");
-            self.note(&message);
+            self.store_diagnostics(&message);
             if fits(&message) {
                 return message;
             }
-            self.kept.push(message);
+            self.unread_messages.push(message);
         }
     }
 
-    fn note(&mut self, message: &Value) {
+    fn store_diagnostics(&mut self, message: &Value) {
         if message["method"] == "textDocument/publishDiagnostics" {
             let p = &message["params"];
             let list = p["diagnostics"].as_array().cloned().unwrap_or_default();
@@ -150,8 +150,8 @@ impl Editor {
         self.notify("textDocument/didOpen", json!({ "textDocument": document }));
     }
 
-    /// Replaces the text as a whole.
-    pub fn set(&mut self, uri: &str, text: &str) {
+    /// Replaces the whole text.
+    pub fn replace_text(&mut self, uri: &str, text: &str) {
         let version = self.texts[uri].0 + 1;
         self.texts.insert(uri.to_string(), (version, text.to_string()));
         self.change(uri, version, json!([{ "text": text }]));
@@ -162,12 +162,12 @@ impl Editor {
         self.notify("textDocument/didChange", json!({ "textDocument": document, "contentChanges": changes }));
     }
 
-    /// Opens a text or replaces it, without the mark `¦`; the place of the mark.
-    pub fn place(&mut self, uri: &str, marked: &str) -> Value {
+    /// Opens a text or replaces it, without the mark `¦`. Returns the position of the mark.
+    pub fn open_marked_text(&mut self, uri: &str, marked: &str) -> Value {
         let text = marked.replacen('¦', "", 1);
         let before = &marked[..marked.find('¦').expect("a mark")];
         match self.texts.contains_key(uri) {
-            true => self.set(uri, &text),
+            true => self.replace_text(uri, &text),
             false => self.open(uri, &text),
         }
         let line = before.matches('\n').count();
@@ -175,33 +175,36 @@ impl Editor {
         json!({ "line": line, "character": character })
     }
 
-    /// A request about a marked place.
-    pub fn at(&mut self, method: &str, uri: &str, marked: &str) -> Value {
-        let position = self.place(uri, marked);
+    /// Sends a request for the marked position.
+    pub fn request_at_mark(&mut self, method: &str, uri: &str, marked: &str) -> Value {
+        let position = self.open_marked_text(uri, marked);
         let p = json!({ "textDocument": { "uri": uri }, "position": position });
         self.request(method, p).unwrap()
     }
 
     /// Items of a completion at a mark; asks again while files are being read.
-    pub fn complete(&mut self, uri: &str, marked: &str) -> Vec<Value> {
-        let end = Instant::now() + PATIENCE;
+    pub fn completion_items(&mut self, uri: &str, marked: &str) -> Vec<Value> {
+        let end = Instant::now() + RESPONSE_TIMEOUT;
         loop {
-            let list = self.at("textDocument/completion", uri, marked);
+            let list = self.request_at_mark("textDocument/completion", uri, marked);
             if list["isIncomplete"] != true || Instant::now() > end {
                 return list["items"].as_array().unwrap().clone();
             }
         }
     }
 
-    pub fn labels(&mut self, uri: &str, marked: &str) -> Vec<String> {
-        self.complete(uri, marked).iter().map(|item| item["label"].as_str().unwrap().to_string()).collect()
+    pub fn completion_labels(&mut self, uri: &str, marked: &str) -> Vec<String> {
+        self.completion_items(uri, marked)
+            .iter()
+            .map(|item| item["label"].as_str().unwrap().to_string())
+            .collect()
     }
 
     /// The text of a hover at a mark.
-    pub fn hover(&mut self, uri: &str, marked: &str) -> String {
-        let end = Instant::now() + PATIENCE;
+    pub fn hover_text(&mut self, uri: &str, marked: &str) -> String {
+        let end = Instant::now() + RESPONSE_TIMEOUT;
         loop {
-            let value = self.at("textDocument/hover", uri, marked);
+            let value = self.request_at_mark("textDocument/hover", uri, marked);
             let text = value["contents"]["value"].as_str().unwrap_or_default().to_string();
             if !text.contains("is being read") || Instant::now() > end {
                 return text;
@@ -210,7 +213,7 @@ impl Editor {
     }
 
     /// Diagnostics of the latest text of a file.
-    pub fn checked(&mut self, uri: &str) -> Vec<Value> {
+    pub fn wait_for_diagnostics(&mut self, uri: &str) -> Vec<Value> {
         let version = self.texts.get(uri).map_or(-1, |(version, _)| *version);
         if let Some((_, list)) = self.diagnostics.get(uri).filter(|(known, _)| *known == version) {
             return list.clone();
@@ -221,34 +224,35 @@ impl Editor {
                 && m["params"]["uri"] == of.as_str()
                 && m["params"]["version"] == version
         };
-        self.wait(fits);
+        self.wait_for_message(fits);
         self.diagnostics[uri].1.clone()
     }
 
-    /// A request about a document as a whole.
-    pub fn about(&mut self, method: &str, uri: &str) -> Value {
+    /// Sends a request for a whole document.
+    pub fn request_about_document(&mut self, method: &str, uri: &str) -> Value {
         self.request(method, json!({ "textDocument": { "uri": uri } })).unwrap()
     }
 
     /// Runs a command of the server: its result, or the error's code and message.
     pub fn execute(&mut self, command: &str, argument: Value) -> Result<Value, (i64, String)> {
-        let id = self.ask("workspace/executeCommand", json!({ "command": command, "arguments": [argument] }));
-        let message = self.wait(|m| m["id"] == id && m.get("method").is_none());
+        let id = self
+            .send_request("workspace/executeCommand", json!({ "command": command, "arguments": [argument] }));
+        let message = self.wait_for_message(|m| m["id"] == id && m.get("method").is_none());
         match message["error"]["code"].as_i64() {
             Some(code) => Err((code, message["error"]["message"].as_str().unwrap().to_string())),
             None => Ok(message["result"].clone()),
         }
     }
 
-    /// Ends the server in order; its exit code.
-    pub fn exit(mut self) -> i32 {
+    /// Shuts the server down as the protocol requires, and returns its exit code.
+    pub fn shut_down(mut self) -> i32 {
         self.request("shutdown", Value::Null).unwrap();
         self.notify("exit", Value::Null);
-        self.code()
+        self.wait_for_exit()
     }
 
-    /// Waits for the end.
-    pub fn code(mut self) -> i32 {
+    /// Waits until the server exits.
+    pub fn wait_for_exit(mut self) -> i32 {
         drop(self.input.take());
         self.child.wait().unwrap().code().unwrap_or(-1)
     }
@@ -262,7 +266,7 @@ impl Drop for Editor {
     }
 }
 
-fn read(output: &mut impl BufRead) -> Option<Value> {
+fn read_message(output: &mut impl BufRead) -> Option<Value> {
     let mut length = 0;
     loop {
         let mut line = String::new();

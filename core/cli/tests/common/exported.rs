@@ -1,8 +1,8 @@
 //! Scenes exported to memory and to a folder, for tests of scene exporters.
 #![allow(dead_code)]
 
-#[path = "unhurried.rs"]
-pub mod unhurried;
+#[path = "long_time_limits.rs"]
+pub mod long_time_limits;
 
 use crate::common::choreo;
 use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue};
@@ -12,11 +12,11 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The default tolerance of exporters: metres that a joint may be off.
+/// The default tolerance of exporters: the allowed position error of a joint, in metres.
 pub const TOLERANCE: f64 = 1e-4;
 
-/// A tenth of a second in which an actor is not seen, a loop, a fade, a texture that spins, a camera that zooms, a cut, and a lamp that
-/// goes on.
+/// A scene with an actor that is invisible for 0.1 s, a loop, a fade, a rotating texture, a camera that zooms, a cut, and a light that
+/// is switched on.
 pub const SCENE: &str = r##"
     stage(#{ size: [320, 180], fps: 24, length: 3.0, background: "#203040" });
     let m = load("choreo:mannequin", #{ color: "coral" });
@@ -39,7 +39,7 @@ pub fn scripts() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
 }
 
-/// All lessons; those in folders of their own have plugins beside them, which the program finds.
+/// All lessons. A lesson in its own folder has plugins beside it, which the program finds.
 pub fn lessons() -> Vec<PathBuf> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir(scripts()).unwrap().map(|e| e.unwrap().path()) {
@@ -61,12 +61,12 @@ pub fn tolerance(metres: f64) -> [(&'static str, OptionValue); 1] {
 
 /// The stage of a lesson.
 pub fn stage_of(lesson: &Path) -> Stage {
-    let run = run_file(lesson, &choreo::registry(), &unhurried::unhurried());
+    let run = run_file(lesson, &choreo::registry(), &long_time_limits::script_options());
     run.unwrap_or_else(|e| panic!("{}: {e:?}", lesson.display())).stage
 }
 
-/// Exports the scene with an effect, which no format has, as these arguments say: `a.rhai` in a folder. The summary as JSON states the
-/// largest error, where it is, and what is left out; the one for people states it, too.
+/// Exports `a.rhai` of the folder, a scene with an effect, which no format supports, with these arguments. Both the JSON summary and the
+/// text summary must state the largest error, where it is, and what is left out.
 pub fn check_summaries(dir: &Path, as_json: &[&str], for_people: &[&str]) {
     std::fs::write(dir.join("a.rhai"), format!("{SCENE}\neffect(\"vignette\");")).unwrap();
     let export = |args: &[&str]| choreo(dir, &[&["export", "a.rhai", "-o"], args].concat());
@@ -84,7 +84,7 @@ pub fn check_summaries(dir: &Path, as_json: &[&str], for_people: &[&str]) {
     assert!(run.code == 0 && run.err.contains("largest error: "), "{}", run.err);
 }
 
-/// The files of an export, in memory and in a folder, where the main one is `out.EXTENSION`.
+/// The files of an export, in memory and in a folder, in which the main file is `out.EXTENSION`.
 pub struct Exported {
     pub stage: Arc<Stage>,
     pub files: MemoryFiles,
@@ -110,12 +110,18 @@ impl Exported {
         exported
     }
 
-    pub fn lesson(path: &Path, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+    pub fn from_lesson(path: &Path, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
         Exported::of(stage_of(path), extension, options)
     }
 
-    pub fn script(text: &str, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
-        let run = run_text("scene.rhai", text, &scripts(), &choreo::registry(), &unhurried::unhurried());
+    pub fn from_script(text: &str, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+        let run = run_text(
+            "scene.rhai",
+            text,
+            &scripts(),
+            &choreo::registry(),
+            &long_time_limits::script_options(),
+        );
         Exported::of(run.unwrap_or_else(|e| panic!("{e:?}")).stage, extension, options)
     }
 
@@ -123,7 +129,7 @@ impl Exported {
         self.folder.path().join(format!("out.{}", self.extension))
     }
 
-    /// Writes the files into the folder, with these bytes as the main one.
+    /// Writes the files into the folder, with these bytes as the main file.
     pub fn write(&self, main: &[u8]) {
         std::fs::write(self.path(), main).unwrap();
         for (ending, bytes) in &self.files.beside {

@@ -1,10 +1,10 @@
-//! The validator of the Khronos Group, from npm, in a folder of its own.
+//! The glTF validator of the Khronos Group, from npm, in its own folder.
 
 use choreo_importer_kit_testing::npm::Packages;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Errors and warnings of each file, one a line.
+/// Prints the errors and warnings of each file, one per line.
 const SCRIPT: &str = r#"
 const fs = require("fs"), path = require("path"), validator = require("gltf-validator");
 (async () => {
@@ -17,7 +17,7 @@ const fs = require("fs"), path = require("path"), validator = require("gltf-vali
 })();
 "#;
 
-/// Fails on any error or warning; skipped with a message where the validator cannot be had.
+/// Fails on any error or warning. Skipped with a message if the validator cannot be installed.
 pub fn validate(files: &[PathBuf]) {
     static PACKAGES: OnceLock<Option<Packages>> = OnceLock::new();
     let packages = ["gltf-validator@2.0.0-dev.3.10"];

@@ -1,9 +1,9 @@
-//! The files around the hostile scripts: small, and made here.
+//! Generates the small files that the hostile scripts use.
 
 use super::common::triangle;
 use std::path::Path;
 
-/// `inside`: the scripts' folder. `outside`: beside it, and nobody's business.
+/// `inside` is the folder of the scripts. `outside` is a folder beside it, which scripts must not read.
 pub fn make(inside: &Path, outside: &Path) {
     let write = |name: &str, bytes: &[u8]| {
         let place = inside.join(name);
@@ -34,7 +34,7 @@ pub fn make(inside: &Path, outside: &Path) {
     links(inside, outside);
 }
 
-/// Files that no script but those about them uses: nothing of them may be felt.
+/// Plugin files that only the scripts about them use. They must not affect other scripts.
 fn plugins(write: &impl Fn(&str, &[u8])) {
     let effect = |name: &str, body: &str| {
         let parameters = "color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>";
@@ -76,7 +76,7 @@ fn models(write: &impl Fn(&str, &[u8])) {
     write("cut.glb", b"glTF\x02\0\0\0\x00\x10\0\0\x00\x0f\0\0JSON{\"asset\":{\"vers");
     write("times.gltf", triangle(1e30).as_bytes());
     write("nan.gltf", triangle(f32::NAN).replace("NaN", "1").as_bytes());
-    // Positions without bytes are zeros, as many as the file says.
+    // An accessor of positions without a buffer has only zeros, as many as the file states.
     let accessor = r#""bufferView": 0, "componentType": 5126, "count": 3"#;
     assert!(good.contains(accessor));
     let bomb = good.replace(accessor, r#""componentType": 5126, "count": 4000000000"#);
@@ -107,7 +107,7 @@ fn nodes(good: &str, count: usize, children: impl Fn(usize) -> String) -> &'stat
     let list: Vec<String> =
         (0..count).map(|i| format!("{{ \"name\": \"n{i}\", \"mesh\": 0{} }}", children(i))).collect();
     let text = format!("{}\"nodes\": [{}],\n  {}", &good[..from], list.join(","), &good[to..]);
-    // Two of these, once a run.
+    // Two of these per run.
     text.into_bytes().leak()
 }
 
@@ -120,7 +120,7 @@ fn textured(uri: &str) -> String {
         .replace("\"accessors\":", &format!("{material} {texture}\n  \"accessors\":"))
 }
 
-/// A PNG of one color whose rows are all zeros: a hundred kilobytes for gigabytes.
+/// A PNG of one color with only zeros: a hundred kilobytes that decompress to gigabytes.
 fn png(width: u32, height: u32, data: bool) -> Vec<u8> {
     let mut out = b"\x89PNG\r\n\x1a\n".to_vec();
     let mut chunk = |kind: &[u8; 4], data: &[u8]| {
@@ -130,7 +130,7 @@ fn png(width: u32, height: u32, data: bool) -> Vec<u8> {
         out.extend(crc(&body).to_be_bytes());
     };
     let mut header = [width.to_be_bytes(), height.to_be_bytes()].concat();
-    // Palette-free gray, one bit a pixel: the smallest image for its sides.
+    // Gray with one bit per pixel: the smallest file for these dimensions.
     header.extend([1, 0, 0, 0, 0]);
     chunk(b"IHDR", &header);
     if data {

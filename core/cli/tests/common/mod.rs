@@ -1,4 +1,4 @@
-//! Runs the built program, and makes small inputs for it.
+//! Runs the built program and generates small inputs for it.
 #![allow(dead_code)]
 
 use choreo_importer_kit_testing::pypi;
@@ -14,12 +14,12 @@ pub struct Run {
 pub fn command(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_choreo"));
     command.current_dir(folder).args(args).stdin(Stdio::null());
-    // What the user has installed is no part of the test.
+    // Plugins that the user has installed must not affect the test.
     command.env("CHOREO_PLUGINS", "");
     command
 }
 
-pub fn finished(output: Output) -> Run {
+pub fn run_result(output: Output) -> Run {
     let run = Run {
         code: output.status.code().unwrap_or(-1),
         out: String::from_utf8_lossy(&output.stdout).into_owned(),
@@ -30,10 +30,10 @@ pub fn finished(output: Output) -> Run {
 }
 
 pub fn choreo(folder: &Path, args: &[&str]) -> Run {
-    finished(command(folder, args).output().unwrap())
+    run_result(command(folder, args).output().unwrap())
 }
 
-/// A process beside the test, which ends with it, stopped or not.
+/// A child process that is killed when the value is dropped, even if the process is stopped.
 pub struct Process(Option<Child>);
 
 impl Process {
@@ -47,8 +47,8 @@ impl Process {
         assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
     }
 
-    pub fn ended(mut self) -> Run {
-        finished(self.0.take().unwrap().wait_with_output().unwrap())
+    pub fn wait(mut self) -> Run {
+        run_result(self.0.take().unwrap().wait_with_output().unwrap())
     }
 }
 
@@ -61,7 +61,7 @@ impl Drop for Process {
     }
 }
 
-/// Names in a folder, sorted.
+/// The names of the entries of a folder, sorted.
 pub fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> =
         std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
@@ -69,11 +69,11 @@ pub fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-pub fn parts(folder: &Path) -> Vec<String> {
+pub fn part_files(folder: &Path) -> Vec<String> {
     names(folder).into_iter().filter(|n| n.contains(".part")).collect()
 }
 
-pub fn assets() -> Option<PathBuf> {
+pub fn sample_assets_folder() -> Option<PathBuf> {
     let folder = std::env::var_os("CHOREO_ASSETS")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets"), PathBuf::from);
     if !folder.is_dir() {
@@ -83,7 +83,7 @@ pub fn assets() -> Option<PathBuf> {
     Some(folder)
 }
 
-/// Three vertices in an order of their own, on a node that walks from x = 0 to x = 2 in `secs` seconds by the clip "Slide".
+/// A glTF file with three vertices in an unusual order. The clip "Slide" moves their node from x = 0 to x = 2 in `secs` seconds.
 pub fn triangle(secs: f32) -> String {
     let positions: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0];
     let keys: [f32; 8] = [0.0, secs, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0];
@@ -138,12 +138,12 @@ pub fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// A Python that imports `module`; `None`, with a message, where it cannot be had.
+/// A Python with `module`. `None`, with a message, if it cannot be installed.
 pub fn python_with(module: &str, requirement: &str) -> Option<PathBuf> {
     pypi::python_with(env!("CARGO_TARGET_TMPDIR"), module, requirement)
 }
 
-/// A Python with Blender; `None`, with a message, where it cannot be had.
+/// A Python with Blender. `None`, with a message, if it cannot be installed.
 pub fn blender() -> Option<PathBuf> {
     pypi::blender(env!("CARGO_TARGET_TMPDIR"))
 }

@@ -1,16 +1,16 @@
-//! `choreo lsp`, as an editor meets it.
+//! Tests of `choreo lsp` through the protocol, as an editor uses it.
 
 use crate::common;
 use crate::editor;
 
-use crate::common::assets;
+use crate::common::sample_assets_folder;
 use editor::{Editor, uri};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
 /// A folder with a model of one clip, "Slide", and a module.
-fn project() -> tempfile::TempDir {
+fn project_folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("models")).unwrap();
     std::fs::write(folder.path().join("models/tri.gltf"), common::triangle(2.0)).unwrap();
@@ -22,7 +22,7 @@ fn project() -> tempfile::TempDir {
     folder
 }
 
-/// A saved script, so that modules are found.
+/// A saved script, because modules are searched relative to its file.
 fn script(folder: &Path, text: &str) -> String {
     let path = folder.canonicalize().unwrap().join("scene.rhai");
     std::fs::write(&path, text).unwrap();
@@ -36,13 +36,13 @@ fn messages(list: &[Value]) -> Vec<String> {
 }
 
 #[test]
-fn diagnostics_are_those_of_check_on_the_unsaved_text() {
-    let folder = project();
+fn diagnostics_of_unsaved_text_are_those_of_check() {
+    let folder = project_folder();
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
     let text = format!("/* 𝄞 */ {HEAD}hero.play(tri.clip(\"Slid\"));\nlet unused = 3;\n");
     editor.open(&uri, &text);
-    let found = editor.checked(&uri);
+    let found = editor.wait_for_diagnostics(&uri);
     assert_eq!(found.len(), 1, "{found:?}");
     assert!(
         messages(&found)[0]
@@ -52,19 +52,19 @@ fn diagnostics_are_those_of_check_on_the_unsaved_text() {
     let range = json!({ "start": { "line": 2, "character": 19 }, "end": { "line": 2, "character": 25 } });
     assert_eq!((&found[0]["range"], &found[0]["severity"]), (&range, &json!(1)));
 
-    // One letter makes it right; the rule is the code then.
+    // After one letter is corrected, the only finding is a warning, whose code is the name of the rule.
     editor.change(&uri, 2, json!([{ "range": { "start": { "line": 2, "character": 24 }, "end": { "line": 2, "character": 24 } }, "text": "e" }]));
     let fits = |m: &Value| m["method"] == "textDocument/publishDiagnostics" && m["params"]["version"] == 2;
-    let found = editor.wait(fits)["params"]["diagnostics"].as_array().unwrap().clone();
+    let found = editor.wait_for_message(fits)["params"]["diagnostics"].as_array().unwrap().clone();
     let rules: Vec<&str> = found.iter().filter_map(|d| d["code"].as_str()).collect();
     assert_eq!(rules, ["unused_variable"], "{found:?}");
     assert_eq!((&found[0]["severity"], &found[0]["tags"]), (&json!(3), &json!([1])));
-    assert_eq!(editor.exit(), 0);
+    assert_eq!(editor.shut_down(), 0);
 }
 
-/// The same findings as the command prints, for every script of its own tests.
+/// The diagnostics are the findings that `choreo check` prints, for every script of the tests of this command.
 #[test]
-fn diagnostics_agree_with_the_command() {
+fn diagnostics_equal_the_findings_of_the_check_command() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked").canonicalize().unwrap();
     let mut editor = Editor::start(&folder);
     let (mut scripts, mut all) = (0, 0);
@@ -88,7 +88,7 @@ fn diagnostics_agree_with_the_command() {
             .collect();
         let uri = uri(&path);
         editor.open(&uri, &std::fs::read_to_string(&path).unwrap());
-        let found = editor.checked(&uri);
+        let found = editor.wait_for_diagnostics(&uri);
         let mut found: Vec<String> = found
             .iter()
             .map(|d| {
@@ -105,27 +105,29 @@ fn diagnostics_agree_with_the_command() {
 }
 
 #[test]
-fn an_unsaved_module_is_read_and_its_errors_lie_in_it() {
-    let folder = project();
+fn errors_of_an_unsaved_module_are_reported_in_the_module() {
+    let folder = project_folder();
     let main = script(folder.path(), "");
     let module = uri(&folder.path().canonicalize().unwrap().join("steps.rhai"));
     let mut editor = Editor::start(folder.path());
     editor.open(&main, "import \"steps\" as steps;\nsteps::stepper(\"ada\").at(0, 0, 0);\n");
-    assert_eq!(messages(&editor.checked(&main)), [""; 0]);
+    assert_eq!(messages(&editor.wait_for_diagnostics(&main)), [""; 0]);
     editor.open(&module, "fn stepper(name) {\n    cast(name, shape(\"bxo\"))\n}\n");
     let fits = |m: &Value| m["params"]["uri"] == module.as_str() && m["params"]["diagnostics"][0].is_object();
-    let told = editor.wait(fits);
-    let found = &told["params"]["diagnostics"][0];
+    let message = editor.wait_for_message(fits);
+    let found = &message["params"]["diagnostics"][0];
     assert!(found["message"].as_str().unwrap().contains("did you mean \"box\"?"), "{found}");
     assert_eq!(found["range"]["start"], json!({ "line": 1, "character": 21 }));
     let related = &found["relatedInformation"][0];
     assert_eq!((&related["location"]["uri"], &related["message"]), (&json!(main), &json!("imported here")));
-    editor.set(&module, "fn stepper(name) {\n    cast(name, shape(\"box\"))\n}\n");
-    editor.wait(|m| m["params"]["uri"] == module.as_str() && m["params"]["diagnostics"] == json!([]));
+    editor.replace_text(&module, "fn stepper(name) {\n    cast(name, shape(\"box\"))\n}\n");
+    editor.wait_for_message(|m| {
+        m["params"]["uri"] == module.as_str() && m["params"]["diagnostics"] == json!([])
+    });
 }
 
 /// Applies the first edit of an action to a text.
-fn applied(text: &str, action: &Value, uri: &str) -> String {
+fn with_edits_applied(text: &str, action: &Value, uri: &str) -> String {
     let mut edits = action["edit"]["changes"][uri].as_array().unwrap().clone();
     edits.sort_by_key(|e| {
         std::cmp::Reverse((e["range"]["start"]["line"].as_u64(), e["range"]["start"]["character"].as_u64()))
@@ -145,8 +147,8 @@ fn applied(text: &str, action: &Value, uri: &str) -> String {
 }
 
 #[test]
-fn actions_resolve_what_they_say() {
-    let folder = project();
+fn code_actions_resolve_their_diagnostics() {
+    let folder = project_folder();
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
     editor.open(&uri, "");
@@ -166,8 +168,8 @@ fn actions_resolve_what_they_say() {
         (format!("{HEAD}stepper(\"b\").at(1, 0, 0);\n"), "Import \"steps\"", "\nsteps::stepper(\"b\")"),
     ];
     for (text, title, expected) in cases {
-        editor.set(&uri, &text);
-        let found = editor.checked(&uri);
+        editor.replace_text(&uri, &text);
+        let found = editor.wait_for_diagnostics(&uri);
         assert!(!found.is_empty(), "{title}");
         let range = found[0]["range"].clone();
         let p =
@@ -178,22 +180,25 @@ fn actions_resolve_what_they_say() {
             .iter()
             .find(|a| a["title"] == title)
             .unwrap_or_else(|| panic!("{title}: {found:?} {actions:?}"));
-        let changed = applied(&text, action, &uri);
+        let changed = with_edits_applied(&text, action, &uri);
         assert!(changed.contains(expected), "{title}:\n{changed}");
-        editor.set(&uri, &changed);
-        let left: Vec<Value> =
-            editor.checked(&uri).into_iter().filter(|d| d["message"] == found[0]["message"]).collect();
+        editor.replace_text(&uri, &changed);
+        let left: Vec<Value> = editor
+            .wait_for_diagnostics(&uri)
+            .into_iter()
+            .filter(|d| d["message"] == found[0]["message"])
+            .collect();
         assert!(left.is_empty(), "{title}: {left:?}");
     }
 }
 
 #[test]
-fn completion_knows_the_types_the_options_and_the_files() {
-    let folder = project();
+fn completion_offers_methods_options_values_and_files() {
+    let folder = project_folder();
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
     let mut has = |text: &str, wanted: &[&str], unwanted: &[&str]| {
-        let labels = editor.labels(&uri, text);
+        let labels = editor.completion_labels(&uri, text);
         for label in wanted {
             assert!(labels.iter().any(|l| l == label), "{text}: {label} is not in {labels:?}");
         }
@@ -236,10 +241,10 @@ fn completion_knows_the_types_the_options_and_the_files() {
     has("let x = 1;\n¦", &["character", "x", "camera"], &["play"]);
 }
 
-/// The files that `choreo export` has written come behind those that a script is likely to load.
+/// Completions list the files that `choreo export` has written after those that a script is likely to load.
 #[test]
 fn completion_offers_exports_last() {
-    let folder = project();
+    let folder = project_folder();
     script(folder.path(), "cast(\"t\", load(\"models/tri.gltf\"));");
     for output in ["a.gltf", "a.glb", "a.usda"] {
         let run = common::choreo(folder.path(), &["export", "scene.rhai", "-o", output]);
@@ -247,7 +252,7 @@ fn completion_offers_exports_last() {
     }
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
-    let offered = editor.complete(&uri, "let a = load(\"¦\");");
+    let offered = editor.completion_items(&uri, "let a = load(\"¦\");");
     let rank = |name: &str| {
         let item = offered.iter().find(|item| item["label"] == name);
         item.unwrap_or_else(|| panic!("{name}"))["sortText"].as_str().unwrap().to_string()
@@ -259,32 +264,32 @@ fn completion_offers_exports_last() {
 
 #[test]
 fn completion_of_a_large_character_reads_its_file() {
-    let Some(assets) = assets() else { return };
+    let Some(assets) = sample_assets_folder() else { return };
     let folder = tempfile::tempdir().unwrap();
     std::fs::copy(assets.join("gltf/RobotExpressive.glb"), folder.path().join("robot.glb")).unwrap();
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
     let head = "let robot = load(\"robot.glb\");\nlet r = cast(\"r\", robot);\n";
-    let clips = editor.labels(&uri, &format!("{head}r.play(robot.clip(\"¦\"));"));
+    let clips = editor.completion_labels(&uri, &format!("{head}r.play(robot.clip(\"¦\"));"));
     assert!(clips.contains(&"Walking".to_string()) && clips.contains(&"Dance".to_string()), "{clips:?}");
-    let morphs = editor.labels(&uri, &format!("{head}r.morph(\"¦\", 1);"));
+    let morphs = editor.completion_labels(&uri, &format!("{head}r.morph(\"¦\", 1);"));
     assert!(morphs.contains(&"Angry".to_string()), "{morphs:?}");
-    let keyed = editor.labels(&uri, &format!("{head}r.key(\"morph\", \"¦\", [[0, 1]]);"));
+    let keyed = editor.completion_labels(&uri, &format!("{head}r.key(\"morph\", \"¦\", [[0, 1]]);"));
     assert_eq!(morphs, keyed);
-    let joints = editor.labels(&uri, &format!("{head}r.play(robot.clip(\"Wave\")).on(\"¦\");"));
+    let joints = editor.completion_labels(&uri, &format!("{head}r.play(robot.clip(\"Wave\")).on(\"¦\");"));
     assert!(
         joints.iter().any(|j| j.ends_with("..")) && joints.iter().any(|j| j.starts_with('*')),
         "{joints:?}"
     );
-    let about = editor.hover(&uri, &format!("{head}r.play(robot.clip(\"Walk¦ing\"));"));
-    // The file's own times: the clip has 0.958 s.
+    let about = editor.hover_text(&uri, &format!("{head}r.play(robot.clip(\"Walk¦ing\"));"));
+    // The length comes from the file: the clip has 0.958 s.
     assert!(about.contains("0.96 s") && about.contains("29 frames at 30 fps"), "{about}");
 }
 
-/// Joints by the short names of the guide, and a file that does not state its format.
+/// Joints are offered with the short names that the guide uses, also for a file that does not state its format.
 #[test]
 fn short_names_of_joints_are_known() {
-    let Some(assets) = assets() else { return };
+    let Some(assets) = sample_assets_folder() else { return };
     let folder = tempfile::tempdir().unwrap();
     std::fs::copy(assets.join("vrm/Godette_vrm_v4.vrm"), folder.path().join("godette.vrm")).unwrap();
     std::fs::copy(assets.join("gltf/Knight.glb"), folder.path().join("knight.glb")).unwrap();
@@ -292,28 +297,28 @@ fn short_names_of_joints_are_known() {
     let mut editor = Editor::start(folder.path());
     let head = "let g = load(\"godette.vrm\");\nlet a = cast(\"a\", g);\n";
     // The file is read in the background.
-    editor.labels(&uri, &format!("{head}a.joint(\"¦\");"));
-    let about = editor.hover(&uri, &format!("{head}a.joint(\"Left¦Hand\");"));
+    editor.completion_labels(&uri, &format!("{head}a.joint(\"¦\");"));
+    let about = editor.hover_text(&uri, &format!("{head}a.joint(\"Left¦Hand\");"));
     assert!(about.contains("**LeftHand** — `hand.l_Armature`, joint of `godette.vrm`"), "{about}");
-    let about = editor.hover(&uri, "load(\"kni¦ght.glb\");");
+    let about = editor.hover_text(&uri, "load(\"kni¦ght.glb\");");
     assert!(about.starts_with("**knight.glb**") && !about.contains("—"), "{about}");
-    let joints = editor.labels(&uri, &format!("{head}a.joint(\"Right¦\");"));
+    let joints = editor.completion_labels(&uri, &format!("{head}a.joint(\"Right¦\");"));
     for name in ["RightHand", "Head", "hand.r_Armature"] {
         assert!(joints.iter().any(|joint| joint == name), "{name} is not in {joints:?}");
     }
     for (slip, meant) in
         [("LeftHnd", "LeftHand"), ("Haed", "Head"), ("hnad.l", "hand.l"), ("RigthFoot", "RightFoot")]
     {
-        editor.set(&uri, &format!("{head}a.joint(\"{slip}\");"));
-        let found = messages(&editor.checked(&uri)).join("\n");
+        editor.replace_text(&uri, &format!("{head}a.joint(\"{slip}\");"));
+        let found = messages(&editor.wait_for_diagnostics(&uri)).join("\n");
         assert!(found.contains(&format!("did you mean \"{meant}\"?")), "{slip}: {found}");
     }
 }
 
-/// Clients filter by the label: each joint is offered by a name that begins as the guide writes it, and scripts may use it.
+/// Clients filter by the label: each joint is offered with a name that begins as in the guide, and scripts accept this name.
 #[test]
 fn joints_are_offered_by_their_short_names() {
-    let folder = project();
+    let folder = project_folder();
     let joints = ["mixamorig:Hips", "mixamorig:Spine", "mixamorig:HeadTop_End", "Armature|Tail", "own"];
     let nodes: Vec<Value> = (0..joints.len())
         .map(|i| match i + 1 < joints.len() {
@@ -327,25 +332,25 @@ fn joints_are_offered_by_their_short_names() {
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
     let head = "let m = load(\"models/mixamo.gltf\");\nlet a = cast(\"a\", m);\n";
-    let labels = editor.labels(&uri, &format!("{head}a.joint(\"¦\");"));
+    let labels = editor.completion_labels(&uri, &format!("{head}a.joint(\"¦\");"));
     let of_file = joints.iter().map(|name| name.to_string());
     let short = ["Hips", "Spine", "HeadTop_End", "Tail"].map(String::from);
     for name in of_file.chain(short.clone()) {
         assert_eq!(labels.iter().filter(|label| **label == name).count(), 1, "{name}: {labels:?}");
     }
-    let patterns = editor.labels(&uri, &format!("{head}a.spring(\"¦\");"));
+    let patterns = editor.completion_labels(&uri, &format!("{head}a.spring(\"¦\");"));
     assert!(patterns.contains(&"Spine..".to_string()), "{patterns:?}");
     for name in short {
-        editor.set(&uri, &format!("{head}a.joint(\"{name}\");"));
-        let found = messages(&editor.checked(&uri)).join("\n");
+        editor.replace_text(&uri, &format!("{head}a.joint(\"{name}\");"));
+        let found = messages(&editor.wait_for_diagnostics(&uri)).join("\n");
         assert!(!found.contains("joint"), "{name}: {found}");
     }
 }
 
-/// The rows of the guide's dialogue, and the actors of a scene in its test.
+/// Completions in the rows of the guide's dialogue, and of the actors of a scene in its test.
 #[test]
-fn completion_follows_maps_and_scenes() {
-    let folder = project();
+fn completion_knows_values_in_maps_and_actors_of_scenes() {
+    let folder = project_folder();
     let root = folder.path().canonicalize().unwrap();
     std::fs::create_dir_all(root.join("shots/tests")).unwrap();
     std::fs::create_dir_all(root.join("shots/models")).unwrap();
@@ -358,7 +363,7 @@ fn completion_follows_maps_and_scenes() {
     let rows = format!("{HEAD}let lines = [#{{ who: hero, from: 0.5 }}, #{{ who: hero, until: 2.8 }}];\n");
     let film = "test(\"a\", || {\n    let film = scene(\"../scene.rhai\");\n";
     let mut has = |uri: &str, text: String, wanted: &[&str], unwanted: &[&str]| {
-        let labels = editor.labels(uri, &text);
+        let labels = editor.completion_labels(uri, &text);
         for label in wanted {
             assert!(labels.iter().any(|l| l == label), "{text}: {label} is not in {labels:?}");
         }
@@ -380,7 +385,7 @@ fn completion_follows_maps_and_scenes() {
     has(&test, format!("{film}    film.camera(\"¦\")"), &["wide"], &["hero"]);
     has(&test, format!("{film}    film.actor(\"hero\").¦"), &["joint", "play"], &["cut"]);
     has(&test, format!("{film}    film.actor(\"hero\").joint(\"¦\")"), &["Root", "Slider"], &[]);
-    // Nothing outside the folder that is open.
+    // Nothing outside the open folder is offered.
     has(
         &test,
         "test(\"a\", || {\n    let film = scene(\"../../../scene.rhai\");\n    film.actor(\"¦\")".into(),
@@ -388,14 +393,14 @@ fn completion_follows_maps_and_scenes() {
         &["hero"],
     );
     let text = format!("{rows}for line in lines {{ line.w¦ho.hide(); }}");
-    let about = editor.hover(&main, &text);
+    let about = editor.hover_text(&main, &text);
     assert!(about.starts_with("**who**: Actor \"hero\" of models/tri.gltf"), "{about}");
 }
 
-/// A test beside a scene: its sections are run while they are typed, and nothing is missing on stage.
+/// The sections of a test beside a scene are run while they are typed, without warnings that nothing is on stage.
 #[test]
 fn sections_of_tests_have_diagnostics() {
-    let folder = project();
+    let folder = project_folder();
     let root = folder.path().canonicalize().unwrap();
     std::fs::create_dir(root.join("tests")).unwrap();
     std::fs::write(root.join("scene.rhai"), HEAD).unwrap();
@@ -409,26 +414,26 @@ fn sections_of_tests_have_diagnostics() {
     let uri = uri(&path);
     let mut editor = Editor::start(&root);
     editor.open(&uri, &text("hreo"));
-    let found = editor.checked(&uri);
+    let found = editor.wait_for_diagnostics(&uri);
     assert_eq!(found.len(), 1, "{found:?}");
     assert!(messages(&found)[0].contains("did you mean \"hero\"?"), "{found:?}");
     assert_eq!(found[0]["range"]["start"]["line"], 2);
-    editor.set(&uri, &text("hero"));
-    assert_eq!(messages(&editor.checked(&uri)), [""; 0]);
-    // An error of the scene lies in the scene's file.
+    editor.replace_text(&uri, &text("hero"));
+    assert_eq!(messages(&editor.wait_for_diagnostics(&uri)), [""; 0]);
+    // An error of the scene is reported in the file of the scene.
     std::fs::write(root.join("scene.rhai"), format!("{HEAD}hero.plya();")).unwrap();
-    editor.set(&uri, &(text("hero") + "// again"));
+    editor.replace_text(&uri, &(text("hero") + "// again"));
     let scene = self::uri(&root.join("scene.rhai"));
-    let told = editor.wait(move |m: &Value| {
+    let message = editor.wait_for_message(move |m: &Value| {
         m["params"]["uri"] == scene.as_str() && m["params"]["diagnostics"][0].is_object()
     });
-    assert!(told["params"]["diagnostics"][0]["message"].as_str().unwrap().contains("plya"), "{told}");
+    assert!(message["params"]["diagnostics"][0]["message"].as_str().unwrap().contains("plya"), "{message}");
 }
 
-/// A new test that was never saved is checked as a saved one is.
+/// A new test that was never saved is checked like a saved one.
 #[test]
 fn sections_of_new_files_have_diagnostics() {
-    let folder = project();
+    let folder = project_folder();
     let root = folder.path().canonicalize().unwrap();
     std::fs::create_dir(root.join("tests")).unwrap();
     std::fs::write(root.join("scene.rhai"), HEAD).unwrap();
@@ -447,29 +452,29 @@ fn sections_of_new_files_have_diagnostics() {
             ("expect(film.actor(\"hero\")).sped().above(0.0)", 2, "Expect has no method \"sped\""),
             ("expect_image(\"a\", #{ sz: [8, 8] })", 2, "unknown option \"sz\""),
         ] {
-            editor.set(uri, &of_film(call));
-            let found = editor.checked(uri);
+            editor.replace_text(uri, &of_film(call));
+            let found = editor.wait_for_diagnostics(uri);
             let is_it = |d: &&Value| d["message"].as_str().unwrap().contains(expected);
-            let it = found.iter().find(is_it).unwrap_or_else(|| panic!("{uri} {call}: {found:?}"));
-            assert_eq!(it["range"]["start"]["line"], line, "{uri} {call}: {found:?}");
+            let diagnostic = found.iter().find(is_it).unwrap_or_else(|| panic!("{uri} {call}: {found:?}"));
+            assert_eq!(diagnostic["range"]["start"]["line"], line, "{uri} {call}: {found:?}");
         }
-        editor.set(uri, &of_film("expect(film.actor(\"hero\")).y().above(-9.0)"));
-        assert_eq!(messages(&editor.checked(uri)), [""; 0], "{uri}");
-        // A test of its own stage, which only compares an image.
-        editor.set(uri, "test(\"looks\", || {\n    expect_image(\"a\", #{ sz: [8, 8] });\n});\n");
-        let found = messages(&editor.checked(uri));
+        editor.replace_text(uri, &of_film("expect(film.actor(\"hero\")).y().above(-9.0)"));
+        assert_eq!(messages(&editor.wait_for_diagnostics(uri)), [""; 0], "{uri}");
+        // A test that sets up its own stage and only compares an image.
+        editor.replace_text(uri, "test(\"looks\", || {\n    expect_image(\"a\", #{ sz: [8, 8] });\n});\n");
+        let found = messages(&editor.wait_for_diagnostics(uri));
         assert!(found.len() == 1 && found[0].contains("unknown option \"sz\""), "{uri}: {found:?}");
     }
     assert!(!root.join("new.rhai").exists() && !root.join("untitled.rhai").exists());
 }
 
 #[test]
-fn hover_and_signatures_explain_what_is_there() {
-    let folder = project();
+fn hover_and_signature_help_describe_calls_options_and_files() {
+    let folder = project_folder();
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
     let mut says = |text: &str, parts: &[&str]| {
-        let about = editor.hover(&uri, text);
+        let about = editor.hover_text(&uri, text);
         for part in parts {
             assert!(about.contains(part), "{text}: {about}");
         }
@@ -490,18 +495,18 @@ fn hover_and_signatures_explain_what_is_there() {
     says("sun(#{ color: \"co¦ral\" });", &["#ff7f50"]);
     says("load(\"models/none¦.gltf\");", &["no such file"]);
     says("import \"ste¦ps\" as s;", &["stepper(name)"]);
-    let help = editor.at("textDocument/signatureHelp", &uri, &format!("{HEAD}hero.at(1, ¦)"));
+    let help = editor.request_at_mark("textDocument/signatureHelp", &uri, &format!("{HEAD}hero.at(1, ¦)"));
     assert_eq!(help["signatures"][0]["label"], "Actor.at(x, y, z)");
     assert_eq!(help["activeParameter"], 1);
     let label = help["signatures"][0]["parameters"][1]["label"].clone();
     assert_eq!(label, json!([12, 13]));
-    let help = editor.at("textDocument/signatureHelp", &uri, "fn f(a, b) { a }\nf(1, ¦");
+    let help = editor.request_at_mark("textDocument/signatureHelp", &uri, "fn f(a, b) { a }\nf(1, ¦");
     assert_eq!((&help["signatures"][0]["label"], &help["activeParameter"]), (&json!("f(a, b)"), &json!(1)));
 }
 
 #[test]
 fn colors_are_found_and_picked() {
-    let folder = project();
+    let folder = project_folder();
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
     editor.open(
@@ -521,14 +526,14 @@ fn colors_are_found_and_picked() {
 }
 
 #[test]
-fn the_server_survives_what_clients_do() {
-    let folder = project();
+fn the_server_survives_invalid_and_cancelled_requests() {
+    let folder = project_folder();
     let uri = script(folder.path(), "");
-    let mut editor = Editor::raw(folder.path());
+    let mut editor = Editor::uninitialized(folder.path());
     let too_early = editor.request("textDocument/hover", json!({}));
     assert_eq!(too_early, Err(-32002));
     editor.write(b"nonsense\r\nContent-Length: 3\r\n\r\n{a}");
-    editor.wait(|m| m["error"]["code"] == -32700);
+    editor.wait_for_message(|m| m["error"]["code"] == -32700);
     editor.request("initialize", json!({ "capabilities": {} })).unwrap();
     assert_eq!(editor.request("no/such", json!({})), Err(-32601));
     let closed =
@@ -537,7 +542,7 @@ fn the_server_survives_what_clients_do() {
     editor.notify("textDocument/didChange", json!({ "textDocument": 7, "contentChanges": "x" }));
     editor.send(&json!([1, 2]));
     editor.send(&json!({ "id": 99 }));
-    editor.wait(|m| m["id"] == 99 && m["error"]["code"] == -32600);
+    editor.wait_for_message(|m| m["id"] == 99 && m["error"]["code"] == -32600);
 
     // Positions outside the text, a broken script, CRLF, and a text of a megabyte.
     editor.open(&uri, "let a = \"ä𝄞\";\r\nlet b = (((#{ [\r\n");
@@ -548,13 +553,13 @@ fn the_server_survives_what_clients_do() {
             assert!(editor.request(method, p.clone()).is_ok());
         }
     }
-    assert_eq!(editor.checked(&uri).len(), 1);
-    editor.set(&uri, &"let a = [1, 2, \"x\"];\r\n".repeat(40_000));
+    assert_eq!(editor.wait_for_diagnostics(&uri).len(), 1);
+    editor.replace_text(&uri, &"let a = [1, 2, \"x\"];\r\n".repeat(40_000));
     let p = json!({ "textDocument": { "uri": uri }, "position": { "line": 39_999, "character": 4 } });
     assert!(editor.request("textDocument/completion", p).is_ok());
 
-    // Requests that are called off before their turn are refused.
-    editor.set(&uri, "let a = 1;");
+    // Requests that are cancelled before they are processed are refused.
+    editor.replace_text(&uri, "let a = 1;");
     let p = json!({ "textDocument": { "uri": uri }, "position": { "line": 0, "character": 4 } });
     let mut bytes = Vec::new();
     let add = |bytes: &mut Vec<u8>, message: Value| {
@@ -566,16 +571,16 @@ fn the_server_survives_what_clients_do() {
     }
     add(&mut bytes, json!({ "method": "$/cancelRequest", "params": { "id": 1199 } }));
     editor.write(&bytes);
-    assert_eq!(editor.answer(1199), Err(-32800));
-    assert!(editor.answer(1000).is_ok());
-    assert_eq!(editor.exit(), 0);
+    assert_eq!(editor.response(1199), Err(-32800));
+    assert!(editor.response(1000).is_ok());
+    assert_eq!(editor.shut_down(), 0);
 
     // The client closes the pipe.
     let editor = Editor::start(folder.path());
-    assert_ne!(editor.code(), 0);
+    assert_ne!(editor.wait_for_exit(), 0);
 }
 
-/// A file outside the folders is neither read nor listed, whatever the script writes.
+/// A file outside the folders is neither read nor listed, whatever path the script contains.
 #[test]
 fn nothing_outside_the_folders_is_read() {
     let outer = tempfile::tempdir().unwrap();
@@ -586,19 +591,19 @@ fn nothing_outside_the_folders_is_read() {
     let uri = script(&inner, "");
     let mut editor = Editor::start(&inner);
     for path in ["../secret.gltf", "/etc/hostname"] {
-        let about = editor.hover(&uri, &format!("load(\"¦{path}\");"));
+        let about = editor.hover_text(&uri, &format!("load(\"¦{path}\");"));
         assert!(about.contains("cannot read") && !about.contains("triangle"), "{about}");
     }
-    let clips = editor.labels(&uri, "let a = load(\"../secret.gltf\");\na.clip(\"¦\");");
+    let clips = editor.completion_labels(&uri, "let a = load(\"../secret.gltf\");\na.clip(\"¦\");");
     assert!(!clips.contains(&"Slide".to_string()), "{clips:?}");
-    assert!(editor.labels(&uri, "import \"../secret\" as s;\ns::¦").is_empty());
-    assert!(!editor.labels(&uri, "load(\"../¦\");").iter().any(|l| l.contains("secret")));
+    assert!(editor.completion_labels(&uri, "import \"../secret\" as s;\ns::¦").is_empty());
+    assert!(!editor.completion_labels(&uri, "load(\"../¦\");").iter().any(|l| l.contains("secret")));
 }
 
-/// A script of 500 lines, edited a hundred times: from the key to the diagnostics.
+/// Measures the time from a change to its diagnostics, for a hundred changes of a script of 500 lines.
 #[test]
-fn diagnostics_come_soon() {
-    let folder = project();
+fn time_from_an_edit_to_its_diagnostics_is_printed() {
+    let folder = project_folder();
     let uri = script(folder.path(), "");
     let mut text = format!("stage(#{{ length: 20 }});\n{HEAD}camera(\"wide\");\n");
     text += "hero.play(tri.clip(\"Slide\")).until(1.0);\n";
@@ -614,14 +619,15 @@ fn diagnostics_come_soon() {
     let mut editor = Editor::start(folder.path());
     editor.open(&uri, &text);
     let lines = text.lines().count();
-    editor.checked(&uri);
+    editor.wait_for_diagnostics(&uri);
     let mut times: Vec<f64> = Vec::new();
     for version in 2..102 {
         let at = json!({ "line": lines, "character": version - 2 });
         let begun = Instant::now();
         editor.change(&uri, version, json!([{ "range": { "start": at, "end": at }, "text": "/" }]));
-        editor
-            .wait(|m| m["method"] == "textDocument/publishDiagnostics" && m["params"]["version"] == version);
+        editor.wait_for_message(|m| {
+            m["method"] == "textDocument/publishDiagnostics" && m["params"]["version"] == version
+        });
         times.push(begun.elapsed().as_secs_f64() * 1e3);
     }
     times.sort_by(f64::total_cmp);
@@ -632,8 +638,8 @@ fn diagnostics_come_soon() {
     assert_eq!(times.len(), 100);
 }
 
-/// The text of a range of a single line.
-fn part(text: &str, range: &Value) -> String {
+/// The text of a range within one line.
+fn text_in_range(text: &str, range: &Value) -> String {
     let line = text.split('\n').nth(range["start"]["line"].as_u64().unwrap() as usize).unwrap();
     let units: Vec<u16> = line.encode_utf16().collect();
     let at = |end: &str| range[end]["character"].as_u64().unwrap() as usize;
@@ -641,8 +647,8 @@ fn part(text: &str, range: &Value) -> String {
 }
 
 #[test]
-fn names_are_found_and_renamed_where_they_mean_the_same() {
-    let folder = project();
+fn names_are_found_and_renamed_only_in_their_scope() {
+    let folder = project_folder();
     let root = folder.path().canonicalize().unwrap();
     let main = script(folder.path(), "");
     let module = uri(&root.join("steps.rhai"));
@@ -650,9 +656,9 @@ fn names_are_found_and_renamed_where_they_mean_the_same() {
     let marked = "/* 𝄞 */ let size = 2; let other = #{ size: size };\n\
                   fn f(size) { size + 1 }\n{ let size = 3; f(size); }\nprint(si¦ze + other.size);\n";
     let text = marked.replace('¦', "");
-    let place = editor.at("textDocument/definition", &main, marked);
+    let place = editor.request_at_mark("textDocument/definition", &main, marked);
     assert_eq!(place["range"]["start"], json!({ "line": 0, "character": 13 }));
-    let position = editor.place(&main, marked);
+    let position = editor.open_marked_text(&main, marked);
     let p = json!({ "textDocument": { "uri": main }, "position": position, "context": { "includeDeclaration": true } });
     let found = editor.request("textDocument/references", p).unwrap();
     let lines: Vec<(u64, u64)> = found
@@ -660,7 +666,7 @@ fn names_are_found_and_renamed_where_they_mean_the_same() {
         .unwrap()
         .iter()
         .map(|f| {
-            assert_eq!(part(&text, &f["range"]), "size");
+            assert_eq!(text_in_range(&text, &f["range"]), "size");
             (
                 f["range"]["start"]["line"].as_u64().unwrap(),
                 f["range"]["start"]["character"].as_u64().unwrap(),
@@ -679,46 +685,46 @@ fn names_are_found_and_renamed_where_they_mean_the_same() {
             "{refused}"
         );
     }
-    // The code inside a text is renamed, from there, too; its letters are not.
+    // Variables in the code inside a string are renamed, also if the rename starts there; the other letters of the string are not changed.
     for marked in [
         "let kai¦ = [1];\nprint(`kai ${kai[0]} ${#{ kai: kai.len() }.kai} ${`${kai}`}`);\n",
         "let kai = [1];\nprint(`kai ${k¦ai[0]} ${#{ kai: kai.len() }.kai} ${`${kai}`}`);\n",
     ] {
-        let position = editor.place(&main, marked);
+        let position = editor.open_marked_text(&main, marked);
         let edits = editor.request("textDocument/rename", rename(&position, "mia")).unwrap();
-        let renamed = applied(&marked.replace('¦', ""), &json!({ "edit": edits }), &main);
+        let renamed = with_edits_applied(&marked.replace('¦', ""), &json!({ "edit": edits }), &main);
         let expected = "let mia = [1];\nprint(`kai ${mia[0]} ${#{ kai: mia.len() }.kai} ${`${mia}`}`);\n";
         assert_eq!(renamed, expected);
-        let range = editor.at("textDocument/prepareRename", &main, marked)["range"].clone();
-        assert_eq!(part(expected, &range).replace("mia", "kai"), "kai");
+        let range = editor.request_at_mark("textDocument/prepareRename", &main, marked)["range"].clone();
+        assert_eq!(text_in_range(expected, &range).replace("mia", "kai"), "kai");
     }
     for text in [
         "let a¦ = 1;\nprint(`${b}`);\n",
         "let a¦ = 1;\nprint(`${[1].map(|a| a)}`);\n",
         "fn a¦() { 1 }\nprint(`${x.a()}`);\n",
     ] {
-        let position = editor.place(&main, text);
+        let position = editor.open_marked_text(&main, text);
         assert_eq!(editor.request("textDocument/rename", rename(&position, "b")), Err(-32803), "{text}");
     }
 
     // A function of a module, in both files.
     let text = "import \"steps\" as s;\ns::step¦per(\"a\");\nlet stepper = 1;\n";
-    let place = editor.at("textDocument/definition", &main, text);
+    let place = editor.request_at_mark("textDocument/definition", &main, text);
     assert_eq!(
         (&place["uri"], &place["range"]["start"]),
         (&json!(module), &json!({ "line": 0, "character": 3 }))
     );
-    let position = editor.place(&main, text);
+    let position = editor.open_marked_text(&main, text);
     let edits = editor.request("textDocument/rename", rename(&position, "walker")).unwrap();
     let count = |uri: &String| edits["changes"][uri].as_array().map_or(0, Vec::len);
     assert_eq!((count(&module), count(&main)), (1, 1), "{edits}");
-    let place = editor.at("textDocument/definition", &main, "import \"ste¦ps\" as s;\n");
+    let place = editor.request_at_mark("textDocument/definition", &main, "import \"ste¦ps\" as s;\n");
     assert_eq!(place["uri"], json!(module));
 }
 
 #[test]
-fn symbols_and_folds_show_the_structure() {
-    let folder = project();
+fn symbols_and_folding_ranges_show_the_structure() {
+    let folder = project_folder();
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
     let text = "// one\n// two\nlet hero = cast(\"hero\", shape(\"box\"));\nfn f(a, b) {\n    let c = 1;\n    c\n}\n\
@@ -745,19 +751,19 @@ fn symbols_and_folds_show_the_structure() {
     assert_eq!(lines, [(0, 1), (3, 5), (7, 9)]);
 }
 
-/// The options that are offered are those that the calls accept: an unknown one is answered with their list. (The lists of `shape` and
-/// `mesh` are cut there.)
+/// The options that are offered are those that the calls accept: the error for an unknown option lists them. (The lists of `shape` and
+/// `mesh` are shortened in the message.)
 #[test]
-fn the_options_are_those_that_the_calls_accept() {
+fn offered_options_equal_the_options_that_calls_accept() {
     let calls = "stage(OPT)|lines(OPT)|panel(OPT)|text(\"a\", OPT)|letterbox(2.0, OPT)|sun(OPT)|\
         point(OPT)|spot(OPT)|sky(\"studio\", OPT)|fade_in(1, OPT)|h.play(a.clip(\"Walk\"), OPT)|h.look_at([0,0,0], OPT)|\
         h.reach(\"LeftHand\", [0,0,0], OPT)|h.plant_feet(OPT)|h.root_motion(OPT)|h.path([[0,0,0],[1,0,0]], OPT)|\
         h.detach(OPT)|h.surfaces(OPT)|h.springs(OPT)|h.spring(\"Head\", OPT)|h.walk_to([1,0,1], OPT)|h.joint(\"Head\").limit(OPT)|\
         h.play(a.clip(\"Walk\")).on(\"Spine..\", OPT)|camera(\"c\").orbit([0,0,0], OPT)|camera(\"c\").look_at([0,0,0], OPT)|\
         camera(\"c\").shake(OPT)|perform(h, |w| { w.hide(); }, OPT)|a.clip(\"Walk\").retarget(a, OPT)|a.clip(\"Walk\").reduce(0.01, OPT)";
-    // Described inside the text of another option.
+    // These are documented within the description of another option.
     let nested = ["sharpness"];
-    let folder = project();
+    let folder = project_folder();
     let uri = script(folder.path(), "");
     let mut editor = Editor::start(folder.path());
     editor.open(&uri, "");
@@ -765,8 +771,8 @@ fn the_options_are_those_that_the_calls_accept() {
     for call in calls.split('|').collect::<Vec<_>>().join("|").replace("|w|", "¶w¶").split('|') {
         let call = call.replace('¶', "|");
         let head = "let a = load(\"choreo:mannequin\");\nlet h = cast(\"h\", a);\nlet b = cast(\"b\", a);\n";
-        editor.set(&uri, &format!("{head}{};\n", call.replace("OPT", "#{ no_such_option: 1 }")));
-        let found = messages(&editor.checked(&uri));
+        editor.replace_text(&uri, &format!("{head}{};\n", call.replace("OPT", "#{ no_such_option: 1 }")));
+        let found = messages(&editor.wait_for_diagnostics(&uri));
         let list = found.iter().find_map(|m| Some(m.split_once("options: ")?.1.to_string()));
         let list = list.unwrap_or_else(|| panic!("{call}: {found:?}"));
         let is_cut = list.contains(" more");
@@ -775,7 +781,7 @@ fn the_options_are_those_that_the_calls_accept() {
             + list.split(" and ").nth(1).filter(|_| !is_cut).unwrap_or("");
         let mut accepted: Vec<&str> =
             list.split(", ").filter(|name| !name.is_empty() && !nested.contains(name)).collect();
-        let offered = editor.labels(&uri, &format!("{head}{};\n", call.replace("OPT", "#{ ¦ }")));
+        let offered = editor.completion_labels(&uri, &format!("{head}{};\n", call.replace("OPT", "#{ ¦ }")));
         let mut offered: Vec<&str> = offered.iter().map(String::as_str).collect();
         offered.retain(|name| !is_cut || accepted.contains(name));
         accepted.sort_unstable();
@@ -786,7 +792,7 @@ fn the_options_are_those_that_the_calls_accept() {
     assert!(compared > 100, "{compared}");
 }
 
-/// A call of each entry that takes options, `OPT`; of several, one must accept an option that is offered.
+/// Calls with the placeholder `OPT` for each entry that takes options. At least one of the calls must accept each option that is offered.
 const CALLS: &str = "\
     stage: stage(OPT)
     load: load(\"models/tri.gltf\", OPT)
@@ -862,7 +868,7 @@ const CALLS: &str = "\
     Expect.in_frame: TEST expect(h).in_frame(OPT)
     Expect.slide: TEST expect(h.joint(\"LeftFoot\")).slide(OPT)";
 
-/// Whether the calls of an entry take an option: none of them may report it as unknown. The last one is unknown to all.
+/// Whether each option is accepted: no call may report it as unknown. The last one is unknown to every call.
 fn refused_options(editor: &mut Editor, uri: &str, call: &str, options: &[String]) -> Vec<String> {
     const HEAD: &str = "let a = load(\"choreo:mannequin\"); let walk = a.clip(\"Walk\"); let c = camera(\"c\"); \
         let h = cast(\"h\", a); let b = cast(\"b\", a); let s = shape(\"box\");\n";
@@ -873,15 +879,15 @@ fn refused_options(editor: &mut Editor, uri: &str, call: &str, options: &[String
             None => format!("{call};\n"),
         }
     };
-    // A second call of `stage` is refused whatever its options are, and after some failed statements a script ends.
+    // A second call of `stage` is refused whatever its options are, and a script stops after several failed statements.
     let at_once = if call.starts_with("stage") { 1 } else { 12 };
     const REFUSALS: [&str; 4] =
         ["unknown option \"", "has no option", "unknown parameter \"", ".no_such_option is unknown"];
     let mut refused = Vec::new();
     for options in options.chunks(at_once) {
         let lines: String = options.iter().map(line).collect();
-        editor.set(uri, &format!("{HEAD}{lines}"));
-        for found in editor.checked(uri) {
+        editor.replace_text(uri, &format!("{HEAD}{lines}"));
+        for found in editor.wait_for_diagnostics(uri) {
             let message = found["message"].as_str().unwrap();
             let line = found["range"]["start"]["line"].as_u64().unwrap() as usize;
             if REFUSALS.iter().any(|refusal| message.contains(refusal)) {
@@ -892,10 +898,10 @@ fn refused_options(editor: &mut Editor, uri: &str, call: &str, options: &[String
     refused
 }
 
-/// Each option that is offered is accepted, in all calls of the API.
+/// Every option that is offered is accepted, for all functions of the API.
 #[test]
 fn every_offered_option_is_accepted() {
-    let folder = project();
+    let folder = project_folder();
     let root = folder.path().canonicalize().unwrap();
     std::fs::write(root.join("other.rhai"), HEAD).unwrap();
     let uri = script(folder.path(), "");
@@ -917,7 +923,7 @@ fn every_offered_option_is_accepted() {
             options.push("no_such_option".to_string());
             let refused = refused_options(&mut editor, &uri, call, &options);
             if !refused.contains(&"no_such_option".to_string()) {
-                blind.push(format!("{call}: {:?}", messages(&editor.checked(&uri))));
+                blind.push(format!("{call}: {:?}", messages(&editor.wait_for_diagnostics(&uri))));
             }
             options.retain(|option| refused.contains(option) && option != "no_such_option");
         }
@@ -928,14 +934,14 @@ fn every_offered_option_is_accepted() {
     assert!(offered > 300, "{offered}");
 }
 
-/// Runs Neovim without a window on a script beside these files, until the session in Lua has written down what it is shown; `None`
-/// where it is not installed.
+/// Runs Neovim without a window on a script beside these files, until the session in Lua has written what Neovim shows to a file.
+/// `None` if Neovim is not installed.
 fn neovim_session(text: &str, files: &[(&str, &str)], args: &[&str]) -> Option<String> {
     if std::process::Command::new("nvim").arg("--version").output().is_err() {
         println!("SKIP 1: nvim is not installed (Debian package neovim)");
         return None;
     }
-    let folder = project();
+    let folder = project_folder();
     std::fs::write(folder.path().join("scene.rhai"), text).unwrap();
     files.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
     let program = Path::new(env!("CARGO_BIN_EXE_choreo"));
@@ -960,7 +966,7 @@ fn has_lines(shown: &str, beginnings: &[&str]) {
     }
 }
 
-/// Neovim's own client: what it gets is printed by a script in Lua.
+/// Uses the client of Neovim: a Lua script prints what it receives.
 #[test]
 fn neovim_shows_diagnostics_completion_and_hover() {
     let text = format!("/* ä𝄞 */ {HEAD}hero.play(tri.clip(\"Slid\"));\n");
@@ -974,7 +980,7 @@ fn neovim_shows_diagnostics_completion_and_hover() {
     has_lines(&shown, &expected);
 }
 
-/// The settings that the page gives for Neovim, as `init.lua`.
+/// The settings that the README gives for Neovim, as `init.lua`.
 #[test]
 fn neovim_works_with_the_documented_settings() {
     let page = include_str!("../../../language_server/README.md");

@@ -1,4 +1,4 @@
-//! `choreo lsp`: what it shows in the text (hints, colors of words), how it formats, and what it runs.
+//! `choreo lsp`: inlay hints, semantic tokens, formatting, code lenses and commands.
 
 use crate::common;
 use crate::editor;
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 /// A folder with a model of one clip, "Slide", of 2 seconds.
-fn project() -> tempfile::TempDir {
+fn project_folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("models")).unwrap();
     std::fs::write(folder.path().join("models/tri.gltf"), common::triangle(2.0)).unwrap();
@@ -22,8 +22,8 @@ fn script(folder: &Path, name: &str, text: &str) -> String {
     uri(&path)
 }
 
-/// The byte of a place.
-fn byte(text: &str, place: &Value) -> usize {
+/// Byte of a position of the protocol.
+fn byte_of_position(text: &str, place: &Value) -> usize {
     let number = |name: &str| place[name].as_u64().unwrap() as usize;
     let start: usize = text.split_inclusive('\n').take(number("line")).map(str::len).sum();
     let mut column = 0;
@@ -36,11 +36,12 @@ fn byte(text: &str, place: &Value) -> usize {
     text.len()
 }
 
-/// A text with edits.
-fn edited(text: &str, edits: &Value) -> String {
+/// A text with edits applied.
+fn with_edits_applied(text: &str, edits: &Value) -> String {
     let mut new = text.to_string();
     for edit in edits.as_array().unwrap().iter().rev() {
-        let range = byte(text, &edit["range"]["start"])..byte(text, &edit["range"]["end"]);
+        let range =
+            byte_of_position(text, &edit["range"]["start"])..byte_of_position(text, &edit["range"]["end"]);
         new.replace_range(range, edit["newText"].as_str().unwrap());
     }
     new
@@ -54,7 +55,7 @@ fn hints(editor: &mut Editor, uri: &str, text: &str, lines: std::ops::Range<usiz
     let found = editor.request("textDocument/inlayHint", p).unwrap();
     let shown = |hint: &Value| {
         assert_eq!(hint["paddingLeft"], true);
-        let before = &text[..byte(text, &hint["position"])];
+        let before = &text[..byte_of_position(text, &hint["position"])];
         let start = before.len().saturating_sub(12);
         let start = (start..).find(|at| before.is_char_boundary(*at)).unwrap();
         (before[start..].to_string(), hint["label"].as_str().unwrap().to_string())
@@ -64,7 +65,7 @@ fn hints(editor: &mut Editor, uri: &str, text: &str, lines: std::ops::Range<usiz
     found
 }
 
-fn pairs(list: &[(&str, &str)]) -> Vec<(String, String)> {
+fn sorted_pairs(list: &[(&str, &str)]) -> Vec<(String, String)> {
     let mut list: Vec<(String, String)> = list.iter().map(|(a, b)| (a.to_string(), b.to_string())).collect();
     list.sort();
     list
@@ -77,13 +78,13 @@ const CUES: &str = "stage(#{ length: 8 });\nlet tri = load(\"models/tri.gltf\");
 
 #[test]
 fn hints_show_resolved_times_and_lengths_that_the_text_does_not_state() {
-    let folder = project();
+    let folder = project_folder();
     let uri = script(folder.path(), "scene.rhai", CUES);
     let refresh = json!({ "workspace": { "inlayHint": { "refreshSupport": true } } });
-    let mut editor = Editor::with(Editor::raw(folder.path()), folder.path(), refresh);
+    let mut editor = Editor::initialize(Editor::uninitialized(folder.path()), folder.path(), refresh);
     editor.open(&uri, CUES);
-    assert!(editor.checked(&uri).iter().all(|found| found["severity"] != 1));
-    editor.wait(|m| m["method"] == "workspace/inlayHint/refresh");
+    assert!(editor.wait_for_diagnostics(&uri).iter().all(|found| found["severity"] != 1));
+    editor.wait_for_message(|m| m["method"] == "workspace/inlayHint/refresh");
     let all = [
         ("clip(\"Slide\"", "2.00 s"),
         (").until(2.5)", "0.00–2.50 s"),
@@ -91,50 +92,50 @@ fn hints_show_resolved_times_and_lengths_that_the_text_does_not_state() {
         ("p).until(3.0)", "0.00–3.00 s, 0.10–3.00 s, 0.20–3.00 s and 2 more"),
     ];
     let all = all.map(|(before, label)| (&before[before.len() - 12..], label));
-    assert_eq!(hints(&mut editor, &uri, CUES, 0..9), pairs(&all));
-    assert_eq!(hints(&mut editor, &uri, CUES, 1..3), pairs(&all[..1]));
+    assert_eq!(hints(&mut editor, &uri, CUES, 0..9), sorted_pairs(&all));
+    assert_eq!(hints(&mut editor, &uri, CUES, 1..3), sorted_pairs(&all[..1]));
 
-    // A new line above, and an error: times of the last good run, on the lines where the cues are now.
+    // After a new line above and an error, the times of the last valid run are shown at the current lines of the cues.
     let text = format!("// ä𝄞\n{CUES}let = ;\n");
-    editor.set(&uri, &text);
-    assert_eq!(editor.checked(&uri).len(), 1);
-    assert_eq!(hints(&mut editor, &uri, &text, 0..11), pairs(&all));
-    // The call whose line was edited shows none.
+    editor.replace_text(&uri, &text);
+    assert_eq!(editor.wait_for_diagnostics(&uri).len(), 1);
+    assert_eq!(hints(&mut editor, &uri, &text, 0..11), sorted_pairs(&all));
+    // A call whose line was edited has no hint.
     let text = CUES.replace("until(2.5)", "until(2.6) (");
-    editor.set(&uri, &text);
-    assert_eq!(editor.checked(&uri).len(), 1);
-    assert_eq!(hints(&mut editor, &uri, &text, 0..9), pairs(&[all[0], all[2], all[3]]));
+    editor.replace_text(&uri, &text);
+    assert_eq!(editor.wait_for_diagnostics(&uri).len(), 1);
+    assert_eq!(hints(&mut editor, &uri, &text, 0..9), sorted_pairs(&[all[0], all[2], all[3]]));
 
     let off = json!({ "choreo": { "inlayHints": { "cueTimes": false } } });
     editor.notify("workspace/didChangeConfiguration", json!({ "settings": off }));
-    assert_eq!(hints(&mut editor, &uri, &text, 0..9), pairs(&all[..1]));
+    assert_eq!(hints(&mut editor, &uri, &text, 0..9), sorted_pairs(&all[..1]));
     let off = json!({ "choreo": { "inlayHints": { "clipLengths": false } } });
     editor.notify("workspace/didChangeConfiguration", json!({ "settings": off }));
-    assert_eq!(hints(&mut editor, &uri, &text, 0..9), pairs(&[]));
+    assert_eq!(hints(&mut editor, &uri, &text, 0..9), sorted_pairs(&[]));
 }
 
 /// Semantic tokens as text, type and modifiers.
-fn decoded(legend: &Value, text: &str, tokens: &Value) -> Vec<(String, String)> {
+fn decode_tokens(legend: &Value, text: &str, tokens: &Value) -> Vec<(String, String)> {
     let data: Vec<u64> = tokens["data"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).collect();
     let (mut line, mut column) = (0, 0);
-    let one = |token: &[u64]| {
+    let decode = |token: &[u64]| {
         line += token[0];
         column = if token[0] > 0 { token[1] } else { column + token[1] };
-        let start = byte(text, &json!({ "line": line, "character": column }));
-        let end = byte(text, &json!({ "line": line, "character": column + token[2] }));
+        let start = byte_of_position(text, &json!({ "line": line, "character": column }));
+        let end = byte_of_position(text, &json!({ "line": line, "character": column + token[2] }));
         let mut kind = legend["tokenTypes"][token[3] as usize].as_str().unwrap().to_string();
         for bit in (0..2).filter(|bit| token[4] & (1 << bit) != 0) {
             kind += &format!("+{}", legend["tokenModifiers"][bit].as_str().unwrap());
         }
         (text[start..end].to_string(), kind)
     };
-    data.chunks(5).map(one).collect()
+    data.chunks(5).map(decode).collect()
 }
 
 #[test]
-fn semantic_tokens_tell_what_words_mean() {
-    let folder = project();
-    let mut editor = Editor::raw(folder.path());
+fn semantic_tokens_have_the_kinds_of_words_and_strings() {
+    let folder = project_folder();
+    let mut editor = Editor::uninitialized(folder.path());
     let given = editor.request("initialize", json!({ "capabilities": {} })).unwrap();
     let provider = &given["capabilities"]["semanticTokensProvider"];
     assert_eq!((&provider["full"], &provider["range"]), (&json!(true), &json!(true)));
@@ -144,8 +145,8 @@ fn semantic_tokens_tell_what_words_mean() {
         fn go(who, far) { who.at(cm(-2), far, PI); m::f(`x\n ${far} y`) }\nif true { hero.visible }\nsun(#{ color: \"red\" });\n";
     let uri = script(folder.path(), "scene.rhai", "");
     editor.open(&uri, text);
-    let tokens = editor.about("textDocument/semanticTokens/full", &uri);
-    let found = decoded(&provider["legend"], text, &tokens);
+    let tokens = editor.request_about_document("textDocument/semanticTokens/full", &uri);
+    let found = decode_tokens(&provider["legend"], text, &tokens);
     let expected = [
         ("/* ä𝄞", "comment"),
         (" b */", "comment"),
@@ -207,21 +208,21 @@ fn semantic_tokens_tell_what_words_mean() {
     let expected = expected.map(|(text, kind)| (text.to_string(), kind.to_string()));
     assert_eq!(found, expected);
 
-    // The tokens of some lines are the same ones.
+    // A request for some lines gives the same tokens.
     let at = |line: usize| json!({ "line": line, "character": 0 });
     let p = json!({ "textDocument": { "uri": uri }, "range": { "start": at(3), "end": at(5) } });
     let tokens = editor.request("textDocument/semanticTokens/range", p).unwrap();
-    assert_eq!(decoded(&provider["legend"], text, &tokens), expected[13..23]);
+    assert_eq!(decode_tokens(&provider["legend"], text, &tokens), expected[13..23]);
 
     // A text of a megabyte.
-    editor.set(&uri, &"let a = load(\"x\"); a.clip(\"b\"); // c\n".repeat(20_000));
-    let tokens = editor.about("textDocument/semanticTokens/full", &uri);
+    editor.replace_text(&uri, &"let a = load(\"x\"); a.clip(\"b\"); // c\n".repeat(20_000));
+    let tokens = editor.request_about_document("textDocument/semanticTokens/full", &uri);
     assert_eq!(tokens["data"].as_array().unwrap().len(), 20_000 * 8 * 5);
 }
 
 #[test]
 fn documents_and_lines_are_formatted() {
-    let folder = project();
+    let folder = project_folder();
     let uri = script(folder.path(), "scene.rhai", "");
     let mut editor = Editor::start(folder.path());
     let text = "let e=\"é𝄞\"  ; // a\n\n\n\nf( 1,2 )\n .g( 3 );\nif x{\ny()\n}";
@@ -230,7 +231,7 @@ fn documents_and_lines_are_formatted() {
     let p = json!({ "textDocument": { "uri": uri }, "options": options });
     let edits = editor.request("textDocument/formatting", p.clone()).unwrap();
     let expected = "let e = \"é𝄞\"; // a\n\nf(1, 2)\n    .g(3);\nif x {\n    y()\n}\n";
-    assert_eq!(edited(text, &edits), expected);
+    assert_eq!(with_edits_applied(text, &edits), expected);
 
     let at = |line: usize, character: usize| json!({ "line": line, "character": character });
     for (from, to, expected) in [
@@ -242,11 +243,11 @@ fn documents_and_lines_are_formatted() {
         let mut p = p.clone();
         p["range"] = json!({ "start": at(from.0, from.1), "end": at(to.0, to.1) });
         let edits = editor.request("textDocument/rangeFormatting", p).unwrap();
-        assert_eq!(edited(text, &edits), expected);
+        assert_eq!(with_edits_applied(text, &edits), expected);
     }
-    editor.set(&uri, expected);
+    editor.replace_text(&uri, expected);
     assert_eq!(editor.request("textDocument/formatting", p.clone()).unwrap(), json!([]));
-    editor.set(&uri, "f( (1 );");
+    editor.replace_text(&uri, "f( (1 );");
     assert_eq!(editor.request("textDocument/formatting", p).unwrap(), Value::Null);
 }
 
@@ -259,12 +260,12 @@ fn progress() -> Value {
 
 #[test]
 fn the_frame_at_a_line_is_drawn_with_progress() {
-    let folder = project();
+    let folder = project_folder();
     let uri = script(folder.path(), "scene.rhai", SCENE);
-    let mut editor = Editor::with(Editor::raw(folder.path()), folder.path(), progress());
+    let mut editor = Editor::initialize(Editor::uninitialized(folder.path()), folder.path(), progress());
     editor.open(&uri, SCENE);
-    editor.checked(&uri);
-    let lenses = editor.about("textDocument/codeLens", &uri);
+    editor.wait_for_diagnostics(&uri);
+    let lenses = editor.request_about_document("textDocument/codeLens", &uri);
     let shown: Vec<(u64, &str)> = lenses
         .as_array()
         .unwrap()
@@ -292,14 +293,14 @@ fn the_frame_at_a_line_is_drawn_with_progress() {
         let path = drawn["path"].as_str().unwrap();
         let image = image::open(path).unwrap();
         assert_eq!((image.width(), image.height()), (32, 18));
-        let created = editor.wait(|m| m["method"] == "window/workDoneProgress/create");
+        let created = editor.wait_for_message(|m| m["method"] == "window/workDoneProgress/create");
         let token = created["params"]["token"].clone();
         for kind in ["begin", "end"] {
-            let progress =
-                editor.wait(|m| m["method"] == "$/progress" && m["params"]["value"]["kind"] == kind);
+            let progress = editor
+                .wait_for_message(|m| m["method"] == "$/progress" && m["params"]["value"]["kind"] == kind);
             assert_eq!(progress["params"]["token"], token);
         }
-        let message = editor.wait(|m| m["method"] == "window/showMessage");
+        let message = editor.wait_for_message(|m| m["method"] == "window/showMessage");
         assert_eq!(message["params"]["message"], format!("The frame at 2.50 s: {path}"));
     }
     let silent = json!({ "uri": uri, "line": 0, "silent": true });
@@ -312,55 +313,55 @@ fn the_frame_at_a_line_is_drawn_with_progress() {
         |editor: &mut Editor, argument: Value| editor.execute("choreo.renderFrame", argument).unwrap_err();
     assert_eq!(failed(&mut editor, json!({ "uri": "untitled:1" })).0, -32602);
     assert_eq!(editor.execute("choreo.noSuch", json!({ "uri": uri })).unwrap_err().0, -32602);
-    editor.set(&uri, "cats(1);\n");
+    editor.replace_text(&uri, "cats(1);\n");
     assert_eq!(failed(&mut editor, json!({ "uri": uri })), (-32803, "save scene.rhai first".to_string()));
     std::fs::write(folder.path().join("scene.rhai"), "cats(1);\n").unwrap();
     let (code, why) = failed(&mut editor, json!({ "uri": uri }));
     assert_eq!(code, -32803);
     assert!(why.contains("scene.rhai:1:1: unknown function \"cats\""), "{why}");
-    assert_eq!(editor.exit(), 0);
+    assert_eq!(editor.shut_down(), 0);
     assert!(!folder_of_frames.exists(), "the frames are removed when the server ends");
 }
 
 #[test]
-fn a_command_can_be_called_off_while_the_server_answers() {
-    let folder = project();
-    // Minutes of drawing.
+fn a_running_command_can_be_cancelled_while_the_server_answers() {
+    let folder = project_folder();
+    // Rendering this frame takes minutes.
     let slow = "stage(#{ size: [4000, 4000], length: 4 });\ncast(\"ball\", shape(\"sphere\"));\ncamera(\"a\").at(0, 0, 2);\n\
         effect(\"motion_blur\", #{ samples: 32 });\n";
     let uri = script(folder.path(), "slow.rhai", slow);
-    let mut editor = Editor::with(Editor::raw(folder.path()), folder.path(), progress());
+    let mut editor = Editor::initialize(Editor::uninitialized(folder.path()), folder.path(), progress());
     let p = json!({ "command": "choreo.renderFrame", "arguments": [{ "uri": uri }] });
-    let by_request = editor.ask("workspace/executeCommand", p.clone());
-    editor.wait(|m| m["params"]["value"]["kind"] == "begin");
+    let by_request = editor.send_request("workspace/executeCommand", p.clone());
+    editor.wait_for_message(|m| m["params"]["value"]["kind"] == "begin");
     assert_eq!(editor.request("no/such", json!({})), Err(-32601));
     editor.notify("$/cancelRequest", json!({ "id": by_request }));
-    assert_eq!(editor.answer(by_request), Err(-32800));
-    let by_progress = editor.ask("workspace/executeCommand", p.clone());
-    let begun = editor.wait(|m| m["params"]["value"]["kind"] == "begin");
+    assert_eq!(editor.response(by_request), Err(-32800));
+    let by_progress = editor.send_request("workspace/executeCommand", p.clone());
+    let begun = editor.wait_for_message(|m| m["params"]["value"]["kind"] == "begin");
     editor.notify("window/workDoneProgress/cancel", json!({ "token": begun["params"]["token"] }));
-    assert_eq!(editor.answer(by_progress), Err(-32800));
-    // The end of the session ends what is running.
-    editor.ask("workspace/executeCommand", p);
-    assert_eq!(editor.exit(), 0);
+    assert_eq!(editor.response(by_progress), Err(-32800));
+    // The end of the session ends running commands.
+    editor.send_request("workspace/executeCommand", p);
+    assert_eq!(editor.shut_down(), 0);
 }
 
 #[test]
-fn tests_are_run_one_by_one() {
-    let folder = project();
+fn code_lenses_run_single_tests() {
+    let folder = project_folder();
     let text = "test(\"it holds\", || { expect(1).equals(1); });\n\
         test(\"it fails\", || { expect(1).equals(2); });\nfor i in 0..2 { test(`number ${i}`, || { expect(i).equals(i); }); }\n";
     let uri = script(folder.path(), "sums.rhai", text);
     let mut editor = Editor::start(folder.path());
     editor.open(&uri, text);
-    let lenses = editor.about("textDocument/codeLens", &uri);
+    let lenses = editor.request_about_document("textDocument/codeLens", &uri);
     let titles: Vec<&str> =
         lenses.as_array().unwrap().iter().map(|lens| lens["command"]["title"].as_str().unwrap()).collect();
     assert_eq!(titles, ["Run test", "Run test", "Run the tests of this file"]);
     let mut run = |index: usize| {
         let argument = lenses[index]["command"]["arguments"][0].clone();
         let report = editor.execute("choreo.runTest", argument).unwrap();
-        let message = editor.wait(|m| m["method"] == "window/showMessage");
+        let message = editor.wait_for_message(|m| m["method"] == "window/showMessage");
         let status =
             |s: &Value| format!("{}: {}", s["section"].as_str().unwrap(), s["status"].as_str().unwrap());
         let sections: Vec<String> = report["sections"].as_array().unwrap().iter().map(status).collect();
@@ -372,19 +373,20 @@ fn tests_are_run_one_by_one() {
     assert_eq!((sections.len(), message.as_str()), (4, "3 passed, 1 failed: it fails"));
 }
 
-/// A program in the place of the viewer writes down how it was called.
+/// A script in place of the viewer stores its arguments.
 #[cfg(unix)]
 #[test]
 fn the_viewer_is_opened_at_the_time_of_a_line() {
     use std::os::unix::fs::PermissionsExt;
-    let folder = project();
+    let folder = project_folder();
     let uri = script(folder.path(), "scene.rhai", SCENE);
     let programs = tempfile::tempdir().unwrap();
     let choreo = programs.path().join("choreo");
     std::fs::copy(env!("CARGO_BIN_EXE_choreo"), &choreo).unwrap();
-    let mut editor = Editor::with(Editor::of(&choreo, folder.path()), folder.path(), json!({}));
+    let mut editor =
+        Editor::initialize(Editor::with_program(&choreo, folder.path()), folder.path(), json!({}));
     editor.open(&uri, SCENE);
-    editor.checked(&uri);
+    editor.wait_for_diagnostics(&uri);
     let (code, why) = editor.execute("choreo.openViewer", json!({ "uri": uri })).unwrap_err();
     assert!(code == -32803 && why.contains("the viewer is not beside choreo"), "{why}");
 

@@ -1,7 +1,7 @@
-//! Brightness by default: gray and white under the default lights by both renderers, raw values on request, and lights of
-//! files and of scripts in the same units.
+//! Default brightness: gray and white under the default lights in both renderers, raw values on request, and the same units for the
+//! lights of files and of scripts.
 
-use crate::exported::unhurried;
+use crate::exported::long_time_limits;
 
 use choreo_motion::Time;
 use choreo_plugin::Frame;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 const SIDE: u32 = 32;
 
-/// Draws scripts by the CPU and, where there is some, by Vulkan.
+/// Draws scripts with the CPU renderer and, if it is available, with Vulkan.
 struct Renderers {
     registry: choreo_plugin::Registry,
     renderers: Vec<(Box<dyn Renderer>, &'static str)>,
@@ -35,13 +35,13 @@ impl Renderers {
         Renderers { registry, renderers }
     }
 
-    /// The frame of a script with a file `lamp.gltf` beside it, by each renderer.
+    /// The frame that each renderer draws for a script with a file `lamp.gltf` beside it.
     fn frames(&mut self, script: &str, lamp: &str) -> Vec<(Frame, &'static str)> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.rhai");
         std::fs::write(&path, script).unwrap();
         std::fs::write(folder.path().join("lamp.gltf"), lamp).unwrap();
-        let stage = run_file(&path, &self.registry, &unhurried::unhurried()).unwrap().stage;
+        let stage = run_file(&path, &self.registry, &long_time_limits::script_options()).unwrap().stage;
         let snapshot = stage.at(Time::ZERO).unwrap();
         let options = PlanOptions { effects: self.registry.effects(), ..PlanOptions::new([SIDE; 2], 1) };
         let resources = Arc::new(SceneResources::new(&stage));
@@ -54,8 +54,8 @@ impl Renderers {
     }
 }
 
-/// A floor of one color, seen from above, under these lights.
-fn floor(stage: &str, color: &str, lights: &str) -> String {
+/// A script with a floor of one color under these lights, seen from above.
+fn floor_script(stage: &str, color: &str, lights: &str) -> String {
     format!(
         "stage(#{{ length: 1.0{stage} }});\n{lights}\n\
          cast(\"floor\", shape(\"plane\", #{{ size: 40.0, color: \"{color}\" }}));\n\
@@ -63,69 +63,77 @@ fn floor(stage: &str, color: &str, lights: &str) -> String {
     )
 }
 
-fn middle(frame: &Frame) -> [u8; 3] {
+fn center_pixel(frame: &Frame) -> [u8; 3] {
     let at = ((SIDE / 2 * SIDE + SIDE / 2) * 4) as usize;
     [frame.rgba[at], frame.rgba[at + 1], frame.rgba[at + 2]]
 }
 
-fn linear(code: u8) -> f64 {
+fn srgb_to_linear(code: u8) -> f64 {
     let v = f64::from(code) / 255.0;
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Degrees on the color circle.
-fn hue(c: [u8; 3]) -> f64 {
-    let [r, g, b] = c.map(linear);
+/// The hue in degrees.
+fn hue_degrees(c: [u8; 3]) -> f64 {
+    let [r, g, b] = c.map(srgb_to_linear);
     (3.0_f64.sqrt() * (g - b)).atan2(2.0 * r - g - b).to_degrees()
 }
 
 #[test]
-fn grey_and_white_under_default_lights() {
+fn gray_and_white_are_not_overexposed_under_default_lights() {
     let mut drawn = Renderers::new();
     for lights in ["sun();", "", "point();", "spot();", "sun(#{ shadow: true });"] {
-        for (frame, name) in drawn.frames(&floor("", "#808080", lights), "") {
-            let grey = middle(&frame);
-            println!("{name} {lights:?} #808080: {grey:?}");
-            assert!(grey.iter().all(|c| (110..=150).contains(c)), "{name} {lights:?}: {grey:?}");
+        for (frame, name) in drawn.frames(&floor_script("", "#808080", lights), "") {
+            let gray = center_pixel(&frame);
+            println!("{name} {lights:?} #808080: {gray:?}");
+            assert!(gray.iter().all(|c| (110..=150).contains(c)), "{name} {lights:?}: {gray:?}");
         }
-        for (frame, name) in drawn.frames(&floor("", "white", lights), "") {
-            let white = middle(&frame);
+        for (frame, name) in drawn.frames(&floor_script("", "white", lights), "") {
+            let white = center_pixel(&frame);
             println!("{name} {lights:?} white: {white:?}");
             assert!(white.iter().all(|c| *c < 245) && white[0] > 200, "{name} {lights:?}: {white:?}");
-            // The sun of a stage without lights is warm, the others are white.
+            // The default sun of a stage without lights is warm; the other lights are white.
             let spread = white.iter().max().unwrap() - white.iter().min().unwrap();
             assert!(spread <= if lights.is_empty() { 12 } else { 1 }, "{name} {lights:?}: {white:?}");
         }
     }
-    // No place of a white ball is brighter, and colors keep their hue.
+    // No pixel of a white ball is brighter than white, and colors keep their hue.
     let ball =
         "sun();\ncast(\"ball\", shape(\"sphere\", #{ size: 3.0, color: \"white\" })).at(0.0, 0.5, 0.0);";
-    for (frame, name) in drawn.frames(&floor(", background: \"black\"", "white", ball), "") {
+    for (frame, name) in drawn.frames(&floor_script(", background: \"black\"", "white", ball), "") {
         let most = frame.rgba.chunks_exact(4).flat_map(|p| p[..3].iter()).max().unwrap();
         println!("{name} white ball: at most {most}");
         assert!(*most < 245, "{name}: {most}");
     }
     for (code, color) in [("#e0a080", [0xe0, 0xa0, 0x80]), ("#f0c8b4", [0xf0, 0xc8, 0xb4])] {
-        for (frame, name) in drawn.frames(&floor("", code, "sun();"), "") {
-            let shown = middle(&frame);
-            println!("{name} {code}: {shown:?}, hue {:.2} instead of {:.2}", hue(shown), hue(color));
-            assert!((hue(shown) - hue(color)).abs() < 2.0, "{name} {code}: {shown:?}");
+        for (frame, name) in drawn.frames(&floor_script("", code, "sun();"), "") {
+            let shown = center_pixel(&frame);
+            println!(
+                "{name} {code}: {shown:?}, hue {:.2} instead of {:.2}",
+                hue_degrees(shown),
+                hue_degrees(color)
+            );
+            assert!((hue_degrees(shown) - hue_degrees(color)).abs() < 2.0, "{name} {code}: {shown:?}");
         }
     }
 }
 
 #[test]
-fn raw_values_and_stops() {
+fn raw_output_is_linear_and_one_stop_doubles_it() {
     let mut drawn = Renderers::new();
     let mut shown = |stage: &str, color: &str| -> Vec<[u8; 3]> {
-        drawn.frames(&floor(stage, color, "sun();"), "").iter().map(|(frame, _)| middle(frame)).collect()
+        drawn
+            .frames(&floor_script(stage, color, "sun();"), "")
+            .iter()
+            .map(|(frame, _)| center_pixel(frame))
+            .collect()
     };
-    // A sun of 2.2 lux falls on the floor at the cosine 2 / √7.25; ambient light from above is 0.45.
+    // A sun of 2.2 lux lights the floor at an angle whose cosine is 2 / √7.25; the ambient light from above is 0.45.
     let light = 2.2 / std::f64::consts::PI * 2.0 / 7.25_f64.sqrt() + 0.45;
     for raw in shown(", view: \"none\"", "#808080") {
-        // Reflected at the surface: 4 % and a small highlight.
-        let diffuse = linear(128) * light * 0.96;
-        assert!((linear(raw[0]) - diffuse - 0.02).abs() < 0.02, "{raw:?} instead of {diffuse}");
+        // The specular reflection: 4 % and a small highlight.
+        let diffuse = srgb_to_linear(128) * light * 0.96;
+        assert!((srgb_to_linear(raw[0]) - diffuse - 0.02).abs() < 0.02, "{raw:?} instead of {diffuse}");
     }
     for raw in shown(", view: \"none\", exposure: 2.0", "white") {
         assert_eq!(raw, [255; 3]);
@@ -133,7 +141,7 @@ fn raw_values_and_stops() {
     let none = shown(", view: \"none\"", "#404040");
     let brighter = shown(", view: \"none\", exposure: 1.0", "#404040");
     for (none, brighter) in none.iter().zip(&brighter) {
-        let factor = linear(brighter[0]) / linear(none[0]);
+        let factor = srgb_to_linear(brighter[0]) / srgb_to_linear(none[0]);
         assert!((factor - 2.0).abs() < 0.04, "{none:?} {brighter:?}");
     }
     let (neutral, agx) = (shown("", "#808080"), shown(", view: \"agx\"", "#808080"));
@@ -141,8 +149,8 @@ fn raw_values_and_stops() {
     assert_eq!(neutral, shown(", view: \"neutral\"", "#808080"));
 }
 
-/// A file with one light of KHR_lights_punctual, which a node turns to −Y and places.
-fn lamp(light: &str, at: [f64; 3]) -> String {
+/// A glTF file with one light of KHR_lights_punctual, whose node points it to −Y.
+fn lamp_gltf(light: &str, at: [f64; 3]) -> String {
     let half = std::f64::consts::FRAC_1_SQRT_2;
     format!(
         r#"{{ "asset": {{ "version": "2.0" }}, "extensionsUsed": ["KHR_lights_punctual"],
@@ -155,7 +163,7 @@ fn lamp(light: &str, at: [f64; 3]) -> String {
 }
 
 #[test]
-fn a_light_of_a_file_shines_as_the_same_light_of_a_script() {
+fn lights_of_files_and_scripts_have_the_same_units() {
     let mut drawn = Renderers::new();
     let (inner, outer) = (20.0_f64, 40.0_f64);
     let spot = format!(
@@ -172,13 +180,14 @@ fn a_light_of_a_file_shines_as_the_same_light_of_a_script() {
         ),
     ];
     for (of_file, of_script) in cases {
-        let file = lamp(of_file, [1.0, 3.0, 0.0]);
-        let by_file = drawn.frames(&floor("", "#808080", "cast(\"lamp\", load(\"lamp.gltf\"));"), &file);
-        let by_script = drawn.frames(&floor("", "#808080", of_script), &file);
-        let other = drawn.frames(&floor("", "#808080", &of_script.replace("7", "8")), &file);
+        let file = lamp_gltf(of_file, [1.0, 3.0, 0.0]);
+        let by_file =
+            drawn.frames(&floor_script("", "#808080", "cast(\"lamp\", load(\"lamp.gltf\"));"), &file);
+        let by_script = drawn.frames(&floor_script("", "#808080", of_script), &file);
+        let other = drawn.frames(&floor_script("", "#808080", &of_script.replace("7", "8")), &file);
         for (i, (a, name)) in by_file.iter().enumerate() {
             let apart = |b: &Frame| a.rgba.iter().zip(&b.rgba).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
-            // The file's direction is a rotation, rounded.
+            // The direction in the file is a rounded rotation.
             assert!(apart(&by_script[i].0) <= 1, "{name} {of_script}: {}", apart(&by_script[i].0));
             let changed = of_script.contains('7');
             assert!(!changed || apart(&other[i].0) > 1, "{name} {of_script}: another intensity was not seen");

@@ -1,7 +1,7 @@
-//! `choreo export -o scene.glb`: the file, imported again, has the scene's joints at times between its frames, and its images; other
-//! programs read it. `cargo test -p choreo --test exports gltf -- --nocapture` prints the table.
+//! `choreo export -o scene.glb`: if the file is imported again, its joints at times between frames and its images are those of the scene,
+//! also in other programs. `cargo test -p choreo --test exports gltf -- --nocapture` prints the table.
 //!
-//! `--ignored` draws all lessons.
+//! `--ignored` tests the images of all lessons.
 
 use crate::exported;
 use crate::gltf_validator;
@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [320, 180];
 
-/// Fades, layers, IK, root motion, callbacks, attached props, several cameras, springs and other characters.
+/// Scripts with fades, layers, IK, root motion, callbacks, attached props, several cameras, springs and other characters.
 const LESSONS: [&str; 6] = [
     "01_first_dance.rhai",
     "07_keys_and_frames.rhai",
@@ -36,7 +36,7 @@ const LESSONS: [&str; 6] = [
 /// The parts of an exported glTF file that the tests read.
 trait Gltf {
     fn json(&self) -> Value;
-    fn again(&self) -> Stage;
+    fn imported_stage(&self) -> Stage;
 }
 
 impl Gltf for Exported {
@@ -52,8 +52,8 @@ impl Gltf for Exported {
         }
     }
 
-    /// The file, imported, as a scene of one actor that plays the timeline, with the original's settings and cuts.
-    fn again(&self) -> Stage {
+    /// The imported file as a scene with one actor that plays the timeline, with the settings and cuts of the original.
+    fn imported_stage(&self) -> Stage {
         let asset = import(&self.path());
         let mut stage = Stage { settings: self.stage.settings.clone(), ..Stage::default() };
         let shots: Vec<Value> =
@@ -81,10 +81,10 @@ fn import(path: &Path) -> Arc<Asset> {
     asset
 }
 
-/// The joint of the imported file for each joint of an actor: the importer numbers nodes depth first.
+/// Maps the joints of each actor to joints of the imported file: the importer numbers nodes depth first.
 struct Joints {
     of_node: Vec<usize>,
-    /// The first joint's node of each actor that is there.
+    /// The node of the first joint of each exported actor.
     actors: Vec<Option<usize>>,
 }
 
@@ -113,17 +113,17 @@ impl Joints {
     }
 }
 
-/// The worst distance of a joint at 20 times between frames, with its place; actors that are not seen aside.
-fn worst(exported: &Exported) -> (f64, String) {
+/// The largest error of a joint at 20 times between frames, with the joint and the time. Invisible actors are ignored.
+fn worst_joint_error(exported: &Exported) -> (f64, String) {
     let stage = &exported.stage;
-    let again = Arc::new(exported.again());
+    let imported = Arc::new(exported.imported_stage());
     let joints = Joints::of(exported);
-    let (mut one, mut other) = (Evaluator::new(stage.clone()), Evaluator::new(again).posing_hidden());
+    let (mut one, mut other) = (Evaluator::new(stage.clone()), Evaluator::new(imported).posing_hidden());
     let mut worst = (0.0, String::new());
     for time in times_between_frames(stage).into_iter().map(Time::from_secs) {
         let (truth, found) = (one.at(time).unwrap(), other.at(time).unwrap());
         for ((actor, state), first) in stage.actors.iter().zip(&truth.actors).zip(&joints.actors) {
-            // An actor with placements has them instead of joints.
+            // An actor with placements has nodes for these instead of joints.
             if !state.visible || !actor.asset.placements.is_empty() {
                 continue;
             }
@@ -151,18 +151,18 @@ fn draw(stage: &Stage, time: Time) -> Frame {
     renderer.collect(None).unwrap()
 }
 
-/// Images of the scene, without what glTF has no words for, and of the file.
-fn images(exported: &Exported, share: f64) -> (Comparison, Frame, Frame) {
+/// Images of the scene without the features that glTF cannot express, and images of the file.
+fn compare_images(exported: &Exported, share: f64) -> (Comparison, Frame, Frame) {
     let mut own = Stage::clone(&exported.stage);
     (own.effects, own.layers_2d, own.settings.size) = (Vec::new(), Vec::new(), SIZE);
     own.lights.iter_mut().for_each(|light| light.shadow = None);
-    let mut again = exported.again();
-    // The sky is left out, and one model is simplified otherwise than many.
-    again.sky = own.sky.clone();
+    let mut imported = exported.imported_stage();
+    // The sky is not exported, and levels of detail differ because the file is a single model.
+    imported.sky = own.sky.clone();
     own.settings.levels_of_detail = false;
-    (again.settings.levels_of_detail, again.settings.size) = (false, SIZE);
+    (imported.settings.levels_of_detail, imported.settings.size) = (false, SIZE);
     let time = Time::from_secs(own.settings.length.as_secs() * share);
-    let (a, b) = (draw(&own, time), draw(&again, time));
+    let (a, b) = (draw(&own, time), draw(&imported, time));
     (compare(&a, &b, 3).unwrap(), a, b)
 }
 
@@ -171,10 +171,10 @@ fn is_same(c: &Comparison) -> bool {
 }
 
 #[test]
-fn joints_of_lessons_are_where_they_were_between_frames_too() {
+fn exported_joints_of_lessons_match_the_scene_between_frames() {
     for name in LESSONS {
-        let exported = Exported::lesson(&scripts().join(name), "glb", &[]);
-        let (metres, place) = worst(&exported);
+        let exported = Exported::from_lesson(&scripts().join(name), "glb", &[]);
+        let (metres, place) = worst_joint_error(&exported);
         let stated = exported.files.deviation.clone().unwrap();
         println!(
             "{name}: {metres:.1e} m, {place}; it states {:.1e} m, {} {}",
@@ -185,15 +185,15 @@ fn joints_of_lessons_are_where_they_were_between_frames_too() {
 }
 
 #[test]
-fn the_images_of_the_file_are_those_of_the_scene() {
-    let exported = Exported::script(SCENE, "glb", &[]);
-    let (metres, place) = worst(&exported);
+fn images_of_the_exported_file_match_the_scene() {
+    let exported = Exported::from_script(SCENE, "glb", &[]);
+    let (metres, place) = worst_joint_error(&exported);
     assert!(metres < TOLERANCE, "{metres:e} m, {place}");
     for share in [0.1, 0.35, 0.5, 0.8] {
-        let (c, own, again) = images(&exported, share);
+        let (c, own, imported) = compare_images(&exported, share);
         println!("at {share} of the scene: {c}");
         assert!(is_same(&c), "at {share} of the scene: {c}");
-        keep(&format!("{share}"), [&own, &again]);
+        save_images(&format!("{share}"), [&own, &imported]);
     }
     let stated: Vec<f64> = exported.json()["nodes"]
         .as_array()
@@ -204,8 +204,8 @@ fn the_images_of_the_file_are_those_of_the_scene() {
     assert_eq!(stated, [2.0, 3.0], "the ends of the shots");
 }
 
-/// Puts the images of a scene and of its file into the folder that the environment names, to be looked at.
-fn keep(name: &str, images: [&Frame; 2]) {
+/// Writes the images of a scene and of its file into the folder that the environment variable names, for inspection.
+fn save_images(name: &str, images: [&Frame; 2]) {
     let Some(folder) = std::env::var_os("CHOREO_KEEP_IMAGES") else { return };
     std::fs::create_dir_all(&folder).unwrap();
     for (frame, whose) in images.into_iter().zip(["own", "again"]) {
@@ -214,12 +214,12 @@ fn keep(name: &str, images: [&Frame; 2]) {
     }
 }
 
-/// Each fault in the file is found by what compares it with the scene.
+/// The comparison with the scene finds each planted fault of the file.
 #[test]
 fn planted_faults_are_found() {
-    let exported = Exported::script(SCENE, "gltf", &[]);
-    assert!(worst(&exported).0 < TOLERANCE);
-    assert!(is_same(&images(&exported, 0.35).0));
+    let exported = Exported::from_script(SCENE, "gltf", &[]);
+    assert!(worst_joint_error(&exported).0 < TOLERANCE);
+    assert!(is_same(&compare_images(&exported, 0.35).0));
     let json = exported.json();
     // A key time that is 20 ms late.
     let sampler = &json["animations"][0]["samplers"][1];
@@ -233,26 +233,27 @@ fn planted_faults_are_found() {
         bytes[key..key + 4].copy_from_slice(&(time + 0.02).to_le_bytes());
     }
     std::fs::write(exported.folder.path().join("out.bin"), &bytes).unwrap();
-    let (metres, place) = worst(&exported);
+    let (metres, place) = worst_joint_error(&exported);
     println!("late keys: {metres:.1e} m, {place}");
     assert!(metres > 2.0 * TOLERANCE, "late keys are not found: {metres:e} m");
     exported.write(&exported.files.main);
-    // Two joints of a skin in the wrong order: joints are where they were, vertices are not.
+    // Two joints of a skin are exchanged: the joints stay in place, the vertices do not.
     let mut wrong = json.clone();
     wrong["skins"][0]["joints"].as_array_mut().unwrap().swap(3, 14);
     std::fs::write(exported.path(), wrong.to_string()).unwrap();
-    let c = images(&exported, 0.35).0;
+    let c = compare_images(&exported, 0.35).0;
     println!("joints in the wrong order: {c}");
     assert!(!is_same(&c), "joints in the wrong order are not found: {c}");
 }
 
-/// A format that consists of its image.
+/// An importer for a format in which the file is the image.
 const TILE: &str = "fn manifest() { #{ name: \"tile\", extensions: \"tile\" } }\n\n\
     fn load(file) {\n    let look = material(#{ image: image(#{ file: file.bytes }) });\n    \
     mesh(#{ positions: [0, 0, 0, 1, 0, 0, 0, 1, 0], uvs: [0, 1, 1, 1, 0, 0], indices: [0, 1, 2], material: look });\n}\n";
 
-/// A script with five images from files, one of them by an importer beside it and one changed; the files, and the bytes of the unchanged ones.
-fn pictures() -> (tempfile::TempDir, [Vec<u8>; 4]) {
+/// A scene with five images from files, one of them read by an importer beside it and one changed by the script. Returns the exported
+/// files, and the bytes of the unchanged images.
+fn script_with_image_files() -> (tempfile::TempDir, [Vec<u8>; 4]) {
     let dir = tempfile::tempdir().unwrap();
     let image = image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([(8 * x) as u8, (16 * y) as u8, 99]));
     let names = ["a.png", "b.jpg", "c.webp"];
@@ -272,14 +273,14 @@ fn pictures() -> (tempfile::TempDir, [Vec<u8>; 4]) {
     (dir, bytes)
 }
 
-/// The file of an image is written unchanged where the image is used unchanged.
+/// If the scene uses an image unchanged, the export contains its file unchanged.
 #[test]
-fn files_of_images_stay_as_they_are() {
-    let (dir, originals) = pictures();
+fn unchanged_image_files_are_exported_byte_for_byte() {
+    let (dir, originals) = script_with_image_files();
     let d = dir.path();
     for (output, endings) in [
         ("s.gltf", ["s_0.png", "s_1.jpg", "s_2.webp", "s_3.jpg", "s_4.png"]),
-        // usd-core and packages know no WebP.
+        // USDZ and usd-core do not support WebP.
         ("s.usda", ["s_0.png", "s_1.jpg", "s_2.png", "s_3.jpg", "s_4.png"]),
     ] {
         let run = choreo(d, &["export", "s.rhai", "-o", output]);
@@ -288,7 +289,7 @@ fn files_of_images_stay_as_they_are() {
             let written = read(d, ending);
             let same = originals.get(number).is_some_and(|original| *original == written);
             assert_eq!(same, [0, 1, 3].contains(&number) || ending.ends_with("webp"), "{ending} of {output}");
-            // An image that is made anew has the same size, and holes where it was given some.
+            // An image that is encoded again has the same size, and transparent pixels if the script adds them.
             let image = image::load_from_memory(&written).unwrap();
             assert_eq!((image.width(), image.height()), (32, 16));
             assert_eq!(image.color().has_alpha(), number == 4, "{ending} of {output}");
@@ -302,31 +303,32 @@ fn files_of_images_stay_as_they_are() {
     let glb = read(d, "s.glb");
     let is_there = |original: &Vec<u8>| glb.windows(original.len()).any(|part| part == original);
     assert!(originals.iter().all(is_there));
-    // The images of the file are those of the scene, WebP too.
-    let again = import(&d.join("s.glb"));
-    let sizes: Vec<(u32, u32)> = again.images.iter().map(|image| (image.width, image.height)).collect();
+    // The images of the file are those of the scene, including WebP.
+    let imported = import(&d.join("s.glb"));
+    let sizes: Vec<(u32, u32)> = imported.images.iter().map(|image| (image.width, image.height)).collect();
     assert_eq!(sizes, [(32, 16); 5]);
-    // A render keeps no file beside the pixels.
-    assert!(again.images.iter().all(|image| image.file.is_none()));
+    // For a render, only the pixels are kept in memory, not the file.
+    assert!(imported.images.iter().all(|image| image.file.is_none()));
 }
 
 #[test]
 fn each_actor_can_have_an_animation() {
-    let exported = Exported::script(SCENE, "gltf", &[("animations", OptionValue::Text("actors".into()))]);
+    let exported =
+        Exported::from_script(SCENE, "gltf", &[("animations", OptionValue::Text("actors".into()))]);
     let json = exported.json();
     let names: Vec<&str> =
         json["animations"].as_array().unwrap().iter().map(|a| a["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["anna", "ben", "box", "wheel", "cameras and lights"]);
-    // The buffer and images lie beside the JSON.
+    // The buffer and the images are separate files beside the JSON.
     let beside: Vec<&str> = exported.files.beside.keys().map(String::as_str).collect();
     assert_eq!(beside, [".bin", "_0.png", "_1.png"]);
 }
 
 #[test]
-fn a_larger_tolerance_has_fewer_bytes_and_is_kept() {
+fn a_larger_tolerance_gives_smaller_files_within_the_tolerance() {
     let sizes = [1e-5, 1e-4, 1e-2].map(|tolerance| {
-        let exported = Exported::script(SCENE, "glb", &exported::tolerance(tolerance));
-        let (metres, place) = worst(&exported);
+        let exported = Exported::from_script(SCENE, "glb", &exported::tolerance(tolerance));
+        let (metres, place) = worst_joint_error(&exported);
         println!("{tolerance} m: {} bytes, {metres:.1e} m, {place}", exported.files.main.len());
         assert!(metres <= tolerance, "{tolerance} m: {metres:e} m, {place}");
         exported.files.main.len()
@@ -341,22 +343,22 @@ fn clips_that_play_unchanged_keep_their_keys() {
         let m = load("choreo:mannequin");
         for i in 0..20 { cast("dancer " + i, m).at(0.05 * i, 0, 0).play(m.clip("Walk")).from(-0.5 * (i % 2)); }
         camera("c").at(0, 1, 5);"#;
-    let exported = Exported::script(text, "glb", &[]);
-    let (metres, place) = worst(&exported);
+    let exported = Exported::from_script(text, "glb", &[]);
+    let (metres, place) = worst_joint_error(&exported);
     // The keys are as exact as f32 times.
     assert!(metres < 2e-6, "{metres:e} m, {place}");
     let json = exported.json();
     let count = |name: &str| json[name].as_array().unwrap().len();
     assert_eq!((count("meshes"), count("skins")), (1, 20));
-    // Two motions, however many dance.
+    // There are only two motions, however many actors play them.
     let channels = json["animations"][0]["channels"].as_array().unwrap().len();
     let samplers = json["animations"][0]["samplers"].as_array().unwrap().len();
     assert_eq!(channels, 10 * samplers);
 }
 
-/// The clip stays on the spot, and its floor passes at 1.2 m/s.
+/// A clip in place, whose feet move backwards over the floor at 1.2 m/s.
 #[test]
-fn clips_are_animations_and_travel_where_they_are_asked_to() {
+fn clips_become_animations_with_the_requested_root_motion() {
     let text = r#"
         stage(#{ length: 2.0 });
         let m = load("choreo:mannequin");
@@ -369,7 +371,7 @@ fn clips_are_animations_and_travel_where_they_are_asked_to() {
     let moved = |root: &str| {
         let options = [("animations", "clips"), ("root_motion", root)];
         let options = options.map(|(name, value)| (name, OptionValue::Text(value.into())));
-        let exported = Exported::script(text, "glb", &options);
+        let exported = Exported::from_script(text, "glb", &options);
         let asset = import(&exported.path());
         let names: Vec<&str> = asset.clips.iter().map(|clip| clip.name.as_str()).collect();
         assert_eq!(names, ["Walk", "Wave", "cleo Walk"]);
@@ -378,7 +380,7 @@ fn clips_are_animations_and_travel_where_they_are_asked_to() {
         stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(asset.clips[0].clone()) });
         let state = stage.at(Time::from_secs(0.999)).unwrap().actors.remove(0);
         let own = exported.stage.actors[0].asset.skeleton.names();
-        // Against the clip itself: the first actor's joints are the first of the file, after its node.
+        // Compared with the clip itself: the joints of the first actor come first in the file, after its node.
         let mut truth = Stage::default();
         let ada = truth.cast("ada", exported.stage.actors[0].asset.clone());
         truth.play(ada, Cue::new(exported.stage.actors[0].layers[0].cues[0].clip.clone()));
@@ -406,24 +408,24 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
 }
 
 #[test]
-fn the_khronos_validator_has_nothing_to_say_about_files_beside_each_other() {
-    validate(&[Exported::script(SCENE, "gltf", &[]).path()]);
+fn the_khronos_validator_accepts_a_gltf_file_with_separate_buffers() {
+    validate(&[Exported::from_script(SCENE, "gltf", &[]).path()]);
 }
 
-/// The largest distance of a joint in three.js from where it is in the scene, `late` seconds later; metres, and where.
-fn worst_in_three(three: &Packages, exported: &Exported, late: f64) -> (f64, String) {
+/// The largest distance in metres of a joint in three.js from its position in the scene `delay` seconds later, and where it is.
+fn worst_joint_error_in_three_js(three: &Packages, exported: &Exported, delay: f64) -> (f64, String) {
     let stage = &exported.stage;
     let times = times_between_frames(stage);
     let file = exported.folder.path().join("times.json");
     std::fs::write(&file, serde_json::to_string(&times).unwrap()).unwrap();
     let text = three.run("three.mjs", include_str!("../common/three.mjs"), &[&exported.path(), &file]);
-    // The place of each node at each time.
+    // The position of each node at each time.
     let places: Vec<Vec<[f64; 3]>> = serde_json::from_str(&text).unwrap();
     let joints = Joints::of(exported);
     let mut evaluator = Evaluator::new(stage.clone());
     let (mut worst, mut count) = ((0.0, String::new()), 0);
     for (secs, places) in times.iter().zip(&places) {
-        let truth = evaluator.at(Time::from_secs(secs + late)).unwrap();
+        let truth = evaluator.at(Time::from_secs(secs + delay)).unwrap();
         for ((actor, state), first) in stage.actors.iter().zip(&truth.actors).zip(&joints.actors) {
             let Some(first) = first.filter(|_| state.visible && actor.asset.placements.is_empty()) else {
                 continue;
@@ -442,28 +444,28 @@ fn worst_in_three(three: &Packages, exported: &Exported, late: f64) -> (f64, Str
     worst
 }
 
-/// The loader and the mixer of three.js, in node: the same places, by another program. 20 ms late is found.
+/// The loader and the mixer of three.js, in Node.js, give the same positions. An error of 20 ms is found.
 #[test]
-fn three_js_has_the_joints_where_they_were() {
+fn joints_imported_by_three_js_match_the_scene() {
     let packages = ["three@0.187.0"];
     let Some(three) = Packages::install(env!("CARGO_TARGET_TMPDIR"), "three", &packages) else { return };
-    let lesson = |name: &str| Exported::lesson(&scripts().join(name), "glb", &[]);
+    let lesson = |name: &str| Exported::from_lesson(&scripts().join(name), "glb", &[]);
     for exported in
-        [lesson("01_first_dance.rhai"), lesson("12_together.rhai"), Exported::script(SCENE, "glb", &[])]
+        [lesson("01_first_dance.rhai"), lesson("12_together.rhai"), Exported::from_script(SCENE, "glb", &[])]
     {
-        let (metres, place) = worst_in_three(&three, &exported, 0.0);
+        let (metres, place) = worst_joint_error_in_three_js(&three, &exported, 0.0);
         println!("three.js: {metres:.1e} m, {place}");
         assert!(metres < TOLERANCE, "{metres:e} m, {place}");
     }
-    let late = worst_in_three(&three, &Exported::script(SCENE, "glb", &[]), 0.02).0;
-    assert!(late > 10.0 * TOLERANCE, "20 ms late is not found: {late:e} m");
+    let delayed = worst_joint_error_in_three_js(&three, &Exported::from_script(SCENE, "glb", &[]), 0.02).0;
+    assert!(delayed > 10.0 * TOLERANCE, "20 ms late is not found: {delayed:e} m");
 }
 
-/// Blender's importer makes bones of joints: the same places, by another program.
+/// Blender's importer converts joints to bones at the same positions.
 #[test]
-fn blender_has_the_joints_where_they_were() {
+fn joints_imported_by_blender_match_the_scene() {
     let Some(python) = blender() else { return };
-    let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "glb", &[]);
+    let exported = Exported::from_lesson(&scripts().join("01_first_dance.rhai"), "glb", &[]);
     let stage = &exported.stage;
     let times = times_between_frames(stage);
     let actors: Vec<&str> = stage.actors.iter().map(|a| a.name.as_str()).collect();
@@ -475,10 +477,10 @@ fn blender_has_the_joints_where_they_were() {
     let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
     let result = result.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&run.stderr)));
     let bones: Value = serde_json::from_str(result).unwrap();
-    let worst = |late: f64| {
+    let worst = |delay: f64| {
         let (mut evaluator, mut worst, mut count) = (Evaluator::new(stage.clone()), (0.0, String::new()), 0);
         for (number, secs) in times.iter().enumerate() {
-            let truth = evaluator.at(Time::from_secs(*secs + late)).unwrap();
+            let truth = evaluator.at(Time::from_secs(*secs + delay)).unwrap();
             for (actor, state) in stage.actors.iter().zip(&truth.actors) {
                 for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
                     let found = &bones[&actor.name][name][number];
@@ -498,17 +500,17 @@ fn blender_has_the_joints_where_they_were() {
     let (found, count) = worst(0.0);
     println!("Blender: {count} places, {:.1e} m, {}", found.0, found.1);
     assert!(count > 20 * 3 * 50 && found.0 < TOLERANCE, "{count} places, {found:?}");
-    let late = worst(0.02).0.0;
-    assert!(late > 10.0 * TOLERANCE, "20 ms late is not found: {late:e} m");
+    let delayed = worst(0.02).0.0;
+    assert!(delayed > 10.0 * TOLERANCE, "20 ms late is not found: {delayed:e} m");
 }
 
-/// Lessons with plugins beside them, which the program finds.
+/// Lessons that need plugins, which lie beside them.
 fn has_plugins(lesson: &Path) -> bool {
     lesson.ends_with("lesson.rhai")
 }
 
 #[test]
-fn all_lessons_are_valid_and_have_their_joints_where_they_were() {
+fn all_exported_lessons_are_valid_and_their_joints_match() {
     let dir = tempfile::tempdir().unwrap();
     let (mut wrong, mut files) = (Vec::new(), Vec::new());
     for (number, path) in lessons().into_iter().enumerate() {
@@ -522,9 +524,9 @@ fn all_lessons_are_valid_and_have_their_joints_where_they_were() {
             println!("{name}: it states {}", printed["worst_error"]);
             assert!(printed["worst_error"]["metres"].as_f64().unwrap() < TOLERANCE);
         } else {
-            let exported = Exported::lesson(&path, "glb", &[]);
+            let exported = Exported::from_lesson(&path, "glb", &[]);
             std::fs::write(&out, &exported.files.main).unwrap();
-            let (metres, place) = worst(&exported);
+            let (metres, place) = worst_joint_error(&exported);
             println!("{name}: {metres:.1e} m, {place}");
             if metres > TOLERANCE {
                 wrong.push(format!("{name}: {metres:e} m, {place}"));
@@ -541,8 +543,8 @@ fn all_lessons_are_valid_and_have_their_joints_where_they_were() {
 fn images_of_all_lessons() {
     for path in lessons().into_iter().filter(|path| !has_plugins(path)) {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let (c, own, again) = images(&Exported::lesson(&path, "glb", &[]), 0.45);
-        keep(&name, [&own, &again]);
+        let (c, own, imported) = compare_images(&Exported::from_lesson(&path, "glb", &[]), 0.45);
+        save_images(&name, [&own, &imported]);
         println!("{name}: {c}");
     }
 }

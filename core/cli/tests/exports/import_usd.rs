@@ -1,4 +1,5 @@
-//! USD files by our exporter, by usd-core and by Blender: joints and vertices are where usd-core has them, cameras of FBX files too.
+//! USD files written by our exporter, by usd-core and by Blender: imported joints and vertices are where usd-core has them. The cameras
+//! of FBX files are compared with Blender.
 
 use crate::exported;
 
@@ -16,8 +17,8 @@ use std::process::Command;
 use std::sync::Arc;
 
 const USD: &str = "usd-core==26.5";
-/// Metres between what is imported and what usd-core has.
-const SAME: f64 = 1e-5;
+/// Largest allowed distance between the import and usd-core, in metres.
+const MAX_ERROR_M: f64 = 1e-5;
 
 fn import(path: &Path) -> Arc<Asset> {
     let registry = choreo::registry();
@@ -27,8 +28,8 @@ fn import(path: &Path) -> Arc<Asset> {
     loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
 }
 
-/// The asset, which plays its clip.
-fn staged(asset: &Arc<Asset>) -> Arc<Stage> {
+/// The imported asset with a clip for its poses.
+fn stage_playing_clip(asset: &Arc<Asset>) -> Arc<Stage> {
     let mut stage = Stage::default();
     let actor = stage.cast("again", asset.clone());
     if let Some(clip) = asset.clips.first() {
@@ -38,7 +39,7 @@ fn staged(asset: &Arc<Asset>) -> Arc<Stage> {
 }
 
 /// World positions of all vertices of triangles, in f64.
-fn vertices(asset: &Asset, state: &choreo_stage::ActorState) -> Vec<DVec3> {
+fn world_vertices(asset: &Asset, state: &choreo_stage::ActorState) -> Vec<DVec3> {
     let in_world = |joint: u32| DMat4::from(state.world_from_joint(joint as usize).unwrap());
     let mut out = Vec::new();
     for (number, instance) in asset.instances.iter().enumerate() {
@@ -68,8 +69,8 @@ fn vertices(asset: &Asset, state: &choreo_stage::ActorState) -> Vec<DVec3> {
     out
 }
 
-/// What usd-core has in a file at some time codes, in metres with +Y up.
-fn read(python: &Path, path: &Path, codes: &[f64]) -> Value {
+/// The values that usd-core reads from a file at some time codes, in metres with +Y up.
+fn read_with_usd_core(python: &Path, path: &Path, codes: &[f64]) -> Value {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/usd.py");
     let codes = serde_json::to_string(codes).unwrap();
     let run = Command::new(python).arg(script).arg(path).arg(codes).output().unwrap();
@@ -79,10 +80,10 @@ fn read(python: &Path, path: &Path, codes: &[f64]) -> Value {
     serde_json::from_str(result).unwrap()
 }
 
-/// The farthest that some of usd-core's vertices are from any vertex of the import, at a time code; how many were compared.
-fn farthest(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize) {
-    let state = Evaluator::new(staged(asset)).at(Time::from_secs(secs)).unwrap().actors.remove(0);
-    let own = vertices(asset, &state);
+/// The largest distance from a vertex of usd-core to the nearest vertex of the import, at a time code, and the number of vertices compared.
+fn farthest_vertex(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize) {
+    let state = Evaluator::new(stage_playing_clip(asset)).at(Time::from_secs(secs)).unwrap().actors.remove(0);
+    let own = world_vertices(asset, &state);
     let (metres, is_z) = (truth["metres"].as_f64().unwrap(), truth["up"] == "Z");
     let (mut worst, mut count) = (0.0f64, 0);
     for prim in truth["prims"].as_object().unwrap().values() {
@@ -97,12 +98,12 @@ fn farthest(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize) {
     (worst, count)
 }
 
-/// The largest difference of the camera's matrix (metres) and angle (radians) from usd-core's at a time code, and of the lights' numbers from
-/// closed forms of what `usd_write.py` wrote; `late` seconds later.
-fn lens_and_lights(asset: &Arc<Asset>, truth: &Value, code: f64, late: f64) -> [f64; 2] {
-    let mut stage = Stage::clone(&staged(asset));
+/// The largest error of the camera's matrix (metres) and angle (radians) against usd-core at a time code, and of the values of the lights
+/// against closed forms for the file that `usd_write.py` wrote. The import is evaluated `delay` seconds later.
+fn camera_and_light_errors(asset: &Arc<Asset>, truth: &Value, code: f64, delay: f64) -> [f64; 2] {
+    let mut stage = Stage::clone(&stage_playing_clip(asset));
     stage.cameras.push(Camera::new("", Rig::File { actor: 0, camera: 0 }));
-    let snapshot = stage.at(Time::from_secs((code - 1.0) / 24.0 + late)).unwrap();
+    let snapshot = stage.at(Time::from_secs((code - 1.0) / 24.0 + delay)).unwrap();
     let camera = &truth["cameras"]["lens"];
     let world: Vec<f64> =
         camera["world"][0].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
@@ -122,7 +123,7 @@ fn lens_and_lights(asset: &Arc<Asset>, truth: &Value, code: f64, late: f64) -> [
     let [panel, disk, spot] = [0, 1, 2].map(|index| snapshot.lights[index].light);
     let outer = spot.kind.cone().unwrap()[1];
     let off = [
-        // 2 m × 0.5 m; a disk that is normalized has its intensity; a sphere four times.
+        // The rectangle has 2 m × 0.5 m; a normalized disk has its nominal intensity, and a sphere four times as much.
         f64::from(panel.intensity) / (10.0 + 20.0 * share) - 1.0,
         f64::from(panel.color.y) - (1.0 - 0.5 * share),
         f64::from(panel.color.z) - (1.0 - share),
@@ -134,7 +135,7 @@ fn lens_and_lights(asset: &Arc<Asset>, truth: &Value, code: f64, late: f64) -> [
 }
 
 #[test]
-fn our_own_files_have_their_vertices_where_usd_core_has_them() {
+fn vertices_of_our_exports_match_usd_core() {
     let Some(python) = python_with("pxr", USD) else { return };
     for (name, extension) in [
         ("01_first_dance.rhai", "usdc"),
@@ -142,17 +143,20 @@ fn our_own_files_have_their_vertices_where_usd_core_has_them() {
         ("19_faces.rhai", "usdz"),
         ("20_materials.rhai", "usdc"),
     ] {
-        let exported = Exported::lesson(&scripts().join(name), extension, &[]);
+        let exported = Exported::from_lesson(&scripts().join(name), extension, &[]);
         let path = exported.path();
         let asset = import(&path);
-        let truth = read(&python, &path, &[37.0]);
+        let truth = read_with_usd_core(&python, &path, &[37.0]);
         let secs = 37.0 / truth["rate"].as_f64().unwrap();
-        let (metres, count) = farthest(&asset, &truth, secs);
+        let (metres, count) = farthest_vertex(&asset, &truth, secs);
         println!("{name} as {extension}: {count} vertices, {metres:.1e} m; {:?}", asset.warnings);
-        assert!(count > 100 && metres < SAME, "{name}: {metres:e} m of {count} vertices");
-        // The comparison finds what is late.
-        let (late, _) = farthest(&asset, &truth, secs + 0.1);
-        assert!(name != "01_first_dance.rhai" || late > 100.0 * SAME, "a late clip is not found: {late:e} m");
+        assert!(count > 100 && metres < MAX_ERROR_M, "{name}: {metres:e} m of {count} vertices");
+        // The comparison finds an error in the time.
+        let (delayed, _) = farthest_vertex(&asset, &truth, secs + 0.1);
+        assert!(
+            name != "01_first_dance.rhai" || delayed > 100.0 * MAX_ERROR_M,
+            "a late clip is not found: {delayed:e} m"
+        );
     }
 }
 
@@ -168,22 +172,22 @@ fn files_by_usd_core_are_read_in_all_formats() {
         let asset = import(&path);
         let warnings: Vec<String> =
             asset.warnings.iter().map(|w| format!("{}: {}", w.place, w.text)).collect();
-        let said = ["/world/panel: is a RectLight", "/world/disk: is a DiskLight"];
+        let lights = ["/world/panel: is a RectLight", "/world/disk: is a DiskLight"];
         assert_eq!(
             warnings,
-            said.map(|light| format!("{light}, which becomes a light at its center")),
+            lights.map(|light| format!("{light}, which becomes a light at its center")),
             "{name}"
         );
         for code in [1.0, 7.5, 25.0] {
-            let truth = read(&python, &path, &[code]);
-            let (metres, count) = farthest(&asset, &truth, (code - 1.0) / 24.0);
+            let truth = read_with_usd_core(&python, &path, &[code]);
+            let (metres, count) = farthest_vertex(&asset, &truth, (code - 1.0) / 24.0);
             println!("{name} at {code}: {count} vertices, {metres:.1e} m");
-            assert!(count >= 36 && metres < SAME, "{name} at {code}: {metres:e} m of {count}");
-            let [lens, lights] = lens_and_lights(&asset, &truth, code, 0.0);
+            assert!(count >= 36 && metres < MAX_ERROR_M, "{name} at {code}: {metres:e} m of {count}");
+            let [lens, lights] = camera_and_light_errors(&asset, &truth, code, 0.0);
             println!("{name} at {code}: the lens {lens:.1e}, lights {lights:.1e}");
             assert!(lens < 1e-4 && lights < 1e-4, "{name} at {code}: {lens:e}, {lights:e}");
-            let late = lens_and_lights(&asset, &truth, code, if code < 13.0 { 0.1 } else { -0.1 });
-            assert!(late.iter().all(|off| *off > 1e-3), "a late lens or light is not found: {late:?}");
+            let delayed = camera_and_light_errors(&asset, &truth, code, if code < 13.0 { 0.1 } else { -0.1 });
+            assert!(delayed.iter().all(|off| *off > 1e-3), "a late lens or light is not found: {delayed:?}");
         }
         assert!((asset.ambient - glam::Vec3::new(0.2, 0.1, 0.4)).length() < 1e-6, "{}", asset.ambient);
         assert_eq!(asset.materials[0].base_color_texture.as_ref().map(|t| t.uv_set), Some(0));
@@ -193,7 +197,7 @@ fn files_by_usd_core_are_read_in_all_formats() {
 }
 
 #[test]
-fn a_dome_is_the_ambient_light_unless_the_script_gives_another() {
+fn a_dome_light_sets_the_ambient_light_unless_the_script_does() {
     let folder = tempfile::tempdir().unwrap();
     let dome = "#usda 1.0\ndef DomeLight \"sky\" {\n color3f inputs:color = (0.5, 1, 0.25)\n float inputs:intensity = 0.4\n}\n";
     std::fs::write(folder.path().join("a.usda"), dome).unwrap();
@@ -210,17 +214,17 @@ fn a_dome_is_the_ambient_light_unless_the_script_gives_another() {
     assert_eq!(ambient(".file_lights(false)")[0], default);
 }
 
-/// The largest distances of a camera and a lamp of a file from where Blender has them, `late` seconds later: of the camera's matrix, of its
-/// angle, of the lamp's place.
-fn move_apart(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3] {
-    let mut stage = Stage::clone(&staged(asset));
+/// The largest errors of a camera and a lamp against Blender: of the matrix of the camera, of its angle, and of the position of the lamp.
+/// The import is evaluated `delay` seconds later.
+fn camera_move_errors(asset: &Arc<Asset>, truth: &[Value], delay: f64) -> [f64; 3] {
+    let mut stage = Stage::clone(&stage_playing_clip(asset));
     stage.actors[0].file_lights = true;
     stage.cameras.push(Camera::new("", Rig::File { actor: 0, camera: 0 }));
     let numbers =
         |value: &Value| value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<f64>>();
     let mut out = [0.0f64; 3];
     for blender in truth {
-        let snapshot = stage.at(Time::from_secs(blender["secs"].as_f64().unwrap() + late)).unwrap();
+        let snapshot = stage.at(Time::from_secs(blender["secs"].as_f64().unwrap() + delay)).unwrap();
         let matrix = DMat4::from(snapshot.camera.world_from_view).to_cols_array();
         let apart = matrix.iter().zip(numbers(&blender["camera"])).map(|(a, b)| (a - b).abs());
         let Projection::Perspective { yfov, .. } = snapshot.camera.projection else {
@@ -235,9 +239,9 @@ fn move_apart(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3] {
     out
 }
 
-/// A camera move and a lamp of Blender (lesson 49), as FBX and as USD; the importer of glTF has its own test.
+/// A camera move and a lamp of Blender (lesson 49), as FBX and as USD. The glTF importer has its own test.
 #[test]
-fn camera_moves_of_blender_are_where_blender_has_them() {
+fn imported_camera_moves_match_blender() {
     let Some(blender) = blender() else { return };
     let folder = tempfile::tempdir().unwrap();
     let files = ["move.glb", "move.json", "move.fbx", "move.usdc"].map(|name| folder.path().join(name));
@@ -248,18 +252,18 @@ fn camera_moves_of_blender_are_where_blender_has_them() {
     assert!(truth.len() >= 13);
     for file in [&files[0], &files[2], &files[3]] {
         let asset = import(file);
-        let found = move_apart(&asset, &truth, 0.0);
+        let found = camera_move_errors(&asset, &truth, 0.0);
         println!("{}: {found:?}", file.display());
         assert!(found.iter().all(|off| *off < 1e-5), "{}: {found:?}", file.display());
-        let late = move_apart(&asset, &truth, 1.0 / 24.0);
-        assert!(late.iter().all(|off| *off > 1e-3), "a frame late is not found: {late:?}");
+        let delayed = camera_move_errors(&asset, &truth, 1.0 / 24.0);
+        assert!(delayed.iter().all(|off| *off > 1e-3), "a frame late is not found: {delayed:?}");
     }
 }
 
 #[test]
 fn files_by_blender_are_read() {
     let (Some(python), Some(blender)) = (python_with("pxr", USD), blender()) else { return };
-    let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "usdc", &[]);
+    let exported = Exported::from_lesson(&scripts().join("01_first_dance.rhai"), "usdc", &[]);
     let (path, again) = (exported.path(), exported.folder.path().join("blender.usdc"));
     let code = "import bpy, sys\nbpy.ops.wm.read_factory_settings(use_empty=True)\nbpy.context.scene.render.fps = 30\n\
                 bpy.ops.wm.usd_import(filepath=sys.argv[1])\nbpy.context.scene.frame_end = 60\n\
@@ -267,9 +271,9 @@ fn files_by_blender_are_read() {
     let run = Command::new(blender).args(["-c", code]).arg(&path).arg(&again).output().unwrap();
     assert!(again.is_file(), "{}", String::from_utf8_lossy(&run.stderr));
     let asset = import(&again);
-    let truth = read(&python, &again, &[30.0]);
+    let truth = read_with_usd_core(&python, &again, &[30.0]);
     let start = 0.0;
-    let (metres, count) = farthest(&asset, &truth, (30.0 - start) / truth["rate"].as_f64().unwrap());
+    let (metres, count) = farthest_vertex(&asset, &truth, (30.0 - start) / truth["rate"].as_f64().unwrap());
     println!("Blender: {count} vertices, {metres:.1e} m; {:?}", asset.warnings);
-    assert!(count > 300 && metres < SAME, "{metres:e} m of {count} vertices");
+    assert!(count > 300 && metres < MAX_ERROR_M, "{metres:e} m of {count} vertices");
 }

@@ -1,4 +1,4 @@
-//! Scenes and passes for other programs.
+//! Exports of scenes and passes for other programs.
 
 #[path = "../common/mod.rs"]
 mod common;

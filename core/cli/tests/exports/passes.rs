@@ -1,5 +1,5 @@
-//! Images of floats: OpenEXR is read by the library OpenEXR and compared with closed forms, with the 8-bit images of `render` and between
-//! both renderers (`tests/passes/check.py`).
+//! Passes as images of floats: the OpenEXR library reads the files, and `tests/passes/check.py` compares them with closed forms, with the
+//! 8-bit images of `render`, and between the two renderers.
 
 use crate::common;
 use crate::common::*;
@@ -15,8 +15,8 @@ fn folder_with_scene() -> tempfile::TempDir {
     folder
 }
 
-/// Renders the second frame of the scene; false where there is no Vulkan driver.
-fn rendered(folder: &Path, device: &str, output: &str, options: &[&str]) -> bool {
+/// Renders the second frame of the scene. Returns false if there is no Vulkan driver.
+fn render_second_frame(folder: &Path, device: &str, output: &str, options: &[&str]) -> bool {
     let at = (1.0f64 / 24.0).to_string();
     let mut args = vec!["render", "scene.rhai", "--at", &at, "--device", device, "-o", output, "-q"];
     args.extend(options);
@@ -28,9 +28,11 @@ fn rendered(folder: &Path, device: &str, output: &str, options: &[&str]) -> bool
     true
 }
 
-/// All images of a device that check.py compares; false where there is no Vulkan driver.
-fn all_images(folder: &Path, device: &str) -> bool {
-    let image = |name: &str, options: &[&str]| rendered(folder, device, &format!("{device}{name}"), options);
+/// Renders all images of a device that check.py compares. Returns false if there is no Vulkan driver.
+fn render_all_images(folder: &Path, device: &str) -> bool {
+    let image = |name: &str, options: &[&str]| {
+        render_second_frame(folder, device, &format!("{device}{name}"), options)
+    };
     let none = ["--set", "view=none", "--samples", "1"];
     let dim = ["--set", "background=#00000000", "--set", "light=2"];
     let neutral = ["--set", "view=neutral", "--samples", "1"];
@@ -49,23 +51,23 @@ fn all_images(folder: &Path, device: &str) -> bool {
 }
 
 #[test]
-fn openexr_reads_what_closed_forms_say() {
+fn openexr_pixels_equal_closed_forms() {
     let Some(python) = python_with("OpenEXR", "OpenEXR==3.4.4") else { return };
     let folder = folder_with_scene();
-    let devices = ["cpu", "vulkan"].map(|device| all_images(folder.path(), device).then_some(device));
+    let devices = ["cpu", "vulkan"].map(|device| render_all_images(folder.path(), device).then_some(device));
     if devices[1].is_none() {
         println!("SKIP 1: no Vulkan driver");
     }
     let mut check = Command::new(python);
     check.current_dir(folder.path()).arg(CHECK).args(devices.into_iter().flatten()).stdin(Stdio::null());
-    let run = finished(check.output().unwrap());
+    let run = run_result(check.output().unwrap());
     println!("{}", run.out);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
 }
 
-/// OpenImageIO finds the channels of OpenEXR's own library, with the same numbers.
+/// OpenImageIO finds the same channels as the OpenEXR library, with the same values.
 #[test]
-fn openimageio_reads_the_same() {
+fn openimageio_and_openexr_read_the_same_pixels() {
     let (Some(openexr), Some(openimageio)) =
         (python_with("OpenEXR", "OpenEXR==3.4.4"), python_with("OpenImageIO", "OpenImageIO==3.2.2.0"))
     else {
@@ -80,12 +82,12 @@ fn openimageio_reads_the_same() {
         ("rows.exr", ["--export", "compression=zips"]),
         ("plain.exr", ["--export", "compression=none"]),
     ] {
-        assert!(rendered(d, "cpu", output, &[&["--passes", all][..], &options].concat()));
+        assert!(render_second_frame(d, "cpu", output, &[&["--passes", all][..], &options].concat()));
     }
     let files = ["half.exr", "float.exr", "rows.exr", "plain.exr"];
     let run = |python: &Path, code: &str| {
         let mut command = Command::new(python);
-        let run = finished(command.current_dir(d).args(["-c", code]).args(files).output().unwrap());
+        let run = run_result(command.current_dir(d).args(["-c", code]).args(files).output().unwrap());
         assert_eq!(run.code, 0, "{}{}", run.out, run.err);
         run.out
     };
@@ -113,7 +115,7 @@ fn openimageio_reads_the_same() {
 }
 
 #[test]
-fn a_stopped_sequence_goes_on_with_the_images_that_lack() {
+fn resuming_a_sequence_renders_only_the_missing_images() {
     let folder = folder_with_scene();
     let d = folder.path();
     let render = |more: &[&str]| {
@@ -125,16 +127,16 @@ fn a_stopped_sequence_goes_on_with_the_images_that_lack() {
     };
     assert_eq!(render(&[]).code, 0);
     let names = ["f/00.exr", "f/01.exr", "f/02.exr", "f/03.exr"];
-    let whole = names.map(|name| read(d, name));
-    // Equal pixels have other times.
-    assert_ne!(whole[2], whole[3]);
+    let first_bytes = names.map(|name| read(d, name));
+    // Frames with equal pixels have different timestamps.
+    assert_ne!(first_bytes[2], first_bytes[3]);
     assert_eq!(render(&[]).code, 0);
-    assert!(names.map(|name| read(d, name)) == whole, "the same frames have the same bytes");
+    assert!(names.map(|name| read(d, name)) == first_bytes, "the same frames have the same bytes");
     std::fs::remove_file(d.join(names[0])).unwrap();
-    std::fs::write(d.join(names[2]), &whole[2][..whole[2].len() - 1]).unwrap();
+    std::fs::write(d.join(names[2]), &first_bytes[2][..first_bytes[2].len() - 1]).unwrap();
     let run = render(&["--resume"]);
     assert!(run.code == 0 && run.err.contains("2 of them finished before"), "{}", run.err);
-    assert!(names.map(|name| read(d, name)) == whole, "resumed frames have the same bytes");
+    assert!(names.map(|name| read(d, name)) == first_bytes, "resumed frames have the same bytes");
     let run = render(&["--resume", "--samples", "1"]);
     assert!(run.code == 3 && run.err.contains("was made with other settings"), "{}", run.err);
     let run = choreo(d, &["info", names[1]]);
@@ -143,12 +145,12 @@ fn a_stopped_sequence_goes_on_with_the_images_that_lack() {
         "{}",
         run.out
     );
-    // No folder was left beside them.
+    // No temporary folder was left beside the files.
     assert_eq!(common::names(&d.join("f")).len(), 4);
 }
 
 #[test]
-fn wrong_passes_are_refused_before_the_first_frame() {
+fn invalid_passes_are_refused_before_the_first_frame() {
     let folder = folder_with_scene();
     let d = folder.path();
     let refused = |output: &str, options: &[&str], why: &str| {
@@ -166,7 +168,7 @@ fn wrong_passes_are_refused_before_the_first_frame() {
     refused("x.png", &["--passes", "depth"], "--export passes=depth: ");
     let sheet = choreo(d, &["render", "scene.rhai", "--sheet", "-o", "x.exr"]);
     assert!(sheet.code == 2 && sheet.err.contains("--sheet writes images of 8 bits"), "{}", sheet.err);
-    // Effects on shown colors and titles are no light.
+    // Effects on display colors and titles are not part of the light values.
     let text =
         "stage(#{ length: 1.0, size: [32, 18] }); title(\"a\"); effect(\"vignette\"); effect(\"bloom\");";
     std::fs::write(d.join("titled.rhai"), text).unwrap();
@@ -191,7 +193,7 @@ fn pillow_shows_the_frames_of_an_animation() {
     render("f/%d.png", &[]);
     render("a.webp", &[]);
     render("a.apng", &[]);
-    // WebP by libwebp; APNG by Pillow itself.
+    // Pillow reads WebP with libwebp and APNG itself.
     let check = "from PIL import Image, ImageSequence\n\
         images = [Image.open(f'f/{i}.png').convert('RGBA').tobytes() for i in range(4)]\n\
         # Where alpha is 0 a decoder may change the color.\n\
@@ -204,7 +206,7 @@ fn pillow_shows_the_frames_of_an_animation() {
             assert frames == images, name\n    \
             assert frames[::-1] != images, 'another order is found'\n";
     std::fs::write(d.join("check.py"), check).unwrap();
-    let run = finished(Command::new(python).current_dir(d).arg("check.py").output().unwrap());
+    let run = run_result(Command::new(python).current_dir(d).arg("check.py").output().unwrap());
     assert_eq!(run.code, 0, "{}", run.err);
     let about = choreo(d, &["info", "a.webp"]);
     assert!(

@@ -1,4 +1,4 @@
-//! `choreo export`: a scene for another program, by the built-in exporter and by one in a file.
+//! `choreo export` with a built-in exporter and with an exporter in a plugin file.
 
 use crate::common::*;
 use std::path::Path;
@@ -18,15 +18,15 @@ fn text(folder: &Path, name: &str) -> String {
 }
 
 #[test]
-fn joints_are_where_the_keys_put_them_at_each_frame() {
+fn csv_export_has_the_keyed_joint_positions() {
     let dir = project();
     let d = dir.path();
     let run = choreo(d, &["export", "a.rhai", "-o", "a.csv", "--json"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let made: serde_json::Value = serde_json::from_str(&run.out).unwrap();
-    assert_eq!((&made["frames"], &made["exporter"]), (&4.into(), &"csv".into()), "{made}");
-    assert_eq!(made["files"], serde_json::json!(["a.csv"]));
-    assert_eq!(made["provenance"]["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
+    let summary: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!((&summary["frames"], &summary["exporter"]), (&4.into(), &"csv".into()), "{summary}");
+    assert_eq!(summary["files"], serde_json::json!(["a.csv"]));
+    assert_eq!(summary["provenance"]["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
     let lines = text(d, "a.csv");
     let expected = "seconds,actor,joint,x,y,z\n\
         0.000000,t,Root,0.000000,0.500000,0.000000\n0.000000,t,Slider,0.000000,0.500000,0.000000\n\
@@ -34,18 +34,18 @@ fn joints_are_where_the_keys_put_them_at_each_frame() {
         0.500000,t,Root,0.000000,0.500000,0.000000\n0.500000,t,Slider,1.000000,0.500000,0.000000\n\
         0.750000,t,Root,0.000000,0.500000,0.000000\n0.750000,t,Slider,1.500000,0.500000,0.000000\n";
     assert_eq!(lines, expected);
-    // Some frames, another rate, an option.
+    // A range of frames, another frame rate, and an option.
     let some = ["export", "a.rhai", "-o", "b.csv", "--frames", "3", "--fps", "8", "--export", "digits=2"];
     let run = choreo(d, &some);
     assert!(run.code == 0 && run.err.contains("1 frames in"), "{}", run.err);
     assert!(text(d, "b.csv").ends_with("0.375000,t,Slider,0.75,0.50,0.00\n"), "{}", text(d, "b.csv"));
-    // A model needs no script.
+    // A model can be exported without a script.
     let run = choreo(d, &["export", "tri.gltf", "-o", "m.csv", "--quiet"]);
     assert!(run.code == 0 && text(d, "m.csv").contains("Slider"), "{}", run.err);
 }
 
 #[test]
-fn images_and_scenes_name_each_others_command() {
+fn render_and_export_suggest_each_other_for_wrong_formats() {
     let dir = project();
     let d = dir.path();
     let run = choreo(d, &["export", "a.rhai", "-o", "a.png"]);
@@ -95,13 +95,13 @@ fn an_exporter_in_a_file_writes_all_its_files_or_none() {
         assert_eq!(names(d), ["a.rhai", "tri.gltf", "two.exporter.rhai"], "{body}");
     }
     assert_eq!(text(d, "a.rhai"), SCRIPT);
-    // Limits hold for it, too.
+    // The limits of scripts also apply to it.
     write("loop { write(\"0123456789\"); }");
     let run = choreo(d, &["export", "a.rhai", "-o", "out.two", "--limit", "output=1000"]);
     assert!(run.code == 3 && run.err.contains("the output is too large"), "{}", run.err);
     let run = choreo(d, &["export", "a.rhai", "-o", "out.csv", "--limit", "frames=3"]);
     assert!(run.code == 1 && run.err.contains("too many frames"), "{}", run.err);
-    // A faulty one is named where its extension is asked for.
+    // If its extension is requested, the message names a faulty exporter.
     write("write(");
     let run = export();
     assert!(
@@ -114,7 +114,7 @@ fn an_exporter_in_a_file_writes_all_its_files_or_none() {
 }
 
 #[test]
-fn an_input_is_not_replaced() {
+fn export_does_not_overwrite_its_input() {
     let dir = project();
     let d = dir.path();
     std::fs::rename(d.join("tri.gltf"), d.join("tri.csv")).unwrap();
@@ -123,7 +123,7 @@ fn an_input_is_not_replaced() {
     assert_eq!(text(d, "tri.csv"), triangle(1.0));
 }
 
-/// Two cameras, a dissolve, a title, a marker.
+/// A scene with two cameras, a dissolve, a title and a marker.
 const TALK: &str = "stage(#{ length: 3.0, fps: 25, size: [64, 36] });\n\
     let figure = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", figure).at(0.5, 0.0, -1.0).turn(30.0);\n\
     ada.play(figure.clip(\"Walk\")).until(1.5).then(figure.clip(\"Wave\"), #{ fade: 0.4 });\n\
@@ -131,28 +131,28 @@ const TALK: &str = "stage(#{ length: 3.0, fps: 25, size: [64, 36] });\n\
     text(\"Hello\").from(0.5).until(1.5);\nmarker(\"beat\", 2.0);\n";
 const CUTS: &str = "close.cut(1.0, #{ dissolve: 0.4 });\nwide.cut(2.2);\n";
 
-fn exported(folder: &Path, script: &str, output: &str) -> String {
+fn export_text(folder: &Path, script: &str, output: &str) -> String {
     let run = choreo(folder, &["export", script, "-o", output]);
     assert_eq!(run.code, 0, "{}", run.err);
     text(folder, output)
 }
 
 #[test]
-fn an_edited_list_of_cuts_is_read_back() {
+fn an_edited_otio_file_changes_the_cuts() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
-    let edl = exported(d, "a.rhai", "a.edl");
+    let edl = export_text(d, "a.rhai", "a.edl");
     assert!(edl.contains("D    010 00:00:01:00 00:00:02:05"), "{edl}");
-    let otio = exported(d, "a.rhai", "a.otio");
+    let otio = export_text(d, "a.rhai", "a.otio");
     std::fs::write(d.join("b.rhai"), format!("{TALK}cuts(\"a.otio\");\n")).unwrap();
-    assert_eq!(exported(d, "b.rhai", "b.edl").replace("b.", "a."), edl);
-    // An editor makes the first shot five frames longer.
+    assert_eq!(export_text(d, "b.rhai", "b.edl").replace("b.", "a."), edl);
+    // Simulates an editor that makes the first shot five frames longer.
     let longer = otio.replacen("\"value\": 25.0", "\"value\": 30.0", 1);
     assert_ne!(longer, otio);
     std::fs::write(d.join("a.otio"), longer).unwrap();
-    assert!(exported(d, "b.rhai", "b.edl").contains("D    010 00:00:01:05 00:00:02:10"));
-    // A camera that the script lacks, and a file that is none.
+    assert!(export_text(d, "b.rhai", "b.edl").contains("D    010 00:00:01:05 00:00:02:10"));
+    // A camera that the script does not have, and a file that is not a timeline.
     std::fs::write(d.join("a.otio"), otio.replace("\"close\"", "\"clos\"")).unwrap();
     let run = choreo(d, &["export", "b.rhai", "-o", "b.edl"]);
     assert!(
@@ -169,7 +169,7 @@ fn opentimelineio_reads_the_timeline() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
-    exported(d, "a.rhai", "a.otio");
+    export_text(d, "a.rhai", "a.otio");
     let Some(python) = python_with("opentimelineio", "OpenTimelineIO==0.18.1") else { return };
     let code = "import opentimelineio as otio\nt = otio.adapters.read_from_file('a.otio')\n\
         assert t.duration() == otio.opentime.RationalTime(75, 25), t.duration()\n\
@@ -186,16 +186,16 @@ fn opentimelineio_reads_the_timeline() {
 }
 
 #[test]
-fn a_bvh_file_moves_as_its_actor_did() {
+fn an_exported_bvh_file_reproduces_the_motion() {
     let dir = folder();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), TALK).unwrap();
-    exported(d, "a.rhai", "a.bvh");
+    export_text(d, "a.rhai", "a.bvh");
     let again = "stage(#{ length: 3.0, fps: 25 });\nlet b = load(\"a.bvh\", #{ scale: 0.01 });\n\
         cast(\"ada\", b).play(b.clip(\"a\"), #{ repeat: \"once\" });\n";
     std::fs::write(d.join("b.rhai"), again).unwrap();
     let positions = |script: &str, output: &str| -> Vec<(String, [f64; 3])> {
-        let text = exported(d, script, output);
+        let text = export_text(d, script, output);
         let line = |line: &str| {
             let (rest, z) = line.rsplit_once(',').unwrap();
             let (rest, y) = rest.rsplit_once(',').unwrap();
@@ -215,16 +215,16 @@ fn a_bvh_file_moves_as_its_actor_did() {
     assert!(truth.len() > 75 * 15 && worst < 4e-6, "{worst}");
 }
 
-/// An editor written with OpenTimelineIO itself: what it has read and written again has the same cuts, and those that it has moved are moved.
+/// Python code with OpenTimelineIO stands in for an editor: files that it reads and writes have the same cuts, except those that it moves.
 #[test]
-fn cuts_come_back_through_opentimelineio() {
+fn cuts_survive_a_round_trip_through_opentimelineio() {
     let dir = folder();
     let d = dir.path();
     let Some(python) = python_with("opentimelineio", "OpenTimelineIO==0.18.1") else { return };
     std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
     std::fs::write(d.join("b.rhai"), format!("{TALK}cuts(\"edit.otio\");\n")).unwrap();
-    let edl = exported(d, "a.rhai", "a.edl");
-    exported(d, "a.rhai", "a.otio");
+    let edl = export_text(d, "a.rhai", "a.edl");
+    export_text(d, "a.rhai", "a.otio");
     let edited = |frames: u32| {
         let code = format!(
             "import opentimelineio as otio\nt = otio.adapters.read_from_file('a.otio')\n\
@@ -235,22 +235,22 @@ fn cuts_come_back_through_opentimelineio() {
         );
         let run = std::process::Command::new(&python).args(["-c", &code]).current_dir(d).output().unwrap();
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-        exported(d, "b.rhai", "b.edl").replace("b.", "a.")
+        export_text(d, "b.rhai", "b.edl").replace("b.", "a.")
     };
     assert_eq!(edited(0), edl);
     let later = edited(5);
     assert!(later.contains("D    010 00:00:01:05 00:00:02:10"), "{later}");
 }
 
-/// Blender's own importer of BVH, whose first frame is 1, has the joints where `choreo export` to CSV has them, at every frame.
+/// Joints in Blender's BVH importer, whose first frame is 1, are where `choreo export` to CSV has them, at every frame.
 #[test]
-fn blender_has_the_joints_of_a_bvh_file_where_they_were() {
+fn bvh_joints_imported_by_blender_match_the_scene() {
     let dir = folder();
     let d = dir.path();
     let Some(python) = blender() else { return };
     std::fs::write(d.join("a.rhai"), TALK).unwrap();
-    exported(d, "a.rhai", "a.bvh");
-    let truth = exported(d, "a.rhai", "a.csv");
+    export_text(d, "a.rhai", "a.bvh");
+    let truth = export_text(d, "a.rhai", "a.csv");
     let code = "import bpy, json\nbpy.ops.wm.read_factory_settings(use_empty=True)\nscene = bpy.context.scene\n\
         bpy.ops.import_anim.bvh(filepath='a.bvh', global_scale=0.01, rotate_mode='QUATERNION')\n\
         rig = next(o for o in scene.objects if o.type == 'ARMATURE')\nout = {bone.name: [] for bone in rig.pose.bones}\n\
@@ -262,13 +262,13 @@ fn blender_has_the_joints_of_a_bvh_file_where_they_were() {
     let result = printed.lines().find_map(|line| line.strip_prefix("RESULT "));
     let result = result.unwrap_or_else(|| panic!("{printed}{}", String::from_utf8_lossy(&run.stderr)));
     let bones: serde_json::Value = serde_json::from_str(result).unwrap();
-    let worst = |late: usize| {
+    let worst = |delay: usize| {
         let (mut worst, mut count) = (0.0f64, 0);
         for line in truth.lines().skip(1) {
             let cells: Vec<&str> = line.split(',').collect();
             let number = |cell: &str| cell.parse::<f64>().unwrap();
-            let frame = (number(cells[0]) * 25.0).round() as usize + late;
-            // End sites are no bones.
+            let frame = (number(cells[0]) * 25.0).round() as usize + delay;
+            // End sites are not bones.
             let Some(found) = bones[cells[2]][frame].as_array() else { continue };
             let apart = found.iter().zip(&cells[3..]).map(|(a, b)| (a.as_f64().unwrap() - number(b)).powi(2));
             (worst, count) = (worst.max(apart.sum::<f64>().sqrt()), count + 1);

@@ -1,5 +1,5 @@
-//! Batches: a film for each row of a table, with the bytes of a render of its own; rows that fail are reported and the others go on; names
-//! from rows stay in their folder.
+//! Batches: a film for each row of a table, with the same bytes as a separate render. Rows that fail are reported, and the others
+//! continue. File names from rows cannot leave the output folder.
 
 use crate::common::*;
 use std::path::Path;
@@ -30,13 +30,13 @@ fn scene() -> tempfile::TempDir {
     dir
 }
 
-fn batch(folder: &Path, more: &[&str]) -> Run {
+fn render_batch(folder: &Path, more: &[&str]) -> Run {
     let args = ["render", "s.rhai", "--set-from", "rows.csv", "--device", "cpu", "--samples", "1", "--quiet"];
     choreo(folder, &[&args[..], more].concat())
 }
 
 #[test]
-fn each_row_has_the_bytes_of_its_own_render() {
+fn each_row_gives_the_bytes_of_a_single_render() {
     let dir = scene();
     let d = dir.path();
     for output in ["one/first.mp4", "one/second.mp4", "one/fifth.mp4"] {
@@ -50,10 +50,10 @@ fn each_row_has_the_bytes_of_its_own_render() {
         args.extend(set.iter().flat_map(|set| ["--set", set]));
         assert_eq!(choreo(d, &args).code, 0);
     }
-    let run = batch(d, &["-o", "out/{_file}.mp4", "--json"]);
+    let run = render_batch(d, &["-o", "out/{_file}.mp4", "--json"]);
     assert!(run.code == 1 && run.err.contains("the folder out does not exist"), "{}", run.err);
     std::fs::create_dir(d.join("out")).unwrap();
-    let run = batch(d, &["-o", "out/{_file}.mp4", "--json"]);
+    let run = render_batch(d, &["-o", "out/{_file}.mp4", "--json"]);
     assert_eq!(run.code, 1);
     let lines: Vec<&str> = run.err.lines().collect();
     assert!(lines.iter().any(|line| line.starts_with("row 3: ") && line.contains("nonsense")), "{}", run.err);
@@ -76,7 +76,7 @@ fn each_row_has_the_bytes_of_its_own_render() {
     assert_eq!(of("ok"), [true, true, false, false, true]);
     assert_eq!(of("frames")[..2], [5, 3]);
     assert!(of("errors")[2][0]["line"].as_u64().is_some(), "{summary}");
-    // The same rows as JSON, a row alone, and images in folders that rows name.
+    // The same rows as JSON, a single row, and images in folders that the rows name.
     let json = r##"[{"name": "Zoe", "color": "#20c040"}, {"name": "Ben", "color": "#2040c0", "seconds": 0.3, "model": "other.gltf"}]"##;
     std::fs::write(d.join("rows.json"), json).unwrap();
     let args =
@@ -89,9 +89,9 @@ fn each_row_has_the_bytes_of_its_own_render() {
     assert!(d.join("Zoe/still.png").is_file());
 }
 
-/// Values of rows lead to no other folder, no two rows write one file, and nothing is rendered then.
+/// If the values of a row lead to another folder, or if two rows write the same file, nothing is rendered.
 #[test]
-fn names_from_rows_stay_in_their_folder() {
+fn output_names_from_rows_cannot_leave_their_folder() {
     let dir = scene();
     let d = dir.path();
     std::fs::create_dir_all(d.join("deep/out")).unwrap();
@@ -99,7 +99,7 @@ fn names_from_rows_stay_in_their_folder() {
     for bad in ["../evil", "/tmp/evil", "..", "a/b", "\"a\\b\"", "%02d"] {
         std::fs::write(d.join("rows.csv"), format!("name\nfine\n{bad}\n")).unwrap();
         for pattern in ["deep/out/{name}.mp4", "deep/out/{name}/film.mp4"] {
-            let run = batch(d, &["-o", pattern]);
+            let run = render_batch(d, &["-o", pattern]);
             assert!(run.code == 1 && run.err.contains("row 2: name = "), "{bad}: {}", run.err);
             let job = [
                 "farm",
@@ -120,50 +120,52 @@ fn names_from_rows_stay_in_their_folder() {
         assert!(names(&d.join("deep/out")).is_empty(), "{bad}");
     }
     std::fs::write(d.join("rows.csv"), "name\nZoe\nzoe\n").unwrap();
-    let run = batch(d, &["-o", "deep/out/{name}.mp4"]);
+    let run = render_batch(d, &["-o", "deep/out/{name}.mp4"]);
     assert!(run.code == 1 && run.err.contains("rows 1 and 2 would both be deep/out/zoe.mp4"), "{}", run.err);
-    // A link that is there is not followed.
+    // An existing symbolic link is not followed.
     #[cfg(unix)]
     {
         std::fs::write(d.join("precious"), "as it was").unwrap();
         std::os::unix::fs::symlink("../../precious", d.join("deep/out/Zoe.gif")).unwrap();
-        let run = batch(d, &["-o", "deep/out/{name}{row}.gif", "--row", "1"]);
+        let run = render_batch(d, &["-o", "deep/out/{name}{row}.gif", "--row", "1"]);
         assert_eq!(run.code, 0, "{}", run.err);
-        let run = batch(d, &["-o", "deep/out/{name}.gif", "--row", "1"]);
+        let run = render_batch(d, &["-o", "deep/out/{name}.gif", "--row", "1"]);
         assert_eq!(run.code, 1, "{}", run.err);
         assert_eq!(read(d, "precious"), b"as it was");
     }
 }
 
 #[test]
-fn tables_that_mean_nothing_are_refused() {
+fn invalid_tables_are_refused() {
     let dir = scene();
     let d = dir.path();
-    let said = |table: (&str, &str), more: &[&str]| {
+    let error_for = |table: (&str, &str), more: &[&str]| {
         std::fs::write(d.join(table.0), table.1).unwrap();
         let args = ["render", "s.rhai", "--device", "cpu", "--set-from", table.0, "-o", "{name}.mp4"];
         let run = choreo(d, &[&args[..], more].concat());
         assert!(run.code == 1 || run.code == 2, "{}", run.err);
         run.err
     };
-    assert!(said(("a.csv", "name\n"), &[]).contains("a.csv: it has no rows"));
-    assert!(said(("a.csv", "name,name\n1,2\n"), &[]).contains("two columns are called \"name\""));
-    assert!(said(("a.csv", "name,color\n1\n"), &[]).contains("it is not a table"));
-    assert!(said(("a.json", "{}"), &[]).contains("it is not an array of objects"));
-    assert!(said(("a.txt", ""), &[]).contains("write a name that ends in .csv or .json"));
-    let unknown = said(("a.csv", "name,colour\nZoe,#202020\n"), &[]);
+    assert!(error_for(("a.csv", "name\n"), &[]).contains("a.csv: it has no rows"));
+    assert!(error_for(("a.csv", "name,name\n1,2\n"), &[]).contains("two columns are called \"name\""));
+    assert!(error_for(("a.csv", "name,color\n1\n"), &[]).contains("it is not a table"));
+    assert!(error_for(("a.json", "{}"), &[]).contains("it is not an array of objects"));
+    assert!(error_for(("a.txt", ""), &[]).contains("write a name that ends in .csv or .json"));
+    let unknown = error_for(("a.csv", "name,colour\nZoe,#202020\n"), &[]);
     assert!(unknown.contains("no parameter \"colour\"; did you mean \"color\"?"), "{unknown}");
     assert!(
         unknown.ends_with("    hint: a column that only -o needs has a name that begins with _\n"),
         "{unknown}"
     );
-    assert!(said(("a.csv", "name\nZoe\n"), &["--row", "2"]).contains("--row 2: a.csv has rows 1 to 1"));
-    assert!(said(("a.csv", "name\nZoe\n"), &["--segment", "parts"]).contains("choose its row with --row"));
+    assert!(error_for(("a.csv", "name\nZoe\n"), &["--row", "2"]).contains("--row 2: a.csv has rows 1 to 1"));
+    assert!(
+        error_for(("a.csv", "name\nZoe\n"), &["--segment", "parts"]).contains("choose its row with --row")
+    );
 }
 
-/// A triangle with a texture of its own, which takes 21 MB with its mipmaps.
+/// A triangle with its own texture, which takes 21 MB with its mipmaps.
 #[cfg(target_os = "linux")]
-fn textured(folder: &Path, number: u8) {
+fn write_textured_model(folder: &Path, number: u8) {
     let image = image::RgbImage::from_pixel(2048, 2048, image::Rgb([number, 90, 200 - number]));
     image.save(folder.join(format!("{number}.png"))).unwrap();
     let positions: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0];
@@ -192,16 +194,16 @@ fn textured(folder: &Path, number: u8) {
     std::fs::write(folder.join(format!("{number}.gltf")), model.to_string()).unwrap();
 }
 
-/// Twenty rows of different models, of which the program could hold ten.
+/// Twenty rows with different models, of which only ten fit into the memory limit.
 #[cfg(target_os = "linux")]
 #[test]
 fn models_of_earlier_rows_are_released() {
     let dir = scene();
     let d = dir.path();
-    (0..20).for_each(|number| textured(d, number));
+    (0..20).for_each(|number| write_textured_model(d, number));
     let rows = (0..20).map(|number| format!("{number},{number}.gltf\n"));
     std::fs::write(d.join("rows.csv"), "_file,model\n".to_string() + &rows.collect::<String>()).unwrap();
-    let run = batch(d, &["-o", "out{_file}.png", "--at", "0", "--limit", "memory=300000000"]);
+    let run = render_batch(d, &["-o", "out{_file}.png", "--at", "0", "--limit", "memory=300000000"]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!((0..20).all(|number| d.join(format!("out{number}.png")).is_file()));
 }

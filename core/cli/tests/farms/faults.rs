@@ -1,5 +1,5 @@
-//! Faults of a farm: full disks, files that are seen late, clocks that differ, several workers of one chunk, workers that are
-//! stopped or killed. Nothing is lost, and the film has the bytes of one machine.
+//! Faults of a farm: full disks, files that become visible late, clocks that differ, several workers for one chunk, and workers that are
+//! stopped or killed. No finished frame is lost, and the film has the same bytes as from one machine.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
-/// 60 frames of which no two are equal.
+/// 60 frames, all different.
 const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 2.0 });
 cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: "#c04020" }))
     .key("position", [[0.0, [-1.5, 0, 0]], [2.0, [1.5, 0, 0]]]);
@@ -23,8 +23,8 @@ fn scene() -> tempfile::TempDir {
     dir
 }
 
-/// The film of one machine.
-fn whole(folder: &Path) -> Vec<u8> {
+/// The film rendered on one machine.
+fn render_on_one_machine(folder: &Path) -> Vec<u8> {
     assert_eq!(choreo(folder, &RENDER).code, 0);
     let bytes = read(folder, "film.mp4");
     std::fs::remove_file(folder.join("film.mp4")).unwrap();
@@ -35,22 +35,22 @@ fn worker_args<'a>(frames: &'a str, into: &'a str) -> Vec<&'a str> {
     [&RENDER[..], &["--frames", frames, "--segment", into, "--resume", "--json"]].concat()
 }
 
-/// Frames that a worker has drawn.
-fn drawn(worker: Process) -> u64 {
-    let run = worker.ended();
+/// The number of frames that a worker has drawn.
+fn drawn_frames(worker: Process) -> u64 {
+    let run = worker.wait();
     assert_eq!(run.code, 0, "{}", run.err);
-    drawn_of(&run.out)
+    drawn_in_summary(&run.out)
 }
 
-fn worker(folder: &Path, frames: &str) -> Process {
+fn start_worker(folder: &Path, frames: &str) -> Process {
     Process::spawn(&mut command(folder, &worker_args(frames, "segments")))
 }
 
-fn drawn_of(summary: &str) -> u64 {
+fn drawn_in_summary(summary: &str) -> u64 {
     serde_json::from_str::<serde_json::Value>(summary).unwrap()["drawn"].as_u64().unwrap()
 }
 
-fn joined(folder: &Path, more: &[&str]) -> Vec<u8> {
+fn join_segments(folder: &Path, more: &[&str]) -> Vec<u8> {
     let run = choreo(folder, &[&["join", "segments", "-o", "film.mp4", "--quiet"][..], more].concat());
     assert_eq!(run.code, 0, "{}", run.err);
     read(folder, "film.mp4")
@@ -64,12 +64,12 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// Waits for finished frames of a segment that is being made: its journal has more than the head.
+/// Waits until a segment in progress has finished frames: its journal has more than the header.
 fn wait_for_frames(folder: &Path, segment: &str) {
     wait_for_other_frames(folder, segment, &[]);
 }
 
-/// Whole records of a journal after its head: a line, then for each a length, a CRC-32 and its bytes.
+/// The number of complete records in a journal. Its header is a line; each record is a length, a CRC-32 and the bytes.
 fn finished_frames(journal: &Path) -> usize {
     let bytes = std::fs::read(journal).unwrap_or_default();
     let line = bytes.iter().position(|byte| *byte == b'\n').map_or(bytes.len(), |end| end + 1);
@@ -82,12 +82,12 @@ fn finished_frames(journal: &Path) -> usize {
     records.saturating_sub(1)
 }
 
-/// Waits for a few frames more than these part folders hold, in another; gives its name.
+/// Waits until a part folder other than these has several frames more than they hold, and returns its name.
 fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String {
     let segments = folder.join("segments");
     let start = format!("{segment}.segment.");
     let part = || {
-        let names = if segments.is_dir() { parts(&segments) } else { Vec::new() };
+        let names = if segments.is_dir() { part_files(&segments) } else { Vec::new() };
         names.into_iter().find(|name| name.starts_with(&start) && !known.contains(&name.as_str()))
     };
     let frames = |part: &str| finished_frames(&segments.join(part).join("journal"));
@@ -96,43 +96,44 @@ fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String
     part().unwrap()
 }
 
-fn state_of(folder: &Path, segment: &str) -> serde_json::Value {
+fn report_of_segment(folder: &Path, segment: &str) -> serde_json::Value {
     let report = read(&folder.join("segments"), &format!("{segment}.report"));
     let line = report.split(|byte| *byte == b'\n').next().unwrap();
     serde_json::from_slice(&line[65..]).unwrap()
 }
 
-/// SIGTERM, as engines send it before they take the machine away: the frame ends, what is finished stays, and a successor makes the rest.
+/// SIGTERM, which engines send before they reclaim a machine: the current frame is finished, finished frames are kept, and the next
+/// worker renders the rest.
 #[test]
-fn a_worker_that_gets_notice_keeps_its_frames() {
+fn a_terminated_worker_keeps_its_frames() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
-    let first = worker(d, "0-59");
+    let film = render_on_one_machine(d);
+    let first = start_worker(d, "0-59");
     wait_for_frames(d, "0000000-0000059");
     first.signal("-TERM");
-    let run = first.ended();
+    let run = first.wait();
     assert_eq!(run.code, 130, "{}", run.err);
     assert!(!d.join("segments/0000000-0000059.segment").exists());
-    let state = state_of(d, "0000000-0000059");
+    let state = report_of_segment(d, "0000000-0000059");
     let done = state["done"].as_u64().unwrap();
     assert!(state["state"] == "stopped" && done > 0 && done < 60, "{state}");
-    let rest = drawn(worker(d, "0-59"));
+    let rest = drawn_frames(start_worker(d, "0-59"));
     assert_eq!(done + rest, 60);
-    assert!(joined(d, &[]) == film);
+    assert!(join_segments(d, &[]) == film);
     assert_eq!(names(&d.join("segments")), ["0000000-0000059.report", "0000000-0000059.segment"]);
 }
 
-/// Killed without a word, and the clocks of the machines differ by decades: file times say nothing.
+/// Workers are killed with SIGKILL, and the clocks of the machines differ by decades, so that file times are meaningless.
 #[test]
-fn a_killed_worker_has_a_successor_whatever_the_clocks_say() {
+fn a_killed_worker_is_continued_regardless_of_file_times() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
+    let film = render_on_one_machine(d);
     let year = Duration::from_secs(365 * 86_400);
     let times = [SystemTime::UNIX_EPOCH + year, SystemTime::now() + 70 * year];
-    assert_eq!(drawn(worker(d, "0-23")), 24);
-    let first = worker(d, "24-59");
+    assert_eq!(drawn_frames(start_worker(d, "0-23")), 24);
+    let first = start_worker(d, "24-59");
     wait_for_frames(d, "0000024-0000059");
     drop(first);
     let mut next = times.into_iter().cycle();
@@ -141,13 +142,13 @@ fn a_killed_worker_has_a_successor_whatever_the_clocks_say() {
     }
     let status = || choreo(d, &["join", "segments", "-o", "film.mp4"]);
     assert!(status().err.contains("of 60 frames these are missing: 24..=59"));
-    let rest = drawn(worker(d, "24-59"));
+    let rest = drawn_frames(start_worker(d, "24-59"));
     assert!(rest > 0 && rest < 36, "{rest}");
-    assert_eq!(drawn(worker(d, "0-23")), 0);
+    assert_eq!(drawn_frames(start_worker(d, "0-23")), 0);
     for path in files_below(&d.join("segments")) {
         std::fs::File::options().write(true).open(path).unwrap().set_modified(next.next().unwrap()).unwrap();
     }
-    assert!(joined(d, &[]) == film);
+    assert!(join_segments(d, &[]) == film);
 }
 
 fn files_below(folder: &Path) -> Vec<PathBuf> {
@@ -155,30 +156,30 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
     entries.flat_map(|path| if path.is_dir() { files_below(&path) } else { vec![path] }).collect()
 }
 
-/// Three workers of one chunk, of which the one that draws is killed: one of the others goes on with its frames, and the last one finds
-/// the segment whole.
+/// Three workers for one chunk; the one that draws is killed. One of the others continues with its frames, and the last one finds the
+/// segment complete.
 #[test]
-fn several_workers_of_one_chunk_make_it_once() {
+fn several_workers_of_one_chunk_render_it_once() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
-    let first = worker(d, "0-59");
+    let film = render_on_one_machine(d);
+    let first = start_worker(d, "0-59");
     wait_for_frames(d, "0000000-0000059");
-    // The stopped worker holds the segment, and draws no more.
+    // The stopped worker holds the lock of the segment, and no longer draws.
     first.signal("-STOP");
-    let others = [worker(d, "0-59"), worker(d, "0-59")];
-    // The other workers are there, and wait.
+    let others = [start_worker(d, "0-59"), start_worker(d, "0-59")];
+    // The other workers have started, and wait.
     std::thread::sleep(Duration::from_millis(300));
     drop(first);
-    let mut counts = others.map(drawn);
+    let mut counts = others.map(drawn_frames);
     counts.sort_unstable();
     assert!(counts[0] == 0 && counts[1] > 0 && counts[1] < 60, "{counts:?}");
-    assert!(joined(d, &[]) == film);
+    assert!(join_segments(d, &[]) == film);
 }
 
-/// A library for `LD_PRELOAD` that answers `flock` as file systems do without locks: those that refuse them, and those whose locks do not reach from one
-/// machine to another. `None` where it cannot be built.
-fn without_locks(folder: &Path) -> Option<PathBuf> {
+/// A library for `LD_PRELOAD` that simulates file systems without working locks: those on which `flock` fails, and those whose locks do
+/// not apply across machines. `None` if it cannot be built.
+fn flock_library(folder: &Path) -> Option<PathBuf> {
     let source = r#"#include <errno.h>
 #include <stdlib.h>
 int flock(int file, int operation) {
@@ -195,14 +196,14 @@ int flock(int file, int operation) {
     (is_used && built.is_ok_and(|status| status.success())).then_some(library)
 }
 
-/// File systems without locks: where they are refused, and where two machines hold the same one. Workers of one chunk draw side by side then, each in
-/// a folder of its own, and whoever is late finds the segment whole; the frames of a killed worker are copied by the next one.
+/// Workers of one chunk draw at the same time, each in its own folder, if locks fail or if two machines can hold the same lock. The slower
+/// worker finds the segment complete. The next worker copies the frames of a killed one.
 #[test]
 fn file_systems_without_locks_lose_nothing() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
-    let Some(library) = without_locks(d) else {
+    let film = render_on_one_machine(d);
+    let Some(library) = flock_library(d) else {
         println!("SKIP 1: no library can be built that refuses locks");
         return;
     };
@@ -232,42 +233,42 @@ fn file_systems_without_locks_lose_nothing() {
     });
 }
 
-/// `worker`: that of the whole film on a machine of this name.
+/// `worker` starts a worker for the whole film on a machine with this name.
 fn lose_nothing_without_locks(d: &Path, film: &[u8], worker: impl Fn(&str) -> Command) {
     const SEGMENT: &str = "0000000-0000059";
     let segments = d.join("segments");
-    // Killed: the next one goes on with its frames.
+    // A worker is killed; the next one continues with its frames.
     let first = Process::spawn(&mut worker("ann"));
     let part = wait_for_other_frames(d, SEGMENT, &[]);
     drop(first);
     let kept = std::fs::read(segments.join(&part).join("journal")).unwrap();
-    // Two at once: one stands still in the middle of its work until the other has finished.
+    // Two workers at once: one is stopped during its work until the other has finished.
     let slow = Process::spawn(&mut worker("ben"));
     let own = wait_for_other_frames(d, SEGMENT, &[&part]);
     slow.signal("-STOP");
     let journal = std::fs::read(segments.join(&own).join("journal")).unwrap();
     assert!(journal.starts_with(&kept) && journal.len() > kept.len());
-    let fast = drawn(Process::spawn(&mut worker("cleo")));
+    let fast = drawn_frames(Process::spawn(&mut worker("cleo")));
     assert!(fast > 0 && fast < 60, "{fast}");
     assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
     slow.signal("-CONT");
-    let run = slow.ended();
+    let run = slow.wait();
     assert_eq!(run.code, 0, "{}", run.err);
-    assert_eq!(drawn_of(&run.out), 0, "{}", run.out);
-    assert!(joined(d, &[]) == film);
-    assert_eq!(drawn(Process::spawn(&mut worker("dora"))), 0);
+    assert_eq!(drawn_in_summary(&run.out), 0, "{}", run.out);
+    assert!(join_segments(d, &[]) == film);
+    assert_eq!(drawn_frames(Process::spawn(&mut worker("dora"))), 0);
     assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
     std::fs::remove_dir_all(&segments).unwrap();
 }
 
-/// A file system on which segments are seen late and in pieces: the join waits as long as `--wait` says, and names what is missing then.
+/// If segments become visible late and in pieces, the join waits as long as `--wait` states, and then names what is missing.
 #[test]
-fn a_join_waits_for_segments_that_are_seen_late() {
+fn join_waits_for_segments_that_appear_late() {
     let dir = scene();
     let d = dir.path();
-    let film = whole(d);
+    let film = render_on_one_machine(d);
     for frames in ["0-23", "24-47", "48-59"] {
-        drawn(worker(d, frames));
+        drawn_frames(start_worker(d, frames));
     }
     let late: Vec<(PathBuf, Vec<u8>)> = ["0000024-0000047.segment", "0000048-0000059.segment"]
         .map(|name| d.join("segments").join(name))
@@ -286,14 +287,15 @@ fn a_join_waits_for_segments_that_are_seen_late() {
     std::fs::write(&late[1].0, &late[1].1).unwrap();
     pause();
     std::fs::write(&late[0].0, &late[0].1).unwrap();
-    let run = join.ended();
+    let run = join.wait();
     assert!(run.code == 0 && !run.err.contains("warning"), "{}", run.err);
     assert!(read(d, "film.mp4") == film);
 }
 
-/// A disk that fills up: exit code 3, no segment, and after there is room the render goes on with the frames that fitted.
+/// If the disk fills up, the exit code is 3 and there is no segment. When there is room again, the render continues with the frames that
+/// were written.
 #[test]
-fn a_full_disk_costs_no_finished_frame() {
+fn a_full_disk_loses_no_finished_frame() {
     let dir = scene();
     let d = dir.path();
     let unshare = |script: &str, args: &[&str]| {
@@ -307,7 +309,7 @@ fn a_full_disk_costs_no_finished_frame() {
         println!("SKIP 1: no file system of its own may be mounted here");
         return;
     }
-    let film = whole(d);
+    let film = render_on_one_machine(d);
     std::fs::create_dir_all(d.join("segments")).unwrap();
     std::fs::create_dir_all(d.join("small")).unwrap();
     let script = r#"mount -t tmpfs -o size=150k none small || exit 99
@@ -317,13 +319,13 @@ mount -o remount,size=100m small || exit 99
 "$0" "$@" || exit 98
 cp small/*.segment segments/
 "#;
-    let run = finished(unshare(script, &worker_args("0-59", "small")).unwrap());
+    let run = run_result(unshare(script, &worker_args("0-59", "small")).unwrap());
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(run.err.contains("cannot write: the disk is full"), "{}", run.err);
     assert!(run.err.contains("\ncode 3\n"), "{}", run.err);
     assert!(!run.err.contains("\n0000000-0000059.segment\n"), "{}", run.err);
     let last = run.out.rfind("\n{").map_or(0, |at| at + 1);
-    let rest = drawn_of(&run.out[last..]);
+    let rest = drawn_in_summary(&run.out[last..]);
     assert!(rest > 0 && rest < 60, "{rest} {}", run.err);
-    assert!(joined(d, &[]) == film);
+    assert!(join_segments(d, &[]) == film);
 }

@@ -1,4 +1,4 @@
-//! Jobs for render farms: the job runs with the engine's own runner, and its film has the bytes of one machine.
+//! Jobs for render farms: a job runs with the runner of the engine, and its film has the same bytes as from one machine.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -15,7 +15,7 @@ cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: color }))
 camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
 "##;
 
-/// An MP4 has pieces of 24 frames with these.
+/// Options with which an MP4 has groups of 24 frames.
 const OPTIONS: &[&str] = &["--samples", "1", "--export", "keyframes=0.8", "--set", "color=#20c040"];
 
 fn scene() -> tempfile::TempDir {
@@ -26,8 +26,8 @@ fn scene() -> tempfile::TempDir {
     dir
 }
 
-/// The job in the folder `job`, and its summary.
-fn job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_json::Value {
+/// Writes the job into the folder `job`, and returns its summary.
+fn make_job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_json::Value {
     let mut args = vec!["farm", "scene/it's.rhai", "-o", film, "--for", engine, "--to", "job", "--json"];
     let of_mp4 = |option: &&&str| film.ends_with(".mp4") || !["--export", "keyframes=0.8"].contains(*option);
     args.extend(OPTIONS.iter().filter(of_mp4));
@@ -37,8 +37,8 @@ fn job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_json::Va
     serde_json::from_str(&run.out).unwrap()
 }
 
-/// The film of one machine, from the script and its files, which are gone then.
-fn one_machine(folder: &Path) -> Vec<u8> {
+/// The film rendered on one machine. Removes the script and its files, so that the job can only use its own copies.
+fn render_on_one_machine(folder: &Path) -> Vec<u8> {
     let mut args = vec!["render", "scene/it's.rhai", "-o", "one.mp4", "--device", "cpu"];
     args.extend(OPTIONS);
     let run = choreo(folder, &args);
@@ -47,12 +47,12 @@ fn one_machine(folder: &Path) -> Vec<u8> {
     read(folder, "one.mp4")
 }
 
-/// `openjd` with its arguments, in an environment of its own.
-fn openjd(args: &[&str]) -> Option<Run> {
+/// Runs `openjd` with these arguments in its own virtual environment.
+fn run_openjd(args: &[&str]) -> Option<Run> {
     let python = python_with("openjd.cli", "openjd-cli==0.8.0")?;
     let program = python.with_file_name("openjd");
     let run = Command::new(program).args(args).output().unwrap();
-    Some(finished(run))
+    Some(run_result(run))
 }
 
 #[test]
@@ -60,24 +60,24 @@ fn openjd_runs_the_whole_job() {
     let dir = scene();
     let d = dir.path();
     let film = "it's a {film}.mp4";
-    let summary = job(d, "openjd", film, &["--chunk", "25"]);
+    let summary = make_job(d, "openjd", film, &["--chunk", "25"]);
     assert_eq!(summary["chunks"], serde_json::json!([[0, 24], [25, 49], [50, 59]]));
     assert_eq!(names(&d.join("job")), ["film.choreo", "job.json", "output", "segments", "template.json"]);
-    let whole = one_machine(d);
+    let expected = render_on_one_machine(d);
     let template = d.join("job/template.json").display().to_string();
-    let Some(check) = openjd(&["check", &template, "--extensions", "TASK_CHUNKING"]) else { return };
+    let Some(check) = run_openjd(&["check", &template, "--extensions", "TASK_CHUNKING"]) else { return };
     assert_eq!(check.code, 0, "{}{}", check.out, check.err);
     let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
     let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
-    let run = openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()).unwrap();
+    let run = run_openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()).unwrap();
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(names(&d.join("job/segments")).len() >= 3, "{:?}", names(&d.join("job/segments")));
     assert_eq!(names(&d.join("job/output")).len(), 1);
-    assert!(read(d, &format!("job/output/{film}")) == whole);
+    assert!(read(d, &format!("job/output/{film}")) == expected);
 }
 
-/// A stand-in for sbatch, which runs the tasks of an array one after the other, the last first, and a dependent job only behind its
-/// array. The real one runs in `cargo xtask farm`.
+/// Writes a substitute for sbatch, which runs the tasks of an array one after the other, the last one first, and a dependent job after its
+/// array. `cargo xtask farm` runs the real one.
 const SBATCH: &str = r#"#!/bin/sh
 script= first= last= after=
 for argument; do
@@ -101,7 +101,7 @@ else
 fi
 "#;
 
-fn slurm(folder: &Path, sbatch: &str) -> std::process::Output {
+fn submit_to_slurm(folder: &Path, sbatch: &str) -> std::process::Output {
     let bin: PathBuf = folder.join("bin");
     std::fs::create_dir_all(&bin).unwrap();
     std::fs::write(bin.join("sbatch"), sbatch).unwrap();
@@ -122,41 +122,41 @@ fn slurm_scripts_make_the_film() {
     let dir = scene();
     let d = dir.path();
     let film = "it's a film.mp4";
-    let summary = job(d, "slurm", film, &["--chunk", "14"]);
+    let summary = make_job(d, "slurm", film, &["--chunk", "14"]);
     assert_eq!(summary["chunks"].as_array().unwrap().len(), 5);
     assert_eq!(
         names(&d.join("job")),
         ["chunks.txt", "film.choreo", "job.json", "join.sh", "output", "render.sh", "segments", "submit.sh"]
     );
     assert_eq!(read(d, "job/chunks.txt"), b"0-13\n14-27\n28-41\n42-55\n56-59\n");
-    let whole = one_machine(d);
-    let run = finished(slurm(d, SBATCH));
+    let expected = render_on_one_machine(d);
+    let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     assert_eq!(run.out, "render: job 41, 5 tasks; join: job 42\n");
-    assert!(read(d, &format!("job/output/{film}")) == whole);
+    assert!(read(d, &format!("job/output/{film}")) == expected);
     let options = String::from_utf8(read(d, "job/options.txt")).unwrap();
     assert!(options.contains("--partition=long") && options.contains("--parsable"), "{options}");
-    // A task that runs again makes nothing anew, and a job in a folder with segments is not written over.
-    let run = finished(slurm(d, SBATCH));
+    // A task that runs again renders nothing again, and a job in a folder with segments is not overwritten.
+    let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     std::fs::create_dir(d.join("scene")).unwrap();
     std::fs::write(d.join("scene/s.rhai"), "stage(#{ length: 0.1 });").unwrap();
-    let again = choreo(d, &["farm", "scene/s.rhai", "-o", "a.mp4", "--for", "slurm", "--to", "job"]);
-    assert_eq!(again.code, 3);
+    let run = choreo(d, &["farm", "scene/s.rhai", "-o", "a.mp4", "--for", "slurm", "--to", "job"]);
+    assert_eq!(run.code, 3);
     assert!(
-        again.err.starts_with("--to job: a job has already run there: job/segments is not empty"),
+        run.err.starts_with("--to job: a job has already run there: job/segments is not empty"),
         "{}",
-        again.err
+        run.err
     );
 }
 
-/// Chunks that are measured cover the film, and state what was measured.
+/// Chunks whose length is measured cover the film, and the job states the measured values.
 #[test]
 fn measured_chunks_cover_the_film() {
     let dir = scene();
     let d = dir.path();
     for engine in ["openjd", "slurm"] {
-        let summary = job(d, engine, "film.mp4", &["--size", "160x90"]);
+        let summary = make_job(d, engine, "film.mp4", &["--size", "160x90"]);
         let chunks: Vec<[u64; 2]> = serde_json::from_value(summary["chunks"].clone()).unwrap();
         let mut next = 0;
         for [first, last] in &chunks {
@@ -168,8 +168,8 @@ fn measured_chunks_cover_the_film() {
         assert!(summary["frame_seconds"].as_f64().unwrap() > 0.0);
         std::fs::remove_dir_all(d.join("job")).unwrap();
     }
-    // 360 frames: no chunk is longer than AWS Deadline Cloud takes.
-    let summary = job(d, "openjd", "film.mp4", &["--fps", "240", "--chunk", "400"]);
+    // 360 frames: no chunk is longer than AWS Deadline Cloud accepts.
+    let summary = make_job(d, "openjd", "film.mp4", &["--fps", "240", "--chunk", "400"]);
     assert_eq!(summary["chunks"].as_array().unwrap().len(), 4);
 }
 
@@ -192,7 +192,7 @@ fn jobs_that_cannot_run_are_refused() {
     assert_eq!((run.code, run.err.as_str()), (1, "none.rhai: no such file\n"));
 }
 
-/// The preview is every eighth frame at half the size: the frames of the film, drawn at that size.
+/// The preview has every eighth frame of the film, drawn at half the size.
 #[test]
 fn a_preview_has_every_eighth_frame_at_half_the_size() {
     let dir = scene();
@@ -204,9 +204,9 @@ fn a_preview_has_every_eighth_frame_at_half_the_size() {
     };
     render("32x18", &["--frames", "0..60:8", "-o", "every/%04d.png"]);
     render("64x36", &["--frames", "0..60:8", "-o", "large/%04d.png"]);
-    let summary = job(d, "slurm", "film/%02d.png", &["--chunk", "14", "--preview", "1/8"]);
+    let summary = make_job(d, "slurm", "film/%02d.png", &["--chunk", "14", "--preview", "1/8"]);
     assert_eq!(summary["films"][0]["output"], "preview/film/%02d.png");
-    let run = finished(slurm(d, SBATCH));
+    let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(
         run.out.starts_with("preview render: job 41, 1 tasks; preview join: job 42\nrender: "),
@@ -226,18 +226,18 @@ fn a_preview_has_every_eighth_frame_at_half_the_size() {
     // The frames differ, so that a wrong one would be found.
     assert!(pixels("every/0000.png".into()) != pixels("every/0032.png".into()));
     std::fs::remove_dir_all(d.join("job")).unwrap();
-    job(d, "openjd", "film.mp4", &["--chunk", "24", "--preview", "1/8"]);
-    let whole = one_machine(d);
+    make_job(d, "openjd", "film.mp4", &["--chunk", "24", "--preview", "1/8"]);
+    let expected = render_on_one_machine(d);
     let template = d.join("job/template.json").display().to_string();
     let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
     let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
-    let Some(run) = openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()) else { return };
+    let Some(run) = run_openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()) else { return };
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
-    assert!(read(d, "job/output/film.mp4") == whole);
+    assert!(read(d, "job/output/film.mp4") == expected);
     assert!(d.join("job/output/preview/film.mp4").is_file());
 }
 
-/// A film a row, with a row that fails: the others have the bytes of one machine, on both engines.
+/// One film per row, with a row that fails: the other films have the same bytes as from one machine, on both engines.
 #[test]
 fn a_batch_is_one_job() {
     let dir = scene();
@@ -276,11 +276,11 @@ fn a_batch_is_one_job() {
         assert_eq!(summary["films"][1]["output"], "films/3 blue.mp4");
         assert_eq!(summary["failed_rows"][0]["row"], 2);
         let run = match engine {
-            "slurm" => finished(slurm(d, SBATCH)),
+            "slurm" => run_result(submit_to_slurm(d, SBATCH)),
             _ => {
                 let template = d.join("job/template.json").display().to_string();
                 let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
-                match openjd(&["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo]) {
+                match run_openjd(&["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo]) {
                     Some(run) => run,
                     None => return,
                 }
@@ -293,10 +293,10 @@ fn a_batch_is_one_job() {
     }
 }
 
-/// The guide's lines for machines without a scheduler, as they stand there: with an ssh that runs each command on this machine, and a
-/// machine that fails at first.
+/// The lines of the guide for machines without a scheduler, with an `ssh` that runs each command on this machine and a machine that fails
+/// the first time.
 #[test]
-fn the_guide_lines_for_machines_without_a_scheduler_make_the_film() {
+fn the_guide_commands_for_machines_without_a_scheduler_render_the_film() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/guide/src/recipes/render_farm.md");
     let page = std::fs::read_to_string(page).unwrap();
     let section = page.split("## Machines without a scheduler").nth(1).unwrap();
@@ -312,16 +312,16 @@ fn the_guide_lines_for_machines_without_a_scheduler_make_the_film() {
     let ssh = "#!/bin/sh\n[ \"$1\" = -n ] || exit 9\necho \"$2\" >> \"$HOSTS\"\n[ \"$2\" = \"$DEAD\" ] && exit 255\ncd / && exec sh -c \"$3\"\n";
     std::fs::write(bin.join("ssh"), ssh).unwrap();
     std::fs::set_permissions(bin.join("ssh"), std::fs::Permissions::from_mode(0o755)).unwrap();
-    // Chunks of a known length in place of measured ones.
+    // Chunks of a known length instead of a measured one.
     let lines = lines.replace("--to job", "--to job --chunk 7 --samples 1");
-    // The missing segments do not come.
+    // The missing segments will not appear.
     let lines = lines.replace("sh job/join.sh", "sed -i 's/--wait 60//' job/join.sh && sh job/join.sh");
     let run = |lines: &str, dead: &str| {
         let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap_or_default());
         let mut shell = Command::new("sh");
         shell.args(["-c", lines]).current_dir(d).env("PATH", path).env("CHOREO_PLUGINS", "");
         shell.env_remove("SLURM_JOB_ID");
-        finished(shell.env("HOSTS", d.join("used.txt")).env("DEAD", dead).output().unwrap())
+        run_result(shell.env("HOSTS", d.join("used.txt")).env("DEAD", dead).output().unwrap())
     };
     let first = run(&lines, "ben");
     assert!(

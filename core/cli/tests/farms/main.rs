@@ -1,4 +1,4 @@
-//! Films from several machines, and from tables.
+//! Films rendered on several machines, and from the rows of tables.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,5 +1,5 @@
-//! Packed scenes: all that a script reads in one archive, the same bytes of the archive wherever it is packed, the same images wherever
-//! it is rendered, and nothing from outside. Archives of strangers are refused without a file being written elsewhere.
+//! Packed scenes: an archive has all files that a script reads, has the same bytes wherever it is packed, and renders the same images
+//! everywhere without other files. Malicious archives are refused and write no file outside their folder.
 
 use crate::common::*;
 use std::path::Path;
@@ -44,31 +44,31 @@ fn write(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) {
     std::fs::write(path, bytes).unwrap();
 }
 
-fn image(shade: u8) -> Vec<u8> {
+fn png_image(shade: u8) -> Vec<u8> {
     let mut bytes = Vec::new();
     let image = image::RgbImage::from_fn(8, 8, |x, y| image::Rgb([shade, (x * 30) as u8, (y * 30) as u8]));
     image.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
     bytes
 }
 
-/// A repository with a script in `scenes`, search and plugin folders beside it and above it, and much that is not read.
-fn project(folder: &Path) {
+/// A repository with a script in `scenes`, search and plugin folders beside it and above it, and files that are not read.
+fn write_project(folder: &Path) {
     let gltf = triangle(1.0);
     let data = gltf.split("base64,").nth(1).unwrap().split('"').next().unwrap();
     let uri = format!("data:application/octet-stream;base64,{data}");
     write(folder, "assets/deep/model.gltf", gltf.replace(&uri, "buffers/tri.bin"));
-    write(folder, "assets/deep/buffers/tri.bin", decoded(data));
+    write(folder, "assets/deep/buffers/tri.bin", decode_base64(data));
     write(folder, "scenes/film.rhai", SCRIPT);
     write(folder, "scenes/modules/place.rhai", "fn left() { -0.5 }");
     write(folder, "scenes/a.dots", "DOTS 0 0 0, 1 0 0, 0 1 0");
-    write(folder, "scenes/checks.png", image(200));
+    write(folder, "scenes/checks.png", png_image(200));
     write(folder, "scenes/plugins/dots.importer.rhai", IMPORTER);
     for (i, shade) in [20, 90, 160, 230].into_iter().enumerate() {
-        write(folder, &format!("assets/smoke_{:02}.png", i + 1), image(shade));
+        write(folder, &format!("assets/smoke_{:02}.png", i + 1), png_image(shade));
     }
     write(folder, "assets/own.ttf", epaint_default_fonts::HACK_REGULAR);
     write(folder, "effects/swap.wgsl", EFFECT);
-    write(folder, "scenes/unread.png", image(1));
+    write(folder, "scenes/unread.png", png_image(1));
     write(folder, "assets/unread.bin", "unread");
     write(folder, "effects/unread.wgsl", EFFECT.replace("swap", "unread"));
     write(
@@ -83,8 +83,8 @@ fn project(folder: &Path) {
     std::fs::copy(folder.join("scenes/a.dots"), folder.join("scenes/link.dots")).unwrap();
 }
 
-/// Base64 without an end.
-fn decoded(text: &str) -> Vec<u8> {
+/// Base64 without padding.
+fn decode_base64(text: &str) -> Vec<u8> {
     let value = |letter: u8| match letter {
         b'A'..=b'Z' => letter - b'A',
         b'a'..=b'z' => letter - b'a' + 26,
@@ -100,7 +100,7 @@ fn decoded(text: &str) -> Vec<u8> {
         .collect()
 }
 
-fn good(folder: &Path, args: &[&str]) -> Run {
+fn run_successfully(folder: &Path, args: &[&str]) -> Run {
     let run = choreo(folder, args);
     assert_eq!(run.code, 0, "{args:?}: {}", run.err);
     run
@@ -110,12 +110,18 @@ fn good(folder: &Path, args: &[&str]) -> Run {
 fn a_packed_scene_renders_the_same_bytes_without_its_files() {
     let [home, other, away] = [(); 3].map(|()| tempfile::tempdir().unwrap());
     let (d, away) = (home.path(), away.path());
-    project(d);
-    project(other.path());
+    write_project(d);
+    write_project(other.path());
     let set = ["--set", "color=#e04020"];
-    good(d, &[&["render", "scenes/film.rhai", "-o", "one.mp4"][..], &set].concat());
-    good(d, &[&["render", "scenes/film.rhai", "-o", "one/%02d.png", "--size", "40x24"][..], &set].concat());
-    let run = good(d, &[&["pack", "scenes/film.rhai", "-o", "film.choreo", "--json"][..], &set].concat());
+    run_successfully(d, &[&["render", "scenes/film.rhai", "-o", "one.mp4"][..], &set].concat());
+    run_successfully(
+        d,
+        &[&["render", "scenes/film.rhai", "-o", "one/%02d.png", "--size", "40x24"][..], &set].concat(),
+    );
+    let run = run_successfully(
+        d,
+        &[&["pack", "scenes/film.rhai", "-o", "film.choreo", "--json"][..], &set].concat(),
+    );
     let summary: serde_json::Value = serde_json::from_str(&run.out).unwrap();
     let files: Vec<&str> = summary["files"].as_array().unwrap().iter().map(|f| f.as_str().unwrap()).collect();
     assert_eq!(
@@ -136,65 +142,65 @@ fn a_packed_scene_renders_the_same_bytes_without_its_files() {
             "files/2/swap.wgsl",
         ]
     );
-    // The same files elsewhere make the same archive.
-    good(other.path(), &[&["pack", "scenes/film.rhai", "-o", "film.choreo"][..], &set].concat());
+    // The same files in another folder give the same archive.
+    run_successfully(other.path(), &[&["pack", "scenes/film.rhai", "-o", "film.choreo"][..], &set].concat());
     assert!(read(d, "film.choreo") == read(other.path(), "film.choreo"));
     let [mp4, images] = ["one.mp4", "one"].map(|name| d.join(name));
     std::fs::rename(d.join("film.choreo"), away.join("film.choreo")).unwrap();
     std::fs::rename(&mp4, away.join("one.mp4")).unwrap();
     std::fs::rename(&images, away.join("one")).unwrap();
     drop((home, other));
-    // A choreo.toml beside the archive says nothing.
+    // A choreo.toml beside the archive has no effect.
     write(away, "choreo.toml", "[render]\nsize = \"16x16\"\n");
-    let run = good(away, &["render", "film.choreo", "-o", "film.mp4"]);
+    let run = run_successfully(away, &["render", "film.choreo", "-o", "film.mp4"]);
     assert!(!run.err.contains("warning"), "{}", run.err);
     assert!(read(away, "film.mp4") == read(away, "one.mp4"));
-    good(away, &["render", "film.choreo", "-o", "film/%02d.png", "--size", "40x24"]);
+    run_successfully(away, &["render", "film.choreo", "-o", "film/%02d.png", "--size", "40x24"]);
     for name in names(&away.join("one")) {
         assert!(read(away, &format!("one/{name}")) == read(away, &format!("film/{name}")), "{name}");
     }
     assert_eq!(names(&away.join("film")).len(), 4);
-    // Other commands take it, and a parameter can be another one.
-    good(away, &["check", "film.choreo"]);
-    good(away, &["render", "film.choreo", "-o", "blue.mp4", "--set", "color=#2040e0"]);
+    // Other commands accept the archive, and a parameter can be changed.
+    run_successfully(away, &["check", "film.choreo"]);
+    run_successfully(away, &["render", "film.choreo", "-o", "blue.mp4", "--set", "color=#2040e0"]);
     assert!(read(away, "blue.mp4") != read(away, "one.mp4"));
 }
 
 #[test]
-fn a_model_is_packed_as_a_script_is() {
+fn a_model_file_can_be_packed() {
     let dir = folder();
     let d = dir.path();
     let args = ["--device", "cpu", "--size", "32x32", "-o"];
-    good(d, &[&["render", "tri.gltf"][..], &args, &["one.gif"]].concat());
-    good(d, &["pack", "tri.gltf", "--clip", "Slide", "-o", "tri.choreo"]);
+    run_successfully(d, &[&["render", "tri.gltf"][..], &args, &["one.gif"]].concat());
+    run_successfully(d, &["pack", "tri.gltf", "--clip", "Slide", "-o", "tri.choreo"]);
     std::fs::rename(d.join("tri.gltf"), d.join("gone")).unwrap();
-    good(d, &[&["render", "tri.choreo"][..], &args, &["packed.gif"]].concat());
-    // The provenance names the clip that was asked for.
+    run_successfully(d, &[&["render", "tri.choreo"][..], &args, &["packed.gif"]].concat());
+    // The provenance names the requested clip.
     std::fs::rename(d.join("gone"), d.join("tri.gltf")).unwrap();
-    good(d, &[&["render", "tri.gltf", "--clip", "Slide"][..], &args, &["one.gif"]].concat());
+    run_successfully(d, &[&["render", "tri.gltf", "--clip", "Slide"][..], &args, &["one.gif"]].concat());
     assert!(read(d, "packed.gif") == read(d, "one.gif"));
 }
 
-/// Nothing is left in the folder for temporary files, whatever the command ends with.
+/// Nothing is left in the folder for temporary files, whatever the exit code is.
 #[test]
-fn the_unpacked_files_go() {
+fn unpacked_files_are_deleted() {
     let dir = folder();
     let d = dir.path();
     let scratch = d.join("scratch");
     std::fs::create_dir(&scratch).unwrap();
-    good(d, &["pack", "tri.gltf", "-o", "tri.choreo"]);
+    run_successfully(d, &["pack", "tri.gltf", "-o", "tri.choreo"]);
     for args in [
         &["render", "tri.choreo", "--at", "0", "-o", "a.png", "--device", "cpu"][..],
         &["render", "tri.choreo", "--at", "0", "-o", "missing/a.png", "--device", "cpu"],
         &["explain", "tri.choreo"],
     ] {
         let output = command(d, args).env("TMPDIR", &scratch).output().unwrap();
-        finished(output);
+        run_result(output);
         assert!(names(&scratch).is_empty(), "{args:?}: {:?}", names(&scratch));
     }
 }
 
-/// The archive with other entries: (name, type, link target or content).
+/// The archive with additional entries: (name, type, link target or content).
 fn archive(entries: &[(&str, tar::EntryType, &[u8])]) -> Vec<u8> {
     let mut builder = tar::Builder::new(Vec::new());
     for (name, kind, content) in entries {
@@ -203,7 +209,7 @@ fn archive(entries: &[(&str, tar::EntryType, &[u8])]) -> Vec<u8> {
         header.set_mode(0o644);
         let link = !matches!(kind, tar::EntryType::Regular);
         header.set_size(if link { 0 } else { content.len() as u64 });
-        // Written as a stranger would, past the checks of the crate.
+        // Written directly into the header, because the crate rejects such names.
         header.as_gnu_mut().unwrap().name[..name.len()].copy_from_slice(name.as_bytes());
         if link {
             header.as_gnu_mut().unwrap().linkname[..content.len()].copy_from_slice(content);
@@ -227,7 +233,7 @@ fn manifest(change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {
 }
 
 #[test]
-fn archives_of_strangers_reach_nothing_outside() {
+fn malicious_archives_write_nothing_outside() {
     use tar::EntryType::{Directory, Link, Regular, Symlink};
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
@@ -264,7 +270,7 @@ fn archives_of_strangers_reach_nothing_outside() {
             refused(wrong, &[("choreo.json", Regular, &text), script_entry]);
         }
     }
-    // Another name of a file is a link only to a file of the archive, and takes the place of none.
+    // A hard link may only refer to a file of the archive, and may not replace a file.
     for pair in [
         ["files/0/b", "/etc/passwd"],
         ["files/0/b", "files/0/c"],
@@ -281,7 +287,7 @@ fn archives_of_strangers_reach_nothing_outside() {
             &[("choreo.json", Regular, &plain), ("files/0/a.rhai", kind, b"/etc/passwd"), script_entry],
         );
     }
-    // An empty file has the length and the hash of a link's content, which is none.
+    // A link has no content, and so the length and hash of an empty file.
     let empty = manifest(|m| {
         m["files"][0]["bytes"] = 0.into();
         m["files"][0]["blake3"] = blake3::hash(b"").to_hex().as_str().into();
@@ -299,21 +305,21 @@ fn archives_of_strangers_reach_nothing_outside() {
     refused(&format!("{unpackable}it does not begin with choreo.json"), &[script_entry]);
     refused(&format!("{unpackable}it is not a tar archive"), &[]);
     refused(&format!("{unpackable}choreo.json is not JSON"), &[("choreo.json", Regular, b"{")]);
-    // Cut anywhere, it is refused or has lost only its end.
-    let whole = archive(&[("choreo.json", Regular, &plain), script_entry]);
-    for cut in (0..whole.len()).step_by(97) {
-        write(d, "a.choreo", &whole[..cut]);
+    // Truncated anywhere, the archive is refused or lacks only its end marker.
+    let complete = archive(&[("choreo.json", Regular, &plain), script_entry]);
+    for cut in (0..complete.len()).step_by(97) {
+        write(d, "a.choreo", &complete[..cut]);
         let code = choreo(d, &["check", "a.choreo"]).code;
-        assert!(code == 1 || cut >= whole.len() - 1536, "cut at {cut} of {}", whole.len());
+        assert!(code == 1 || cut >= complete.len() - 1536, "cut at {cut} of {}", complete.len());
     }
     write(d, "a.choreo", archive(&[("choreo.json", Regular, &plain), script_entry]));
     let run = choreo(d, &["check", "a.choreo", "--limit", "file=10"]);
     assert!(run.err.starts_with("a.choreo: files/0/a.rhai is too large\n    hint: "), "{}", run.err);
 }
 
-/// The same files make another scene where a plugin of the user takes part.
+/// If a plugin of the user would be used, the same files could give another scene.
 #[test]
-fn another_scene_than_the_one_packed_is_refused() {
+fn an_archive_that_gives_another_scene_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     write(d, "scene/a.dots", "DOTS 0 0 0, 1 0 0, 0 1 0");
@@ -321,12 +327,12 @@ fn another_scene_than_the_one_packed_is_refused() {
     write(d, "plugins/dots.importer.rhai", IMPORTER);
     write(d, "others/dots.importer.rhai", IMPORTER.replace("rest.numbers()", "rest.numbers() * 2.0"));
     let with = |plugins: &str, args: &[&str]| {
-        finished(command(d, args).env("CHOREO_PLUGINS", d.join(plugins)).output().unwrap())
+        run_result(command(d, args).env("CHOREO_PLUGINS", d.join(plugins)).output().unwrap())
     };
     let run = with("plugins", &["pack", "scene/s.rhai", "-o", "s.choreo"]);
     assert_eq!(run.code, 0, "{}", run.err);
     let render = ["render", "s.choreo", "--at", "0", "-o", "a.png", "--device", "cpu"];
-    // Its own plugin comes with it, and wins over those of the user.
+    // The plugin of the scene is in the archive, and takes precedence over those of the user.
     assert_eq!(choreo(d, &render).code, 0);
     assert_eq!(with("others", &render).code, 0);
     let mut archive = read(d, "s.choreo");
@@ -343,32 +349,32 @@ fn another_scene_than_the_one_packed_is_refused() {
 }
 
 #[test]
-fn what_cannot_be_packed_is_refused() {
+fn inputs_that_cannot_be_packed_are_refused() {
     let dir = folder();
     let d = dir.path();
     let usage = |args: &[&str], what: &str| {
         let run = choreo(d, args);
         assert!(run.code != 0 && run.err.contains(what), "{args:?}: {}", run.err);
-        assert!(parts(d).is_empty());
+        assert!(part_files(d).is_empty());
     };
     usage(&["pack", "tri.gltf", "-o", "tri.gltf"], "write a name that ends in .choreo");
     usage(&["pack", "choreo:mannequin", "-o", "a.choreo"], "there is nothing to pack");
     usage(&["pack", "none.rhai", "-o", "a.choreo"], "none.rhai: no such file");
-    good(d, &["pack", "tri.gltf", "-o", "a.choreo"]);
+    run_successfully(d, &["pack", "tri.gltf", "-o", "a.choreo"]);
     usage(&["pack", "a.choreo", "-o", "b.choreo"], "it is packed already");
-    // Beside a render of the scene, the archive stays.
+    // A render of the scene does not change the archive beside it.
     usage(&["render", "a.choreo", "-o", "a.choreo"], "the file extension selects the format");
 }
 
-/// The folder form has the files of the archive and renders the same bytes; links in it are refused, wherever they lead.
+/// A scene packed as a folder has the files of the archive and renders the same bytes. Links in it are refused, whatever their target.
 #[cfg(unix)]
 #[test]
-fn a_folder_has_what_the_archive_has() {
+fn a_packed_folder_equals_the_archive_and_refuses_links() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
-    project(d);
-    good(d, &["pack", "scenes/film.rhai", "-o", "film.choreo"]);
-    good(d, &["pack", "scenes/film.rhai", "-o", "film/"]);
+    write_project(d);
+    run_successfully(d, &["pack", "scenes/film.rhai", "-o", "film.choreo"]);
+    run_successfully(d, &["pack", "scenes/film.rhai", "-o", "film/"]);
     let mut archive = tar::Archive::new(std::io::Cursor::new(read(d, "film.choreo")));
     let mut count = 0;
     for entry in archive.entries().unwrap() {
@@ -378,13 +384,13 @@ fn a_folder_has_what_the_archive_has() {
         assert!(std::fs::read(d.join("film").join(entry.path().unwrap())).unwrap() == bytes);
         count += 1;
     }
-    assert!(count == 14 && files_below(&d.join("film")) == count);
-    good(d, &["render", "film.choreo", "-o", "one.mp4"]);
+    assert!(count == 14 && count_files_below(&d.join("film")) == count);
+    run_successfully(d, &["render", "film.choreo", "-o", "one.mp4"]);
     std::fs::rename(d.join("scenes"), d.join("gone")).unwrap();
-    good(d, &["render", "film", "-o", "two.mp4"]);
+    run_successfully(d, &["render", "film", "-o", "two.mp4"]);
     assert!(read(d, "one.mp4") == read(d, "two.mp4"));
-    let again = choreo(d, &["pack", "gone/film.rhai", "-o", "film/"]);
-    assert!(again.code == 3 && again.err.contains("film/: it exists already"), "{}", again.err);
+    let run = choreo(d, &["pack", "gone/film.rhai", "-o", "film/"]);
+    assert!(run.code == 3 && run.err.contains("film/: it exists already"), "{}", run.err);
     let refused = |what: &str| {
         let run = choreo(d, &["check", "film"]);
         assert!(run.code == 1 && run.err.starts_with(&format!("film: it is damaged: {what}")), "{}", run.err);
@@ -407,9 +413,9 @@ fn a_folder_has_what_the_archive_has() {
     refused("a different file is in the place of files/1/deep/buffers/tri.bin");
 }
 
-fn files_below(folder: &Path) -> usize {
+fn count_files_below(folder: &Path) -> usize {
     let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    entries.map(|path| if path.is_dir() { files_below(&path) } else { 1 }).sum()
+    entries.map(|path| if path.is_dir() { count_files_below(&path) } else { 1 }).sum()
 }
 
 /// `choreo test` runs the sections of a packed script, and `choreo view` shows it, unpacked until the viewer ends.
@@ -419,17 +425,17 @@ fn a_packed_scene_is_tested_and_viewed() {
     use std::os::unix::fs::PermissionsExt;
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
-    project(d);
+    write_project(d);
     let sections = "stage(#{ size: [16, 16], length: 0.1 });\nlet b = cast(\"b\", load(\"deep/model.gltf\")).at(1, 0, 0);\n\
                     test(\"place\", || { expect(b).at(0.0).near([1.0, 0.0, 0.0], cm(1)); });\n";
     write(d, "scenes/t.rhai", sections);
     let scratch = d.join("scratch");
     std::fs::create_dir(&scratch).unwrap();
     let outcome = |name: &str| {
-        good(d, &["pack", "scenes/t.rhai", "-o", name]);
+        run_successfully(d, &["pack", "scenes/t.rhai", "-o", name]);
         let output = command(d, &["test", name]).env("TMPDIR", &scratch).output().unwrap();
         assert!(names(&scratch).is_empty(), "{:?}", names(&scratch));
-        finished(output)
+        run_result(output)
     };
     let run = outcome("t.choreo");
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
@@ -437,16 +443,16 @@ fn a_packed_scene_is_tested_and_viewed() {
     assert_eq!(outcome("wrong.choreo").code, 1);
     let refused = choreo(d, &["test", "t.choreo", "--accept"]);
     assert!(refused.code == 2 && refused.err.contains("t.choreo: it is packed"), "{}", refused.err);
-    // A viewer that only says what it was given, beside a copy of the program.
+    // A substitute for the viewer that only prints its arguments, beside a copy of the program.
     std::fs::copy(env!("CARGO_BIN_EXE_choreo"), d.join("choreo")).unwrap();
     let viewer = "#!/bin/sh\nls \"$1\"\nfor word; do echo \"$word\"; done\n";
     std::fs::write(d.join("choreo-view"), viewer).unwrap();
     std::fs::set_permissions(d.join("choreo-view"), PermissionsExt::from_mode(0o755)).unwrap();
-    good(d, &["pack", "scenes/film.rhai", "--set", "color=#e04020", "-o", "film.choreo"]);
+    run_successfully(d, &["pack", "scenes/film.rhai", "--set", "color=#e04020", "-o", "film.choreo"]);
     let view = |more: &[&str]| {
         let mut command = std::process::Command::new(d.join("choreo"));
         command.args(["view", "film.choreo"]).args(more).current_dir(d).env_remove("CARGO");
-        let run = finished(command.env("TMPDIR", &scratch).env("CHOREO_PLUGINS", "").output().unwrap());
+        let run = run_result(command.env("TMPDIR", &scratch).env("CHOREO_PLUGINS", "").output().unwrap());
         assert!(run.code == 0 && names(&scratch).is_empty(), "{}", run.err);
         run.out
     };

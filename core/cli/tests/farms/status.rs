@@ -1,4 +1,4 @@
-//! `choreo farm --status`: the state of each chunk from the files that workers leave, whatever has become of the workers.
+//! `choreo farm --status`: the state of each chunk, determined from the files of the workers, also if a worker was stopped or killed.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -13,7 +13,7 @@ cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: color }))
 camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
 "##;
 
-fn worker(folder: &Path, frames: &str, more: &[&str]) -> Process {
+fn start_worker(folder: &Path, frames: &str, more: &[&str]) -> Process {
     let args = [
         "render",
         "film.choreo",
@@ -35,8 +35,8 @@ fn status(folder: &Path) -> serde_json::Value {
     serde_json::from_str(&run.out).unwrap()
 }
 
-/// State, finished frames and host of each chunk.
-fn chunks(status: &serde_json::Value) -> Vec<(String, u64)> {
+/// The state and the number of finished frames of each chunk.
+fn chunk_states(status: &serde_json::Value) -> Vec<(String, u64)> {
     let chunk = |chunk: &serde_json::Value| {
         (chunk["state"].as_str().unwrap().into(), chunk["done"].as_u64().unwrap())
     };
@@ -62,21 +62,21 @@ fn chunks_are_done_running_failed_stopped_or_waiting() {
     let all_wait = status(d);
     assert_eq!((all_wait["frames"].as_u64(), all_wait["done"].as_u64()), (Some(60), Some(0)));
     assert_eq!(all_wait["counts"], serde_json::json!({ "waiting": 5 }));
-    assert_eq!(worker(d, "0-11", &[]).ended().code, 0);
-    assert_eq!(worker(d, "48-59", &["--set", "color=nonsense"]).ended().code, 1);
+    assert_eq!(start_worker(d, "0-11", &[]).wait().code, 0);
+    assert_eq!(start_worker(d, "48-59", &["--set", "color=nonsense"]).wait().code, 1);
     let large = ["--size", "3840x2160"];
-    // One runs, and one is killed.
-    let running = worker(d, "24-35", &large);
-    let killed = worker(d, "36-47", &large);
+    // One worker continues to run, and one is killed.
+    let running = start_worker(d, "24-35", &large);
+    let killed = start_worker(d, "36-47", &large);
     for (chunk, worker) in [(2, &running), (3, &killed)] {
-        wait_for("finished frames", || chunks(&status(d))[chunk].1 > 0);
+        wait_for("finished frames", || chunk_states(&status(d))[chunk].1 > 0);
         worker.signal("-STOP");
     }
     drop(killed);
     let now = status(d);
-    let states: Vec<String> = chunks(&now).into_iter().map(|(state, _)| state).collect();
+    let states: Vec<String> = chunk_states(&now).into_iter().map(|(state, _)| state).collect();
     assert_eq!(states, ["done", "waiting", "running", "stopped", "failed"]);
-    assert!(chunks(&now)[3].1 > 0, "{now}");
+    assert!(chunk_states(&now)[3].1 > 0, "{now}");
     assert_eq!(now["films"], serde_json::json!([{ "output": "film.mp4", "frames": 60, "joined": false }]));
     let message = now["chunks"][4]["message"].as_str().unwrap();
     assert!(
@@ -95,14 +95,14 @@ fn chunks_are_done_running_failed_stopped_or_waiting() {
     );
     assert!(lines.iter().any(|line| line.starts_with("frames 36-47: stopped on ")), "{}", text.out);
     assert!(image::open(d.join("sheet.png")).unwrap().width() > 192);
-    // A worker that gets notice stops in order.
+    // A worker that receives SIGTERM stops regularly.
     running.signal("-TERM");
     running.signal("-CONT");
-    assert_eq!(running.ended().code, 130);
-    assert_eq!(chunks(&status(d))[2].0, "stopped");
+    assert_eq!(running.wait().code, 130);
+    assert_eq!(chunk_states(&status(d))[2].0, "stopped");
 }
 
-/// The first frame of each chunk stands on the sheet: of frames that are smaller than a thumbnail, pixel by pixel.
+/// The sheet has the first frame of each chunk. Frames that are smaller than a thumbnail are not scaled.
 #[test]
 fn the_contact_sheet_shows_first_frames() {
     let dir = tempfile::tempdir().unwrap();
@@ -112,7 +112,7 @@ fn the_contact_sheet_shows_first_frames() {
         ["farm", "s.rhai", "-o", "film.mp4", "--for", "slurm", "--to", "job", "--chunk", "20", "--quiet"];
     assert_eq!(choreo(d, &[&farm[..], &["--size", "160x90"]].concat()).code, 0);
     for frames in ["0-19", "40-59"] {
-        assert_eq!(worker(d, frames, &["--size", "160x90"]).ended().code, 0);
+        assert_eq!(start_worker(d, frames, &["--size", "160x90"]).wait().code, 0);
     }
     assert_eq!(choreo(d, &["farm", "--status", "job", "--sheet", "sheet.png"]).code, 0);
     let frames = ["--frames", "0,40", "-o", "f/%02d.png", "--device", "cpu", "--size", "160x90", "--quiet"];
@@ -120,7 +120,7 @@ fn the_contact_sheet_shows_first_frames() {
     let open = |name: &str| image::open(d.join(name)).unwrap().to_rgba8();
     let sheet = open("sheet.png");
     assert_eq!([sheet.width(), sheet.height()], [2 * 164 + 4, 2 * 94 + 4]);
-    // Below the text in the corner.
+    // Below the text at the top left.
     for (name, [left, top]) in [("f/00.png", [4, 4]), ("f/40.png", [4, 98])] {
         let frame = open(name);
         for (x, y) in (20..90).flat_map(|y| (0..160).map(move |x| (x, y))) {

@@ -1,5 +1,5 @@
-//! Fades from walk to run in step: planted feet stay where they are, on two feet and on four. Contacts of files by others are compared
-//! with their frames as we saw them. `cargo test -p choreo --test motions in_step -- --nocapture` prints the tables.
+//! Fades from walk to run in step: planted feet do not slide, for characters with two and with four feet. Detected contacts of third-party
+//! files are compared with contacts found by eye. `cargo test -p choreo --test motions in_step -- --nocapture` prints the tables.
 
 use crate::common;
 use choreo_motion::Time;
@@ -23,7 +23,7 @@ fn stage(folder: &Path, text: &str) -> Stage {
     script.stage
 }
 
-/// File, what its metres are worth, from, to, seconds of the fade.
+/// File, scale, clip to fade from, clip to fade to, and length of the fade in seconds.
 const PAIRS: [(&str, f64, &str, &str, f64); 10] = [
     ("choreo:mannequin", 1.0, "Walk", "Run", 0.5),
     ("choreo:mannequin", 1.0, "Run", "Walk", 0.5),
@@ -33,39 +33,39 @@ const PAIRS: [(&str, f64, &str, &str, f64); 10] = [
     ("fbx/pab/locomotions.fbx", 1.0, "walk", "jog", 0.6),
     ("fbx/pab/locomotions.fbx", 1.0, "walk", "run", 0.6),
     ("fbx/pab/locomotions.fbx", 1.0, "run", "walk", 0.6),
-    // A fox of 100 m, as large as one.
+    // The fox of the file is 100 m long, and is scaled to natural size.
     ("gltf/Fox.glb", 0.01, "Walk", "Run", 0.6),
     ("gltf/Fox.glb", 0.01, "Run", "Walk", 0.6),
 ];
 
-/// A foot counts as planted after this time, in 240ths of a second.
-const SHORTEST: u32 = 12;
+/// A foot counts as planted after this number of samples, at 240 per second.
+const MIN_PLANTED_SAMPLES: u32 = 12;
 
 struct StepErrors {
-    /// Farthest that a planted foot went, metres of the world, and how often one was planted.
+    /// The largest movement of a planted foot, in metres in world space, and the number of stances.
     moved: f64,
     stands: usize,
-    /// Farthest that a foot went from one 240th of a second to the next.
+    /// The largest movement of a foot between two samples.
     step: f64,
 }
 
-/// `planted`: by leg and time, whether it should be.
-fn watch(
+/// `planted` states whether a leg should be planted at a time.
+fn measure_steps(
     stage: &Stage,
     legs: &[Leg],
     from: f64,
     to: f64,
     planted: &dyn Fn(usize, Time) -> bool,
 ) -> StepErrors {
-    let mut eyes = Evaluator::new(Arc::new(stage.clone()));
+    let mut evaluator = Evaluator::new(Arc::new(stage.clone()));
     let mut errors = StepErrors { moved: 0.0, stands: 0, step: 0.0 };
-    // Where, how long ago in looks, how far since.
+    // Of each planted foot: where it was planted, how many samples ago, and how far it has moved since.
     let mut begun: Vec<Option<(DVec3, u32, f64)>> = vec![None; legs.len()];
     let mut before: Vec<Option<DVec3>> = vec![None; legs.len()];
     let count = ((to - from) * 240.0) as i64;
     for i in 0..=count {
         let time = Time::from_secs(from + i as f64 / 240.0);
-        let snapshot = eyes.at(time).unwrap();
+        let snapshot = evaluator.at(time).unwrap();
         let state = &snapshot.actors[0];
         for (index, leg) in legs.iter().enumerate() {
             let m = state.model_from_joint[leg.toe.unwrap_or(leg.foot) as usize];
@@ -76,12 +76,12 @@ fn watch(
                 begun[index] = None;
                 continue;
             }
-            let (first, looks, moved) = begun[index].get_or_insert((now, 0, 0.0));
-            *looks += 1;
+            let (first, samples, moved) = begun[index].get_or_insert((now, 0, 0.0));
+            *samples += 1;
             *moved = moved.max((now - *first).length());
-            // A touch of less than a twentieth of a second is no stand.
-            if *looks > SHORTEST {
-                errors.stands += usize::from(*looks == SHORTEST + 1);
+            // A contact of less than a twentieth of a second is not a stance.
+            if *samples > MIN_PLANTED_SAMPLES {
+                errors.stands += usize::from(*samples == MIN_PLANTED_SAMPLES + 1);
                 errors.moved = errors.moved.max(*moved);
             }
         }
@@ -90,8 +90,8 @@ fn watch(
 }
 
 #[test]
-fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
-    let Some(folder) = common::assets() else { return };
+fn planted_feet_do_not_slide_in_a_fade_from_walk_to_run() {
+    let Some(folder) = common::sample_assets_folder() else { return };
     println!(
         "| file | from | to | at, s | planted feet | move, mm | without planting, mm | fastest foot, m/s | without, m/s |"
     );
@@ -129,21 +129,23 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
                 .iter()
                 .map(|cue| Contacts::find(skeleton, &cue.clip, cue.trim, &balls).unwrap())
                 .collect();
-            // Down where the clip that counts more says so.
+            // A foot should be planted when the clip with the larger weight plants it.
             let planted = |leg: usize, time: Time| {
-                let heard = actor.active_clips(time);
-                let Some(most) = heard.iter().rev().find(|h| h.weight >= 0.5) else { return false };
+                let active_clips = actor.active_clips(time);
+                let Some(most) = active_clips.iter().rev().find(|h| h.weight >= 0.5) else { return false };
                 let round = actor.layers[0].cues[most.cue].trim.1;
                 let at = most.clip_time;
                 let stands = &contacts[most.cue].intervals[leg];
-                // Inside by a sixtieth of a second: contacts are looked at that often.
+                // Without a sixtieth of a second at each end: contacts are sampled at this rate.
                 let edge = Time::from_secs(1.0 / 60.0);
                 let within = |t: Time| stands.iter().any(|s| s.from + edge <= t && t <= s.to - edge);
                 within(at) || within(at + round)
             };
             let (begin, end) = (start, start + fade);
-            let (own, plain) =
-                (watch(&stage, &legs, begin, end, &planted), watch(&without, &legs, begin, end, &planted));
+            let (own, plain) = (
+                measure_steps(&stage, &legs, begin, end, &planted),
+                measure_steps(&without, &legs, begin, end, &planted),
+            );
             println!(
                 "| {file} | {from} | {to} | {start} | {} | {:.2} | {:.1} | {:.2} | {:.2} |",
                 own.stands,
@@ -153,13 +155,14 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
                 plain.step * 240.0
             );
             assert!(own.stands > 0, "{file}: no foot is planted from {start} s on");
-            // Paws of the fox take a step where a contact lasts longer than a leg reaches; `core/script/tests/footsteps/footsteps.rs` watches them.
+            // The paws of the fox take a step if a contact lasts longer than the leg can reach; `core/script/tests/footsteps/footsteps.rs`
+            // tests this.
             assert!(
                 own.moved < 1e-4 || file.contains("Fox"),
                 "{file}, {from} to {to} at {start} s: a planted foot moves {} m",
                 own.moved
             );
-            // Nothing pops: a foot that is held longer than in the clips has to catch up, and gets time for it.
+            // Nothing pops: a foot that is held longer than in the clips has to catch up, and takes several frames for it.
             assert!(
                 own.step < 1.6 * plain.step,
                 "{file}, {from} to {to} at {start} s: {} m in a step",
@@ -171,8 +174,8 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
     assert!(worst_without > 0.03, "the same without planting must fail: {worst_without}");
 }
 
-/// Stands as seen in the clips' own frames, seconds: when heel or ball stops going down or forward, and when the ball goes up.
-const BY_HAND: [(&str, &str, &str, f64, f64); 7] = [
+/// Contacts found by eye in the frames of the clips, in seconds: when heel or ball stops moving down or forward, and when the ball rises.
+const CONTACTS_SEEN: [(&str, &str, &str, f64, f64); 7] = [
     ("gltf/Knight.glb", "Walking_A", "foot.l", 0.02, 0.48),
     ("gltf/Knight.glb", "Walking_A", "foot.r", 0.55, 1.01),
     ("gltf/Knight.glb", "Running_A", "foot.l", 0.12, 0.19),
@@ -183,11 +186,11 @@ const BY_HAND: [(&str, &str, &str, f64, f64); 7] = [
 ];
 
 #[test]
-fn contacts_of_others_clips_are_where_they_are_seen() {
-    let Some(folder) = common::assets() else { return };
+fn detected_contacts_match_the_contacts_seen_in_the_clips() {
+    let Some(folder) = common::sample_assets_folder() else { return };
     println!("| file | clip | foot | found, s | seen, s |");
     println!("| --- | --- | --- | --- | --- |");
-    for (file, clip, foot, from, to) in BY_HAND {
+    for (file, clip, foot, from, to) in CONTACTS_SEEN {
         let stage = stage(
             &folder,
             &format!(

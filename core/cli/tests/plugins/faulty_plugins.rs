@@ -1,4 +1,4 @@
-//! `examples/faulty_plugins.rs`: plugins that panic end with an error that names them, not with the program.
+//! `examples/faulty_plugins.rs`: a plugin that panics causes an error that names it, and does not crash the program.
 
 use crate::common::*;
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::process::Command;
 const MOVING: &str = "stage(#{ size: [32, 24], length: 1, fps: 10 });\n\
     cast(\"a\", shape(\"box\")).key(\"position\", [[0, [0, 0, 0]], [1, [1, 0, 0]]]);\n";
 
-/// Reads `.none`.
+/// Runs the example on a file `.none`.
 const EMPTY: &str = "fn manifest() { #{ name: \"empty\", about: \"a triangle\", extensions: [\"none\"] } }\n\
     fn load(file) { mesh(#{ positions: [0, 0, 0, 1, 0, 0, 0, 1, 0] }); }\n";
 
@@ -30,12 +30,12 @@ fn panics_of_plugins_are_errors_with_name_and_version() {
         let out = Command::new(&example).args(args).current_dir(dir.path()).output().unwrap();
         (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
     };
-    // Ten frames: those after the third would wait for the sink without end.
+    // Ten frames: those after the third could wait for the sink forever.
     let (code, error) = run(&["render", "moving.rhai", "-o", "x.faulty", "--device", "cpu"]);
     assert!(error.contains("the plugin faulty 1.2 has failed: three frames are too many"), "{error}");
     assert_eq!(code, Some(3), "{error}");
     assert!(!Path::new(&dir.path().join("x.faulty")).exists());
-    // Another importer reads a file that this one fails to claim; no one reads the other.
+    // If the importer panics in its claim, another importer reads the first file, and none reads the second.
     write("empty.importer.rhai", EMPTY);
     write("a.none", "");
     write("a.unknown", "");

@@ -1,9 +1,9 @@
-//! Plugins as files and packages, and those that fail.
+//! Plugins in single files and in packages, and faulty plugins.
 
 #[path = "../common/mod.rs"]
 mod common;
 
-mod effects_shown;
+mod effect_samples;
 mod faulty_plugins;
 mod packages;
 mod plugin_files;

@@ -1,4 +1,4 @@
-//! Plugins that are single files beside a script: found, listed, used, hashed, and refused with their line.
+//! Plugins in single files beside a script: how they are found, listed, used, hashed, and refused with the line of the fault.
 
 use crate::common::*;
 use std::path::Path;
@@ -31,7 +31,7 @@ effect("swap");
 camera("c").at(0.0, 0.0, 9.0).look_at([0.0, 0.0, 0.0]);
 "##;
 
-fn prepared() -> tempfile::TempDir {
+fn folder_with_plugins() -> tempfile::TempDir {
     let dir = folder();
     let write = |name: &str, text: &str| {
         let path = dir.path().join(name);
@@ -45,7 +45,7 @@ fn prepared() -> tempfile::TempDir {
     dir
 }
 
-fn good(dir: &Path, args: &[&str]) -> String {
+fn run_successfully(dir: &Path, args: &[&str]) -> String {
     let run = choreo(dir, args);
     assert_eq!(run.code, 0, "{args:?}: {}", run.err);
     run.out
@@ -53,29 +53,32 @@ fn good(dir: &Path, args: &[&str]) -> String {
 
 #[test]
 fn plugins_beside_a_script_are_listed_and_checked() {
-    let dir = prepared();
-    let out = good(dir.path(), &["plugins"]);
+    let dir = folder_with_plugins();
+    let out = run_successfully(dir.path(), &["plugins"]);
     assert!(out.contains("  dots         .dots          vertices of triangles ("), "{out}");
     assert!(out.contains("      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
     assert!(out.contains("swap.wgsl)"), "{out}");
-    good(dir.path(), &["check", "s.rhai"]);
-    // Plugins beside the named files are listed, too; from the manifest alone.
-    let out = good(dir.path(), &["info", "a.dots", "--help"]);
+    run_successfully(dir.path(), &["check", "s.rhai"]);
+    // Plugins beside the named files are listed, too, from their manifests alone.
+    let out = run_successfully(dir.path(), &["info", "a.dots", "--help"]);
     assert!(out.contains("  dots\n      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
     assert!(out.contains("      tolerance      largest rotation error between keys"), "{out}");
-    let out = good(dir.path(), &["render", "--help"]);
+    let out = run_successfully(dir.path(), &["render", "--help"]);
     assert!(out.contains("Options of exporters") && out.contains("Limits, set with --limit"), "{out}");
-    let out = good(dir.path(), &["plugins", "--for", "a.dots"]);
+    let out = run_successfully(dir.path(), &["plugins", "--for", "a.dots"]);
     assert!(out.starts_with("a.dots: read by dots\n  dots         by content, 90 of 100\n"), "{out}");
-    let out = good(dir.path(), &["info", "a.dots", "--import", "scale=3"]);
+    let out = run_successfully(dir.path(), &["info", "a.dots", "--import", "scale=3"]);
     assert!(out.contains("size       3.000 × 3.000 × 0.000 m"), "{out}");
 }
 
 #[test]
 fn an_effect_file_draws_the_same_on_the_cpu_and_on_vulkan() {
-    let dir = prepared();
-    good(dir.path(), &["render", "s.rhai", "-o", "cpu.png", "--at", "0", "--device", "cpu", "-q"]);
-    let cpu = pixel(&read(dir.path(), "cpu.png"));
+    let dir = folder_with_plugins();
+    run_successfully(
+        dir.path(),
+        &["render", "s.rhai", "-o", "cpu.png", "--at", "0", "--device", "cpu", "-q"],
+    );
+    let cpu = first_pixel(&read(dir.path(), "cpu.png"));
     assert_eq!(cpu, [0, 0, 255], "red has become blue");
     let run =
         choreo(dir.path(), &["render", "s.rhai", "-o", "gpu.png", "--at", "0", "--device", "vulkan", "-q"]);
@@ -84,35 +87,35 @@ fn an_effect_file_draws_the_same_on_the_cpu_and_on_vulkan() {
         return;
     }
     assert_eq!(run.code, 0, "{}", run.err);
-    assert_eq!(pixel(&read(dir.path(), "gpu.png")), cpu);
+    assert_eq!(first_pixel(&read(dir.path(), "gpu.png")), cpu);
 }
 
 /// The first pixel of a PNG, red green blue.
-fn pixel(png: &[u8]) -> [u8; 3] {
+fn first_pixel(png: &[u8]) -> [u8; 3] {
     let image = image::load_from_memory(png).unwrap().into_rgb8();
     image.get_pixel(0, 0).0
 }
 
 #[test]
-fn a_broken_plugin_says_its_file_and_line() {
-    let dir = prepared();
+fn errors_of_a_plugin_state_file_and_line() {
+    let dir = folder_with_plugins();
     std::fs::write(dir.path().join("plugins/bad.wgsl"), EFFECT.replace("color.bgra", "colr")).unwrap();
     std::fs::write(dir.path().join("plugins/bad.importer.rhai"), "fn manifest() {\n  let = 1;\n}").unwrap();
     let run = choreo(dir.path(), &["plugins"]);
     assert_eq!(run.code, 1);
-    // Its name is swap, like that of the other one; a later one of the same name is not used, and still reported.
+    // Its name is swap, like that of the other plugin; a later plugin with the same name is not used, but its faults are reported.
     assert!(run.err.contains("plugins/bad.wgsl:5:23: "), "{}", run.err);
     assert!(run.err.contains("plugins/bad.importer.rhai:2:7: "), "{}", run.err);
     assert!(run.out.contains("dots"), "what works is listed: {}", run.out);
 }
 
-/// It breaks nothing that does not use it.
+/// A faulty plugin does not affect scenes that do not use it.
 #[cfg(not(feature = "wasm"))]
 #[test]
-fn a_plugin_in_webassembly_says_which_feature_runs_it() {
-    let dir = prepared();
+fn a_wasm_plugin_in_a_build_without_wasm_is_an_error_that_names_the_feature() {
+    let dir = folder_with_plugins();
     std::fs::write(dir.path().join("plugins/odd.importer.wasm"), b"\0asm\x01\0\0\0").unwrap();
-    good(dir.path(), &["check", "s.rhai"]);
+    run_successfully(dir.path(), &["check", "s.rhai"]);
     let run = choreo(dir.path(), &["plugins"]);
     let what = "odd.importer.wasm: this choreo was built without WebAssembly; \
         build it with: cargo build --release --features wasm";
@@ -122,10 +125,10 @@ fn a_plugin_in_webassembly_says_which_feature_runs_it() {
     assert!(run.code != 0 && run.err.contains("odd.importer.wasm"), "{}", run.err);
 }
 
-/// A faulty plugin is an error where it is used, with the place of its use, and nowhere else.
+/// A faulty plugin is an error only in a scene that uses it, at the position of its use.
 #[test]
 fn a_broken_plugin_breaks_only_what_uses_it() {
-    let dir = prepared();
+    let dir = folder_with_plugins();
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     write("plugins/bad.wgsl", &EFFECT.replace("swap", "bad").replace("color.bgra", "colr"));
     write(
@@ -141,9 +144,9 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
         &IMPORTER.replace("dots", "bad").replace("DOTS", "BAD").replace("file.options", "= file"),
     );
     write("plugins/worse.importer.rhai", "fn manifest() {\n  let = 1;\n}");
-    good(dir.path(), &["check", "s.rhai"]);
-    good(dir.path(), &["render", "s.rhai", "-o", "o.png", "--at", "0", "--device", "cpu", "-q"]);
-    good(dir.path(), &["info", "a.dots"]);
+    run_successfully(dir.path(), &["check", "s.rhai"]);
+    run_successfully(dir.path(), &["render", "s.rhai", "-o", "o.png", "--at", "0", "--device", "cpu", "-q"]);
+    run_successfully(dir.path(), &["info", "a.dots"]);
     let error = |line: &str| {
         write("bad.rhai", &SCRIPT.replace("effect(\"swap\");", line));
         let run = choreo(dir.path(), &["check", "bad.rhai"]);
@@ -161,7 +164,7 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
     write("a.bad", "BAD 0 0 0");
     let text = error("cast(\"b\", load(\"a.bad\"));");
     assert!(text.contains("a.bad: plugins/bad.importer.rhai:9:"), "{text}");
-    // Where something is not found, the files that are no plugins are named.
+    // If something is not found, the message names the files that are not plugins.
     let text = error("effect(\"worse\");");
     let faulty = "no plugin: plugins/nameless.wgsl:";
     assert!(text.contains("bad.rhai:4:8: unknown effect \"worse\"") && text.contains(faulty), "{text}");
@@ -169,7 +172,7 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
         text.contains("packages of plugins: choreo plugins list") && !text.contains("worse.importer"),
         "{text}"
     );
-    // WGSL beside a script is an effect only where its head names it, which a slip can prevent.
+    // A WGSL file beside a script is an effect only if its header names it, so a spelling error there is reported.
     write("snow.wgsl", "// effct: snow\n");
     let text = error("effect(\"snow\");");
     assert!(text.contains("no plugin: ./snow.wgsl: it has no line // effect: NAME"), "{text}");
@@ -178,12 +181,12 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
     assert!(text.contains("no importer knows this kind of file"), "{text}");
     assert!(text.contains("no plugin: plugins/worse.importer.rhai:"), "{text}");
     let run = choreo(dir.path(), &["plugins"]);
-    // Lines of code and carets are set in.
+    // Lines of code and carets are indented.
     let problems = run.err.lines().filter(|line| !line.starts_with("    ")).count();
     assert_eq!((run.code, problems), (1, 6), "{}", run.err);
 }
 
-/// A stranger can put links out of its folder beside a script, and pipes that nobody writes to.
+/// A downloaded folder can have links out of the folder beside a script, and pipes that nobody writes to.
 #[test]
 #[cfg(unix)]
 fn links_out_of_the_folder_and_pipes_are_not_read() {
@@ -206,7 +209,7 @@ fn links_out_of_the_folder_and_pipes_are_not_read() {
     }
     let run = choreo(&scene, &["check", "s.rhai"]);
     assert!(run.code == 1 && run.err.contains("no importer knows this kind of file"), "{}", run.err);
-    // Links to other places of the script's folder are followed.
+    // Links within the folder of the script are followed.
     let into = |name: &str| {
         std::fs::remove_file(scene.join("plugins").join(name)).unwrap();
         std::fs::copy(dir.path().join(name), scene.join(name)).unwrap();
@@ -214,32 +217,40 @@ fn links_out_of_the_folder_and_pipes_are_not_read() {
     };
     into("swap.wgsl");
     into("dots.importer.rhai");
-    good(&scene, &["check", "s.rhai"]);
-    // Textures: no link out of the effect's folder, no pipe.
+    run_successfully(&scene, &["check", "s.rhai"]);
+    // Textures must not be links out of the folder of the effect, or pipes.
     write("out.tga", "secret");
     let inked = EFFECT.replace("// param", "// texture ink = ink.tga: it\n// param");
     std::fs::remove_file(scene.join("plugins/swap.wgsl")).unwrap();
     write("scene/plugins/swap.wgsl", &inked);
-    let told = || {
+    let check_error = || {
         let run = choreo(&scene, &["check", "s.rhai"]);
         assert_eq!(run.code, 1);
         run.err
     };
     symlink("../../out.tga", scene.join("plugins/ink.tga")).unwrap();
     let place = "plugins/swap.wgsl:3:1: texture ink: \"ink.tga\": ";
-    assert!(told().contains(&format!("{place}a plugin reads files of its own folder only")), "{}", told());
+    assert!(
+        check_error().contains(&format!("{place}a plugin reads files of its own folder only")),
+        "{}",
+        check_error()
+    );
     std::fs::remove_file(scene.join("plugins/ink.tga")).unwrap();
-    pipe(&scene.join("plugins/ink.tga"));
-    assert!(told().contains(&format!("{place}it is a pipe or device, not a regular file")), "{}", told());
-    // Plugin files that are pipes: no plugins.
+    make_pipe(&scene.join("plugins/ink.tga"));
+    assert!(
+        check_error().contains(&format!("{place}it is a pipe or device, not a regular file")),
+        "{}",
+        check_error()
+    );
+    // Pipes are not plugins.
     std::fs::remove_file(scene.join("swap.wgsl")).unwrap();
     std::fs::remove_file(scene.join("plugins/swap.wgsl")).unwrap();
-    pipe(&scene.join("plugins/swap.wgsl"));
-    assert!(told().contains("unknown effect \"swap\""), "{}", told());
+    make_pipe(&scene.join("plugins/swap.wgsl"));
+    assert!(check_error().contains("unknown effect \"swap\""), "{}", check_error());
     let run = choreo(&scene, &["plugins"]);
     let expected = "plugins/swap.wgsl: cannot read: it is a pipe or device, not a regular file";
     assert!(run.code == 1 && run.err.contains(expected), "{}", run.err);
-    // The folder itself.
+    // The plugin folder itself is a link.
     std::fs::rename(scene.join("plugins"), dir.path().join("shared")).unwrap();
     symlink("../shared", scene.join("plugins")).unwrap();
     let expected = "plugins: it is a symbolic link that leads out of the script's folder; to use the plugins there, name their folder with --plugins";
@@ -253,13 +264,13 @@ fn links_out_of_the_folder_and_pipes_are_not_read() {
 }
 
 #[cfg(unix)]
-fn pipe(path: &Path) {
+fn make_pipe(path: &Path) {
     assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
 }
 
 #[test]
-fn a_byte_order_mark_before_any_text_is_passed_over() {
-    let dir = prepared();
+fn a_byte_order_mark_is_ignored() {
+    let dir = folder_with_plugins();
     let write =
         |name: &str, text: &str| std::fs::write(dir.path().join(name), format!("\u{feff}{text}")).unwrap();
     write("plugins/dots.importer.rhai", IMPORTER);
@@ -269,9 +280,9 @@ fn a_byte_order_mark_before_any_text_is_passed_over() {
     let script =
         format!("import \"half\" as h; cast(\"t\", load(\"tri.gltf\")).at(h::half(2.0), 0.0, 0.0);{SCRIPT}");
     write("s.rhai", &script);
-    good(dir.path(), &["check", "s.rhai"]);
-    good(dir.path(), &["plugins"]);
-    // A place on the first line is where an editor shows it.
+    run_successfully(dir.path(), &["check", "s.rhai"]);
+    run_successfully(dir.path(), &["plugins"]);
+    // Columns of the first line do not count the byte order mark, as in editors.
     write("s.rhai", "cast(\"t\", lod(\"tri.gltf\"));");
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert!(run.err.starts_with("s.rhai:1:11: unknown function"), "{}", run.err);
@@ -283,7 +294,7 @@ fn a_byte_order_mark_before_any_text_is_passed_over() {
 
 #[test]
 fn an_error_in_an_importer_names_both_files() {
-    let dir = prepared();
+    let dir = folder_with_plugins();
     std::fs::write(dir.path().join("a.dots"), "DOTS 0 0 zero").unwrap();
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert_eq!(run.code, 1);
@@ -293,45 +304,48 @@ fn an_error_in_an_importer_names_both_files() {
 
 #[test]
 fn only_named_folders_are_read() {
-    let dir = prepared();
+    let dir = folder_with_plugins();
     std::fs::rename(dir.path().join("plugins"), dir.path().join("mine")).unwrap();
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert!(run.code == 1 && run.err.contains("no importer knows this kind of file"), "{}", run.err);
-    good(dir.path(), &["check", "s.rhai", "--plugins", "mine"]);
+    run_successfully(dir.path(), &["check", "s.rhai", "--plugins", "mine"]);
     let with_variable =
         command(dir.path(), &["check", "s.rhai"]).env("CHOREO_PLUGINS", "mine").output().unwrap();
-    assert_eq!(finished(with_variable).code, 0);
+    assert_eq!(run_result(with_variable).code, 0);
     let run = choreo(dir.path(), &["check", "s.rhai", "--plugins", "nowhere"]);
     assert_eq!((run.code, run.err.lines().next()), (2, Some("--plugins nowhere: no such folder")));
 }
 
-/// Plugins can lie beside the script without a folder; if they are found twice they are read once. Other WGSL files may lie there, too.
+/// Plugins can be directly beside the script. If a plugin is found twice, it is read once. Other WGSL files there are ignored.
 #[test]
-fn single_files_beside_the_script() {
-    let dir = prepared();
+fn plugins_beside_the_script_are_found_once() {
+    let dir = folder_with_plugins();
     for name in ["dots.importer.rhai", "swap.wgsl"] {
         std::fs::rename(dir.path().join("plugins").join(name), dir.path().join(name)).unwrap();
     }
-    good(dir.path(), &["check", "s.rhai", "--plugins", "."]);
+    run_successfully(dir.path(), &["check", "s.rhai", "--plugins", "."]);
     std::fs::write(dir.path().join("part.wgsl"), "fn helper(x: f32) -> f32 { return x * 2.0; }\n").unwrap();
-    good(dir.path(), &["check", "s.rhai"]);
-    let out = good(dir.path(), &["plugins"]);
+    run_successfully(dir.path(), &["check", "s.rhai"]);
+    let out = run_successfully(dir.path(), &["plugins"]);
     assert_eq!(out.matches("dots.importer.rhai)").count(), 1, "{out}");
     assert!(out.contains("swap.wgsl)") && !out.contains("part.wgsl"), "{out}");
-    good(dir.path(), &["info", "a.dots"]);
-    // Meant as a plugin, it must be one.
+    run_successfully(dir.path(), &["info", "a.dots"]);
+    // A file whose header says that it is a plugin must be valid.
     std::fs::write(dir.path().join("part.wgsl"), "// effect: part\nfn helper() {}\n").unwrap();
     let run = choreo(dir.path(), &["plugins"]);
     assert!(run.code == 1 && run.err.contains("part.wgsl"), "{}", run.err);
-    good(dir.path(), &["check", "s.rhai"]);
+    run_successfully(dir.path(), &["check", "s.rhai"]);
 }
 
 #[test]
 fn a_changed_plugin_changes_the_scripts_hash() {
-    let dir = prepared();
+    let dir = folder_with_plugins();
     let hash = || {
-        good(dir.path(), &["render", "s.rhai", "-o", "o.png", "--at", "0", "--device", "cpu", "-q"]);
-        good(dir.path(), &["info", "o.png"])
+        run_successfully(
+            dir.path(),
+            &["render", "s.rhai", "-o", "o.png", "--at", "0", "--device", "cpu", "-q"],
+        );
+        run_successfully(dir.path(), &["info", "o.png"])
     };
     let before = hash();
     assert_eq!(before, hash());
@@ -344,14 +358,14 @@ fn a_changed_plugin_changes_the_scripts_hash() {
 #[test]
 fn the_plugin_lesson_passes_check() {
     let lesson = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/08_plugins");
-    let out = good(&lesson, &["check", "lesson.rhai"]);
+    let out = run_successfully(&lesson, &["check", "lesson.rhai"]);
     assert!(out.contains("good, 180 frames, no warnings"), "{out}");
 }
 
-/// A file may take the place of a built-in effect or of another file, but not without a message.
+/// If a file replaces a built-in effect or another file, a message says so.
 #[test]
 fn a_plugin_that_hides_another_of_its_name_is_noted() {
-    let dir = prepared();
+    let dir = folder_with_plugins();
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert_eq!((run.code, run.err.contains("replaces another one")), (0, false), "{}", run.err);
     let write =

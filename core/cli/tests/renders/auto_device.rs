@@ -1,4 +1,4 @@
-//! `--device auto` takes the CPU renderer where Vulkan would draw on the CPU, and `--jobs` bounds the threads of such a driver.
+//! `--device auto` uses the CPU renderer if the Vulkan driver draws on the CPU, and `--jobs` limits the threads of such a driver.
 
 use crate::common::{choreo, command};
 use std::collections::BTreeSet;
@@ -17,7 +17,7 @@ fn summary(folder: &Path, device: &str) -> Option<serde_json::Value> {
 }
 
 #[test]
-fn a_driver_that_draws_on_the_cpu_is_used_where_it_is_named() {
+fn auto_device_avoids_a_vulkan_driver_that_draws_on_the_cpu() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.rhai"), SCRIPT).unwrap();
     let auto = summary(dir.path(), "auto").unwrap();
@@ -35,15 +35,15 @@ fn a_driver_that_draws_on_the_cpu_is_used_where_it_is_named() {
     assert_eq!(text(&auto, "device").as_deref(), Some("choreo CPU renderer"));
     let reason = "the only Vulkan device, llvmpipe, draws on the CPU and is slower";
     assert_eq!(text(&auto, "device_reason").as_deref(), Some(reason));
-    // The stages of the CPU renderer are timed, and no other's.
+    // Only the stages of the CPU renderer are in the timings.
     let stages = auto["stage_seconds"].as_object().unwrap();
     assert_eq!((stages.len(), auto["stage_frames"].as_u64()), (5, Some(1)));
     assert!(stages["pixels"].as_f64().unwrap() > 0.0 && named["stage_seconds"].is_null());
 }
 
-/// Names of the rasterizer threads of a process, seen while it runs.
+/// The names of the rasterizer threads of a process, observed while it runs.
 #[cfg(target_os = "linux")]
-fn rasterizers(folder: &Path, jobs: &str) -> BTreeSet<String> {
+fn rasterizer_threads(folder: &Path, jobs: &str) -> BTreeSet<String> {
     let args = ["render", "a.rhai", "-o", "a.y4m", "--device", "vulkan", "--jobs", jobs, "--quiet"];
     let mut child = command(folder, &args).spawn().unwrap();
     let mut seen = BTreeSet::new();
@@ -61,10 +61,10 @@ fn rasterizers(folder: &Path, jobs: &str) -> BTreeSet<String> {
 fn jobs_bound_the_threads_of_the_driver() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.rhai"), SCRIPT).unwrap();
-    let one = rasterizers(dir.path(), "1");
+    let one = rasterizer_threads(dir.path(), "1");
     if one.is_empty() {
         println!("SKIP 1: no Vulkan driver that draws on the CPU");
         return;
     }
-    assert_eq!((one.len(), rasterizers(dir.path(), "3").len()), (1, 3));
+    assert_eq!((one.len(), rasterizer_threads(dir.path(), "3").len()), (1, 3));
 }

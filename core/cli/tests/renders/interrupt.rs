@@ -1,4 +1,4 @@
-//! Renders that are stopped: finished frames stay, nothing half-written does, and what was there before stays.
+//! Interrupted renders: finished frames are kept, incomplete files are removed, and existing files are not changed.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -20,9 +20,9 @@ fn start(folder: &Path, output: &str, more: &[&str]) -> Child {
     command(folder, &[&args, more].concat()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
     let start = Instant::now();
-    while !there() {
+    while !condition() {
         assert!(start.elapsed() < Duration::from_secs(600), "no {what} after ten minutes");
         std::thread::sleep(Duration::from_millis(5));
     }
@@ -32,7 +32,7 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
-/// Whether the journal of a video tells of finished frames: it begins with what is rendered.
+/// Whether the journal of a video has finished frames after its header, which describes the render.
 fn has_frames(folder: &Path, output: &str) -> bool {
     std::fs::metadata(folder.join(format!("{output}.part/journal"))).is_ok_and(|m| m.len() > 1200)
 }
@@ -47,12 +47,12 @@ fn signals_leave_finished_frames_and_the_old_file() {
         let child = start(d, "o.mp4", more);
         wait_for("finished frame", || has_frames(d, "o.mp4"));
         signal(&child, name);
-        let run = finished(child.wait_with_output().unwrap());
+        let run = run_result(child.wait_with_output().unwrap());
         assert_eq!(run.code, 130, "{}", run.err);
         assert_eq!(run.err.lines().last(), Some("interrupted"));
         assert_eq!(read(d, "o.mp4"), b"old");
         let discarded = more.contains(&"--discard");
-        assert_eq!(parts(d).is_empty(), discarded, "{name} {more:?}");
+        assert_eq!(part_files(d).is_empty(), discarded, "{name} {more:?}");
         let kept = "frames are kept in o.mp4.part; to go on with them: ";
         let command = run.err.lines().find_map(|line| line.split_once(kept).map(|(_, command)| command));
         assert_eq!(command.is_none(), discarded, "{}", run.err);
@@ -70,39 +70,39 @@ fn images_finished_before_an_interrupt_are_complete() {
     let child = start(d, "f/%05d.png", &[]);
     wait_for("fifth image", || d.join("f/00005.png").exists());
     signal(&child, "-INT");
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, 130, "{}", run.err);
-    let made = names(&d.join("f"));
-    assert!(made.len() > 5 && made.iter().all(|n| n.ends_with(".png")), "{made:?}");
-    for name in made {
-        // The last chunk of a PNG: no length, "IEND", its checksum.
+    let file_names = names(&d.join("f"));
+    assert!(file_names.len() > 5 && file_names.iter().all(|n| n.ends_with(".png")), "{file_names:?}");
+    for name in file_names {
+        // The last chunk of a PNG: length 0, "IEND", and the checksum.
         assert!(read(&d.join("f"), &name).ends_with(b"\0\0\0\0IEND\xaeB`\x82"), "{name} is cut");
     }
 }
 
 #[test]
-fn a_reader_that_goes_away_ends_it_quietly() {
+fn a_closed_pipe_ends_the_render_quietly() {
     let dir = long_folder();
     let mut child = start(dir.path(), "-", &[]);
     let mut pipe = child.stdout.take().unwrap();
     pipe.read_exact(&mut [0; 1000]).unwrap();
     drop(pipe);
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, 141, "{}", run.err);
     assert!(!run.err.contains("rror") && !run.err.contains("write"), "{}", run.err);
 }
 
-/// Nothing can be tidied up after SIGKILL, but nothing half-written has the final name, and the next render is not in the way of it.
+/// SIGKILL leaves temporary files, but no incomplete file has the final name, and the next render succeeds.
 #[test]
 fn a_killed_render_leaves_the_old_file() {
     let dir = long_folder();
     let d = dir.path();
     std::fs::write(d.join("o.y4m"), "old").unwrap();
     let child = start(d, "o.y4m", &[]);
-    wait_for("part file", || !parts(d).is_empty());
+    wait_for("part file", || !part_files(d).is_empty());
     std::thread::sleep(Duration::from_millis(100));
     signal(&child, "-KILL");
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, -1, "{}", run.err);
     assert_eq!(read(d, "o.y4m"), b"old");
     let args =
@@ -118,20 +118,20 @@ fn a_folder_that_vanishes_is_named() {
     std::fs::create_dir(d.join("f")).unwrap();
     let child = start(d, "f/%05d.png", &[]);
     wait_for("picture", || d.join("f/00001.png").exists());
-    // The folder goes at once: file by file, new ones would be added meanwhile.
+    // The folder is moved away at once, because during a removal file by file new files could be added.
     std::fs::rename(d.join("f"), d.join("gone")).unwrap();
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, 3, "{}", run.err);
     let line = run.err.lines().last().unwrap_or_default();
     assert!(line.starts_with("f/") && line.ends_with(".png: cannot write: no such file or folder"), "{line}");
 }
 
-/// The viewer is another program: nobody else would end it.
+/// The viewer is a separate process, which nothing else would end.
 #[test]
 fn a_signal_ends_the_viewer_too() {
     let dir = long_folder();
     let d = dir.path();
-    // One that only says which process it is, beside a copy of the program.
+    // A substitute for the viewer that only prints its process id, beside a copy of the program.
     std::fs::copy(env!("CARGO_BIN_EXE_choreo"), d.join("choreo")).unwrap();
     std::fs::write(
         d.join("choreo-view"),
@@ -144,9 +144,9 @@ fn a_signal_ends_the_viewer_too() {
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     wait_for("viewer", || d.join("pid").exists());
     signal(&child, "-TERM");
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     assert_eq!((run.code, run.err.lines().last()), (130, Some("interrupted")), "{}", run.err);
     let viewer = std::fs::read_to_string(d.join("pid")).unwrap();
-    let there = Command::new("kill").args(["-0", viewer.trim()]).stderr(Stdio::null()).status().unwrap();
-    assert!(!there.success(), "the viewer is still there");
+    let exists = Command::new("kill").args(["-0", viewer.trim()]).stderr(Stdio::null()).status().unwrap();
+    assert!(!exists.success(), "the viewer is still there");
 }

@@ -1,4 +1,4 @@
-//! Levels of detail of whole models: crowds from afar look as with all triangles, and there is no number of copies at which costs jump.
+//! Levels of detail of whole models: distant crowds look as with all triangles, and the cost per copy does not depend on their number.
 //! `LEVELS_OUT=FOLDER cargo test -p choreo --test renders levels_of_detail -- --nocapture` writes the images.
 
 use crate::common;
@@ -50,8 +50,12 @@ fn triangles(resources: &SceneResources, plan: &Plan) -> usize {
     plan.draws.iter().map(|d| of(d.primitive) * d.instance_count as usize).sum()
 }
 
-/// With and without levels: images, triangles.
-fn both(stage: &Stage, resources: &Arc<SceneResources>, snapshot: &Snapshot) -> ([Frame; 2], [usize; 2]) {
+/// Images and numbers of triangles, with and without levels of detail.
+fn draw_with_and_without_levels(
+    stage: &Stage,
+    resources: &Arc<SceneResources>,
+    snapshot: &Snapshot,
+) -> ([Frame; 2], [usize; 2]) {
     let plan = |full_detail| {
         let options = PlanOptions { full_detail, ..PlanOptions::new(SIZE, 4) };
         Plan::new(resources, stage, snapshot, &options)
@@ -61,7 +65,7 @@ fn both(stage: &Stage, resources: &Arc<SceneResources>, snapshot: &Snapshot) -> 
     ([draw(resources, &levels), draw(resources, &full)], count)
 }
 
-/// Mean color of what is not background, of 255.
+/// The mean color of the pixels that are not background, from 0 to 255.
 fn mean_color(frame: &Frame) -> [f64; 3] {
     let ground = frame.rgba[..3].to_vec();
     let (mut sum, mut count) = ([0.0; 3], 0.0);
@@ -72,33 +76,33 @@ fn mean_color(frame: &Frame) -> [f64; 3] {
     sum.map(|s| s / count)
 }
 
-fn write(name: &str, frame: &Frame) {
+fn save_image(name: &str, frame: &Frame) {
     if let Ok(folder) = std::env::var("LEVELS_OUT") {
         let path = Path::new(&folder).join(name);
         image::save_buffer(path, &frame.rgba, frame.width, frame.height, image::ColorType::Rgba8).unwrap();
     }
 }
 
-/// Model, clip, distance, and the largest share of the triangles that is left.
+/// Model, clip, distance, and the largest allowed share of the triangles.
 const CROWDS: [(&str, &str, f64, f64); 4] = [
     ("gltf/Knight.glb", "Walking_A", 40.0, 0.75),
     ("gltf/Knight.glb", "Walking_A", 80.0, 0.5),
     ("choreo:mannequin", "Walk", 40.0, 0.75),
     ("choreo:mannequin", "Walk", 80.0, 0.5),
 ];
-/// Bounds of the mean of FLIP over the image, and of the mean color of the crowd, of 255.
+/// Limits for the mean FLIP error of the image, and for the error of the mean color of the crowd on the scale to 255.
 const FLIP: f64 = 0.012;
 const COLOR: f64 = 2.5;
 
 #[test]
 fn crowds_from_afar_look_as_with_all_triangles() {
-    let Some(folder) = common::assets() else { return };
+    let Some(folder) = common::sample_assets_folder() else { return };
     for (model, clip, distance, most) in CROWDS {
         let stage = stage(&crowd(model, clip, 60, distance), &folder);
         let resources = Arc::new(SceneResources::new(&stage));
         let snapshot = stage.at(Time::from_secs(0.4)).unwrap();
         let different = |resources: &Arc<SceneResources>, name: &str| {
-            let ([levels, full], [few, all]) = both(&stage, resources, &snapshot);
+            let ([levels, full], [few, all]) = draw_with_and_without_levels(&stage, resources, &snapshot);
             let flip = choreo_image_diff::flip(&levels, &full).unwrap().mean;
             let [a, b] = [mean_color(&levels), mean_color(&full)];
             let color = (0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
@@ -106,14 +110,14 @@ fn crowds_from_afar_look_as_with_all_triangles() {
                 "{model} at {distance} m, {name}: {few} of {all} triangles, FLIP {flip:.4}, color {color:.2}"
             );
             let file = model.rsplit(['/', ':']).next().unwrap();
-            write(&format!("{file}-{distance}-{name}.png"), &levels);
-            write(&format!("{file}-{distance}-full.png"), &full);
+            save_image(&format!("{file}-{distance}-{name}.png"), &levels);
+            save_image(&format!("{file}-{distance}-full.png"), &full);
             (few as f64 / all as f64, flip, color)
         };
         let (left, flip, color) = different(&resources, "levels");
         assert!(left <= most, "{model} at {distance} m: {left} of the triangles");
         assert!(flip <= FLIP && color <= COLOR, "{model} at {distance} m: FLIP {flip}, color {color}");
-        // The coarsest level everywhere is seen.
+        // If the coarsest level is used everywhere, the comparison finds it.
         let mut wrong = (*resources).clone();
         wrong.assets[0].levels.iter_mut().for_each(|level| level.error = 0.0);
         let (_, flip, color) = different(&Arc::new(wrong), "coarsest");
@@ -121,7 +125,7 @@ fn crowds_from_afar_look_as_with_all_triangles() {
     }
 }
 
-/// Triangles per walker do not depend on how many walkers there are.
+/// The number of triangles per actor does not depend on the number of actors.
 #[test]
 fn costs_do_not_jump_at_a_number_of_copies() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,12 +1,12 @@
-//! Renders: outputs, interruptions, what is reused and what is left out.
+//! Renders: outputs, interruptions, reused frames and culling.
 
 #[path = "../common/mod.rs"]
 mod common;
 
 mod auto_device;
+mod culling;
 mod interrupt;
 mod levels_of_detail;
-mod out_of_view;
 mod render;
 mod render_watch;
 mod resume;

@@ -1,4 +1,4 @@
-//! Renders that succeed: formats, ranges, numbering, repeatability.
+//! Renders that succeed: formats, ranges, numbering and reproducibility.
 
 use crate::common::*;
 use std::process::Command;
@@ -11,7 +11,7 @@ fn render(folder: &std::path::Path, args: &[&str]) -> Run {
 }
 
 #[test]
-fn numbered_pictures_of_two_processes_equal_those_of_one() {
+fn numbered_images_of_two_processes_equal_those_of_one() {
     let dir = folder();
     let d = dir.path();
     for (range, out) in [("0..12", "whole"), ("6..12", "halves"), ("0..6", "halves"), ("..", "again")] {
@@ -27,12 +27,12 @@ fn numbered_pictures_of_two_processes_equal_those_of_one() {
         assert!(one == read(d, &format!("halves/{name}")), "{name} differs between the halves and the whole");
         assert!(one == read(d, &format!("again/{name}")), "{name} differs between two runs");
     }
-    // The comparison can fail: the triangle moves.
+    // The triangle moves, so that a wrong frame would be found.
     assert!(read(d, "whole/0000.png") != read(d, "whole/0011.png"));
 }
 
 #[test]
-fn videos_are_whole_and_repeat_byte_for_byte() {
+fn videos_are_complete_and_the_same_bytes_in_each_run() {
     let dir = folder();
     let d = dir.path();
     for format in ["mp4", "gif", "y4m"] {
@@ -43,7 +43,7 @@ fn videos_are_whole_and_repeat_byte_for_byte() {
         }
         assert!(read(d, &format!("a.{format}")) == read(d, &format!("b.{format}")), "{format}");
     }
-    assert_eq!(parts(d), Vec::<String>::new());
+    assert_eq!(part_files(d), Vec::<String>::new());
     let probe = Command::new("ffprobe")
         .current_dir(d)
         .args([
@@ -78,7 +78,7 @@ fn standard_output_is_y4m_and_nothing_else() {
 }
 
 #[test]
-fn one_picture_from_a_model_at_a_time_or_a_frame() {
+fn a_single_image_is_chosen_by_time_or_frame() {
     let dir = folder();
     let d = dir.path();
     for (args, note) in [
@@ -100,7 +100,7 @@ fn one_picture_from_a_model_at_a_time_or_a_frame() {
 }
 
 #[test]
-fn quiet_says_nothing_and_json_says_it_for_machines() {
+fn quiet_prints_nothing_and_json_prints_a_summary() {
     let dir = folder();
     let run = render(dir.path(), &["tri.gltf", "-o", "a.gif", "--frames", "0..2", "--quiet"]);
     assert_eq!((run.code, run.out.as_str(), run.err.as_str()), (0, "", ""));
@@ -120,7 +120,7 @@ fn quiet_says_nothing_and_json_says_it_for_machines() {
 }
 
 #[test]
-fn jobs_change_nothing_but_the_time() {
+fn the_number_of_jobs_does_not_change_images() {
     let dir = folder();
     let d = dir.path();
     for jobs in ["1", "3"] {
@@ -141,7 +141,7 @@ fn info(folder: &std::path::Path, name: &str) -> serde_json::Value {
 }
 
 #[test]
-fn pictures_and_videos_tell_how_they_were_made() {
+fn images_and_videos_contain_their_provenance() {
     let dir = folder();
     let d = dir.path();
     let mut ids = Vec::new();
@@ -149,29 +149,33 @@ fn pictures_and_videos_tell_how_they_were_made() {
         assert_eq!(render(d, &["tri.gltf", "--clip", "Slide", "-o", name, "--frames", "3"]).code, 0);
         let value = info(d, name);
         assert_eq!(value["size"], serde_json::json!([96, 54]));
-        let made = &value["provenance"];
-        ids.push(made["choreo:id"].as_str().unwrap().to_string());
+        let provenance = &value["provenance"];
+        ids.push(provenance["choreo:id"].as_str().unwrap().to_string());
         if name == "a.y4m" {
-            // No room for more than the number that stands for it.
+            // A Y4M file has only room for the id of the provenance.
             continue;
         }
-        assert_eq!(made["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
-        assert_eq!(made["choreo:source"], "tri.gltf");
-        assert_eq!(made["choreo:arguments"], "--size 96x54 --fps 30 --samples 1 --clip Slide");
-        assert_eq!(made["choreo:plugins"], format!("gltf {}", env!("CARGO_PKG_VERSION")));
-        assert_eq!(made["choreo:stage"].as_str().unwrap().len(), 32);
-        assert_eq!(made["choreo:model"].as_str().unwrap().len(), 32);
-        assert_eq!(made["choreo:device"], "choreo CPU renderer (choreo 0.1.0)");
-        assert_eq!(made.get("choreo:time").and_then(|t| t.as_str()), (name == "a.png").then_some("0.1"));
+        assert_eq!(provenance["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
+        assert_eq!(provenance["choreo:source"], "tri.gltf");
+        assert_eq!(provenance["choreo:arguments"], "--size 96x54 --fps 30 --samples 1 --clip Slide");
+        assert_eq!(provenance["choreo:plugins"], format!("gltf {}", env!("CARGO_PKG_VERSION")));
+        assert_eq!(provenance["choreo:stage"].as_str().unwrap().len(), 32);
+        assert_eq!(provenance["choreo:model"].as_str().unwrap().len(), 32);
+        assert_eq!(provenance["choreo:device"], "choreo CPU renderer (choreo 0.1.0)");
+        assert_eq!(
+            provenance.get("choreo:time").and_then(|t| t.as_str()),
+            (name == "a.png").then_some("0.1")
+        );
         let text = choreo(d, &["info", name]).out;
         assert!(text.contains("  arguments    --size 96x54") && text.contains("96×54"), "{text}");
     }
     assert!(ids.iter().all(|id| *id == ids[0] && id.len() == 16), "{ids:?}");
 }
 
-/// Nothing of where and when a render runs, under what name, of which frames, is in its bytes; what changes the image is.
+/// The bytes of an image do not depend on the folder, the time, the output name and the range of frames of a render. They do depend on
+/// everything that can change the image.
 #[test]
-fn how_it_was_made_depends_on_nothing_else() {
+fn provenance_depends_only_on_what_changes_the_image() {
     let script = "let who = param(\"who\", \"x\");\nlet m = load(\"models/tri.gltf\");\nlet a = cast(who, m);\n\
                   a.play(m.clip(\"Slide\"));\nstage(#{ length: 1.0 });";
     let place = |script: &str| {
@@ -198,22 +202,25 @@ fn how_it_was_made_depends_on_nothing_else() {
             "{format}: moving the folder changes the bytes"
         );
     }
-    // One frame alone, in a range, and requested by its time.
+    // The same frame alone, in a range, and requested by its time.
     let d = here.path();
     assert_eq!(render(d, &["s.rhai", "-o", "f/%d.png", "--frames", "3..9"]).code, 0);
     assert_eq!(render(d, &["s.rhai", "-o", "alone.png", "--frames", "6"]).code, 0);
     assert_eq!(render(d, &["s.rhai", "-o", "time.png", "--at", "0.2"]).code, 0);
     assert!(read(d, "f/6.png") == read(d, "alone.png") && read(d, "alone.png") == read(d, "time.png"));
-    let made = info(d, "alone.png")["provenance"].clone();
-    assert_eq!(made["choreo:time"], "0.2");
+    let provenance = info(d, "alone.png")["provenance"].clone();
+    assert_eq!(provenance["choreo:time"], "0.2");
 
-    // A comment in the script changes its hash and not the stage's; a parameter and an option of the format are told.
+    // A comment changes the hash of the script, but not that of the stage; parameters and options of the format are recorded.
     let other = place(&format!("{script} // more"));
     let d = other.path();
     assert_eq!(render(d, &["s.rhai", "-o", "a.png", "--frames", "6"]).code, 0);
     let changed = info(d, "a.png")["provenance"].clone();
-    assert!(changed["choreo:script"] != made["choreo:script"] && changed["choreo:id"] != made["choreo:id"]);
-    assert_eq!(changed["choreo:stage"], made["choreo:stage"]);
+    assert!(
+        changed["choreo:script"] != provenance["choreo:script"]
+            && changed["choreo:id"] != provenance["choreo:id"]
+    );
+    assert_eq!(changed["choreo:stage"], provenance["choreo:stage"]);
     let more = ["--set", "who=a\nb", "--export", "compression=small"];
     let args = [&["s.rhai", "-o", "b.png", "--frames", "6"][..], &more].concat();
     assert_eq!(render(d, &args).code, 0);
@@ -221,7 +228,7 @@ fn how_it_was_made_depends_on_nothing_else() {
     assert_eq!(arguments, "--size 96x54 --fps 30 --samples 1 --set who=a\\nb --export compression=small");
 }
 
-/// Framed for the shape of the image and not for the one that the scene would have had.
+/// The default camera uses the aspect ratio of the image, not the default one of the scene.
 #[test]
 fn a_model_is_framed_completely_in_a_tall_image() {
     let dir = folder();
@@ -232,20 +239,20 @@ fn a_model_is_framed_completely_in_a_tall_image() {
     assert_eq!(run.code, 0, "{}", run.err);
     let bytes = read(d, "a.y4m");
     let header = bytes.iter().position(|b| *b == b'\n').unwrap() + 1;
-    let mut drawn = 0;
+    let mut drawn_pixels = 0;
     for frame in bytes[header..].chunks(6 + width * height * 3 / 2) {
         for row in frame[6..6 + width * height].chunks(width) {
-            // But for dithering.
+            // They may differ by the dithering.
             assert!(row[0].abs_diff(row[width - 1]) <= 1, "the background is the same at both edges");
-            drawn += row.iter().filter(|luma| luma.abs_diff(row[0]) > 8).count();
+            drawn_pixels += row.iter().filter(|luma| luma.abs_diff(row[0]) > 8).count();
         }
     }
-    assert!(drawn > 30 * 50, "{drawn}: it is drawn, and large");
+    assert!(drawn_pixels > 30 * 50, "only {drawn_pixels} pixels are drawn");
 }
 
-/// The stages of a rasterizer, an image each. The output must be a folder.
+/// `--stages` writes an image for each stage of a rasterizer. The output must be a folder.
 #[test]
-fn stages_are_six_pictures_in_a_folder() {
+fn rasterizer_stages_are_six_images_in_a_folder() {
     let dir = folder();
     let d = dir.path();
     let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "steps", "--size", "96x54"]);
@@ -255,9 +262,9 @@ fn stages_are_six_pictures_in_a_folder() {
     let pictures = all.map(|name| read(d, &format!("steps/{name}")));
     for (i, a) in pictures.iter().enumerate() {
         assert!(a.starts_with(b"\x89PNG"));
-        assert!(pictures[..i].iter().all(|b| a != b), "{} shows what another does", all[i]);
+        assert!(pictures[..i].iter().all(|b| a != b), "{} equals another image", all[i]);
     }
-    // Words over the first five, white, where there is room for them; the last is the frame as it is rendered.
+    // If there is room, the first five images have a description in white; the last one is the frame as it is rendered.
     let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "large", "--size", "960x540"]);
     assert_eq!(run.code, 0, "{}", run.err);
     let white = |name: &str| {
@@ -277,7 +284,7 @@ fn stages_are_six_pictures_in_a_folder() {
 }
 
 #[test]
-fn lists_and_steps_of_frames() {
+fn the_option_frames_accepts_lists_and_steps() {
     let dir = folder();
     let run = render(dir.path(), &["tri.gltf", "-o", "f/%02d.png", "--frames", "0..30:12,29,3..5"]);
     assert_eq!(run.code, 0, "{}", run.err);

@@ -1,4 +1,4 @@
-//! `choreo render --watch`: what a save touches is drawn again, and nothing else.
+//! `choreo render --watch`: after a change, exactly the affected frames are drawn again.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -36,8 +36,8 @@ impl Watching {
         Watching { child, lines }
     }
 
-    /// The next line with this in it.
-    fn says(&self, part: &str) -> String {
+    /// Waits for the next line that contains this text.
+    fn wait_for_line(&self, part: &str) -> String {
         let end = Instant::now() + Duration::from_secs(600);
         let mut seen = Vec::new();
         while let Ok(line) = self.lines.recv_timeout(end.saturating_duration_since(Instant::now())) {
@@ -60,23 +60,23 @@ fn only_the_frames_that_a_save_touches_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
     save(folder.path(), SCRIPT);
     let watching = Watching::new(folder.path(), "out/%02d.png");
-    // Equal frames are one: the box stands still until the fifth.
-    assert!(watching.says("8 frames").starts_with("8 frames, 4 of them drawn before, in "));
+    // Equal frames are drawn once: the box does not move until the fifth frame.
+    assert!(watching.wait_for_line("8 frames").starts_with("8 frames, 4 of them drawn before, in "));
     let picture = |frame: usize| fs::read(folder.path().join(format!("out/{frame:02}.png"))).unwrap();
     let last = picture(7);
     save(folder.path(), &SCRIPT.replace("[1, 0, 0]", "[-1, 0, 0]"));
-    assert!(watching.says("8 frames").starts_with("8 frames, 5 of them drawn before, in "));
+    assert!(watching.wait_for_line("8 frames").starts_with("8 frames, 5 of them drawn before, in "));
     assert!(picture(7) != last);
-    // A comment touches none; back again, all are known.
+    // A comment changes no frame, and the frames of the original script are still known.
     save(folder.path(), &format!("// as it was\n{SCRIPT}"));
-    assert!(watching.says("8 frames").starts_with("8 frames, 8 of them drawn before, in "));
-    // Faulty: said with its place; the files stay.
+    assert!(watching.wait_for_line("8 frames").starts_with("8 frames, 8 of them drawn before, in "));
+    // An error is reported with its position, and the files are kept.
     save(folder.path(), &SCRIPT.replace("camera(", "camra("));
-    assert!(watching.says("camra").contains("a.rhai:4:"));
+    assert!(watching.wait_for_line("camra").contains("a.rhai:4:"));
     assert!(picture(7).starts_with(b"\x89PNG"));
     save(folder.path(), &SCRIPT.replace("#c04020", "#20c040"));
-    assert!(watching.says("8 frames").starts_with("8 frames, 4 of them drawn before, in "));
-    // The same images as without a memory.
+    assert!(watching.wait_for_line("8 frames").starts_with("8 frames, 4 of them drawn before, in "));
+    // The images are the same as in a render without reused frames.
     let pixels = |name: &str| image::open(folder.path().join(name)).unwrap().into_rgba8();
     let once = Command::new(env!("CARGO_BIN_EXE_choreo"))
         .args(["render", "a.rhai", "-o", "once/%02d.png", "--device", "cpu", "--quiet"])
@@ -88,11 +88,11 @@ fn only_the_frames_that_a_save_touches_are_drawn() {
     }
 }
 
-/// Clock ticks of the processor that a process and its threads have taken (`man proc_pid_stat`, fields 14 and 15), and its threads.
+/// Clock ticks of processor time of a process with its threads (`man proc_pid_stat`, fields 14 and 15), and its number of threads.
 #[cfg(target_os = "linux")]
-fn taken(process: u32) -> (u64, u64) {
+fn cpu_ticks_and_threads(process: u32) -> (u64, u64) {
     let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
-    // The name may hold blanks; it ends with the last parenthesis.
+    // The name may contain spaces; it ends with the last parenthesis.
     let fields: Vec<u64> =
         stat.rsplit(')').next().unwrap().split_whitespace().map(|f| f.parse().unwrap_or(0)).collect();
     (fields[11] + fields[12], fields[17])
@@ -100,34 +100,37 @@ fn taken(process: u32) -> (u64, u64) {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn between_saves_it_sleeps_and_each_save_leaves_nothing() {
+fn watching_uses_no_processor_time_and_leaks_no_threads() {
     let folder = tempfile::tempdir().unwrap();
     save(folder.path(), SCRIPT);
     let watching = Watching::new(folder.path(), "out/%02d.png");
-    watching.says("8 frames");
+    watching.wait_for_line("8 frames");
     save(folder.path(), &format!("// 0\n{SCRIPT}"));
-    watching.says("8 frames");
-    let threads = || taken(watching.child.id()).1;
+    watching.wait_for_line("8 frames");
+    let threads = || cpu_ticks_and_threads(watching.child.id()).1;
     std::thread::sleep(Duration::from_millis(600));
     let before = threads();
     for round in 1..6 {
         save(folder.path(), &format!("// {round}\n{SCRIPT}"));
-        watching.says("8 frames");
+        watching.wait_for_line("8 frames");
     }
-    // Threads of the last frames end when the machine lets them; those that leak never do.
-    until(|| threads() <= before, || format!("{} threads after five more saves, {before} before", threads()));
-    // A thread that looks every 10 ms alone takes more in any three seconds: 1 % of a core is one tick of 100 a second.
+    // On a busy machine the threads of the last frames may end late; leaked threads never end.
+    wait_until(
+        || threads() <= before,
+        || format!("{} threads after five more saves, {before} before", threads()),
+    );
+    // Even a thread that only polls every 10 ms takes more in three seconds: 1 % of a core is one tick per second, of 100.
     let rest = || {
-        let start = taken(watching.child.id()).0;
+        let start = cpu_ticks_and_threads(watching.child.id()).0;
         std::thread::sleep(Duration::from_secs(3));
-        taken(watching.child.id()).0 - start
+        cpu_ticks_and_threads(watching.child.id()).0 - start
     };
-    until(|| rest() <= 3, || format!("{} ticks of the processor in 3 s of rest", rest()));
+    wait_until(|| rest() <= 3, || format!("{} ticks of the processor in 3 s of rest", rest()));
 }
 
-/// Waits as long as it may take on a busy machine.
+/// Waits for a condition, long enough for a busy machine.
 #[cfg(target_os = "linux")]
-fn until(is: impl Fn() -> bool, otherwise: impl Fn() -> String) {
+fn wait_until(is: impl Fn() -> bool, otherwise: impl Fn() -> String) {
     let end = Instant::now() + Duration::from_secs(120);
     while !is() {
         assert!(Instant::now() < end, "{}", otherwise());
@@ -136,7 +139,7 @@ fn until(is: impl Fn() -> bool, otherwise: impl Fn() -> String) {
 }
 
 #[test]
-fn standard_output_keeps_nothing() {
+fn watch_refuses_standard_output() {
     let folder = tempfile::tempdir().unwrap();
     save(folder.path(), SCRIPT);
     let output = Command::new(env!("CARGO_BIN_EXE_choreo"))

@@ -1,4 +1,4 @@
-//! Renders that were killed and go on: the bytes of an undisturbed render, and no finished frame drawn again.
+//! Killed renders that are resumed give the same bytes as an uninterrupted render, and draw no finished frame again.
 #![cfg(unix)]
 
 use crate::common::*;
@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-/// 40 frames in two segments of an MP4, drawn on the CPU, slow enough to be killed among them.
+/// 40 frames in two segments of an MP4, drawn on the CPU, slow enough for a kill between frames.
 const SMALL: &[&str] = &["--device", "cpu", "--size", "64x36", "--samples", "1", "--export", "keyframes=0.8"];
 const FRAMES: usize = 40;
 
@@ -19,7 +19,7 @@ fn args<'a>(output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     args
 }
 
-/// A scene in motion with a callback, which takes a while.
+/// A moving scene with a callback, which takes a while to render.
 fn scene() -> tempfile::TempDir {
     let dir = folder();
     let script = "stage(#{ fps: 30, length: 4.0 / 3.0 });\n\
@@ -33,7 +33,7 @@ fn scene() -> tempfile::TempDir {
     dir
 }
 
-/// The same numbers in every run (Marsaglia's xorshift).
+/// A pseudorandom generator with a fixed seed (Marsaglia's xorshift).
 struct Random(u64);
 
 impl Random {
@@ -49,7 +49,7 @@ fn start(folder: &Path, output: &str, more: &[&str]) -> Child {
     command(folder, &args(output, more)).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
-/// Kills a render once `enough` finished frames are seen, a moment later or not. It may be done by then.
+/// Kills a render after at least `enough` frames are finished, with a random delay. The render may have ended before.
 fn kill_after(folder: &Path, output: &str, more: &[&str], enough: usize, random: &mut Random) {
     let mut child = start(folder, output, more);
     let begun = Instant::now();
@@ -58,12 +58,12 @@ fn kill_after(folder: &Path, output: &str, more: &[&str], enough: usize, random:
         std::thread::sleep(Duration::from_micros(200));
     }
     std::thread::sleep(Duration::from_micros(random.below(8000) as u64));
-    // SIGKILL: nothing of the program runs any more.
+    // This sends SIGKILL, so that the program cannot clean up.
     child.kill().unwrap();
     child.wait().unwrap();
 }
 
-/// Frames that a render has finished, read without the program's help: whole images, or records of the journal.
+/// The number of finished frames of a render, counted without the program: complete images, or records of the journal.
 fn finished_frames(folder: &Path, output: &str) -> usize {
     if let Some((folder_name, _)) = output.split_once('/') {
         let Ok(entries) = std::fs::read_dir(folder.join(folder_name)) else { return 0 };
@@ -77,11 +77,11 @@ fn finished_frames(folder: &Path, output: &str) -> usize {
         rest = more;
         records += 1;
     }
-    // The first says what is rendered.
+    // The first record describes the render.
     usize::saturating_sub(records, 1)
 }
 
-/// Ends a killed render; gives (drawn, reused).
+/// Resumes a killed render, and returns the numbers of frames drawn and reused.
 fn resume(folder: &Path, output: &str) -> (usize, usize) {
     let run = choreo(folder, &args(output, &["--resume"]));
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
@@ -91,7 +91,7 @@ fn resume(folder: &Path, output: &str) -> (usize, usize) {
     (number("drawn"), number("reused"))
 }
 
-/// Everything in the output folder, by name.
+/// All files of the output folder, by name.
 fn all_bytes(folder: &Path, output: &str) -> Vec<(String, Vec<u8>)> {
     match output.split_once('/') {
         None => vec![(output.to_string(), read(folder, output))],
@@ -107,36 +107,39 @@ fn clear(folder: &Path, output: &str) {
     let _ = std::fs::remove_file(folder.join(output));
 }
 
-/// Renders that are killed again and again, `kills` times each, and gone on with each time: what is finished is never drawn
-/// again, and the end is that of an undisturbed render. (A render killed once is the first kill of each.) On a busy machine a render
-/// may be done before it is killed: more renders are made then, until most of `renders * kills` kills fell among the frames.
-fn killed(output: &str, renders: usize, kills: usize, seed: u64) {
+/// Kills each render `kills` times, and resumes it after each kill: no finished frame is drawn again, and the result is that of an
+/// uninterrupted render. On a busy machine a render may end before it is killed. Renders are then added until most of the
+/// `renders * kills` kills were between frames.
+fn assert_resumes_after_kills(output: &str, renders: usize, kills: usize, seed: u64) {
     let dir = scene();
     let d = dir.path();
     let mut random = Random(seed);
     let run = choreo(d, &args(output, &[]));
     assert_eq!(run.code, 0, "{}", run.err);
-    let whole = all_bytes(d, output);
-    let mut middle = 0;
+    let uninterrupted = all_bytes(d, output);
+    let mut kills_between_frames = 0;
     for render in 0.. {
-        if render >= renders && middle * 2 > renders * kills {
+        if render >= renders && kills_between_frames * 2 > renders * kills {
             break;
         }
-        assert!(render < renders * 20, "only {middle} kills of {render} renders fell among the frames");
+        assert!(
+            render < renders * 20,
+            "only {kills_between_frames} kills of {render} renders were between frames"
+        );
         clear(d, output);
-        let mut moments: Vec<usize> = (0..kills).map(|_| random.below(FRAMES - 2)).collect();
-        moments.sort_unstable();
+        let mut frame_counts: Vec<usize> = (0..kills).map(|_| random.below(FRAMES - 2)).collect();
+        frame_counts.sort_unstable();
         let mut seen = 0;
-        for (kill, enough) in moments.iter().enumerate() {
+        for (kill, enough) in frame_counts.iter().enumerate() {
             let more: &[&str] = if kill == 0 { &[] } else { &["--resume"] };
             kill_after(d, output, more, *enough, &mut random);
             if !output.contains('/') && d.join(output).exists() {
-                // It was faster.
+                // The render ended before the kill.
                 break;
             }
             let finished = finished_frames(d, output);
             assert!(finished >= seen, "{output}: {finished} frames after {seen}, render {render}");
-            middle += usize::from(finished < FRAMES);
+            kills_between_frames += usize::from(finished < FRAMES);
             seen = finished;
         }
         let ended = !output.contains('/') && d.join(output).exists();
@@ -148,31 +151,34 @@ fn killed(output: &str, renders: usize, kills: usize, seed: u64) {
         let now = all_bytes(d, output);
         assert_eq!(
             now.iter().map(|(n, _)| n).collect::<Vec<_>>(),
-            whole.iter().map(|(n, _)| n).collect::<Vec<_>>()
+            uninterrupted.iter().map(|(n, _)| n).collect::<Vec<_>>()
         );
-        assert!(now == whole, "{output}: other bytes, render {render}, killed at {moments:?}");
-        assert_eq!(parts(d), Vec::<String>::new());
+        assert!(
+            now == uninterrupted,
+            "{output}: other bytes, render {render}, killed after {frame_counts:?} frames"
+        );
+        assert_eq!(part_files(d), Vec::<String>::new());
     }
 }
 
 #[test]
-fn killed_at_twenty_moments_pictures_go_on() {
-    killed("f/%04d.png", 5, 4, 11);
+fn a_killed_image_sequence_resumes() {
+    assert_resumes_after_kills("f/%04d.png", 5, 4, 11);
 }
 
 #[test]
-fn killed_at_twenty_moments_an_mp4_goes_on() {
-    killed("o.mp4", 5, 4, 12);
+fn a_killed_mp4_resumes() {
+    assert_resumes_after_kills("o.mp4", 5, 4, 12);
 }
 
 #[test]
-fn killed_gifs_and_streams_go_on() {
-    killed("o.gif", 2, 3, 13);
-    killed("o.y4m", 2, 3, 14);
+fn killed_gifs_and_y4m_streams_resume() {
+    assert_resumes_after_kills("o.gif", 2, 3, 13);
+    assert_resumes_after_kills("o.y4m", 2, 3, 14);
 }
 
-/// The part folder of a render killed among its frames.
-fn stopped(d: &Path, output: &str) -> usize {
+/// Kills a render between its frames, so that its part folder remains. Returns the number of finished frames.
+fn kill_render_midway(d: &Path, output: &str) -> usize {
     for _ in 0..200 {
         clear(d, output);
         let mut child = start(d, output, &[]);
@@ -185,7 +191,7 @@ fn stopped(d: &Path, output: &str) -> usize {
             return finished_frames(d, output);
         }
     }
-    panic!("{output}: always done before it could be killed");
+    panic!("{output}: every render ended before it could be killed");
 }
 
 fn copy_folder(from: &Path, to: &Path) {
@@ -196,25 +202,25 @@ fn copy_folder(from: &Path, to: &Path) {
     }
 }
 
-/// Cut or bent anywhere: what is whole is used, the rest is drawn again, the bytes are the same.
+/// If files of the part are truncated or changed anywhere, intact frames are used, the others are drawn again, and the bytes are the same.
 #[test]
-fn damaged_parts_give_what_is_whole_of_them() {
+fn undamaged_frames_of_a_damaged_part_are_reused() {
     let dir = scene();
     let d = dir.path();
     let mut random = Random(16);
     for output in ["o.mp4", "o.gif"] {
         assert_eq!(choreo(d, &args(output, &[])).code, 0);
-        let whole = read(d, output);
-        let finished = stopped(d, output);
+        let uninterrupted = read(d, output);
+        let finished = kill_render_midway(d, output);
         let (part, saved) = (d.join(format!("{output}.part")), d.join("saved"));
         copy_folder(&part, &saved);
-        let mut less = 0;
+        let mut damaged = 0;
         for name in names(&saved) {
-            for bend in [false, true, true] {
+            for flip_bit in [false, true, true] {
                 copy_folder(&saved, &part);
                 let mut bytes = read(&saved, &name);
                 let at = random.below(bytes.len());
-                if bend {
+                if flip_bit {
                     bytes[at] ^= 1 << random.below(8);
                 } else {
                     bytes.truncate(at);
@@ -222,20 +228,20 @@ fn damaged_parts_give_what_is_whole_of_them() {
                 std::fs::write(part.join(&name), bytes).unwrap();
                 let (drawn, reused) = resume(d, output);
                 assert!(drawn + reused == FRAMES && reused <= finished, "{name} {drawn} {reused}");
-                less += usize::from(reused < finished);
-                assert!(read(d, output) == whole, "{output}: {name} damaged at {at}");
+                damaged += usize::from(reused < finished);
+                assert!(read(d, output) == uninterrupted, "{output}: {name} damaged at {at}");
             }
         }
-        assert!(less > 0, "{output}: no damage cost a frame");
+        assert!(damaged > 0, "{output}: the damage affected no frame");
     }
 }
 
-/// The message names the difference, and nothing is touched.
+/// The message names the difference, and no file is changed.
 #[test]
-fn a_render_made_otherwise_is_refused() {
+fn resuming_a_render_with_other_settings_is_refused() {
     let dir = scene();
     let d = dir.path();
-    stopped(d, "o.mp4");
+    kill_render_midway(d, "o.mp4");
     let before = read(&d.join("o.mp4.part"), "journal");
     let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
     let refused = |more: &[&str], expected: &[&str]| {
@@ -257,16 +263,16 @@ fn a_render_made_otherwise_is_refused() {
     refused(&["--export", "quality=9"], &["arguments: --size 64x36", "quality=9"]);
     std::fs::write(d.join("s.rhai"), script.replace("1.2", "1.3")).unwrap();
     refused(&[], &["script: ", "stage: "]);
-    std::fs::write(d.join("s.rhai"), format!("{script} // said otherwise")).unwrap();
+    std::fs::write(d.join("s.rhai"), format!("{script} // edited")).unwrap();
     refused(&[], &["script: "]);
     std::fs::write(d.join("s.rhai"), &script).unwrap();
-    // Pictures: one of another scene is not taken for one of this.
+    // With numbered images, an image of a different frame is not reused.
     assert_eq!(choreo(d, &args("f/%d.png", &["--frames", "0..4"])).code, 0);
     std::fs::copy(d.join("f/1.png"), d.join("f/2.png")).unwrap();
     let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
     assert_eq!(run.code, 3);
     assert!(run.err.contains("f/2.png: it was made with other settings\n    time: 0.0333"), "{}", run.err);
-    // One that was cut is drawn again, one that was lost too.
+    // A truncated image and a missing image are drawn again.
     std::fs::write(d.join("f/2.png"), &read(d, "f/1.png")[..200]).unwrap();
     std::fs::remove_file(d.join("f/3.png")).unwrap();
     let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
@@ -274,8 +280,8 @@ fn a_render_made_otherwise_is_refused() {
     assert_eq!((&value["drawn"], &value["reused"]), (&2.into(), &2.into()));
 }
 
-/// Ends a render by a signal once five frames are finished; what it said. `None` where it was faster than the signal.
-fn signalled(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
+/// Ends a render with a signal after five frames are finished, and returns its output. `None` if the render ended before the signal.
+fn interrupt_render(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
     let loud: Vec<&str> = args("o.mp4", more).into_iter().filter(|a| *a != "--json").collect();
     let mut child = command(d, &loud).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     while finished_frames(d, "o.mp4") < 5 && child.try_wait().unwrap().is_none() {
@@ -283,7 +289,7 @@ fn signalled(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
     }
     let sent = std::process::Command::new("kill").args([name, &child.id().to_string()]).status();
     assert!(sent.unwrap().success());
-    let run = finished(child.wait_with_output().unwrap());
+    let run = run_result(child.wait_with_output().unwrap());
     if run.code == 0 {
         std::fs::remove_file(d.join("o.mp4")).unwrap();
         return None;
@@ -293,55 +299,55 @@ fn signalled(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
     Some(run)
 }
 
-/// The command line that a message ends with, typed into a shell.
-fn type_in(d: &Path, command: &str) -> Run {
+/// Runs the command line at the end of a message in a shell.
+fn run_in_shell(d: &Path, command: &str) -> Run {
     let mut shell = std::process::Command::new("sh");
-    finished(shell.args(["-c", command]).current_dir(d).stdin(Stdio::null()).output().unwrap())
+    run_result(shell.args(["-c", command]).current_dir(d).stdin(Stdio::null()).output().unwrap())
 }
 
 #[test]
-fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() {
+fn an_interrupted_render_prints_the_command_that_resumes_it() {
     let dir = scene();
     let d = dir.path();
     assert_eq!(resume(d, "o.mp4"), (FRAMES, 0), "with nothing there it renders");
-    let whole = read(d, "o.mp4");
+    let uninterrupted = read(d, "o.mp4");
     std::fs::remove_file(d.join("o.mp4")).unwrap();
     let mut ended = 0;
     for (name, more) in [("-INT", &[][..]), ("-TERM", &["--quiet"]), ("-HUP", &[]), ("-INT", &["--resume"])] {
-        let Some(run) = signalled(d, name, more) else { continue };
+        let Some(run) = interrupt_render(d, name, more) else { continue };
         ended += 1;
         let finished = finished_frames(d, "o.mp4");
-        let said = format!("{finished} frames are kept in o.mp4.part; to go on with them: ");
-        let line = run.err.lines().find_map(|line| line.strip_prefix(&said));
-        let command = line.unwrap_or_else(|| panic!("{name}: no \"{said}\" in {}", run.err));
+        let prefix = format!("{finished} frames are kept in o.mp4.part; to go on with them: ");
+        let line = run.err.lines().find_map(|line| line.strip_prefix(&prefix));
+        let command = line.unwrap_or_else(|| panic!("{name}: no \"{prefix}\" in {}", run.err));
         assert!(command.contains("choreo render --resume s.rhai -o o.mp4 --jobs 1"), "{command}");
         assert_eq!(command.matches("--resume").count(), 1, "{command}");
-        let run = type_in(d, command);
+        let run = run_in_shell(d, command);
         assert_eq!(run.code, 0, "{command}: {}", run.err);
         assert!(
             more.contains(&"--quiet") || run.err.contains(&format!("{finished} of them finished before")),
             "{}",
             run.err
         );
-        assert!(read(d, "o.mp4") == whole && parts(d).is_empty());
+        assert!(read(d, "o.mp4") == uninterrupted && part_files(d).is_empty());
         std::fs::remove_file(d.join("o.mp4")).unwrap();
     }
-    assert!(ended > 0, "always faster than the signal");
-    // Who says so keeps nothing.
-    if let Some(run) = signalled(d, "-INT", &["--discard"]) {
-        assert!(!run.err.contains("kept") && parts(d).is_empty(), "{}", run.err);
+    assert!(ended > 0, "every render ended before the signal");
+    // With --discard nothing is kept.
+    if let Some(run) = interrupt_render(d, "-INT", &["--discard"]) {
+        assert!(!run.err.contains("kept") && part_files(d).is_empty(), "{}", run.err);
     }
     let run = choreo(d, &["render", "s.rhai", "-o", "-", "--resume"]);
     assert!(run.code == 2 && run.err.contains("standard output cannot be resumed"), "{}", run.err);
 }
 
-/// Frames of this very render are thrown away only where the user says so; those of another are in nobody's way.
+/// Finished frames of the same render are deleted only with --discard; those of a different render are deleted without it.
 #[test]
-fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
+fn a_resumable_render_is_discarded_only_with_the_option() {
     let dir = scene();
     let d = dir.path();
     let plain: Vec<&str> = args("o.mp4", &[]).into_iter().filter(|a| *a != "--json").collect();
-    let finished = stopped(d, "o.mp4");
+    let finished = kill_render_midway(d, "o.mp4");
     let journal = read(&d.join("o.mp4.part"), "journal");
     let run = choreo(d, &plain);
     let expected = format!(
@@ -350,7 +356,7 @@ fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
     );
     assert_eq!((run.code, run.err.as_str()), (3, expected.as_str()));
     assert!(read(&d.join("o.mp4.part"), "journal") == journal && !d.join("o.mp4").exists());
-    // The script was edited since.
+    // The script is edited after the kill.
     let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
     std::fs::write(d.join("s.rhai"), format!("{script}\n// edited")).unwrap();
     let run = choreo(d, &plain);
@@ -359,32 +365,32 @@ fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
          differ: script"
     );
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
-    assert!(d.join("o.mp4").exists() && parts(d).is_empty());
-    // Said so.
-    let finished = stopped(d, "o.mp4");
+    assert!(d.join("o.mp4").exists() && part_files(d).is_empty());
+    // With --discard they are deleted.
+    let finished = kill_render_midway(d, "o.mp4");
     let run = choreo(d, &[&plain[..], &["--discard"]].concat());
     let expected =
         format!("o.mp4: starts anew; {finished} frames of a render that was stopped are deleted\n");
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
-    assert!(d.join("o.mp4").exists() && parts(d).is_empty());
+    assert!(d.join("o.mp4").exists() && part_files(d).is_empty());
     let run = choreo(d, &[&plain[..], &["--discard", "--resume"]].concat());
     assert_eq!(run.code, 2, "{}", run.err);
 }
 
-/// Killed between the renaming of the result and the removal of its folder.
+/// A render can be killed after the result was renamed and before its folder is removed.
 #[test]
-fn a_result_in_its_place_is_found_there() {
+fn a_result_that_was_already_renamed_is_recognized_by_resume() {
     let dir = scene();
     let d = dir.path();
-    stopped(d, "o.y4m");
-    // Open, the journal outlives its folder.
+    kill_render_midway(d, "o.y4m");
+    // An open journal can be read after its folder is removed.
     let part = d.join("o.y4m.part");
     let mut journal = std::fs::File::open(part.join("journal")).unwrap();
     resume(d, "o.y4m");
     let mut records = Vec::new();
     journal.read_to_end(&mut records).unwrap();
     std::fs::write(d.join("journal"), records).unwrap();
-    let whole = read(d, "o.y4m");
+    let uninterrupted = read(d, "o.y4m");
     let folder_again = || {
         std::fs::create_dir(&part).unwrap();
         std::fs::copy(d.join("journal"), part.join("journal")).unwrap();
@@ -392,10 +398,10 @@ fn a_result_in_its_place_is_found_there() {
     folder_again();
     assert_eq!(finished_frames(d, "o.y4m"), FRAMES);
     assert_eq!(resume(d, "o.y4m"), (0, FRAMES));
-    assert!(read(d, "o.y4m") == whole && !part.exists());
-    // Another file there is not taken for it.
+    assert!(read(d, "o.y4m") == uninterrupted && !part.exists());
+    // A different file with the name of the result is not accepted as the result.
     folder_again();
-    std::fs::write(d.join("o.y4m"), &whole[..whole.len() - 1]).unwrap();
+    std::fs::write(d.join("o.y4m"), &uninterrupted[..uninterrupted.len() - 1]).unwrap();
     assert_eq!(resume(d, "o.y4m"), (FRAMES, 0));
-    assert!(read(d, "o.y4m") == whole && !part.exists());
+    assert!(read(d, "o.y4m") == uninterrupted && !part.exists());
 }

@@ -1,10 +1,10 @@
-//! Frames that equal the one before are not drawn again, and titles over a still scene are composed alone: the same bytes as frames
-//! that were drawn one by one.
+//! Frames that equal the previous one are not drawn again, and for titles over a still scene only the titles are drawn. The bytes are the
+//! same as those of frames that are rendered one by one.
 
 use crate::common::{choreo, names, read};
 use std::path::Path;
 
-/// Six still frames, six in which a title moves, one of them with no change, and four in which the box moves.
+/// Six still frames, six in which a title moves, except for one, and four in which the box moves.
 const SCRIPT: &str = r##"stage(#{ size: [64, 48], fps: 8, length: 2.0 });
 cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: "#c04020" }))
     .key("position", [[0.0, [0, 0, 0]], [1.5, [0, 0, 0]], [2.0, [1, 0, 0]]]);
@@ -25,11 +25,11 @@ fn render(folder: &Path, output: &str, more: &[&str]) -> Option<serde_json::Valu
     Some(serde_json::from_str(&run.out).unwrap())
 }
 
-fn equal_frames(device: &str) {
+fn assert_reused_frames_equal_single_renders(device: &str) {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), SCRIPT).unwrap();
-    // Each frame alone has no frame before it.
+    // A frame that is rendered alone has no previous frame.
     for frame in 0..16 {
         let range = format!("{frame}..{}", frame + 1);
         let Some(summary) = render(d, "alone/%02d.png", &["--device", device, "--frames", &range]) else {
@@ -44,9 +44,9 @@ fn equal_frames(device: &str) {
             render(d, &format!("{folder}/%02d.png"), &["--device", device, "--jobs", jobs]).unwrap();
         let counts = ["drawn", "repeated", "recomposed", "reused"].map(|key| summary[key].as_u64().unwrap());
         assert_eq!(counts, [4, 8, 4, 12], "{device}");
-        let made = names(&d.join(&folder));
-        assert_eq!(made.len(), 16);
-        for name in made {
+        let file_names = names(&d.join(&folder));
+        assert_eq!(file_names.len(), 16);
+        for name in file_names {
             let same = read(d, &format!("{folder}/{name}")) == read(d, &format!("alone/{name}"));
             assert!(same, "{device}, {jobs} jobs: {name}");
         }
@@ -62,17 +62,17 @@ fn equal_frames(device: &str) {
 }
 
 #[test]
-fn equal_frames_on_the_cpu() {
-    equal_frames("cpu");
+fn reused_frames_equal_single_renders_on_the_cpu() {
+    assert_reused_frames_equal_single_renders("cpu");
 }
 
 #[test]
-fn equal_frames_on_vulkan() {
-    equal_frames("vulkan");
+fn reused_frames_equal_single_renders_on_vulkan() {
+    assert_reused_frames_equal_single_renders("vulkan");
 }
 
 #[test]
-fn the_summary_counts_them() {
+fn the_summary_counts_reused_frames() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.rhai"), SCRIPT).unwrap();
     let run = choreo(dir.path(), &["render", "a.rhai", "-o", "a.y4m", "--samples", "1", "--device", "cpu"]);

@@ -38,7 +38,7 @@ impl Importer for PaintedImporter {
         let mut material = Material { name: name.clone(), shading: Shading::Unlit, ..Material::default() };
         if needs.textures {
             let bytes = files.read(&name).map_err(error)?;
-            let mut image = decoded(&name, &bytes).map_err(|e| error(format!("{name}: {e}")))?;
+            let mut image = decode_png(&name, &bytes).map_err(|e| error(format!("{name}: {e}")))?;
             image.file = needs.image_files.then_some(ImageFile { format: ImageFileFormat::Png, bytes });
             let image = builder.decoded_image(Arc::new(image));
             let uv_transform = Affine2::IDENTITY;
@@ -59,7 +59,7 @@ impl Importer for PaintedImporter {
 }
 
 /// A PNG of 8 bits a channel with alpha.
-fn decoded(name: &str, bytes: &[u8]) -> Result<Image, String> {
+fn decode_png(name: &str, bytes: &[u8]) -> Result<Image, String> {
     let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().map_err(|e| e.to_string())?;
     let mut rgba = vec![0; reader.output_buffer_size().ok_or("it is too large")?];
     let frame = reader.next_frame(&mut rgba).map_err(|e| e.to_string())?;

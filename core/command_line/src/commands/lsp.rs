@@ -6,7 +6,7 @@ use crate::commands::check;
 use crate::failure::Failure;
 use crate::project_file;
 use crate::scene;
-use choreo_language_server::{Ended, Host, HostError, Project, Task, serve};
+use choreo_language_server::{Host, HostError, Project, SessionEnd, Task, serve};
 use choreo_script::{Diagnostic, Limits, Places};
 use choreo_stage::Stage;
 use choreo_test_runner::collect::shown;
@@ -20,8 +20,8 @@ use std::sync::Arc;
 pub fn run(app: &App) -> Result<(), Failure> {
     let host = Arc::new(Program { app: app.clone() });
     match serve(BufReader::new(stdin()), stdout(), host) {
-        Ended::Exit => Ok(()),
-        Ended::Abruptly => Err(Failure::ClosedPipe),
+        SessionEnd::Exit => Ok(()),
+        SessionEnd::Abruptly => Err(Failure::ClosedPipe),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Judges values over time against an allowed range.
 
-use super::Judged;
-use super::words::{self, times_tolerance, with_unit};
+use super::Judgment;
+use super::text_format::{self, number_with_unit, tolerance_ratio};
 use crate::outcome::Trace;
 use choreo_motion::Time;
 use choreo_script::testing::Expectation;
@@ -12,28 +12,28 @@ pub struct Series {
     pub values: Vec<f64>,
 }
 
-/// Allowed range at each time, and distance of each value from it: values at most 0 are inside, NaN and infinity are never allowed.
+/// Allowed range at each time, and distance of each value from it. A distance of at most 0 is inside the range; NaN and infinity never are.
 pub(crate) struct Band {
     pub allowed: Vec<[f64; 2]>,
-    pub off: Vec<f64>,
+    pub distances: Vec<f64>,
     /// The expected curve, if a whole curve is expected.
-    pub goal: Vec<f64>,
+    pub expected_curve: Vec<f64>,
     pub tolerance: f64,
-    /// Description of the range, such as `at most 1.5 m/s`.
-    pub words: String,
+    /// Description of the range for messages, such as `at most 1.5 m/s`.
+    pub description: String,
 }
 
 /// Judges a series. All values must be allowed, or, if negated, none. With `sometime`, one value must be allowed, or, if negated, one must
 /// not.
-pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &str, unit: &str) -> Judged {
+pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &str, unit: &str) -> Judgment {
     let (n, negated) = (series.values.len(), e.negated);
     if n == 0 {
-        return Judged::impossible(band.words.clone(), "no samples: the span is empty");
+        return Judgment::impossible(band.description.clone(), "no samples: the span is empty");
     }
     // Unknown values fail the expectation, whether negated or not.
     let unknown = |i: usize| series.values[i].is_nan();
-    // Distance from the claim: it holds if this is at most 0.
-    let off = |i: usize| match band.off[i] {
+    // Distance by which a value violates the claim; the claim holds if it is at most 0.
+    let claim_error = |i: usize| match band.distances[i] {
         _ if unknown(i) => f64::INFINITY,
         off if off.is_nan() => f64::INFINITY,
         // The bounds are allowed values, so they fail a negated expectation.
@@ -41,19 +41,22 @@ pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &
         off if negated => -off,
         off => off,
     };
-    let failing: Vec<usize> = (0..n).filter(|i| off(*i) > 0.0).collect();
+    let failing: Vec<usize> = (0..n).filter(|i| claim_error(*i) > 0.0).collect();
     let (mut worst, mut best) = (0, 0);
     for i in 1..n {
-        if off(i) > off(worst) {
+        if claim_error(i) > claim_error(worst) {
             worst = i;
         }
-        if off(i) < off(best) {
+        if claim_error(i) < claim_error(best) {
             best = i;
         }
     }
     let (passed, shown) = if e.sometime { (failing.len() < n, best) } else { (failing.is_empty(), worst) };
-    let mut got =
-        format!("{} at {}", with_unit(series.values[shown], unit), words::time(series.times[shown]));
+    let mut got = format!(
+        "{} at {}",
+        number_with_unit(series.values[shown], unit),
+        text_format::time(series.times[shown])
+    );
     if n > 1 && !passed {
         let (first, last) = (series.times[failing[0]], series.times[failing[failing.len() - 1]]);
         got.push_str(&match (e.sometime, failing.len()) {
@@ -61,23 +64,25 @@ pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &
             (false, 1) => format!(", the worst of {n} samples; only there"),
             (false, count) => format!(
                 ", the worst of {n} samples; {count} wrong, from {} to {}",
-                words::time(first),
-                words::time(last)
+                text_format::time(first),
+                text_format::time(last)
             ),
         });
     }
     let not = if negated { "not " } else { "" };
     let sometime = if e.sometime { ", sometime" } else { "" };
-    let mut judged = Judged::new(passed, format!("{not}{}{sometime}", band.words), got);
-    let by = off(shown);
+    let mut judged = Judgment::new(passed, format!("{not}{}{sometime}", band.description), got);
+    let by = claim_error(shown);
     if !passed && by.is_finite() {
         let distance = by + band.tolerance;
         judged.by = match band.tolerance > 0.0 {
             // Distance to leave the allowed range; empty for a value exactly on its bound.
             _ if negated && by <= f64::MIN_POSITIVE => String::new(),
-            _ if negated => with_unit(by, unit),
-            true => format!("{}{}", with_unit(distance, unit), times_tolerance(distance, band.tolerance)),
-            false => with_unit(by, unit),
+            _ if negated => number_with_unit(by, unit),
+            true => {
+                format!("{}{}", number_with_unit(distance, unit), tolerance_ratio(distance, band.tolerance))
+            }
+            false => number_with_unit(by, unit),
         };
     }
     judged.traces = vec![Trace {
@@ -85,7 +90,7 @@ pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &
         unit: unit.to_string(),
         times: series.times.iter().map(|t| t.as_secs()).collect(),
         got: series.values.clone(),
-        expected: band.goal.clone(),
+        expected: band.expected_curve.clone(),
         band: band.allowed.clone(),
         mark: Some(series.times[shown].as_secs()),
     }];

@@ -1,14 +1,14 @@
 //! Default checks of a script without sections: no errors or warnings, every frame is finite, and running it again gives the same result.
 
 use super::snapshot_cache::SnapshotCache;
-use super::{failed, texts, words};
+use super::{failed_check, text_format, texts};
 use crate::outcome::{Check, SourceLocation};
 use choreo_motion::Time;
 use choreo_script::testing::SectionRun;
 use choreo_stage::{ActorState, Evaluator, Snapshot};
 
-/// Largest number of frames that are tested; of longer scripts, this number spread over the length.
-const MOST_FRAMES: i64 = 2000;
+/// Largest number of frames that are tested. In a longer script, this number of frames is spread over its length.
+const MAX_FRAMES: i64 = 2000;
 /// Number of frames evaluated once more, in reverse order.
 const REPEATED_FRAMES: usize = 16;
 
@@ -16,48 +16,48 @@ pub fn judge(run: &SectionRun, snapshots: &mut [SnapshotCache]) -> Vec<Check> {
     let Some(own) = snapshots.first_mut() else { return Vec::new() };
     let place = || SourceLocation { file: run.info.file.clone(), line: 0, column: 0 };
     let passed =
-        |title: &str, got: String| Check { passed: true, ..failed(place(), title, got.clone(), got) };
+        |title: &str, got: String| Check { passed: true, ..failed_check(place(), title, got.clone(), got) };
     let mut checks = Vec::new();
     let expected = run.expected.len();
     if expected == 0 {
-        let warnings = texts::warnings(&own.stage);
+        let warnings = texts::collect_warnings(&own.stage);
         checks.push(match warnings.first() {
             None => passed("runs without errors and warnings", "none".into()),
             Some(first) => {
                 let got = first.lines().next().unwrap_or_default();
-                failed(place(), "runs without errors and warnings", "none", got)
+                failed_check(place(), "runs without errors and warnings", "none", got)
             }
         });
     }
     let settings = &own.stage.settings;
     let frames = settings.fps.frames_in(settings.length).max(1);
-    let count = frames.min(MOST_FRAMES);
+    let count = frames.min(MAX_FRAMES);
     let times: Vec<Time> = (0..count).map(|k| settings.fps.time_of(k * frames / count)).collect();
     let title = "every frame is finite";
     let mut first_problem = None;
     for time in &times {
         let problem = match own.at(*time) {
             Err(why) => Some(why.to_string()),
-            Ok(snapshot) => not_finite(own, &snapshot),
+            Ok(snapshot) => describe_non_finite(own, &snapshot),
         };
         if let Some(problem) = problem {
-            first_problem = Some(format!("{problem} at {}", words::time(*time)));
+            first_problem = Some(format!("{problem} at {}", text_format::time(*time)));
             break;
         }
     }
     checks.push(match first_problem {
-        Some(problem) => failed(place(), title, "finite positions and poses", problem),
+        Some(problem) => failed_check(place(), title, "finite positions and poses", problem),
         None => passed(title, format!("{count} frames")),
     });
     let title = "deterministic";
     checks.push(match difference_of_second_run(run, own, &times) {
-        Some(how) => failed(place(), title, "the same bits on a second run and in any order", how),
+        Some(how) => failed_check(place(), title, "the same bits on a second run and in any order", how),
         None => passed(title, "the same bits".into()),
     });
     checks
 }
 
-fn not_finite(snapshots: &SnapshotCache, snapshot: &Snapshot) -> Option<String> {
+fn describe_non_finite(snapshots: &SnapshotCache, snapshot: &Snapshot) -> Option<String> {
     let finite = |state: &ActorState| {
         state.world_from_model.is_finite() && state.model_from_joint.iter().all(|m| m.is_finite())
     };
@@ -85,7 +85,7 @@ fn difference_of_second_run(
         if first.content_hash() != second.content_hash() {
             return Some(format!(
                 "{} differs when frames are evaluated in another order",
-                words::time(*time)
+                text_format::time(*time)
             ));
         }
     }

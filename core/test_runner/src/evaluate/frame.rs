@@ -1,10 +1,10 @@
 //! Positions and extents of actors in the image, computed from the posed vertices.
 
-use super::Judged;
+use super::Judgment;
 use super::band::{Band, Series, judge_band};
+use super::judge_error::JudgeError;
 use super::snapshot_cache::SnapshotCache;
-use super::unjudged::Unjudged;
-use super::words;
+use super::text_format;
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, InFrame, Subject};
@@ -12,13 +12,17 @@ use choreo_stage::posed_meshes;
 use glam::{DAffine3, DVec3};
 
 /// Bounding box of a posed actor in world space (minimum, maximum); NaN if it has no visible vertices.
-pub fn bounds(snapshots: &mut SnapshotCache, actor: usize, time: Time) -> Result<(DVec3, DVec3), Unjudged> {
-    let points = vertices(snapshots, actor, time)?;
+pub fn posed_bounds(
+    snapshots: &mut SnapshotCache,
+    actor: usize,
+    time: Time,
+) -> Result<(DVec3, DVec3), JudgeError> {
+    let points = posed_vertices(snapshots, actor, time)?;
     let fold = |f: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(f).unwrap_or(DVec3::NAN);
     Ok((fold(DVec3::min), fold(DVec3::max)))
 }
 
-fn vertices(snapshots: &mut SnapshotCache, actor: usize, time: Time) -> Result<Vec<DVec3>, Unjudged> {
+fn posed_vertices(snapshots: &mut SnapshotCache, actor: usize, time: Time) -> Result<Vec<DVec3>, JudgeError> {
     let snapshot = snapshots.at(time)?;
     let (Some(state), Some(of)) = (snapshot.actors.get(actor), snapshots.stage.actors.get(actor)) else {
         return Ok(Vec::new());
@@ -28,17 +32,21 @@ fn vertices(snapshots: &mut SnapshotCache, actor: usize, time: Time) -> Result<V
 }
 
 /// A camera at a time: transforms from world space to the image.
-pub struct Lens {
+pub struct CameraView {
     view_from_world: DAffine3,
     projection: Projection,
     aspect: f64,
 }
 
-impl Lens {
-    pub fn new(snapshots: &mut SnapshotCache, camera: Option<usize>, time: Time) -> Result<Lens, Unjudged> {
+impl CameraView {
+    pub fn new(
+        snapshots: &mut SnapshotCache,
+        camera: Option<usize>,
+        time: Time,
+    ) -> Result<CameraView, JudgeError> {
         let [width, height] = snapshots.stage.settings.size.map(|n| f64::from(n.max(1)));
-        let state = snapshots.camera(camera, time)?;
-        Ok(Lens {
+        let state = snapshots.camera_state(camera, time)?;
+        Ok(CameraView {
             view_from_world: state.world_from_view.inverse(),
             projection: state.projection,
             aspect: width / height,
@@ -68,22 +76,22 @@ impl Lens {
 }
 
 /// Bounding box of an actor in the image.
-pub struct Outline {
+pub struct ImageBounds {
     pub min: DVec3,
     pub max: DVec3,
     /// Fraction of the vertices that are in the image, 0..=1.
     pub share: f64,
-    behind: bool,
+    behind_camera: bool,
 }
 
-impl Outline {
+impl ImageBounds {
     pub fn height(&self) -> f64 {
         self.max.y - self.min.y
     }
 
     /// Distance by which the box crosses the margin, as a fraction of the image; at most 0 if it stays inside.
     fn distance_outside(&self, margin: f64) -> f64 {
-        if self.behind {
+        if self.behind_camera {
             return f64::INFINITY;
         }
         let (low, high) = (margin, 1.0 - margin);
@@ -93,49 +101,50 @@ impl Outline {
     }
 }
 
-pub fn outline(
+pub fn image_bounds(
     snapshots: &mut SnapshotCache,
     actor: usize,
     camera: Option<usize>,
     time: Time,
-) -> Result<Outline, Unjudged> {
-    let lens = Lens::new(snapshots, camera, time)?;
-    let points = vertices(snapshots, actor, time)?;
-    let mut outline = Outline { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, share: 0.0, behind: false };
+) -> Result<ImageBounds, JudgeError> {
+    let view = CameraView::new(snapshots, camera, time)?;
+    let points = posed_vertices(snapshots, actor, time)?;
+    let mut image_bounds =
+        ImageBounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, share: 0.0, behind_camera: false };
     let mut inside = 0usize;
     for point in &points {
-        let p = lens.project(*point);
+        let p = view.project(*point);
         if p.x.is_nan() {
-            outline.behind = true;
+            image_bounds.behind_camera = true;
             continue;
         }
-        outline.min = outline.min.min(p);
-        outline.max = outline.max.max(p);
+        image_bounds.min = image_bounds.min.min(p);
+        image_bounds.max = image_bounds.max.max(p);
         let within = (0.0..=1.0).contains(&p.x) && (0.0..=1.0).contains(&p.y) && p.z > 0.0;
         inside += usize::from(within);
     }
     if points.is_empty() {
-        (outline.min, outline.max) = (DVec3::NAN, DVec3::NAN);
-        outline.share = f64::NAN;
+        (image_bounds.min, image_bounds.max) = (DVec3::NAN, DVec3::NAN);
+        image_bounds.share = f64::NAN;
     } else {
-        outline.share = inside as f64 / points.len() as f64;
+        image_bounds.share = inside as f64 / points.len() as f64;
     }
-    Ok(outline)
+    Ok(image_bounds)
 }
 
 /// Angle in degrees, in the image, between up and the subject's +y axis, 0..=180; 90 if the axis points straight towards or away from the
 /// camera.
-pub fn tilt(
+pub fn tilt_deg(
     snapshots: &mut SnapshotCache,
     subject: Subject,
     camera: Option<usize>,
     time: Time,
-) -> Result<f64, Unjudged> {
-    let world_from = snapshots.world_from(subject, time)?;
-    let lens = Lens::new(snapshots, camera, time)?;
-    let p = lens.view_from_world.transform_point3(world_from.translation);
-    let up = lens.view_from_world.transform_vector3(world_from.matrix3.y_axis).normalize_or_zero();
-    let (x, y) = match lens.projection {
+) -> Result<f64, JudgeError> {
+    let world_from = snapshots.world_from_subject(subject, time)?;
+    let view = CameraView::new(snapshots, camera, time)?;
+    let p = view.view_from_world.transform_point3(world_from.translation);
+    let up = view.view_from_world.transform_vector3(world_from.matrix3.y_axis).normalize_or_zero();
+    let (x, y) = match view.projection {
         Projection::Orthographic { .. } => (up.x, up.y),
         // Derivatives of x/depth and y/depth along the subject's +y axis, times depth².
         Projection::Perspective { .. } => {
@@ -152,15 +161,19 @@ pub fn tilt(
     Ok(libm::atan2(x.abs(), y).to_degrees())
 }
 
-pub fn judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) -> Judged {
+pub fn judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) -> Judgment {
     match try_judge(snapshots, e, claim) {
         Ok(judged) => judged,
-        Err(why) => Judged::impossible("an image to check", why),
+        Err(why) => Judgment::impossible("an image to check", why),
     }
 }
 
-fn try_judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) -> Result<Judged, Unjudged> {
-    let name = super::vector::name(snapshots, Subject::Actor(claim.actor));
+fn try_judge(
+    snapshots: &mut SnapshotCache,
+    e: &Expectation,
+    claim: &InFrame,
+) -> Result<Judgment, JudgeError> {
+    let name = super::vector::subject_name(snapshots, Subject::Actor(claim.actor));
     let mut expected = match claim.margin > 0.0 {
         true => format!("{name} inside the image, {} free at each side", percent(claim.margin)),
         false => format!("{name} inside the image"),
@@ -169,45 +182,50 @@ fn try_judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) ->
         expected.push_str(&format!(", {} to {} of its height", percent(low), percent(high)));
     }
     if let Some(upright) = claim.upright {
-        expected.push_str(&format!(", tilted by at most {}°", words::number(upright)));
+        expected.push_str(&format!(", tilted by at most {}°", text_format::number(upright)));
     }
     let times = snapshots.times_and_ends(e)?;
-    let (mut off, mut heights, mut gots) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut distances, mut heights, mut got_texts) = (Vec::new(), Vec::new(), Vec::new());
     for time in &times {
-        let seen = snapshots.at(*time)?.actors.get(claim.actor).is_some_and(|state| state.visible);
-        let outline = outline(snapshots, claim.actor, claim.camera, *time)?;
-        let mut worst = outline.distance_outside(claim.margin);
-        let mut got = match (seen, outline.behind) {
+        let visible = snapshots.at(*time)?.actors.get(claim.actor).is_some_and(|state| state.visible);
+        let image_bounds = image_bounds(snapshots, claim.actor, claim.camera, *time)?;
+        let mut worst = image_bounds.distance_outside(claim.margin);
+        let mut got = match (visible, image_bounds.behind_camera) {
             (false, _) => "it is hidden".to_string(),
             (true, true) => "a part of it is behind the camera".to_string(),
             (true, false) => format!(
                 "x from {} to {}, y from {} to {}",
-                percent(outline.min.x),
-                percent(outline.max.x),
-                percent(outline.min.y),
-                percent(outline.max.y)
+                percent(image_bounds.min.x),
+                percent(image_bounds.max.x),
+                percent(image_bounds.min.y),
+                percent(image_bounds.max.y)
             ),
         };
-        if !seen || outline.min.x.is_nan() {
+        if !visible || image_bounds.min.x.is_nan() {
             worst = f64::INFINITY;
         }
         if let (Some((low, high)), true) = (claim.height, worst.is_finite()) {
-            worst = worst.max(low - outline.height()).max(outline.height() - high);
-            got.push_str(&format!(", {} high", percent(outline.height())));
+            worst = worst.max(low - image_bounds.height()).max(image_bounds.height() - high);
+            got.push_str(&format!(", {} high", percent(image_bounds.height())));
         }
         if let (Some(upright), true) = (claim.upright, worst.is_finite()) {
-            let tilt = tilt(snapshots, Subject::Actor(claim.actor), claim.camera, *time)?;
+            let tilt = tilt_deg(snapshots, Subject::Actor(claim.actor), claim.camera, *time)?;
             worst = worst.max((tilt - upright) / 180.0);
-            got.push_str(&format!(", tilted by {}°", words::number((tilt * 10.0).round() / 10.0)));
+            got.push_str(&format!(", tilted by {}°", text_format::number((tilt * 10.0).round() / 10.0)));
         }
-        off.push(worst);
-        heights.push(outline.height());
-        gots.push(got);
+        distances.push(worst);
+        heights.push(image_bounds.height());
+        got_texts.push(got);
     }
     let series = Series { times, values: heights };
     let allowed = claim.height.map_or([f64::NEG_INFINITY, f64::INFINITY], |(low, high)| [low, high]);
-    let band =
-        Band { allowed: vec![allowed; off.len()], off, goal: Vec::new(), tolerance: 0.0, words: expected };
+    let band = Band {
+        allowed: vec![allowed; distances.len()],
+        distances,
+        expected_curve: Vec::new(),
+        tolerance: 0.0,
+        description: expected,
+    };
     // Values are off, not unknown, if the actor is hidden or behind the camera.
     let known = Series {
         times: series.times.clone(),
@@ -217,9 +235,9 @@ fn try_judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) ->
     let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
     if let Some(i) = series.times.iter().position(|t| t.as_secs() == worst) {
         let when = judged.got.split_once(" at ").map_or(String::new(), |(_, when)| format!(" at {when}"));
-        judged.got = format!("{}{when}", gots[i]);
-        judged.by = match band.off[i].is_finite() && !e.negated {
-            true => format!("{} of the image", percent(band.off[i].max(0.0))),
+        judged.got = format!("{}{when}", got_texts[i]);
+        judged.by = match band.distances[i].is_finite() && !e.negated {
+            true => format!("{} of the image", percent(band.distances[i].max(0.0))),
             false => String::new(),
         };
     }
@@ -231,5 +249,5 @@ fn percent(share: f64) -> String {
     if !share.is_finite() {
         return "nothing".into();
     }
-    format!("{} %", words::number((share * 1000.0).round() / 10.0 + 0.0))
+    format!("{} %", text_format::number((share * 1000.0).round() / 10.0 + 0.0))
 }

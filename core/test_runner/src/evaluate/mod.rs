@@ -6,35 +6,35 @@
 //! A claim about a span of time is judged at every frame in it; the check reports the worst time.
 
 mod band;
+mod bitwise;
 mod contact;
 mod cost;
 mod default_checks;
 mod events;
 mod flags;
 mod frame;
+mod judge_error;
 mod number;
 mod plan;
 mod rotation;
-mod same;
 mod snapshot_cache;
+mod text_format;
 mod texts;
-mod unjudged;
 mod value;
 mod vector;
-mod words;
 
 use crate::outcome::{Check, Evidence, SourceLocation, Trace};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_script::Severity;
 use choreo_script::testing::{Claim, Expectation, SectionRun, TextsQuantity, When};
+use judge_error::JudgeError;
 use snapshot_cache::{Deadline, SnapshotCache};
-use unjudged::Unjudged;
 
 /// All checks of a section except its images, in the order of the script: its expectations, its `//~` comments, and unexpected errors and
 /// warnings. A file without sections gets the default checks.
 pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
-    let mut checks = diagnostics(run);
+    let mut checks = judge_diagnostics(run);
     // An unexpected error explains everything; checks of the incomplete stage would only confuse.
     if !run.errors.is_empty() {
         return checks;
@@ -42,7 +42,7 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
     if let Some(problem) = run.broken.first() {
         if !run.expectations.is_empty() {
             let place = SourceLocation { file: run.info.file.clone(), line: run.info.line, column: 0 };
-            let mut check = failed(
+            let mut check = failed_check(
                 place,
                 "the stage can be evaluated",
                 "a stage without errors",
@@ -71,7 +71,7 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
 }
 
 /// Result of comparing a claim with the actual values.
-pub(crate) struct Judged {
+pub(crate) struct Judgment {
     pub passed: bool,
     pub expected: String,
     pub got: String,
@@ -80,9 +80,9 @@ pub(crate) struct Judged {
     pub traces: Vec<Trace>,
 }
 
-impl Judged {
-    fn new(passed: bool, expected: impl Into<String>, got: impl Into<String>) -> Judged {
-        Judged {
+impl Judgment {
+    fn new(passed: bool, expected: impl Into<String>, got: impl Into<String>) -> Judgment {
+        Judgment {
             passed,
             expected: expected.into(),
             got: got.into(),
@@ -93,11 +93,11 @@ impl Judged {
     }
 
     /// Result for a claim that cannot be judged: it fails, whether negated or not.
-    fn impossible(expected: impl Into<String>, why: impl std::fmt::Display) -> Judged {
-        Judged::new(false, expected, why.to_string())
+    fn impossible(expected: impl Into<String>, why: impl std::fmt::Display) -> Judgment {
+        Judgment::new(false, expected, why.to_string())
     }
 
-    fn by(mut self, by: impl Into<String>) -> Judged {
+    fn with_error(mut self, by: impl Into<String>) -> Judgment {
         self.by = by.into();
         self
     }
@@ -121,10 +121,10 @@ impl Judged {
     }
 }
 
-fn judge(run: &SectionRun, e: &Expectation, snapshots: &mut [SnapshotCache]) -> Option<Judged> {
-    let of_stage = snapshots.get_mut(e.stage);
-    let Some(own) = of_stage else {
-        return Some(Judged::impossible("a stage", format!("stage {} does not exist", e.stage)));
+fn judge(run: &SectionRun, e: &Expectation, snapshots: &mut [SnapshotCache]) -> Option<Judgment> {
+    let cache = snapshots.get_mut(e.stage);
+    let Some(own) = cache else {
+        return Some(Judgment::impossible("a stage", format!("stage {} does not exist", e.stage)));
     };
     let length = own.stage.settings.length;
     let times = match e.when {
@@ -134,7 +134,10 @@ fn judge(run: &SectionRun, e: &Expectation, snapshots: &mut [SnapshotCache]) -> 
     };
     if let Some(outside) = times.into_iter().find(|time| !(Time::ZERO..=length).contains(time)) {
         let [time, length] = [outside, length].map(Time::as_secs);
-        return Some(Judged::impossible("a time within the stage", Unjudged::OutsideStage { time, length }));
+        return Some(Judgment::impossible(
+            "a time within the stage",
+            JudgeError::OutsideStage { time, length },
+        ));
     }
     Some(match &e.claim {
         // Images are drawn and compared by the runner.
@@ -146,7 +149,7 @@ fn judge(run: &SectionRun, e: &Expectation, snapshots: &mut [SnapshotCache]) -> 
         }
         Claim::Flag(flag) => flags::judge(own, e, flag),
         Claim::InFrame(claim) => frame::judge(own, e, claim),
-        Claim::Same { what, other } => same::judge(snapshots, e, *what, *other),
+        Claim::Same { what, other } => bitwise::judge(snapshots, e, *what, *other),
         Claim::Events { of, test } => events::judge(own, e, *of, test),
         Claim::Texts { texts, test } => texts::judge(run, own, e, *texts, test),
         Claim::Value { got, test } => value::judge(e, got, test),
@@ -155,7 +158,7 @@ fn judge(run: &SectionRun, e: &Expectation, snapshots: &mut [SnapshotCache]) -> 
 }
 
 /// Checks of expected errors, unexpected errors, and warnings.
-fn diagnostics(run: &SectionRun) -> Vec<Check> {
+fn judge_diagnostics(run: &SectionRun) -> Vec<Check> {
     let mut checks = Vec::new();
     for e in &run.expected {
         let word = if e.severity == Severity::Error { "error" } else { "warning" };
@@ -163,28 +166,29 @@ fn diagnostics(run: &SectionRun) -> Vec<Check> {
         let expected = format!("{word}: {}", e.text);
         let title = format!("//~ {expected}");
         checks.push(match e.met {
-            true => Check { passed: true, ..failed(place, title, expected.clone(), expected) },
-            false => failed(place, title, expected, format!("no such {word} in this line")),
+            true => Check { passed: true, ..failed_check(place, title, expected.clone(), expected) },
+            false => failed_check(place, title, expected, format!("no such {word} in this line")),
         });
     }
     let unexpected = |d: &choreo_script::Diagnostic, word: &str| {
         let place = SourceLocation { file: d.file.clone(), line: d.line, column: d.column };
         let title = format!("no {word} but those expected");
-        let mut check = failed(place, title, format!("no {word}"), d.message.clone());
+        let mut check = failed_check(place, title, format!("no {word}"), d.message.clone());
         check.hint = d.hint.clone().unwrap_or_default();
         check
     };
     checks.extend(run.errors.iter().map(|d| unexpected(d, "error")));
     // If a section tests its warnings, they are not checked again here.
-    let looked_at = |e: &Expectation| matches!(e.claim, Claim::Texts { texts: TextsQuantity::Warnings, .. });
-    if !run.expectations.iter().any(looked_at) {
+    let tests_warnings =
+        |e: &Expectation| matches!(e.claim, Claim::Texts { texts: TextsQuantity::Warnings, .. });
+    if !run.expectations.iter().any(tests_warnings) {
         checks.extend(run.warnings.iter().map(|d| unexpected(d, "warning")));
     }
     checks
 }
 
 /// A failed check.
-fn failed(
+fn failed_check(
     place: SourceLocation,
     title: impl Into<String>,
     expected: impl Into<String>,

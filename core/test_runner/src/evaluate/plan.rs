@@ -1,7 +1,7 @@
 //! Counts of elements of the stage, and of the parts of a planned frame.
 
+use super::judge_error::JudgeError;
 use super::snapshot_cache::SnapshotCache;
-use super::unjudged::Unjudged;
 use choreo_asset::{Asset, Topology};
 use choreo_motion::Time;
 use choreo_render::commands::{RecordOptions, record};
@@ -10,7 +10,11 @@ use choreo_render::{Plan, PlanOptions as RenderOptions};
 use choreo_script::testing::{Count, PlanCount, PlanOptions};
 use std::sync::Arc;
 
-pub fn make(snapshots: &mut SnapshotCache, options: &PlanOptions, time: Time) -> Result<Plan, Unjudged> {
+pub fn make_plan(
+    snapshots: &mut SnapshotCache,
+    options: &PlanOptions,
+    time: Time,
+) -> Result<Plan, JudgeError> {
     let resources = snapshots.resources();
     let stage = snapshots.stage.clone();
     let size = options.size.unwrap_or(stage.settings.size);
@@ -27,13 +31,13 @@ pub fn make(snapshots: &mut SnapshotCache, options: &PlanOptions, time: Time) ->
     Ok(plan)
 }
 
-pub fn count(
+pub fn count_in_plan(
     snapshots: &mut SnapshotCache,
     options: &PlanOptions,
     what: PlanCount,
     time: Time,
-) -> Result<usize, Unjudged> {
-    let plan = make(snapshots, options, time)?;
+) -> Result<usize, JudgeError> {
+    let plan = make_plan(snapshots, options, time)?;
     let resources = snapshots.resources();
     let triangles = |primitive: u32| {
         let primitive = resources.primitives[primitive as usize].primitive();

@@ -1,6 +1,6 @@
 //! Evaluation of a stage at the times that its expectations need; each snapshot is made once.
 
-use super::unjudged::Unjudged;
+use super::judge_error::JudgeError;
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::SceneResources;
@@ -14,28 +14,28 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Largest number of evaluations for one expectation: enough for hours of film, and bounds the memory.
-pub const MOST: i64 = 200_000;
+pub const MAX_SAMPLES: i64 = 200_000;
 /// Largest number of snapshots that are kept for further expectations.
 const MAX_CACHED: usize = 4096;
 
-/// Time at which judging a section must end: a script may request more snapshots than anybody waits for.
+/// Time at which judging a section must end, since a script may request any number of snapshots.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Deadline {
     at: Option<Instant>,
-    seconds: f64,
+    limit_secs: f64,
     timeout: Option<Timeout>,
 }
 
 impl Deadline {
     pub fn after(seconds: f64, timeout: Option<Timeout>) -> Deadline {
         let span = Duration::try_from_secs_f64(seconds).ok();
-        Deadline { at: span.and_then(|span| Instant::now().checked_add(span)), seconds, timeout }
+        Deadline { at: span.and_then(|span| Instant::now().checked_add(span)), limit_secs: seconds, timeout }
     }
 
-    fn check(&self) -> Result<(), Unjudged> {
+    fn check(&self) -> Result<(), JudgeError> {
         self.timeout.map_or(Ok(()), |timeout| timeout.check())?;
         match self.at.is_some_and(|at| Instant::now() > at) {
-            true => Err(Unjudged::TooLong(self.seconds)),
+            true => Err(JudgeError::TooLong(self.limit_secs)),
             false => Ok(()),
         }
     }
@@ -48,10 +48,10 @@ pub struct SnapshotCache<'a> {
     deadline: Deadline,
     evaluator: Evaluator,
     cached: BTreeMap<Time, Arc<Snapshot>>,
-    /// The stage with one camera active all the time, by camera.
-    cameras: BTreeMap<usize, Evaluator>,
-    /// The stage with one light alone, by light.
-    lights: BTreeMap<usize, Evaluator>,
+    /// Evaluators of copies of the stage in which one camera is active all the time, by the index of that camera.
+    camera_evaluators: BTreeMap<usize, Evaluator>,
+    /// Evaluators of copies of the stage in which only one light is on, by the index of that light.
+    light_evaluators: BTreeMap<usize, Evaluator>,
     resources: Option<Arc<SceneResources>>,
 }
 
@@ -63,8 +63,8 @@ impl<'a> SnapshotCache<'a> {
             deadline,
             evaluator: Evaluator::new(stage.clone()),
             cached: BTreeMap::new(),
-            cameras: BTreeMap::new(),
-            lights: BTreeMap::new(),
+            camera_evaluators: BTreeMap::new(),
+            light_evaluators: BTreeMap::new(),
             resources: None,
         }
     }
@@ -75,12 +75,12 @@ impl<'a> SnapshotCache<'a> {
     }
 
     /// Fails once the section's time is used up.
-    pub(crate) fn check_deadline(&self) -> Result<(), Unjudged> {
+    pub(crate) fn check_deadline(&self) -> Result<(), JudgeError> {
         self.deadline.check()
     }
 
     /// Snapshot at a time. Fails with the error of a callback and its place.
-    pub fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, Unjudged> {
+    pub fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, JudgeError> {
         self.check_deadline()?;
         if let Some(snapshot) = self.cached.get(&time) {
             return Ok(snapshot.clone());
@@ -94,24 +94,24 @@ impl<'a> SnapshotCache<'a> {
     }
 
     /// State of a camera; `None` stands for the active camera.
-    pub fn camera(&mut self, camera: Option<usize>, time: Time) -> Result<CameraState, Unjudged> {
+    pub fn camera_state(&mut self, camera: Option<usize>, time: Time) -> Result<CameraState, JudgeError> {
         let Some(camera) = camera else { return Ok(self.at(time)?.camera) };
         let stage = &self.stage;
-        let evaluator = self.cameras.entry(camera).or_insert_with(|| {
-            let mut alone = (**stage).clone();
-            alone.cuts = vec![Cut::new(Time(i64::MIN), camera)];
-            Evaluator::new(Arc::new(alone))
+        let evaluator = self.camera_evaluators.entry(camera).or_insert_with(|| {
+            let mut one_camera_stage = (**stage).clone();
+            one_camera_stage.cuts = vec![Cut::new(Time(i64::MIN), camera)];
+            Evaluator::new(Arc::new(one_camera_stage))
         });
         Ok(evaluator.at(time)?.camera)
     }
 
-    /// State of a light; `None` if it does not shine.
-    pub fn light(&mut self, light: usize, time: Time) -> Result<Option<LightState>, Unjudged> {
+    /// State of a light; `None` if it is off.
+    pub fn light_state(&mut self, light: usize, time: Time) -> Result<Option<LightState>, JudgeError> {
         let stage = &self.stage;
-        let evaluator = self.lights.entry(light).or_insert_with(|| {
-            let mut alone = (**stage).clone();
-            alone.actors.iter_mut().for_each(|actor| actor.file_lights = false);
-            for (_, other) in alone.lights.iter_mut().enumerate().filter(|(i, _)| *i != light) {
+        let evaluator = self.light_evaluators.entry(light).or_insert_with(|| {
+            let mut one_light_stage = (**stage).clone();
+            one_light_stage.actors.iter_mut().for_each(|actor| actor.file_lights = false);
+            for (_, other) in one_light_stage.lights.iter_mut().enumerate().filter(|(i, _)| *i != light) {
                 // Other lights are hidden, not removed: callbacks refer to lights by index.
                 other.channels.push(Channel {
                     property: Property::Visible,
@@ -120,21 +120,25 @@ impl<'a> SnapshotCache<'a> {
                     values: vec![0.0],
                 });
             }
-            Evaluator::new(Arc::new(alone))
+            Evaluator::new(Arc::new(one_light_stage))
         });
         Ok(evaluator.at(time)?.lights.first().copied())
     }
 
-    /// Transform from the subject's space to world space, including scale; NaN if the subject is not posed or does not shine.
-    pub(crate) fn world_from(&mut self, subject: Subject, time: Time) -> Result<DAffine3, Unjudged> {
+    /// Transform from the subject's space to world space, including scale; NaN if the subject is a hidden actor or a light that is off.
+    pub(crate) fn world_from_subject(
+        &mut self,
+        subject: Subject,
+        time: Time,
+    ) -> Result<DAffine3, JudgeError> {
         let nowhere = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::NAN };
         Ok(match subject {
-            Subject::Actor(actor) => self.attachment(&Attachment { actor, joint: None }, time)?,
+            Subject::Actor(actor) => self.world_from_attachment(&Attachment { actor, joint: None }, time)?,
             Subject::Joint { actor, joint } => {
-                self.attachment(&Attachment { actor, joint: Some(joint) }, time)?
+                self.world_from_attachment(&Attachment { actor, joint: Some(joint) }, time)?
             }
-            Subject::Camera(camera) => self.camera(Some(camera), time)?.world_from_view,
-            Subject::Light(light) => match self.light(light, time)? {
+            Subject::Camera(camera) => self.camera_state(Some(camera), time)?.world_from_view,
+            Subject::Light(light) => match self.light_state(light, time)? {
                 Some(state) => {
                     let back = -state.direction.as_dvec3();
                     let right = back.any_orthonormal_vector();
@@ -148,7 +152,7 @@ impl<'a> SnapshotCache<'a> {
         })
     }
 
-    pub fn attachment(&mut self, at: &Attachment, time: Time) -> Result<DAffine3, Unjudged> {
+    pub fn world_from_attachment(&mut self, at: &Attachment, time: Time) -> Result<DAffine3, JudgeError> {
         let snapshot = self.at(time)?;
         let nowhere = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::NAN };
         let Some(state) = snapshot.actors.get(at.actor) else { return Ok(nowhere) };
@@ -159,7 +163,7 @@ impl<'a> SnapshotCache<'a> {
     }
 
     /// Times at which an expectation is evaluated.
-    pub fn times(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
+    pub fn times(&self, e: &Expectation) -> Result<Vec<Time>, JudgeError> {
         let settings = &self.stage.settings;
         let (from, until) = match e.when {
             When::At(time) => return Ok(vec![time]),
@@ -191,7 +195,7 @@ impl<'a> SnapshotCache<'a> {
     }
 
     /// Times as in [`SnapshotCache::times`], and the ends of a span even if they lie between two frames.
-    pub(crate) fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
+    pub(crate) fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, JudgeError> {
         let mut times = self.times(e)?;
         if let When::During(from, until) = e.when {
             if times.first() != Some(&from) {
@@ -210,18 +214,18 @@ impl<'a> SnapshotCache<'a> {
     }
 }
 
-fn check_count(count: i64) -> Result<(), Unjudged> {
-    match count > MOST {
-        true => Err(Unjudged::TooManySnapshots(count)),
+fn check_count(count: i64) -> Result<(), JudgeError> {
+    match count > MAX_SAMPLES {
+        true => Err(JudgeError::TooManySnapshots(count)),
         false => Ok(()),
     }
 }
 
 fn model_from_joint(state: &ActorState, joint: u32) -> Option<DAffine3> {
-    state.model_from_joint.get(joint as usize).map(widen)
+    state.model_from_joint.get(joint as usize).map(to_double_precision)
 }
 
-pub fn widen(a: &Affine3A) -> DAffine3 {
+pub fn to_double_precision(a: &Affine3A) -> DAffine3 {
     DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
 }
 

@@ -1,9 +1,9 @@
-//! Judges lines of text: warnings, printed lines, parts left out of a plan, effects.
+//! Judges lists of texts: warnings, printed lines, render features that a plan leaves out, names of active effects.
 
+use super::judge_error::JudgeError;
 use super::snapshot_cache::SnapshotCache;
-use super::unjudged::Unjudged;
-use super::words::like;
-use super::{Judged, plan, words};
+use super::text_format::matches_pattern;
+use super::{Judgment, plan, text_format};
 use choreo_motion::Time;
 use choreo_render::plan::left_out_names;
 use choreo_script::did_you_mean;
@@ -12,7 +12,7 @@ use choreo_stage::Stage;
 use std::sync::Arc;
 
 /// Warnings of the script and of every asset on stage, each once.
-pub fn warnings(stage: &Stage) -> Vec<String> {
+pub fn collect_warnings(stage: &Stage) -> Vec<String> {
     let mut lines = stage.warnings.clone();
     let mut seen: Vec<&Arc<choreo_asset::Asset>> = Vec::new();
     for actor in &stage.actors {
@@ -34,10 +34,10 @@ pub fn judge(
     e: &Expectation,
     texts: TextsQuantity,
     test: &TextsTest,
-) -> Judged {
+) -> Judgment {
     match try_judge(run, snapshots, e, texts, test) {
         Ok(judged) => judged,
-        Err(why) => Judged::impossible("lines to check", why),
+        Err(why) => Judgment::impossible("lines to check", why),
     }
 }
 
@@ -47,17 +47,17 @@ fn try_judge(
     e: &Expectation,
     texts: TextsQuantity,
     test: &TextsTest,
-) -> Result<Judged, Unjudged> {
+) -> Result<Judgment, JudgeError> {
     if let (TextsQuantity::LeftOut(_), TextsTest::Names(name)) = (texts, test)
-        && !left_out_names().any(|known| like(known, name))
+        && !left_out_names().any(|known| matches_pattern(known, name))
     {
         let why = format!("nothing is called \"{name}\"{}", did_you_mean(name, left_out_names()));
-        let mut judged = Judged::impossible("the name of something that a plan can leave out", why);
+        let mut judged = Judgment::impossible("the name of something that a plan can leave out", why);
         judged.hint = format!("known: {}", left_out_names().collect::<Vec<_>>().join(", "));
         return Ok(judged);
     }
-    let timed = matches!(texts, TextsQuantity::LeftOut(_) | TextsQuantity::Effects);
-    let times = if timed { snapshots.times_and_ends(e)? } else { vec![Time::ZERO] };
+    let varies_over_time = matches!(texts, TextsQuantity::LeftOut(_) | TextsQuantity::Effects);
+    let times = if varies_over_time { snapshots.times_and_ends(e)? } else { vec![Time::ZERO] };
     let what = match texts {
         TextsQuantity::Warnings => "warnings",
         TextsQuantity::Printed => "printed lines",
@@ -72,52 +72,53 @@ fn try_judge(
     };
     let expected = if e.negated { format!("not: {expected}") } else { expected };
     for time in &times {
-        let lines = lines(run, snapshots, e, texts, *time)?;
+        let lines = lines_of_quantity(run, snapshots, e, texts, *time)?;
         let holds = match test {
             TextsTest::Empty => lines.is_empty(),
             TextsTest::Contains(part) => lines.iter().any(|line| line.contains(part.as_str())),
-            TextsTest::Names(name) => {
-                lines.iter().any(|line| like(line.split_once(": ").map_or(line, |(what, _)| what), name))
-            }
+            TextsTest::Names(name) => lines
+                .iter()
+                .any(|line| matches_pattern(line.split_once(": ").map_or(line, |(what, _)| what), name)),
             TextsTest::Count(n) => lines.len() == *n,
         };
         if holds == e.negated {
-            let when = if timed { format!(" at {}", words::time(*time)) } else { String::new() };
+            let when =
+                if varies_over_time { format!(" at {}", text_format::time(*time)) } else { String::new() };
             let got = match lines.as_slice() {
                 [] => format!("none{when}"),
-                // The first line of a diagnostic states its subject; its other lines show the place.
+                // The first line of a diagnostic is its message; its other lines show the place.
                 [line] => format!("{}{when}", line.lines().next().unwrap_or_default()),
-                several => format!("{}: {}{when}", several.len(), short(several)),
+                several => format!("{}: {}{when}", several.len(), first_lines(several)),
             };
-            return Ok(Judged::new(false, expected, got));
+            return Ok(Judgment::new(false, expected, got));
         }
     }
-    Ok(Judged::new(true, expected.clone(), expected))
+    Ok(Judgment::new(true, expected.clone(), expected))
 }
 
-fn short(lines: &[String]) -> String {
-    const MOST: usize = 8;
-    let firsts = lines.iter().take(MOST).map(|line| line.lines().next().unwrap_or_default());
+fn first_lines(lines: &[String]) -> String {
+    const MAX_LISTED: usize = 8;
+    let firsts = lines.iter().take(MAX_LISTED).map(|line| line.lines().next().unwrap_or_default());
     let mut text = firsts.collect::<Vec<_>>().join("; ");
-    if lines.len() > MOST {
-        text.push_str(&format!("; and {} more", lines.len() - MOST));
+    if lines.len() > MAX_LISTED {
+        text.push_str(&format!("; and {} more", lines.len() - MAX_LISTED));
     }
     text
 }
 
-fn lines(
+fn lines_of_quantity(
     run: &SectionRun,
     snapshots: &mut SnapshotCache,
     e: &Expectation,
     texts: TextsQuantity,
     time: Time,
-) -> Result<Vec<String>, Unjudged> {
+) -> Result<Vec<String>, JudgeError> {
     Ok(match texts {
-        TextsQuantity::Warnings => warnings(&snapshots.stage),
+        TextsQuantity::Warnings => collect_warnings(&snapshots.stage),
         TextsQuantity::Printed if e.stage == 0 => run.printed.clone(),
         TextsQuantity::Printed => Vec::new(),
         TextsQuantity::LeftOut(options) => {
-            let plan = plan::make(snapshots, &options, time)?;
+            let plan = plan::make_plan(snapshots, &options, time)?;
             plan.left_out.iter().map(|l| format!("{}: {}", l.what, l.why)).collect()
         }
         TextsQuantity::Effects => {

@@ -1,44 +1,51 @@
 //! Judges values that a script has computed itself.
 
-use super::Judged;
-use super::words::{self, like, times_tolerance};
+use super::Judgment;
+use super::text_format::{self, matches_pattern, tolerance_ratio};
 use choreo_script::testing::{Expectation, Value, ValueTest};
 
-pub fn judge(e: &Expectation, got: &Value, test: &ValueTest) -> Judged {
-    let number = number(got);
+pub fn judge(e: &Expectation, got: &Value, test: &ValueTest) -> Judgment {
+    let number = as_number(got);
     let (holds, expected, by) = match test {
-        ValueTest::Equals(wanted) => (same(got, wanted), shown(wanted), difference(got, wanted)),
+        ValueTest::Equals(wanted) => {
+            (equal_values(got, wanted), value_text(wanted), difference_text(got, wanted))
+        }
         ValueTest::Near { goal, tolerance } => {
             let off = distance(got, goal);
-            let by = off.map(|off| format!("{}{}", words::number(off), times_tolerance(off, *tolerance)));
+            let by =
+                off.map(|off| format!("{}{}", text_format::number(off), tolerance_ratio(off, *tolerance)));
             let holds = off.is_some_and(|off| off <= *tolerance);
-            (holds, format!("{} ± {}", shown(goal), words::number(*tolerance)), by.unwrap_or_default())
+            (
+                holds,
+                format!("{} ± {}", value_text(goal), text_format::number(*tolerance)),
+                by.unwrap_or_default(),
+            )
         }
         ValueTest::Below(limit) => (
             number.is_some_and(|n| n <= *limit),
-            format!("at most {}", words::number(*limit)),
-            number.map(|n| words::number(n - limit)).unwrap_or_default(),
+            format!("at most {}", text_format::number(*limit)),
+            number.map(|n| text_format::number(n - limit)).unwrap_or_default(),
         ),
         ValueTest::Above(limit) => (
             number.is_some_and(|n| n >= *limit),
-            format!("at least {}", words::number(*limit)),
-            number.map(|n| words::number(limit - n)).unwrap_or_default(),
+            format!("at least {}", text_format::number(*limit)),
+            number.map(|n| text_format::number(limit - n)).unwrap_or_default(),
         ),
         ValueTest::Between(low, high) => (
             number.is_some_and(|n| (*low..=*high).contains(&n)),
-            format!("{} to {}", words::number(*low), words::number(*high)),
-            number.map(|n| words::number((low - n).max(n - high))).unwrap_or_default(),
+            format!("{} to {}", text_format::number(*low), text_format::number(*high)),
+            number.map(|n| text_format::number((low - n).max(n - high))).unwrap_or_default(),
         ),
         ValueTest::Contains(part) => {
             let holds = match (got, part) {
                 (Value::Text(text), Value::Text(part)) => text.contains(part.as_str()),
-                (Value::List(list), part) => list.iter().any(|element| same(element, part)),
+                (Value::List(list), part) => list.iter().any(|element| equal_values(element, part)),
                 _ => false,
             };
-            (holds, format!("containing {}", shown(part)), String::new())
+            (holds, format!("containing {}", value_text(part)), String::new())
         }
         ValueTest::Matches(pattern) => {
-            let holds = matches!(got, Value::Text(text) if like(text, pattern));
+            let holds = matches!(got, Value::Text(text) if matches_pattern(text, pattern));
             (holds, format!("like \"{pattern}\""), String::new())
         }
         ValueTest::Empty => {
@@ -53,10 +60,10 @@ pub fn judge(e: &Expectation, got: &Value, test: &ValueTest) -> Judged {
     };
     let expected = if e.negated { format!("not {expected}") } else { expected };
     let by = if e.negated { String::new() } else { by };
-    Judged::new(holds != e.negated, expected, shown(got)).by(by)
+    Judgment::new(holds != e.negated, expected, value_text(got)).with_error(by)
 }
 
-fn number(v: &Value) -> Option<f64> {
+fn as_number(v: &Value) -> Option<f64> {
     match v {
         Value::Int(n) => Some(*n as f64),
         Value::Number(n) => Some(*n),
@@ -65,14 +72,16 @@ fn number(v: &Value) -> Option<f64> {
 }
 
 /// Whether values are equal. Integers and floats are compared by value; NaN is not equal to anything.
-fn same(a: &Value, b: &Value) -> bool {
+fn equal_values(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Int(a), Value::Int(b)) => a == b,
-        (Value::List(a), Value::List(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b)),
-        (Value::Map(a), Value::Map(b)) => {
-            a.len() == b.len() && a.iter().zip(b).all(|((k, a), (l, b))| k == l && same(a, b))
+        (Value::List(a), Value::List(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| equal_values(a, b))
         }
-        (a, b) => match (number(a), number(b)) {
+        (Value::Map(a), Value::Map(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|((k, a), (l, b))| k == l && equal_values(a, b))
+        }
+        (a, b) => match (as_number(a), as_number(b)) {
             (Some(a), Some(b)) => a == b,
             _ => a == b,
         },
@@ -88,34 +97,34 @@ fn distance(a: &Value, b: &Value) -> Option<f64> {
                 each.into_iter().fold(0.0, |most: f64, d| if d.is_nan() { d } else { most.max(d) })
             })
         }
-        _ => Some((number(a)? - number(b)?).abs()),
+        _ => Some((as_number(a)? - as_number(b)?).abs()),
     }
 }
 
-fn difference(a: &Value, b: &Value) -> String {
-    distance(a, b).filter(|d| *d > 0.0).map(words::number).unwrap_or_default()
+fn difference_text(a: &Value, b: &Value) -> String {
+    distance(a, b).filter(|d| *d > 0.0).map(text_format::number).unwrap_or_default()
 }
 
-fn shown(v: &Value) -> String {
-    const MOST: usize = 12;
+fn value_text(v: &Value) -> String {
+    const MAX_SHOWN: usize = 12;
     match v {
         Value::Nothing => "()".into(),
         Value::Bool(b) => b.to_string(),
         Value::Int(n) => n.to_string(),
-        Value::Number(n) => words::number(*n),
+        Value::Number(n) => text_format::number(*n),
         Value::Text(text) => {
             let cut: String = text.chars().take(120).collect();
             format!("\"{cut}{}\"", if cut.len() < text.len() { "…" } else { "" })
         }
         Value::List(list) => {
-            let more = if list.len() > MOST { ", …" } else { "" };
-            let texts: Vec<String> = list.iter().take(MOST).map(shown).collect();
+            let more = if list.len() > MAX_SHOWN { ", …" } else { "" };
+            let texts: Vec<String> = list.iter().take(MAX_SHOWN).map(value_text).collect();
             format!("[{}{more}]", texts.join(", "))
         }
         Value::Map(map) => {
-            let more = if map.len() > MOST { ", …" } else { "" };
+            let more = if map.len() > MAX_SHOWN { ", …" } else { "" };
             let texts: Vec<String> =
-                map.iter().take(MOST).map(|(k, v)| format!("{k}: {}", shown(v))).collect();
+                map.iter().take(MAX_SHOWN).map(|(k, v)| format!("{k}: {}", value_text(v))).collect();
             format!("#{{ {}{more} }}", texts.join(", "))
         }
     }

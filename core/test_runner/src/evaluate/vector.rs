@@ -1,11 +1,11 @@
 //! Judges points, directions and colors over time.
 
 use super::band::{Band, Series, judge_band};
-use super::number::target_at;
+use super::judge_error::JudgeError;
+use super::number::target_position;
 use super::snapshot_cache::{SnapshotCache, rotation_of};
-use super::unjudged::Unjudged;
-use super::words::{self, times_tolerance, with_unit};
-use super::{Judged, frame};
+use super::text_format::{self, number_with_unit, tolerance_ratio};
+use super::{Judgment, frame};
 use crate::outcome::Trace;
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, Subject, VectorGoal, VectorQuantity, VectorTest, When};
@@ -19,7 +19,7 @@ pub fn unit(quantity: &VectorQuantity) -> &'static str {
 }
 
 /// Name of a subject in messages: `anna`, `anna Head`, `camera wide`, `light 0`.
-pub fn name(snapshots: &SnapshotCache, subject: Subject) -> String {
+pub fn subject_name(snapshots: &SnapshotCache, subject: Subject) -> String {
     let stage = &snapshots.stage;
     match subject {
         Subject::Actor(actor) => stage.actors.get(actor).map_or("an actor".into(), |a| a.name.clone()),
@@ -47,24 +47,28 @@ pub fn label(snapshots: &SnapshotCache, quantity: &VectorQuantity) -> String {
         VectorQuantity::Size(actor) => (Subject::Actor(*actor), " size"),
         VectorQuantity::InPicture(subject, _) => (*subject, " in the image"),
     };
-    format!("{}{what}", name(snapshots, subject))
+    format!("{}{what}", subject_name(snapshots, subject))
 }
 
-pub fn at(snapshots: &mut SnapshotCache, quantity: &VectorQuantity, time: Time) -> Result<DVec3, Unjudged> {
+pub fn vector_at(
+    snapshots: &mut SnapshotCache,
+    quantity: &VectorQuantity,
+    time: Time,
+) -> Result<DVec3, JudgeError> {
     Ok(match quantity {
         VectorQuantity::Position(subject, relative_to) => {
-            let place = snapshots.world_from(*subject, time)?.translation;
+            let place = snapshots.world_from_subject(*subject, time)?.translation;
             match relative_to {
                 None => place,
-                Some(to) => snapshots.attachment(to, time)?.inverse().transform_point3(place),
+                Some(to) => snapshots.world_from_attachment(to, time)?.inverse().transform_point3(place),
             }
         }
         VectorQuantity::Scale(subject) => {
-            let m = snapshots.world_from(*subject, time)?.matrix3;
+            let m = snapshots.world_from_subject(*subject, time)?.matrix3;
             DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
         }
         VectorQuantity::Direction(subject) => {
-            let rotation = rotation_of(&snapshots.world_from(*subject, time)?.matrix3);
+            let rotation = rotation_of(&snapshots.world_from_subject(*subject, time)?.matrix3);
             rotation
                 * match subject {
                     Subject::Camera(_) | Subject::Light(_) => DVec3::NEG_Z,
@@ -80,56 +84,56 @@ pub fn at(snapshots: &mut SnapshotCache, quantity: &VectorQuantity, time: Time) 
             None => DVec3::NAN,
         },
         VectorQuantity::LightColor(light) => {
-            snapshots.light(*light, time)?.map_or(DVec3::NAN, |state| state.light.color.as_dvec3())
+            snapshots.light_state(*light, time)?.map_or(DVec3::NAN, |state| state.light.color.as_dvec3())
         }
         VectorQuantity::Size(actor) => {
-            let (min, max) = frame::bounds(snapshots, *actor, time)?;
+            let (min, max) = frame::posed_bounds(snapshots, *actor, time)?;
             max - min
         }
         VectorQuantity::InPicture(subject, camera) => {
             if is_own_camera(snapshots, *subject, *camera, time)? {
                 return Ok(DVec3::NAN);
             }
-            let place = snapshots.world_from(*subject, time)?.translation;
-            frame::Lens::new(snapshots, *camera, time)?.project(place)
+            let place = snapshots.world_from_subject(*subject, time)?.translation;
+            frame::CameraView::new(snapshots, *camera, time)?.project(place)
         }
     })
 }
 
-/// Whether a subject is the camera that takes the image: rounding alone would determine its position there. `None`: the active camera.
+/// Whether a subject is the camera that draws the image. Its position in its own image is undefined. `None` stands for the active camera.
 fn is_own_camera(
     snapshots: &mut SnapshotCache,
     subject: Subject,
     camera: Option<usize>,
     time: Time,
-) -> Result<bool, Unjudged> {
+) -> Result<bool, JudgeError> {
     let Subject::Camera(own) = subject else { return Ok(false) };
-    let takes = match camera {
+    let camera_of_image = match camera {
         None => snapshots.at(time)?.camera.camera,
         given => given,
     };
-    Ok(takes == Some(own))
+    Ok(camera_of_image == Some(own))
 }
 
 /// Reason why a quantity has no value at a time.
-pub(crate) fn why_unknown(
+pub(crate) fn reason_for_no_value(
     snapshots: &mut SnapshotCache,
     quantity: &VectorQuantity,
     time: Time,
-) -> Result<String, Unjudged> {
+) -> Result<String, JudgeError> {
     if let VectorQuantity::InPicture(subject, camera) = quantity {
         if is_own_camera(snapshots, *subject, *camera, time)? {
             return Ok(format!(
                 "{} is the camera of this image, so it has no position in it; name another camera: \
                  in_picture(camera)",
-                name(snapshots, *subject)
+                subject_name(snapshots, *subject)
             ));
         }
-        if snapshots.world_from(*subject, time)?.translation.is_finite() {
-            return Ok("it is behind the camera then".into());
+        if snapshots.world_from_subject(*subject, time)?.translation.is_finite() {
+            return Ok("at this time it is behind the camera".into());
         }
     }
-    Ok("it is hidden then, or does not shine".into())
+    Ok("at this time it is hidden, or is a light that is off".into())
 }
 
 pub fn judge(
@@ -137,11 +141,11 @@ pub fn judge(
     e: &Expectation,
     quantity: &VectorQuantity,
     test: &VectorTest,
-) -> Judged {
+) -> Judgment {
     let label = label(snapshots, quantity);
     match try_judge(snapshots, e, quantity, test, &label) {
         Ok(judged) => judged,
-        Err(why) => Judged::impossible(format!("{label} to be known"), why),
+        Err(why) => Judgment::impossible(format!("{label} to be known"), why),
     }
 }
 
@@ -151,79 +155,79 @@ fn try_judge(
     quantity: &VectorQuantity,
     test: &VectorTest,
     label: &str,
-) -> Result<Judged, Unjudged> {
+) -> Result<Judgment, JudgeError> {
     let unit = unit(quantity);
     let times = snapshots.times_and_ends(e)?;
-    let got = points(snapshots, quantity, &times)?;
-    // Components that the traces show together with their expected values.
-    let (offs, goals, tolerance, expected): (Vec<f64>, Vec<[DVec3; 2]>, f64, String) = match test {
+    let got = vectors_at(snapshots, quantity, &times)?;
+    // Distance to the goal, and lowest and highest allowed point, at each time.
+    let (distances, goals, tolerance, expected): (Vec<f64>, Vec<[DVec3; 2]>, f64, String) = match test {
         VectorTest::Near { goal, tolerance } => {
             let goals = times
                 .iter()
                 .map(|t| goal_at(snapshots, quantity, goal, *t))
-                .collect::<Result<Vec<DVec3>, Unjudged>>()?;
+                .collect::<Result<Vec<DVec3>, JudgeError>>()?;
             let off = got.iter().zip(&goals).map(|(g, goal)| g.distance(*goal)).collect();
             let shown = match goal {
-                VectorGoal::Point(point) => words::point(*point),
+                VectorGoal::Point(point) => text_format::point(*point),
                 VectorGoal::Formula(_) => "the function".into(),
-                VectorGoal::Subject(subject) => name(snapshots, *subject),
+                VectorGoal::Subject(subject) => subject_name(snapshots, *subject),
                 VectorGoal::Target(_) => "its target".into(),
             };
-            let expected = format!("{shown} ± {}", with_unit(*tolerance, unit));
+            let expected = format!("{shown} ± {}", number_with_unit(*tolerance, unit));
             (off, goals.iter().map(|g| [*g, *g]).collect(), *tolerance, expected)
         }
         VectorTest::Within { min, max } => {
             let off = got.iter().map(|g| (*g - g.clamp(*min, *max)).length()).collect();
-            let expected = format!("{} to {}", words::point(*min), words::point(*max));
+            let expected = format!("{} to {}", text_format::point(*min), text_format::point(*max));
             (off, vec![[*min, *max]; times.len()], 0.0, expected)
         }
     };
-    let distances = Series { times, values: offs };
+    let series = Series { times, values: distances };
     let band = Band {
-        allowed: vec![[f64::NEG_INFINITY, tolerance]; distances.values.len()],
-        off: distances.values.iter().map(|d| d - tolerance).collect(),
-        goal: Vec::new(),
+        allowed: vec![[f64::NEG_INFINITY, tolerance]; series.values.len()],
+        distances: series.values.iter().map(|d| d - tolerance).collect(),
+        expected_curve: Vec::new(),
         tolerance: 0.0,
-        words: expected.clone(),
+        description: expected.clone(),
     };
-    let mut judged = judge_band(&distances, &band, e, label, unit);
+    let mut judged = judge_band(&series, &band, e, label, unit);
     let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
-    let Some(i) = distances.times.iter().position(|t| t.as_secs() == worst) else { return Ok(judged) };
+    let Some(i) = series.times.iter().position(|t| t.as_secs() == worst) else { return Ok(judged) };
     // The text shows the point itself instead of the distance.
     let when = judged.got.split_once(" at ").map_or(String::new(), |(_, when)| format!(" at {when}"));
-    let point = words::point(got[i]);
+    let point = text_format::point(got[i]);
     let unit_word = if unit.is_empty() || got[i].is_nan() { String::new() } else { format!(" {unit}") };
     judged.got = format!("{point}{unit_word}{when}");
-    let moves = matches!(
+    let goal_varies = matches!(
         test,
         VectorTest::Near {
             goal: VectorGoal::Subject(_) | VectorGoal::Target(_) | VectorGoal::Formula(_),
             ..
         }
     );
-    if moves && !judged.passed {
-        judged.expected = format!("{}, there {}", judged.expected, words::point(goals[i][0]));
+    if goal_varies && !judged.passed {
+        judged.expected = format!("{}, there {}", judged.expected, text_format::point(goals[i][0]));
     }
-    if !judged.passed && !e.negated && distances.values[i].is_finite() {
-        let off = distances.values[i];
-        judged.by = format!("{}{}", with_unit(off, unit), times_tolerance(off, tolerance));
+    if !judged.passed && !e.negated && series.values[i].is_finite() {
+        let off = series.values[i];
+        judged.by = format!("{}{}", number_with_unit(off, unit), tolerance_ratio(off, tolerance));
     }
     if !judged.passed {
         judged.traces =
-            traces(snapshots, e, quantity, &distances.times, &got, &goals, tolerance, label, worst);
+            component_traces(snapshots, e, quantity, &series.times, &got, &goals, tolerance, label, worst);
         if got[i].is_nan() {
-            judged.hint = why_unknown(snapshots, quantity, distances.times[i])?;
+            judged.hint = reason_for_no_value(snapshots, quantity, series.times[i])?;
         }
     }
     Ok(judged)
 }
 
-fn points(
+fn vectors_at(
     snapshots: &mut SnapshotCache,
     quantity: &VectorQuantity,
     times: &[Time],
-) -> Result<Vec<DVec3>, Unjudged> {
-    times.iter().map(|t| at(snapshots, quantity, *t)).collect()
+) -> Result<Vec<DVec3>, JudgeError> {
+    times.iter().map(|t| vector_at(snapshots, quantity, *t)).collect()
 }
 
 fn goal_at(
@@ -231,13 +235,13 @@ fn goal_at(
     quantity: &VectorQuantity,
     goal: &VectorGoal,
     time: Time,
-) -> Result<DVec3, Unjudged> {
+) -> Result<DVec3, JudgeError> {
     match goal {
         VectorGoal::Point(point) => Ok(*point),
-        VectorGoal::Target(target) => target_at(snapshots, target, time),
+        VectorGoal::Target(target) => target_position(snapshots, target, time),
         // The same quantity of the other subject, or its position if it does not have that quantity.
         VectorGoal::Subject(other) => {
-            let same = match quantity {
+            let same_quantity = match quantity {
                 VectorQuantity::Position(_, to) => VectorQuantity::Position(*other, *to),
                 VectorQuantity::Scale(_) => VectorQuantity::Scale(*other),
                 VectorQuantity::Direction(_) => VectorQuantity::Direction(*other),
@@ -250,10 +254,10 @@ fn goal_at(
                     VectorQuantity::Position(*other, None)
                 }
             };
-            at(snapshots, &same, time)
+            vector_at(snapshots, &same_quantity, time)
         }
         VectorGoal::Formula(formula) => {
-            let v = formula.at(time).map_err(Unjudged::Formula)?;
+            let v = formula.at(time).map_err(JudgeError::Formula)?;
             Ok(match v[..] {
                 [x, y, z] => DVec3::new(x, y, z),
                 _ => DVec3::NAN,
@@ -263,8 +267,8 @@ fn goal_at(
 }
 
 /// Plots of the components x, y and z, each with its allowed range where it has one.
-#[allow(clippy::too_many_arguments, reason = "one call, and each is its own thing")]
-fn traces(
+#[allow(clippy::too_many_arguments, reason = "there is one call, and its arguments do not belong together")]
+fn component_traces(
     snapshots: &mut SnapshotCache,
     e: &Expectation,
     quantity: &VectorQuantity,
@@ -281,7 +285,7 @@ fn traces(
     if let When::At(time) = e.when {
         let wide = Expectation { when: When::During(time - half, time + half), ..e.clone() };
         if let Ok(around) = snapshots.times(&wide)
-            && let Ok(near) = points(snapshots, quantity, &around)
+            && let Ok(near) = vectors_at(snapshots, quantity, &around)
         {
             for (t, point) in around.into_iter().zip(near) {
                 let i = all.partition_point(|known| *known < t);

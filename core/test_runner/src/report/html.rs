@@ -1,8 +1,8 @@
 //! The report as one self-contained HTML file, with images as data URLs and plots as SVG, which can be opened from a disk.
 
 use super::html_trace::plots;
-use super::junit::escaped;
-use super::{accept, rerun};
+use super::junit::escape_xml;
+use super::{accept_command, rerun_command};
 use crate::collect::shown;
 use crate::outcome::{Check, Evidence, Outcome, Pictures, Status};
 use crate::run::Report;
@@ -26,8 +26,8 @@ pub fn report(report: &Report, about: &str) -> String {
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n<title>choreo test: {}</title>\n\
          <style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n<h1>choreo test <span class=\"{mark}\">{}</span></h1>\n",
-        text(&word),
-        text(&word),
+        escaped_text(&word),
+        escaped_text(&word),
     );
     html.push_str("<ul class=\"counts\">\n");
     let mut number = |n: usize, class: &str, what: &str| {
@@ -43,19 +43,19 @@ pub fn report(report: &Report, about: &str) -> String {
     number(counts.checks, "", "checks");
     number(counts.warnings, "", "warnings");
     let _ = writeln!(html, "<li><b>{:.1}</b> s</li>\n</ul>", report.seconds);
-    let _ = writeln!(html, "<p class=\"about\">{}</p>", text(about));
+    let _ = writeln!(html, "<p class=\"about\">{}</p>", escaped_text(about));
     html.push_str(
         "<p class=\"tools\"><input id=\"filter\" type=\"search\" placeholder=\"filter by file, section or text\" \
          aria-label=\"filter\"> <label><input id=\"only\" type=\"checkbox\"> failures only</label> \
          <span id=\"shown\"></span></p>\n</header>\n<main>\n",
     );
     for file in report.outcomes.chunk_by(|a, b| a.file == b.file) {
-        group(&mut html, file);
+        write_file(&mut html, file);
     }
-    if !report.unused.is_empty() {
+    if !report.unused_images.is_empty() {
         html.push_str("<section class=\"file\"><h2>Stored images that no section uses</h2><ul>\n");
-        for path in &report.unused {
-            let _ = writeln!(html, "<li><code>{}</code></li>", text(&shown(path)));
+        for path in &report.unused_images {
+            let _ = writeln!(html, "<li><code>{}</code></li>", escaped_text(&shown(path)));
         }
         html.push_str("</ul></section>\n");
     }
@@ -63,30 +63,31 @@ pub fn report(report: &Report, about: &str) -> String {
     html
 }
 
-fn text(text: &str) -> String {
-    escaped(&printable(text))
+fn escaped_text(text: &str) -> String {
+    escape_xml(&printable(text))
 }
 
-fn group(html: &mut String, outcomes: &[Outcome]) {
+fn write_file(html: &mut String, outcomes: &[Outcome]) {
     let Some(first) = outcomes.first() else { return };
-    let bad = outcomes.iter().filter(|o| o.bad()).count();
+    let bad = outcomes.iter().filter(|o| o.has_failed()).count();
     let _ = writeln!(
         html,
         "<section class=\"file\"><h2><code>{}</code> <span class=\"{}\">{}</span></h2>",
-        text(&first.file),
+        escaped_text(&first.file),
         if bad > 0 { "bad" } else { "good" },
         match bad {
+            0 if outcomes.len() == 1 => "1 section".to_string(),
             0 => format!("{} sections", outcomes.len()),
             n => format!("{n} of {} failed", outcomes.len()),
         }
     );
     for outcome in outcomes {
-        section(html, outcome);
+        write_section(html, outcome);
     }
     html.push_str("</section>\n");
 }
 
-fn section(html: &mut String, o: &Outcome) {
+fn write_section(html: &mut String, o: &Outcome) {
     let (class, word) = match &o.status {
         Status::Passed => ("good", if o.reused { "passed, reused" } else { "passed" }),
         Status::Failed => ("bad", "failed"),
@@ -98,8 +99,8 @@ fn section(html: &mut String, o: &Outcome) {
         html,
         "<details class=\"case {class}\"{}><summary><span class=\"{class} word\">{word}</span> {} \
          <span class=\"dim\">{}{} check{}, {:.0} ms</span></summary>",
-        if o.bad() { " open" } else { "" },
-        text(name),
+        if o.has_failed() { " open" } else { "" },
+        escaped_text(name),
         if o.place.line > 0 { format!("line {}, ", o.place.line) } else { String::new() },
         o.checks.len(),
         if o.checks.len() == 1 { "" } else { "s" },
@@ -107,62 +108,70 @@ fn section(html: &mut String, o: &Outcome) {
     );
     match &o.status {
         Status::Skipped(reason) => {
-            let _ = writeln!(html, "<p>{}</p>", text(reason));
+            let _ = writeln!(html, "<p>{}</p>", escaped_text(reason));
         }
         Status::Error(what) => {
-            let _ = writeln!(html, "<pre class=\"bad\">{}</pre>", text(what));
+            let _ = writeln!(html, "<pre class=\"bad\">{}</pre>", escaped_text(what));
         }
         _ => {}
     }
     for check in o.checks.iter().filter(|c| !c.passed) {
-        failed(html, o, check);
+        write_failed_check(html, o, check);
     }
     let passed: Vec<&Check> = o.checks.iter().filter(|c| c.passed).collect();
     if !passed.is_empty() {
         html.push_str("<ul class=\"passed\">\n");
         for check in passed {
             let place = check.place.to_string();
-            let by = if check.by.is_empty() { String::new() } else { format!(" — {}", text(&check.by)) };
-            let _ = writeln!(html, "<li><code>{}</code> {}{by}</li>", text(&place), text(&check.title));
+            let by =
+                if check.by.is_empty() { String::new() } else { format!(" — {}", escaped_text(&check.by)) };
+            let _ = writeln!(
+                html,
+                "<li><code>{}</code> {}{by}</li>",
+                escaped_text(&place),
+                escaped_text(&check.title)
+            );
         }
         html.push_str("</ul>\n");
     }
     for (title, lines) in [("warnings", &o.warnings), ("printed", &o.printed)] {
         if !lines.is_empty() {
-            let _ = writeln!(html, "<p class=\"dim\">{title}</p><pre>{}</pre>", text(&lines.join("\n")));
+            let _ =
+                writeln!(html, "<p class=\"dim\">{title}</p><pre>{}</pre>", escaped_text(&lines.join("\n")));
         }
     }
-    if o.bad() {
-        let _ = writeln!(html, "<p>Alone: <code class=\"type\">{}</code></p>", text(&rerun(o)));
-        if let Some(accept) = accept(o) {
-            let _ = writeln!(html, "<p>Accept: <code class=\"type\">{}</code></p>", text(&accept));
+    if o.has_failed() {
+        let _ =
+            writeln!(html, "<p>Alone: <code class=\"type\">{}</code></p>", escaped_text(&rerun_command(o)));
+        if let Some(accept) = accept_command(o) {
+            let _ = writeln!(html, "<p>Accept: <code class=\"type\">{}</code></p>", escaped_text(&accept));
         }
     }
     html.push_str("</details>\n");
 }
 
-fn failed(html: &mut String, o: &Outcome, c: &Check) {
+fn write_failed_check(html: &mut String, o: &Outcome, c: &Check) {
     let _ = writeln!(
         html,
         "<div class=\"check\"><h3><code>{}</code> {}</h3>\n<dl>",
-        text(&c.place.to_string()),
-        text(&c.title)
+        escaped_text(&c.place.to_string()),
+        escaped_text(&c.title)
     );
     let rows = [("expected", &c.expected), ("got", &c.got), ("off by", &c.by), ("hint", &c.hint)];
     for (name, value) in rows.into_iter().filter(|(_, v)| !v.is_empty()) {
-        let _ = writeln!(html, "<dt>{name}</dt><dd>{}</dd>", text(value));
+        let _ = writeln!(html, "<dt>{name}</dt><dd>{}</dd>", escaped_text(value));
     }
     html.push_str("</dl>\n");
     match &c.evidence {
         Evidence::None => {}
         Evidence::Traces(traces) => html.push_str(&plots(traces)),
-        Evidence::Pictures(p) => pictures(html, o, c, p),
+        Evidence::Pictures(p) => write_images(html, o, c, p),
     }
     html.push_str("</div>\n");
 }
 
 /// Shows the images side by side, alternating, and the difference. Radio buttons switch the view, so that it works without JavaScript.
-fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
+fn write_images(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
     if p.got.is_empty() {
         return;
     }
@@ -180,10 +189,10 @@ fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
         let _ = writeln!(html, "<div class=\"side\">{}</div>", figure(&p.got, "got"));
         return;
     }
-    // Both images are shown with the same width; different sizes are stated.
-    let size = |bytes: &[u8], what: &str| match (sides(&p.expected), sides(&p.got)) {
+    // Both images are shown with the same width; if their sizes differ, the captions give them.
+    let size = |bytes: &[u8], what: &str| match (png_size(&p.expected), png_size(&p.got)) {
         (Some(a), Some(b)) if a != b => {
-            sides(bytes).map_or(what.to_string(), |[w, h]| format!("{what}, {w}x{h} pixels"))
+            png_size(bytes).map_or(what.to_string(), |[w, h]| format!("{what}, {w}x{h} pixels"))
         }
         _ => what.to_string(),
     };
@@ -207,9 +216,9 @@ fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
         let what = "difference: blue 1–2 steps of 255, orange to 15, red to 63, white beyond";
         views.push(("difference", "diff", figure(&p.difference, what)));
     }
-    if !p.seen.is_empty() {
+    if !p.visible_difference.is_empty() {
         let what = "visible difference when the images alternate: black none, pale yellow the most";
-        views.push(("visible difference", "seen", figure(&p.seen, what)));
+        views.push(("visible difference", "seen", figure(&p.visible_difference, what)));
     }
     for (i, (name, class, _)) in views.iter().enumerate() {
         let checked = if i == 0 { " checked" } else { "" };
@@ -235,12 +244,12 @@ fn blake3_hex(parts: &[&str]) -> String {
 
 /// Displayed width in pixels. Small images are enlarged by a whole number, so that single pixels can be distinguished.
 fn shown_width(png: &[u8]) -> u32 {
-    let width = sides(png).map_or(256, |[width, _]| width);
+    let width = png_size(png).map_or(256, |[width, _]| width);
     width * (480 / width.max(1)).clamp(1, 4)
 }
 
 /// Width and height of a PNG.
-fn sides(png: &[u8]) -> Option<[u32; 2]> {
+fn png_size(png: &[u8]) -> Option<[u32; 2]> {
     let side = |at: usize| Some(u32::from_be_bytes(png.get(at..at + 4)?.try_into().ok()?));
     Some([side(16)?, side(20)?])
 }

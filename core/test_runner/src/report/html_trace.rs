@@ -1,6 +1,6 @@
 //! Plots of curves over time as SVG: actual values, expected values, and the allowed range.
 
-use super::junit::escaped;
+use super::junit::escape_xml;
 use crate::outcome::Trace;
 use std::fmt::Write;
 
@@ -9,19 +9,21 @@ const HEIGHT: f64 = 180.0;
 /// Margins of the plot, for the numbers: left, top, right, bottom.
 const MARGIN: [f64; 4] = [64.0, 10.0, 12.0, 24.0];
 /// Largest number of points in a curve: at the plot's width more cannot be distinguished.
-const MOST_POINTS: usize = 1300;
+const MAX_POINTS: usize = 1300;
 /// Largest number of plots for one check.
-const MOST_PLOTS: usize = 12;
+const MAX_PLOTS: usize = 12;
 
 pub fn plots(traces: &[Trace]) -> String {
-    let drawn: String = traces.iter().take(MOST_PLOTS).map(plot).collect();
+    let drawn: String = traces.iter().take(MAX_PLOTS).map(plot).collect();
     if drawn.is_empty() {
         return drawn;
     }
     let mut html = legend(&drawn);
     html.push_str(&drawn);
-    if traces.len() > MOST_PLOTS {
-        let _ = writeln!(html, "<p class=\"dim\">and {} more curves</p>", traces.len() - MOST_PLOTS);
+    if traces.len() > MAX_PLOTS {
+        let more = traces.len() - MAX_PLOTS;
+        let s = if more == 1 { "" } else { "s" };
+        let _ = writeln!(html, "<p class=\"dim\">and {more} more curve{s}</p>");
     }
     html
 }
@@ -32,11 +34,11 @@ fn legend(drawn: &str) -> String {
         ("got", "got"),
         ("expected", "expected"),
         ("band", "allowed"),
-        ("mark", "the time that is given above"),
+        ("mark", "time of the assertion, or of the worst value"),
     ];
-    let there = keys.iter().filter(|(class, _)| drawn.contains(&format!("class=\"{class}\"")));
+    let present = keys.iter().filter(|(class, _)| drawn.contains(&format!("class=\"{class}\"")));
     let mut html = String::from("<p class=\"legend\">");
-    for (class, words) in there {
+    for (class, words) in present {
         let shape = match *class {
             "band" => "<rect class=\"band\" x=\"1\" y=\"3\" width=\"26\" height=\"10\"/>".to_string(),
             "mark" => "<path class=\"mark\" d=\"M14 1V15\"/>".to_string(),
@@ -62,18 +64,18 @@ fn plot(trace: &Trace) -> String {
     if count == 0 || times.is_empty() || values.is_empty() {
         return String::new();
     }
-    let axes = Axes { times: range(&times, 0.0), values: range(&values, 0.08) };
-    let keep = drawn_points(trace, count);
+    let axes = Axes { times: padded_range(&times, 0.0), values: padded_range(&values, 0.08) };
+    let drawn = drawn_points(trace, count);
     let unit = if trace.unit.is_empty() { String::new() } else { format!(", {}", trace.unit) };
     let mut svg = format!(
         "<figure class=\"trace\"><figcaption>{}{}</figcaption><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">",
-        escaped(&trace.label),
-        escaped(&unit),
-        escaped(&trace.label)
+        escape_xml(&trace.label),
+        escape_xml(&unit),
+        escape_xml(&trace.label)
     );
-    axes.grid(&mut svg);
-    axes.band(&mut svg, trace, &keep);
-    axes.curves(&mut svg, trace, &keep);
+    axes.draw_grid(&mut svg);
+    axes.draw_band(&mut svg, trace, &drawn);
+    axes.draw_curves(&mut svg, trace, &drawn);
     let (t0, t1) = axes.times;
     if let Some(mark) = trace.mark.filter(|m| (t0..=t1).contains(m)) {
         let [_, top, _, bottom] = MARGIN;
@@ -84,7 +86,7 @@ fn plot(trace: &Trace) -> String {
 }
 
 /// Range from the lowest to the highest value, extended by a fraction of its size on both sides.
-fn range(values: &[f64], pad: f64) -> (f64, f64) {
+fn padded_range(values: &[f64], pad: f64) -> (f64, f64) {
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let size = high - low;
@@ -110,7 +112,7 @@ impl Axes {
         HEIGHT - bottom - (v.clamp(v0, v1) - v0) / (v1 - v0) * (HEIGHT - top - bottom)
     }
 
-    fn grid(&self, svg: &mut String) {
+    fn draw_grid(&self, svg: &mut String) {
         let [left, top, right, bottom] = MARGIN;
         let ((v0, v1), (t0, t1)) = (self.values, self.times);
         for v in ticks(v0, v1, 5) {
@@ -121,7 +123,7 @@ impl Axes {
                 WIDTH - right,
                 left - 6.0,
                 at + 4.0,
-                number(v, v1 - v0)
+                tick_label(v, v1 - v0)
             );
         }
         for t in ticks(t0, t1, 8) {
@@ -131,13 +133,15 @@ impl Axes {
                 "<path class=\"grid\" d=\"M{at:.1} {top}V{}\"/><text class=\"tick\" x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{} s</text>",
                 HEIGHT - bottom,
                 HEIGHT - 8.0,
-                number(t, t1 - t0)
+                tick_label(t, t1 - t0)
             );
         }
     }
 
-    fn band(&self, svg: &mut String, trace: &Trace, keep: &[usize]) {
-        for run in runs(keep, |i| trace.band.get(i).is_some_and(|b| !b[0].is_nan() && !b[1].is_nan())) {
+    fn draw_band(&self, svg: &mut String, trace: &Trace, keep: &[usize]) {
+        for run in
+            consecutive_runs(keep, |i| trace.band.get(i).is_some_and(|b| !b[0].is_nan() && !b[1].is_nan()))
+        {
             let point =
                 |i: usize, side: usize, by: f64| (self.x(trace.times[i]) + by, self.y(trace.band[i][side]));
             let points: Vec<(f64, f64)> = match run.as_slice() {
@@ -150,20 +154,20 @@ impl Axes {
                     high.chain(run.iter().rev().map(|i| point(*i, 0, 0.0))).collect()
                 }
             };
-            let _ = write!(svg, "<path class=\"band\" d=\"{}Z\"/>", line(&points));
+            let _ = write!(svg, "<path class=\"band\" d=\"{}Z\"/>", path_data(&points));
         }
     }
 
-    fn curves(&self, svg: &mut String, trace: &Trace, keep: &[usize]) {
+    fn draw_curves(&self, svg: &mut String, trace: &Trace, keep: &[usize]) {
         for (class, values) in [("expected", &trace.expected), ("got", &trace.got)] {
-            for run in runs(keep, |i| values.get(i).is_some_and(|v| v.is_finite())) {
+            for run in consecutive_runs(keep, |i| values.get(i).is_some_and(|v| v.is_finite())) {
                 let points: Vec<(f64, f64)> =
                     run.iter().map(|i| (self.x(trace.times[*i]), self.y(values[*i]))).collect();
                 let _ = match points.as_slice() {
                     [(px, py)] => {
                         write!(svg, "<circle class=\"{class}\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3\"/>")
                     }
-                    _ => write!(svg, "<path class=\"{class}\" d=\"{}\"/>", line(&points)),
+                    _ => write!(svg, "<path class=\"{class}\" d=\"{}\"/>", path_data(&points)),
                 };
             }
         }
@@ -172,13 +176,13 @@ impl Axes {
 
 /// Indices of the points that are drawn: all points of a short curve, or the lowest and highest in each short range of a long one.
 fn drawn_points(trace: &Trace, count: usize) -> Vec<usize> {
-    if count <= MOST_POINTS {
+    if count <= MAX_POINTS {
         return (0..count).collect();
     }
-    let stretch = count.div_ceil(MOST_POINTS / 4);
+    let points_per_group = count.div_ceil(MAX_POINTS / 4);
     let mut keep = Vec::new();
-    for from in (0..count).step_by(stretch) {
-        let to = (from + stretch).min(count);
+    for from in (0..count).step_by(points_per_group) {
+        let to = (from + points_per_group).min(count);
         let by = |i: &usize, j: &usize| trace.got[*i].total_cmp(&trace.got[*j]);
         keep.push(from);
         keep.extend((from..to).min_by(by));
@@ -190,13 +194,14 @@ fn drawn_points(trace: &Trace, count: usize) -> Vec<usize> {
     keep
 }
 
-/// Groups of neighboring indices for which `there` is true.
-fn runs(keep: &[usize], there: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
-    let groups = keep.chunk_by(|a, b| there(*a) == there(*b));
-    groups.filter(|g| there(g[0])).map(<[usize]>::to_vec).collect()
+/// Groups of neighboring indices for which `is_drawn` is true.
+fn consecutive_runs(keep: &[usize], is_drawn: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    let groups = keep.chunk_by(|a, b| is_drawn(*a) == is_drawn(*b));
+    groups.filter(|g| is_drawn(g[0])).map(<[usize]>::to_vec).collect()
 }
 
-fn line(points: &[(f64, f64)]) -> String {
+/// Value of the attribute `d` of an SVG path through the points.
+fn path_data(points: &[(f64, f64)]) -> String {
     let mut path = String::new();
     for (i, (x, y)) in points.iter().enumerate() {
         let _ = write!(path, "{}{x:.1} {y:.1}", if i == 0 { 'M' } else { 'L' });
@@ -204,20 +209,20 @@ fn line(points: &[(f64, f64)]) -> String {
     path
 }
 
-/// Round numbers within a range, about `most` of them, for the ticks of an axis.
-fn ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
-    let raw = (high - low) / most as f64;
+/// Round numbers within a range, about `target_count` of them, for the ticks of an axis.
+fn ticks(low: f64, high: f64, target_count: usize) -> Vec<f64> {
+    let raw = (high - low) / target_count as f64;
     if !(raw.is_finite() && raw > 0.0) {
         return Vec::new();
     }
     let power = libm::pow(10.0, libm::floor(libm::log10(raw)));
     let step = [1.0, 2.0, 5.0, 10.0].iter().map(|m| m * power).find(|s| *s >= raw).unwrap_or(raw);
     let first = libm::ceil(low / step) as i64;
-    (0..=2 * most as i64).map(|i| (first + i) as f64 * step).take_while(|v| *v <= high).collect()
+    (0..=2 * target_count as i64).map(|i| (first + i) as f64 * step).take_while(|v| *v <= high).collect()
 }
 
 /// Formats a number with enough digits to distinguish two ticks.
-fn number(value: f64, range: f64) -> String {
+fn tick_label(value: f64, range: f64) -> String {
     let digits = (2.0 - libm::floor(libm::log10(range.max(1e-12)))).clamp(0.0, 9.0) as usize;
     let text = format!("{value:.digits$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
@@ -233,11 +238,11 @@ mod tests {
         assert_eq!(ticks(0.0, 1.0, 5), [0.0, 0.2, 0.4, 0.6000000000000001, 0.8, 1.0]);
         assert_eq!(ticks(-0.013, 0.021, 5).len(), 4);
         assert_eq!(ticks(1.0, 1.0, 5), Vec::<f64>::new());
-        assert_eq!((number(0.6000000000000001, 1.0), number(-0.0, 1.0)), ("0.6".into(), "0".into()));
+        assert_eq!((tick_label(0.6000000000000001, 1.0), tick_label(-0.0, 1.0)), ("0.6".into(), "0".into()));
     }
 
     #[test]
-    fn holes_and_open_bands_are_drawn_as_such() {
+    fn curves_have_gaps_at_missing_values_and_unbounded_ranges_are_drawn() {
         let trace = Trace {
             label: "a <b>".into(),
             unit: "m".into(),
@@ -256,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spike_of_a_long_curve_stays() {
+    fn a_long_curve_keeps_its_spikes() {
         let count = 100_000;
         let mut trace = Trace {
             times: (0..count).map(f64::from).collect(),
@@ -265,6 +270,6 @@ mod tests {
         };
         trace.got[77_777] = 5.0;
         let keep = drawn_points(&trace, count as usize);
-        assert!(keep.len() <= MOST_POINTS + 4 && keep.contains(&77_777), "{}", keep.len());
+        assert!(keep.len() <= MAX_POINTS + 4 && keep.contains(&77_777), "{}", keep.len());
     }
 }

@@ -1,6 +1,6 @@
 //! The report as JSON, for other programs.
 
-use super::{accept, rerun};
+use super::{accept_command, rerun_command};
 use crate::collect::{Case, shown};
 use crate::outcome::{Evidence, Outcome, SourceLocation, Status};
 use crate::run::Report;
@@ -24,12 +24,12 @@ pub fn report(report: &Report, options: &Value) -> Value {
         "checks": counts.checks,
         "seconds": report.seconds,
         "options": options,
-        "unused_pictures": report.unused.iter().map(|p| shown(p)).collect::<Vec<_>>(),
-        "sections": report.outcomes.iter().map(outcome).collect::<Vec<_>>(),
+        "unused_pictures": report.unused_images.iter().map(|p| shown(p)).collect::<Vec<_>>(),
+        "sections": report.outcomes.iter().map(outcome_json).collect::<Vec<_>>(),
     })
 }
 
-fn outcome(o: &Outcome) -> Value {
+fn outcome_json(o: &Outcome) -> Value {
     let (status, text) = match &o.status {
         Status::Passed => ("passed", None),
         Status::Failed => ("failed", None),
@@ -41,7 +41,7 @@ fn outcome(o: &Outcome) -> Value {
         .iter()
         .map(|c| {
             let mut value = json!({
-                "place": place(&c.place), "title": c.title, "passed": c.passed,
+                "place": place_json(&c.place), "title": c.title, "passed": c.passed,
                 "expected": c.expected, "got": c.got, "by": c.by, "hint": c.hint,
             });
             match &c.evidence {
@@ -63,17 +63,17 @@ fn outcome(o: &Outcome) -> Value {
     json!({
         "file": o.file, "section": o.section, "line": o.place.line, "status": status, "text": text,
         "checks": checks, "warnings": o.warnings, "printed": o.printed, "seconds": o.seconds, "reused": o.reused,
-        "rerun": rerun(o), "accept": accept(o),
+        "rerun": rerun_command(o), "accept": accept_command(o),
     })
 }
 
-fn place(place: &SourceLocation) -> Value {
+fn place_json(place: &SourceLocation) -> Value {
     json!({ "file": place.file, "line": place.line, "column": place.column })
 }
 
 /// Output of `--list --json`.
 pub fn list(cases: &[Case]) -> Value {
-    let one = |c: &Case| match &c.section {
+    let section_json = |c: &Case| match &c.section {
         Ok(s) => json!({
             "file": c.file, "section": s.name, "line": s.line, "skip": s.skip, "fails": s.fails, "tags": s.tags,
         }),
@@ -81,5 +81,5 @@ pub fn list(cases: &[Case]) -> Value {
             "file": c.file, "errors": d.iter().map(ToString::to_string).collect::<Vec<_>>(),
         }),
     };
-    json!({ "format": FORMAT, "sections": cases.iter().map(one).collect::<Vec<_>>() })
+    json!({ "format": FORMAT, "sections": cases.iter().map(section_json).collect::<Vec<_>>() })
 }

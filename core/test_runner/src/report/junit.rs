@@ -1,6 +1,6 @@
 //! JUnit XML as build servers read it (the schema of Jenkins' xUnit plugin): one suite per file, one case per section.
 
-use super::{accept, rerun};
+use super::{accept_command, rerun_command};
 use crate::outcome::{Check, Outcome, Status};
 use crate::run::Report;
 use std::fmt::Write;
@@ -17,19 +17,19 @@ pub fn report(report: &Report) -> String {
         report.seconds
     );
     for file in report.outcomes.chunk_by(|a, b| a.file == b.file) {
-        suite(&mut text, file);
+        write_suite(&mut text, file);
     }
     text.push_str("</testsuites>\n");
     text
 }
 
-fn suite(text: &mut String, outcomes: &[Outcome]) {
+fn write_suite(text: &mut String, outcomes: &[Outcome]) {
     let Some(first) = outcomes.first() else { return };
     let count = |f: &dyn Fn(&Status) -> bool| outcomes.iter().filter(|o| f(&o.status)).count();
     let _ = writeln!(
         text,
         "  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"{}\" time=\"{:.3}\">",
-        escaped(&first.file),
+        escape_xml(&first.file),
         outcomes.len(),
         count(&|s| *s == Status::Failed),
         count(&|s| matches!(s, Status::Error(_))),
@@ -37,18 +37,18 @@ fn suite(text: &mut String, outcomes: &[Outcome]) {
         outcomes.iter().map(|o| o.seconds).sum::<f64>()
     );
     for outcome in outcomes {
-        case(text, outcome);
+        write_case(text, outcome);
     }
     text.push_str("  </testsuite>\n");
 }
 
-fn case(text: &mut String, outcome: &Outcome) {
+fn write_case(text: &mut String, outcome: &Outcome) {
     let name = if outcome.section.is_empty() { "whole file" } else { &outcome.section };
     let _ = write!(
         text,
         "    <testcase classname=\"{}\" name=\"{}\" time=\"{:.3}\"",
-        escaped(outcome.file.strip_suffix(".rhai").unwrap_or(&outcome.file)),
-        escaped(name),
+        escape_xml(outcome.file.strip_suffix(".rhai").unwrap_or(&outcome.file)),
+        escape_xml(name),
         outcome.seconds
     );
     let body = match &outcome.status {
@@ -56,44 +56,44 @@ fn case(text: &mut String, outcome: &Outcome) {
             text.push_str("/>\n");
             return;
         }
-        Status::Skipped(reason) => format!("<skipped message=\"{}\"/>", escaped(reason)),
+        Status::Skipped(reason) => format!("<skipped message=\"{}\"/>", escape_xml(reason)),
         Status::Error(what) => {
             let first = what.lines().next().unwrap_or_default();
             format!(
                 "<error type=\"error\" message=\"{}\">{}</error>",
-                escaped(first),
-                escaped(&format!("{what}\n{}", rerun(outcome)))
+                escape_xml(first),
+                escape_xml(&format!("{what}\n{}", rerun_command(outcome)))
             )
         }
         Status::Failed => outcome
             .checks
             .iter()
             .filter(|c| !c.passed)
-            .map(|c| failure(outcome, c))
+            .map(|c| failure_element(outcome, c))
             .collect::<Vec<_>>()
             .join("\n      "),
     };
     let _ = writeln!(text, ">\n      {body}\n    </testcase>");
 }
 
-fn failure(outcome: &Outcome, c: &Check) -> String {
+fn failure_element(outcome: &Outcome, c: &Check) -> String {
     let mut details = format!("{}: {}\nexpected {}\ngot {}", c.place, c.title, c.expected, c.got);
     for (word, value) in [("off by ", &c.by), ("", &c.hint)] {
         if !value.is_empty() {
             let _ = write!(details, "\n{word}{value}");
         }
     }
-    let _ = write!(details, "\n{}", rerun(outcome));
-    if let Some(accept) = accept(outcome) {
+    let _ = write!(details, "\n{}", rerun_command(outcome));
+    if let Some(accept) = accept_command(outcome) {
         let _ = write!(details, "\n{accept}");
     }
     let message = format!("{}: got {}", c.title, c.got);
-    format!("<failure type=\"check\" message=\"{}\">{}</failure>", escaped(&message), escaped(&details))
+    format!("<failure type=\"check\" message=\"{}\">{}</failure>", escape_xml(&message), escape_xml(&details))
 }
 
 /// Escapes a text for elements and attributes. Characters that XML cannot represent become question marks; line breaks are written as
 /// character references, because they would become spaces in attributes.
-pub fn escaped(text: &str) -> String {
+pub fn escape_xml(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

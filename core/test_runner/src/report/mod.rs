@@ -10,16 +10,16 @@ use crate::collect::quoted;
 use crate::outcome::{Evidence, Outcome};
 
 /// The command that runs one section alone.
-pub fn rerun(outcome: &Outcome) -> String {
-    let (file, words) = (quoted(&outcome.file), &outcome.words);
+pub fn rerun_command(outcome: &Outcome) -> String {
+    let (file, arguments) = (quoted(&outcome.file), &outcome.rerun_arguments);
     match outcome.section.as_str() {
-        "" => format!("choreo test {file}{words}"),
-        section => format!("choreo test {file}{words} --filter {}", quoted(section)),
+        "" => format!("choreo test {file}{arguments}"),
+        section => format!("choreo test {file}{arguments} --filter {}", quoted(section)),
     }
 }
 
 /// The command that accepts a section's images; `None` if no image of it failed.
-pub fn accept(outcome: &Outcome) -> Option<String> {
+pub fn accept_command(outcome: &Outcome) -> Option<String> {
     let names: Vec<String> = outcome
         .checks
         .iter()
@@ -29,6 +29,6 @@ pub fn accept(outcome: &Outcome) -> Option<String> {
             _ => None,
         })
         .collect();
-    let (file, words) = (quoted(&outcome.file), &outcome.words);
-    (!names.is_empty()).then(|| format!("choreo test {file}{words} {}", names.join(" ")))
+    let (file, arguments) = (quoted(&outcome.file), &outcome.rerun_arguments);
+    (!names.is_empty()).then(|| format!("choreo test {file}{arguments} {}", names.join(" ")))
 }

@@ -1,6 +1,6 @@
 //! Text for a terminal: a failure states the expected value, the actual value, the error, where to look and what to type.
 
-use super::{accept, rerun};
+use super::{accept_command, rerun_command};
 use crate::collect::{Case, shown};
 use crate::images::ACCEPTED;
 use crate::outcome::{Check, Evidence, Outcome, Status};
@@ -8,8 +8,8 @@ use crate::run::Report;
 use choreo_script::{printable, printable_line};
 use std::fmt::Write;
 
-/// Largest number of failed checks of a section that are printed in full; the rest is counted.
-const MOST_CHECKS: usize = 10;
+/// Largest number of failed checks of a section that are printed; for the others only their number is printed.
+const MAX_CHECKS: usize = 10;
 
 /// The text about a failed section; empty for others.
 pub fn failure(outcome: &Outcome) -> String {
@@ -28,18 +28,19 @@ pub fn failure(outcome: &Outcome) -> String {
         let _ = writeln!(text, "    printed: {}", line.replace('\n', "\n             "));
     }
     let failed = || outcome.checks.iter().filter(|c| !c.passed);
-    for check in failed().take(MOST_CHECKS) {
+    for check in failed().take(MAX_CHECKS) {
         write_check(&mut text, check);
     }
-    let more = failed().count().saturating_sub(MOST_CHECKS);
+    let more = failed().count().saturating_sub(MAX_CHECKS);
     if more > 0 {
-        let _ = writeln!(text, "  and {more} more failed checks");
+        let s = if more == 1 { "" } else { "s" };
+        let _ = writeln!(text, "  and {more} more failed check{s}");
     }
     for warning in &outcome.warnings {
         indent(&mut text, warning);
     }
-    let _ = writeln!(text, "  alone:  {}", printable_line(&rerun(outcome)));
-    if let Some(accept) = accept(outcome) {
+    let _ = writeln!(text, "  alone:  {}", printable_line(&rerun_command(outcome)));
+    if let Some(accept) = accept_command(outcome) {
         let _ = writeln!(text, "  accept: {}", printable_line(&accept));
     }
     printable(&text)
@@ -94,7 +95,7 @@ pub fn summary(report: &Report) -> String {
     for check in report.outcomes.iter().flat_map(|o| &o.checks).filter(|c| c.by == ACCEPTED) {
         let _ = writeln!(text, "accepted {}", check.expected);
     }
-    for path in &report.unused {
+    for path in &report.unused_images {
         let _ = writeln!(text, "no section uses {}: remove it if it is not needed", shown(path));
     }
     let counts = report.counts();
@@ -112,14 +113,15 @@ pub fn summary(report: &Report) -> String {
         let s = if counts.warnings == 1 { "" } else { "s" };
         parts.push(format!("{} warning{s}", counts.warnings));
     }
-    let _ = writeln!(text, "{}; {} checks in {:.1} s", parts.join(", "), counts.checks, report.seconds);
+    let s = if counts.checks == 1 { "" } else { "s" };
+    let _ = writeln!(text, "{}; {} check{s} in {:.1} s", parts.join(", "), counts.checks, report.seconds);
     printable(&text)
 }
 
 /// Line about a file whose sections have all run: `ok     tests/suite/walk.rhai  12`.
 pub fn file_line(outcomes: &[Outcome]) -> String {
     let Some(first) = outcomes.first() else { return String::new() };
-    let bad = outcomes.iter().filter(|o| o.bad()).count();
+    let bad = outcomes.iter().filter(|o| o.has_failed()).count();
     let skipped = outcomes.iter().filter(|o| matches!(o.status, Status::Skipped(_))).count();
     let reused = outcomes.iter().filter(|o| o.reused).count();
     let word = match (bad, skipped) {

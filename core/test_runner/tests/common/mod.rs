@@ -1,6 +1,6 @@
-//! Sections given as text, with the program's own plugins.
+//! Runs sections that are given as text, with some built-in plugins.
 
-#![allow(dead_code, reason = "each test file uses a part")]
+#![allow(dead_code, reason = "each test program uses some of the functions")]
 
 use choreo_plugin::Registry;
 use choreo_script::AssetCache;
@@ -25,8 +25,8 @@ pub fn options() -> TestOptions {
     options
 }
 
-/// Every section of a text: its run, and its checks.
-pub fn run(text: &str) -> Vec<(SectionRun, Vec<Check>)> {
+/// Runs every section of a text: the run, and its checks.
+pub fn run_sections(text: &str) -> Vec<(SectionRun, Vec<Check>)> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("t.rhai");
     std::fs::write(&path, text).unwrap();
@@ -42,13 +42,13 @@ pub fn run(text: &str) -> Vec<(SectionRun, Vec<Check>)> {
 
 /// The checks of the only section of a text.
 pub fn checks(text: &str) -> Vec<Check> {
-    let mut runs = run(text);
+    let mut runs = run_sections(text);
     assert_eq!(runs.len(), 1);
     runs.remove(0).1
 }
 
-/// `line: title: expected …, got …, off by …` of what has failed.
-pub fn failures(checks: &[Check]) -> Vec<String> {
+/// Place, title, expected and actual value, error and hint of each failed check.
+pub fn failed_check_texts(checks: &[Check]) -> Vec<String> {
     let failed = checks.iter().filter(|c| !c.passed);
     failed
         .map(|c| {

@@ -1,10 +1,10 @@
-//! Runs of test scripts: images, planted faults, reports, results.
+//! Tests of golden images, planted faults, reports and stored results.
 
 #[path = "../common/mod.rs"]
 mod common;
 
-mod pictures;
-mod planted;
+mod golden_images;
+mod planted_faults;
 mod reports;
 mod results;
-mod visible;
+mod visible_differences;

@@ -1,8 +1,8 @@
-//! Reports of every kind of outcome, which no text can break.
+//! Reports of every kind of outcome; special characters in texts do not break them.
 
-use choreo_test_runner::report::{html, json, junit, rerun, terminal};
+use choreo_test_runner::golden_image;
+use choreo_test_runner::report::{html, json, junit, rerun_command, terminal};
 use choreo_test_runner::run::Report;
-use choreo_test_runner::stored;
 use choreo_test_runner::{Check, Evidence, Measures, Outcome, Pictures, SourceLocation, Status, Trace};
 
 fn check(passed: bool, evidence: Evidence) -> Check {
@@ -31,17 +31,17 @@ fn outcome(file: &str, section: &str, status: Status, checks: Vec<Check>) -> Out
 
 fn png(value: u8) -> Vec<u8> {
     let frame = choreo_plugin::Frame { width: 8, height: 4, rgba: [value, 20, 30, 255].repeat(32) };
-    stored::encode(&frame, &[]).unwrap()
+    golden_image::encode(&frame, &[]).unwrap()
 }
 
-fn all_kinds() -> Report {
+fn report_with_every_outcome() -> Report {
     let pictures = Pictures {
         name: "start".into(),
         stored: "t/pictures/a/start.png".into(),
         expected: png(10),
         got: png(200),
         difference: png(255),
-        seen: png(0),
+        visible_difference: png(0),
         written: vec!["out/e.png".into(), "out/g.png".into(), "out/d.png".into()],
         measures: Some(Measures {
             worst: 190,
@@ -86,8 +86,8 @@ fn all_kinds() -> Report {
 }
 
 #[test]
-fn the_terminal_says_what_was_expected_what_came_and_what_to_type() {
-    let report = all_kinds();
+fn the_terminal_report_states_expected_and_actual_values_and_commands() {
+    let report = report_with_every_outcome();
     let off = terminal::failure(&report.outcomes[2]);
     let expected = "FAILED t/a.rhai > it's \"off\"\n    printed: hello <b>\n  t/a.rhai:4:3: anna <LeftHand> near [0, 1, 0] & so on\n      \
                     of        anna LeftHand y\n      expected  [0, 1, 0] ± 0.001 m\n      got       [0, 1.2, 0] m \u{fffd}[31m]]>\n      off by    0.2 m\n      \
@@ -110,11 +110,11 @@ fn the_terminal_says_what_was_expected_what_came_and_what_to_type() {
         "skipped 2: no Vulkan\n2 passed (reused 1), 3 failed, 2 skipped, 7 warnings; 5 checks in 2.0 s\n"
     );
     assert_eq!(terminal::file_line(&report.outcomes[..4]), "FAILED t/a.rhai  4 sections, 2 failed, 1 reused");
-    assert_eq!(rerun(&report.outcomes[4]), "choreo test t/b.rhai");
+    assert_eq!(rerun_command(&report.outcomes[4]), "choreo test t/b.rhai");
 }
 
 #[test]
-fn a_run_is_a_success_only_where_something_passed_and_nothing_failed() {
+fn a_run_succeeds_only_if_a_section_passed_and_none_failed() {
     let report = |outcomes: Vec<Outcome>| Report { outcomes, ..Report::default() }.failure();
     let of = |status: Status| outcome("a", "b", status, vec![]);
     assert_eq!(report(vec![of(Status::Passed), of(Status::Skipped("x".into()))]), None);
@@ -125,14 +125,14 @@ fn a_run_is_a_success_only_where_something_passed_and_nothing_failed() {
     assert_eq!(report(vec![of(Status::Error("x".into())), of(Status::Failed)]).unwrap(), "2 sections failed");
 }
 
-/// A reader of our own for well-formed XML without namespaces: elements with their attributes, in order.
+/// Elements of an XML text with their attributes, in order. Panics if the XML is not well-formed; namespaces are not supported.
 fn elements(xml: &str) -> Vec<(String, Vec<(String, String)>)> {
     let mut found = Vec::new();
     let mut open: Vec<String> = Vec::new();
     let mut rest = xml;
     while let Some(at) = rest.find('<') {
         assert!(!rest[..at].contains('>'), "a bare > in {:?}", &rest[..at]);
-        let end = rest.find('>').expect("an open tag ends");
+        let end = rest.find('>').expect("a tag ends with >");
         let tag = &rest[at + 1..end];
         rest = &rest[end + 1..];
         if tag.starts_with('?') {
@@ -147,7 +147,7 @@ fn elements(xml: &str) -> Vec<(String, Vec<(String, String)>)> {
         let (name, mut text) = tag.split_once(' ').unwrap_or((tag, ""));
         let mut attributes = Vec::new();
         while let Some((key, after)) = text.trim_start().split_once("=\"") {
-            let (value, after) = after.split_once('"').expect("a value ends");
+            let (value, after) = after.split_once('"').expect("the value of an attribute ends with a quote");
             attributes.push((key.to_string(), value.to_string()));
             text = after;
         }
@@ -161,8 +161,8 @@ fn elements(xml: &str) -> Vec<(String, Vec<(String, String)>)> {
 }
 
 #[test]
-fn junit_is_well_formed_and_counts_right() {
-    let xml = junit::report(&all_kinds());
+fn junit_xml_is_well_formed_and_has_the_right_counts() {
+    let xml = junit::report(&report_with_every_outcome());
     let elements = elements(&xml);
     let count = |name: &str| elements.iter().filter(|(n, _)| n == name).count();
     assert_eq!((count("testsuites"), count("testsuite"), count("testcase")), (1, 2, 7));
@@ -183,8 +183,8 @@ fn junit_is_well_formed_and_counts_right() {
 }
 
 #[test]
-fn json_tells_all_and_says_what_to_type() {
-    let value = json::report(&all_kinds(), &serde_json::json!({ "changed": false }));
+fn json_contains_all_outcomes_and_the_commands_to_type() {
+    let value = json::report(&report_with_every_outcome(), &serde_json::json!({ "changed": false }));
     assert_eq!((&value["ok"], &value["passed"], &value["failed"]), (&false.into(), &2.into(), &2.into()));
     assert_eq!((&value["errors"], &value["skipped"], &value["reused"]), (&1.into(), &2.into(), &1.into()));
     let looks = &value["sections"][3];
@@ -196,13 +196,13 @@ fn json_tells_all_and_says_what_to_type() {
 }
 
 #[test]
-fn the_page_needs_nothing_else_and_no_text_breaks_it() {
-    let page = html::report(&all_kinds(), "choreo <1>: t");
+fn the_html_report_is_self_contained_and_escapes_all_texts() {
+    let page = html::report(&report_with_every_outcome(), "choreo <1>: t");
     assert_eq!(page.matches("src=\"data:image/png;base64,").count(), 6);
     for outside in ["http:", "https:", "src=\"/", "<link", "@import", "url("] {
         assert!(!page.contains(outside), "{outside}");
     }
-    // Ours alone: what came from texts is escaped.
+    // The page contains one script; those in texts are escaped.
     assert_eq!(page.matches("</script>").count(), 1);
     assert!(
         page.contains("slow &lt;/script&gt;") && page.contains("hello &lt;b&gt;") && !page.contains('\u{1b}')

@@ -1,4 +1,4 @@
-//! Earlier results are reused while nothing that they rest on has changed, and never otherwise.
+//! Earlier results are reused only while nothing that they depend on has changed.
 
 use choreo_script::testing::SectionInfo;
 use choreo_test_runner::collect::Case;
@@ -24,7 +24,7 @@ fn case(folder: &Path) -> Case {
         file: "t.rhai".into(),
         root: None,
         section: Ok(info),
-        spans: [(2, 4), (5, 7)].into(),
+        section_lines: [(2, 4), (5, 7)].into(),
     }
 }
 
@@ -36,15 +36,15 @@ fn hash_of(path: &Path) -> Option<[u8; 32]> {
     Some(*blake3::hash(&std::fs::read(path).ok()?).as_bytes())
 }
 
-struct Bench {
+struct ResultsTest {
     folder: tempfile::TempDir,
     asset: PathBuf,
     picture: PathBuf,
     other: PathBuf,
 }
 
-impl Bench {
-    fn new() -> Bench {
+impl ResultsTest {
+    fn new() -> ResultsTest {
         let folder = tempfile::tempdir().unwrap();
         let d = folder.path().canonicalize().unwrap();
         std::fs::create_dir_all(d.join("other")).unwrap();
@@ -52,9 +52,9 @@ impl Bench {
         std::fs::write(d.join("t.rhai"), TEXT).unwrap();
         std::fs::write(&asset, b"asset").unwrap();
         std::fs::write(&picture, b"picture").unwrap();
-        let bench = Bench { folder, asset, picture, other: d.join("other") };
-        bench.keep();
-        bench
+        let test = ResultsTest { folder, asset, picture, other: d.join("other") };
+        test.store();
+        test
     }
 
     fn case(&self) -> Case {
@@ -65,34 +65,34 @@ impl Bench {
         Results::new(self.folder.path().join("results"), &[program, "options"])
     }
 
-    fn keep(&self) {
+    fn store(&self) {
         let files = [(self.asset.clone(), hash_of(&self.asset).unwrap())];
         let roots = [self.folder.path().canonicalize().unwrap(), self.other.clone()];
         let pictures = [(self.picture.clone(), hash_of(&self.picture))];
-        self.results("1").keep(&self.case(), &mut outcome(), &files, &pictures, &roots);
+        self.results("1").store(&self.case(), &mut outcome(), &files, &pictures, &roots);
     }
 
-    fn found(&self) -> bool {
+    fn is_found(&self) -> bool {
         self.results("1").find(&self.case()).is_some()
     }
 }
 
 #[test]
-fn an_unchanged_section_is_found_with_what_it_rests_on() {
-    let bench = Bench::new();
-    let found = bench.results("1").find(&bench.case()).unwrap();
+fn an_unchanged_section_is_found_with_its_files_and_images() {
+    let test = ResultsTest::new();
+    let found = test.results("1").find(&test.case()).unwrap();
     assert!(found.outcome.reused && found.outcome.status == Status::Passed && found.outcome.key.len() == 64);
-    assert_eq!((found.files, found.pictures), (vec![bench.asset.clone()], vec![bench.picture.clone()]));
+    assert_eq!((found.files, found.pictures), (vec![test.asset.clone()], vec![test.picture.clone()]));
 }
 
 #[test]
-fn every_change_that_counts_is_noticed() {
+fn only_a_change_of_a_dependency_invalidates_the_stored_outcome() {
     let script =
-        |text: String| move |b: &Bench| std::fs::write(b.folder.path().join("t.rhai"), text).unwrap();
-    type Change = Box<dyn FnOnce(&Bench)>;
+        |text: String| move |b: &ResultsTest| std::fs::write(b.folder.path().join("t.rhai"), text).unwrap();
+    type Change = Box<dyn FnOnce(&ResultsTest)>;
     let changes: Vec<(&str, Change, bool)> = vec![
-        ("own line", Box::new(script(TEXT.replace("one()", "ten()"))), false),
-        ("line around", Box::new(script(TEXT.replace("shared = 1", "shared = 2"))), false),
+        ("a line of the section", Box::new(script(TEXT.replace("one()", "ten()"))), false),
+        ("a line outside the sections", Box::new(script(TEXT.replace("shared = 1", "shared = 2"))), false),
         ("another section", Box::new(script(TEXT.replace("two()", "six()"))), true),
         ("the file's end", Box::new(script(format!("{TEXT}more();\n"))), false),
         ("asset", Box::new(|b| std::fs::write(&b.asset, b"Asset").unwrap()), false),
@@ -100,80 +100,84 @@ fn every_change_that_counts_is_noticed() {
         ("picture", Box::new(|b| std::fs::write(&b.picture, b"Picture").unwrap()), false),
         ("image gone", Box::new(|b| std::fs::remove_file(&b.picture).unwrap()), false),
         // The file lies in a folder that is searched before the asset's.
-        ("shadow", Box::new(|b| std::fs::write(b.folder.path().join("asset.bin"), b"x").unwrap()), false),
+        (
+            "a file of the same name in an earlier folder",
+            Box::new(|b| std::fs::write(b.folder.path().join("asset.bin"), b"x").unwrap()),
+            false,
+        ),
         (
             "something else",
             Box::new(|b| std::fs::write(b.folder.path().join("new.bin"), b"x").unwrap()),
             true,
         ),
-        ("forgotten", Box::new(|b| b.results("1").forget(&b.case())), false),
+        ("a removed entry", Box::new(|b| b.results("1").remove(&b.case())), false),
     ];
     for (name, change, found) in changes {
-        let bench = Bench::new();
-        assert!(bench.found(), "{name}: before");
-        change(&bench);
-        assert_eq!(bench.found(), found, "{name}");
+        let test = ResultsTest::new();
+        assert!(test.is_found(), "{name}: before");
+        change(&test);
+        assert_eq!(test.is_found(), found, "{name}");
     }
 }
 
 #[test]
-fn another_program_or_option_starts_anew() {
-    let bench = Bench::new();
-    assert!(bench.results("2").find(&bench.case()).is_none());
-    let mut skipped = bench.case();
+fn outcomes_of_another_program_or_option_are_not_found() {
+    let test = ResultsTest::new();
+    assert!(test.results("2").find(&test.case()).is_none());
+    let mut skipped = test.case();
     skipped.section.as_mut().unwrap().skip = Some("why".into());
-    assert!(bench.results("1").find(&skipped).is_none());
+    assert!(test.results("1").find(&skipped).is_none());
 }
 
-/// The script was saved while its section ran: what passed is the text from before.
+/// If the script is saved while its section runs, the earlier text has passed, not the new one.
 #[test]
-fn a_text_that_nobody_ran_is_not_kept() {
-    let bench = Bench::new();
-    let own = bench.case().path;
+fn an_outcome_is_not_stored_if_the_script_changed_during_the_run() {
+    let test = ResultsTest::new();
+    let own = test.case().path;
     for (ran, found) in [(TEXT.to_string(), true), (TEXT.replace("one()", "ten()"), false)] {
-        bench.results("1").forget(&bench.case());
+        test.results("1").remove(&test.case());
         let files = [(own.clone(), *blake3::hash(ran.as_bytes()).as_bytes())];
-        bench.results("1").keep(&bench.case(), &mut outcome(), &files, &[], &[]);
-        assert_eq!(bench.found(), found);
+        test.results("1").store(&test.case(), &mut outcome(), &files, &[], &[]);
+        assert_eq!(test.is_found(), found);
     }
 }
 
-/// A stored image was replaced after it was compared: what passed is the one from before.
+/// If a golden image is replaced after it was compared, the earlier image has passed, not the new one.
 #[test]
-fn a_picture_that_nobody_compared_is_not_kept() {
-    let bench = Bench::new();
+fn an_outcome_is_not_stored_if_a_golden_image_changed_after_the_comparison() {
+    let test = ResultsTest::new();
     for (compared, found) in [(&b"picture"[..], true), (b"another", false)] {
-        bench.results("1").forget(&bench.case());
-        let pictures = [(bench.picture.clone(), Some(*blake3::hash(compared).as_bytes()))];
-        bench.results("1").keep(&bench.case(), &mut outcome(), &[], &pictures, &[]);
-        assert_eq!(bench.found(), found);
+        test.results("1").remove(&test.case());
+        let pictures = [(test.picture.clone(), Some(*blake3::hash(compared).as_bytes()))];
+        test.results("1").store(&test.case(), &mut outcome(), &[], &pictures, &[]);
+        assert_eq!(test.is_found(), found);
     }
-    // Nothing could be read of it.
-    bench.results("1").forget(&bench.case());
-    bench.results("1").keep(&bench.case(), &mut outcome(), &[], &[(bench.picture.clone(), None)], &[]);
-    assert!(!bench.found());
+    // The golden image could not be read.
+    test.results("1").remove(&test.case());
+    test.results("1").store(&test.case(), &mut outcome(), &[], &[(test.picture.clone(), None)], &[]);
+    assert!(!test.is_found());
 }
 
 #[test]
-fn damaged_entries_count_as_none() {
-    let bench = Bench::new();
-    let folder = bench.folder.path().join("results");
+fn damaged_entries_are_ignored() {
+    let test = ResultsTest::new();
+    let folder = test.folder.path().join("results");
     let entry = std::fs::read_dir(&folder).unwrap().next().unwrap().unwrap().path();
     let good = std::fs::read(&entry).unwrap();
     for cut in (0..good.len()).step_by(7) {
         std::fs::write(&entry, &good[..cut]).unwrap();
-        assert!(!bench.found(), "cut at {cut}");
+        assert!(!test.is_found(), "cut at {cut}");
     }
     std::fs::write(&entry, String::from_utf8(good.clone()).unwrap().replace("\"format\":1", "\"format\":0"))
         .unwrap();
-    assert!(!bench.found());
+    assert!(!test.is_found());
     let failed = String::from_utf8(good.clone()).unwrap().replace("\"passed\"", "\"failed\"");
     std::fs::write(&entry, failed).unwrap();
-    assert!(!bench.found());
+    assert!(!test.is_found());
     std::fs::write(&entry, good).unwrap();
-    assert!(bench.found());
-    // A folder that cannot be made is no error, only no help.
-    let nowhere = Results::new(bench.picture.join("below"), &["1"]);
-    nowhere.keep(&bench.case(), &mut outcome(), &[], &[], &[]);
-    assert!(nowhere.find(&bench.case()).is_none());
+    assert!(test.is_found());
+    // A folder that cannot be created is not an error, but nothing is stored.
+    let nowhere = Results::new(test.picture.join("below"), &["1"]);
+    nowhere.store(&test.case(), &mut outcome(), &[], &[], &[]);
+    assert!(nowhere.find(&test.case()).is_none());
 }

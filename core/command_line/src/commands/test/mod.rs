@@ -126,7 +126,7 @@ impl Job {
         };
         let (pictures, results) = if args.list { (None, None) } else { folders()? };
         // A program that cannot be distinguished from another build must not reuse the results of that build.
-        let program = results::program();
+        let program = results::program_identity();
         let options = RunOptions {
             // The current folder is the project if there is no `choreo.toml`: tests may use the scenes and assets in it.
             test: TestOptions { script, root: std::env::current_dir().ok(), ..TestOptions::default() },
@@ -138,7 +138,7 @@ impl Job {
             changed: args.changed || args.watch,
             program: program.unwrap_or_default(),
             gpu_cache: device::cache_dir(),
-            words: folder_options(args),
+            rerun_arguments: folder_options(args),
         };
         let shard = args.shard.as_deref().map(shard).transpose()?;
         for path in [&args.junit, &args.html].into_iter().flatten() {
@@ -150,7 +150,7 @@ impl Job {
 
     /// Registry with the plugin files found now. Plugin files beside any test are available to all tests.
     fn plugins(&self, args: &TestArgs, plugins: &Registry) -> Result<Listing, Failure> {
-        let files = collect::files(&self.paths).map_err(nothing_to_run)?;
+        let files = collect::find_scripts(&self.paths).map_err(nothing_to_run)?;
         let beside: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
         plugin_files::listing(plugins, &args.plugins, &beside)
     }

@@ -47,7 +47,7 @@ impl ProgressReporter {
         if self.file.first().is_some_and(|first| first.file != outcome.file) {
             self.file_done();
         }
-        if outcome.bad() {
+        if outcome.has_failed() {
             self.failed += 1;
             self.say(&terminal::failure(outcome));
         }

@@ -1,4 +1,4 @@
-//! Who is not in the image is not posed, and nothing that is seen changes by it.
+//! Culling: actors outside the view are not posed, and images do not change.
 
 use choreo_motion::Time;
 use choreo_plugin::Registry;
@@ -34,7 +34,7 @@ fn stage(script: &str) -> Arc<Stage> {
     }
 }
 
-fn picture(resources: &Arc<SceneResources>, evaluator: &mut Evaluator, secs: f64) -> (Vec<u8>, Plan) {
+fn draw_at(resources: &Arc<SceneResources>, evaluator: &mut Evaluator, secs: f64) -> (Vec<u8>, Plan) {
     let effects = REGISTRY.effects();
     let options = PlanOptions { effects, ..PlanOptions::new(SIZE, 1) };
     let (_, plan) = plan_at(resources, evaluator, Time::from_secs(secs), &options, None).unwrap();
@@ -44,8 +44,8 @@ fn picture(resources: &Arc<SceneResources>, evaluator: &mut Evaluator, secs: f64
     (renderer.collect(None).unwrap().rgba, plan)
 }
 
-/// Images at some times with and without the short cut are the same; how many poses either took.
-fn poses(script: &str) -> [usize; 2] {
+/// Asserts that images at some times are the same with and without culling, and returns the number of poses without and with it.
+fn count_poses(script: &str) -> [usize; 2] {
     let stage = stage(script);
     let resources = Arc::new(SceneResources::new(&stage));
     let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
@@ -53,47 +53,47 @@ fn poses(script: &str) -> [usize; 2] {
     let mut seen = Evaluator::new(stage).for_images(aspect);
     for i in 0..8 {
         let secs = 0.37 * f64::from(i);
-        let (expected, _) = picture(&resources, &mut all, secs);
-        let (got, plan) = picture(&resources, &mut seen, secs);
+        let (expected, _) = draw_at(&resources, &mut all, secs);
+        let (got, plan) = draw_at(&resources, &mut seen, secs);
         let differ = expected.iter().zip(&got).filter(|(a, b)| a != b).count();
         assert_eq!(differ, 0, "bytes of the image at {secs} s");
-        let told = plan.left_out.iter().any(|l| l.what == "actors outside the view");
-        assert_eq!(told, seen.poses() < all.poses(), "at {secs} s");
+        let is_listed = plan.left_out.iter().any(|l| l.what == "actors outside the view");
+        assert_eq!(is_listed, seen.poses() < all.poses(), "at {secs} s");
     }
     [all.total_poses(), seen.total_poses()]
 }
 
-/// A row of eleven that walk by, two metres apart, of whom the middle three are about the image; a sword in every hand.
+/// A row of eleven walking actors with swords, two metres apart, of which about three are in view.
 const ROW: &str = r#"
     stage(#{ size: [160, 90], length: 3.0 });
     let figure = load("choreo:mannequin");
     for i in 0..11 {
-        let who = cast("walker " + i, figure).at(4.0 * (i - 5), 0.0, 0.0).turn(90);
-        who.root_motion();
-        who.play(figure.clip("Walk"));
-        cast("sword " + i, shape("box", #{ size: [0.03, 0.9, 0.03], color: "gold" })).attach(who.joint("RightHand"));
+        let walker = cast("walker " + i, figure).at(4.0 * (i - 5), 0.0, 0.0).turn(90);
+        walker.root_motion();
+        actor.play(figure.clip("Walk"));
+        cast("sword " + i, shape("box", #{ size: [0.03, 0.9, 0.03], color: "gold" })).attach(walker.joint("RightHand"));
     }
     cast("floor", shape("plane", #{ size: 60.0, color: "gray" }));
     camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
 "#;
 
 #[test]
-fn who_is_out_of_view_is_not_posed() {
-    let [all, seen] = poses(ROW);
+fn actors_out_of_view_are_not_posed() {
+    let [all, seen] = count_poses(ROW);
     assert!(3 * seen <= 2 * all, "{seen} of {all} poses");
 }
 
-/// Constraints turn joints and lower hips by a known share: those of walkers out of view are not solved, and theirs are not posed.
+/// Constraints rotate joints and lower the hips. Constraints of actors outside the view are not solved, and these actors are not posed.
 #[test]
-fn who_is_out_of_view_with_constraints_is_not_posed() {
-    let [plain, free] = poses(ROW);
+fn actors_out_of_view_with_constraints_are_not_posed() {
+    let [plain, free] = count_poses(ROW);
     for constraint in [
-        "who.plant_feet();",
-        "who.aim(\"Head\", [0.0, 1.5, 3.0]);",
-        "who.reach(\"RightHand\", [0.0, 1.2, 0.5]);",
+        "walker.plant_feet();",
+        "walker.aim(\"Head\", [0.0, 1.5, 3.0]);",
+        "walker.reach(\"RightHand\", [0.0, 1.2, 0.5]);",
     ] {
-        let script = ROW.replace("who.root_motion();", &format!("who.root_motion(); {constraint}"));
-        let [all, seen] = poses(&script);
+        let script = ROW.replace("walker.root_motion();", &format!("walker.root_motion(); {constraint}"));
+        let [all, seen] = count_poses(&script);
         assert_eq!(all, plain, "{constraint}");
         assert!(seen <= free + free / 10, "{constraint}: {seen} poses, {free} without it");
         let stage = stage(&script);
@@ -106,62 +106,66 @@ fn who_is_out_of_view_with_constraints_is_not_posed() {
 }
 
 #[test]
-fn whose_shadow_reaches_the_picture_casts_it() {
-    // The light comes from the right and low: actors on that side may shade visible surfaces, the others not.
+fn actors_whose_shadow_is_in_view_are_posed() {
+    // The light comes from low on the right: actors on that side may cast shadows on visible surfaces, the others cannot.
     let low = format!("{ROW} sun(#{{ direction: [-1.0, -0.25, 0.0], shadow: true }});");
-    let [all, seen] = poses(&low);
+    let [all, seen] = count_poses(&low);
     assert!(5 * seen <= 4 * all && 2 * seen > all, "{seen} of {all} poses");
     let lamp = format!("{ROW} point(#{{ position: [0.0, 2.5, 1.0], intensity: 60, shadow: true }});");
-    let [all, seen] = poses(&lamp);
+    let [all, seen] = count_poses(&lamp);
     assert!(3 * seen <= 2 * all, "{seen} of {all} poses");
-    // One who is seen by no more than her shadow: without her the image is another.
+    // Of this actor only the shadow is in view: without the actor the image is different.
     let alone = r#"
         stage(#{ size: [160, 90], length: 3.0 });
         let figure = load("choreo:mannequin");
-        let who = cast("who", figure).at(6.0, 0.0, 0.0);
-        who.play(figure.clip("Wave"));
+        let actor = cast("actor", figure).at(6.0, 0.0, 0.0);
+        actor.play(figure.clip("Wave"));
         cast("floor", shape("plane", #{ size: 60.0, color: "gray" }));
         camera("c").at(0.0, 1.2, 3.0).look_at([0.0, 0.3, 0.0]).fov(30);
         sun(#{ direction: [-1.0, -0.25, 0.0], shadow: true });
     "#;
-    let [all, seen] = poses(alone);
-    assert_eq!(seen, all, "her shadow is in view");
-    let with = picture_of(alone);
-    assert_ne!(with, picture_of(&format!("{alone} who.hide();")), "it shows");
-    assert_eq!(poses(&alone.replace("[-1.0, -0.25, 0.0]", "[1.0, -0.25, 0.0]"))[1], 8, "the floor alone");
+    let [all, seen] = count_poses(alone);
+    assert_eq!(seen, all, "the shadow of the actor is in view");
+    let with = draw_script(alone);
+    assert_ne!(with, draw_script(&format!("{alone} actor.hide();")), "the shadow changes the image");
+    assert_eq!(
+        count_poses(&alone.replace("[-1.0, -0.25, 0.0]", "[1.0, -0.25, 0.0]"))[1],
+        8,
+        "the floor alone"
+    );
 }
 
-fn picture_of(script: &str) -> Vec<u8> {
+fn draw_script(script: &str) -> Vec<u8> {
     let stage = stage(script);
     let resources = Arc::new(SceneResources::new(&stage));
-    picture(&resources, &mut Evaluator::new(stage), 1.0).0
+    draw_at(&resources, &mut Evaluator::new(stage), 1.0).0
 }
 
 #[test]
-fn turning_and_moving_cameras_see_whom_they_see() {
+fn culling_follows_turning_and_moving_cameras() {
     for camera in [
         r#"camera("o").orbit([0.0, 1.0, 0.0], #{ distance: 5.0, elevation: 20, azimuth: 0, speed: 60 }).cut(0.0);"#,
         r#"camera("k").look_at([0.0, 1.0, 0.0]).key("position", [[0.0, [-20.0, 2.0, 6.0]], [3.0, [20.0, 2.0, 6.0]]]).cut(0.0);"#,
         r#"camera("f").ortho(3.0).at(0.0, 1.0, 9.0).look_at([0.0, 1.0, 0.0]).cut(0.0);"#,
         r#"let p = camera("p").at(0.0, 1.4, 6.0).cut(0.0); on_frame(|t| p.at(8.0 * sin(t), 1.4, 6.0));"#,
     ] {
-        let [all, seen] = poses(&format!("{ROW} {camera}"));
+        let [all, seen] = count_poses(&format!("{ROW} {camera}"));
         assert!(4 * seen <= 3 * all, "{camera}: {seen} of {all} poses");
     }
-    // One that hangs on a joint, or frames all: everybody is posed.
+    // If a camera follows a joint, or frames all actors, every actor is posed.
     for camera in [
         r#"camera("j").follow(actor("walker 5").joint("Head"), [0.0, 0.2, 2.0]).cut(0.0);"#,
         r#"camera("all").cut(0.0);"#,
     ] {
         let camera = camera.replace(r#"actor("walker 5")"#, r#"cast("extra", figure)"#);
-        let [all, seen] = poses(&format!("{ROW} {camera}"));
+        let [all, seen] = count_poses(&format!("{ROW} {camera}"));
         assert_eq!(seen, all, "{camera}");
     }
 }
 
-/// Whom others aim at, hold or stand on is posed wherever it is.
+/// An actor that others aim at, hold or stand on is posed wherever it is.
 #[test]
-fn who_is_needed_is_posed() {
+fn culled_actors_that_others_refer_to_are_posed() {
     let script = r#"
         stage(#{ size: [160, 90], length: 3.0 });
         let figure = load("choreo:mannequin");
@@ -176,14 +180,14 @@ fn who_is_needed_is_posed() {
     let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
     let snapshot = seen.at(Time::from_secs(1.0)).unwrap();
     assert!(snapshot.actors[0].culled && !snapshot.actors[0].model_from_joint.is_empty());
-    let whole = Evaluator::new(stage).at(Time::from_secs(1.0)).unwrap();
-    assert_eq!(snapshot.actors[1].model_from_joint, whole.actors[1].model_from_joint);
+    let without_culling = Evaluator::new(stage).at(Time::from_secs(1.0)).unwrap();
+    assert_eq!(snapshot.actors[1].model_from_joint, without_culling.actors[1].model_from_joint);
 }
 
-/// Effects that change the colors of an image need nobody outside of it; those that move vertices, outline, read motion or draw
-/// beside actors need them, all or those that they are on.
+/// Effects that only change the colors of an image need no actors outside the view. Effects that move vertices, draw outlines, read motion
+/// or draw beside actors need all actors, or those to which they are applied.
 #[test]
-fn effects_keep_only_whom_they_can_need() {
+fn effects_prevent_culling_only_of_the_actors_that_they_need() {
     let posed = |effect: &str| {
         let script = format!(
             r#"
@@ -234,24 +238,24 @@ fn effects_keep_only_whom_they_can_need() {
 }
 
 #[test]
-fn effects_show_the_same_whoever_is_left_out() {
+fn effects_give_the_same_image_with_culling() {
     for effect in ["fog", "motion_blur", "bloom", "depth_of_field", "edge_lines", "xray"] {
-        let [all, seen] = poses(&format!("{ROW} effect(\"{effect}\");"));
+        let [all, seen] = count_poses(&format!("{ROW} effect(\"{effect}\");"));
         assert!(3 * seen <= 2 * all, "{effect}: {seen} of {all} poses");
     }
     for effect in ["pushed", "outline", "moved"] {
-        let [all, seen] = poses(&format!("{ROW} effect(\"{effect}\");"));
+        let [all, seen] = count_poses(&format!("{ROW} effect(\"{effect}\");"));
         assert_eq!(seen, all, "{effect}");
     }
 }
 
-/// Somebody who leaves the image while the shutter is open, so that she is culled at its end, moves as far as one who is not culled.
+/// An actor that leaves the view while the shutter is open, and so is culled at its end, is blurred as far as without culling.
 #[test]
-fn who_leaves_while_the_shutter_is_open_is_smeared() {
+fn an_actor_that_leaves_while_the_shutter_is_open_is_blurred() {
     let script = r#"
         stage(#{ size: [160, 90], length: 3.0, fps: 1 });
         let figure = load("choreo:mannequin");
-        let who = cast("who", figure);
+        let actor = cast("actor", figure);
         WAY
         camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
         effect("motion_blur", #{ samples: 256, shutter: 360.0, around: "start" });
@@ -260,7 +264,7 @@ fn who_leaves_while_the_shutter_is_open_is_smeared() {
         ("[1.0, [0.0, 0.0, 0.0]], [2.0, [80.0, 0.0, 0.0]]", 200),
         ("[1.0, [0.0, 0.0, 0.0]], [2.0, [0.0, 0.0, 0.0]]", 1),
     ] {
-        let stage = stage(&script.replace("WAY", &format!("who.key(\"position\", [{way}]);")));
+        let stage = stage(&script.replace("WAY", &format!("actor.key(\"position\", [{way}]);")));
         let resources = Arc::new(SceneResources::new(&stage));
         let options = PlanOptions { effects: REGISTRY.effects(), ..PlanOptions::new(SIZE, 1) };
         let counts = [Evaluator::new(stage.clone()), Evaluator::new(stage.clone()).for_images(16.0 / 9.0)]

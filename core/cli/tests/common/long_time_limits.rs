@@ -1,9 +1,9 @@
-//! Scripts that no clock stops.
+//! Script limits whose time limit is never reached.
 
 use choreo_script::{Limits, ScriptOptions};
 
-/// Beside other work a lesson can take longer than the 20 s of the default.
-pub fn unhurried() -> ScriptOptions {
+/// A lesson can take longer than the default limit of 20 s on a busy machine.
+pub fn script_options() -> ScriptOptions {
     let limits = Limits { seconds: 900.0, frame_seconds: 900.0, ..Limits::default() };
     ScriptOptions { limits, ..ScriptOptions::default() }
 }

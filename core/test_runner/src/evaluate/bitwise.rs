@@ -1,43 +1,43 @@
 //! Bitwise comparison of stages, snapshots and poses.
 
+use super::judge_error::JudgeError;
 use super::snapshot_cache::SnapshotCache;
-use super::unjudged::Unjudged;
-use super::{Judged, words};
+use super::{Judgment, text_format};
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, SameOther, SameWhat, When};
 use choreo_stage::{ActorState, Snapshot, Stage};
 
-pub fn judge(snapshots: &mut [SnapshotCache], e: &Expectation, what: SameWhat, other: SameOther) -> Judged {
-    let differs = match find(snapshots, e, what, other) {
+pub fn judge(snapshots: &mut [SnapshotCache], e: &Expectation, what: SameWhat, other: SameOther) -> Judgment {
+    let differs = match find_difference(snapshots, e, what, other) {
         Ok(differs) => differs,
-        Err(why) => return Judged::impossible("something to compare", why),
+        Err(why) => return Judgment::impossible("something to compare", why),
     };
     let expected = if e.negated { "not the same bits" } else { "the same bits" };
     match (differs, e.negated) {
-        (None, false) => Judged::new(true, expected, "the same bits"),
-        (None, true) => Judged::new(false, expected, "the same bits"),
-        (Some(how), negated) => Judged::new(negated, expected, how),
+        (None, false) => Judgment::new(true, expected, "the same bits"),
+        (None, true) => Judgment::new(false, expected, "the same bits"),
+        (Some(how), negated) => Judgment::new(negated, expected, how),
     }
 }
 
 /// Description of the first difference.
-fn find(
+fn find_difference(
     snapshots: &mut [SnapshotCache],
     e: &Expectation,
     what: SameWhat,
     other: SameOther,
-) -> Result<Option<String>, Unjudged> {
+) -> Result<Option<String>, JudgeError> {
     if let (SameWhat::Stage, SameOther::Stage(other), When::Always) = (what, other, e.when) {
         let (a, b) =
-            (&snapshots[e.stage].stage, &snapshots.get(other).ok_or(Unjudged::Missing("stage"))?.stage);
-        return Ok((a.content_hash() != b.content_hash()).then(|| stages(a, b)));
+            (&snapshots[e.stage].stage, &snapshots.get(other).ok_or(JudgeError::Missing("stage"))?.stage);
+        return Ok((a.content_hash() != b.content_hash()).then(|| describe_stage_difference(a, b)));
     }
     for time in snapshots[e.stage].times_and_ends(e)? {
         let a = snapshots[e.stage].at(time)?;
         let (b, other_time) = match other {
             SameOther::Time(at) => (snapshots[e.stage].at(at)?, at),
             SameOther::Stage(stage) => {
-                (snapshots.get_mut(stage).ok_or(Unjudged::Missing("stage"))?.at(time)?, time)
+                (snapshots.get_mut(stage).ok_or(JudgeError::Missing("stage"))?.at(time)?, time)
             }
             SameOther::Actor(_) => (a.clone(), time),
         };
@@ -46,19 +46,19 @@ fn find(
             (SameWhat::Pose(actor), other) => {
                 let other = if let SameOther::Actor(other) = other { other } else { actor };
                 let (a, b) = (a.actors.get(actor), b.actors.get(other));
-                let (a, b) = (a.ok_or(Unjudged::Missing("actor"))?, b.ok_or(Unjudged::Missing("actor"))?);
+                let (a, b) = (a.ok_or(JudgeError::Missing("actor"))?, b.ok_or(JudgeError::Missing("actor"))?);
                 let posed = |state: &ActorState| !state.model_from_joint.is_empty();
                 if !posed(a) || !posed(b) {
-                    return Err(Unjudged::HiddenActor(words::time(time)));
+                    return Err(JudgeError::HiddenActor(text_format::time(time)));
                 }
-                poses(stage, actor, a, b)
+                pose_difference(stage, actor, a, b)
             }
             (SameWhat::Stage, _) => snapshot_difference(stage, &a, &b),
         };
         if let Some(how) = differs {
             let when = match other_time == time {
-                true => format!("at {}", words::time(time)),
-                false => format!("at {} and {}", words::time(time), words::time(other_time)),
+                true => format!("at {}", text_format::time(time)),
+                false => format!("at {} and {}", text_format::time(time), text_format::time(other_time)),
             };
             return Ok(Some(format!("{how}, {when}")));
         }
@@ -66,7 +66,7 @@ fn find(
     Ok(None)
 }
 
-fn stages(a: &Stage, b: &Stage) -> String {
+fn describe_stage_difference(a: &Stage, b: &Stage) -> String {
     let counts = [
         ("actors", a.actors.len(), b.actors.len()),
         ("cameras", a.cameras.len(), b.cameras.len()),
@@ -79,27 +79,27 @@ fn stages(a: &Stage, b: &Stage) -> String {
         return format!("{a} and {b} {what}");
     }
     if a.settings != b.settings {
-        return "other settings".into();
+        return "the stages have different settings".into();
     }
     let hash = |s: &Stage| s.content_hash()[..4].iter().map(|b| format!("{b:02x}")).collect::<String>();
-    format!("stages {} and {}", hash(a), hash(b))
+    format!("the stages differ in content: hashes {} and {}", hash(a), hash(b))
 }
 
-fn poses(stage: &Stage, actor: usize, a: &ActorState, b: &ActorState) -> Option<String> {
-    let of = &stage.actors[actor];
+fn pose_difference(stage: &Stage, actor: usize, a: &ActorState, b: &ActorState) -> Option<String> {
+    let stage_actor = &stage.actors[actor];
     let bits = |m: &glam::Affine3A| m.to_cols_array().map(f32::to_bits);
     let joints = a.model_from_joint.iter().zip(&b.model_from_joint);
     if let Some((joint, (x, y))) = joints.enumerate().find(|(_, (x, y))| bits(x) != bits(y)) {
-        let name = of.asset.skeleton.names().get(joint).map_or("", String::as_str);
+        let name = stage_actor.asset.skeleton.names().get(joint).map_or("", String::as_str);
         let off = f64::from((x.translation - y.translation).length());
-        return Some(format!("{} {name} differs, by {} m", of.name, words::number(off)));
+        return Some(format!("{} {name} differs, by {} m", stage_actor.name, text_format::number(off)));
     }
     let bits = |weights: &[Vec<f32>]| -> Vec<Vec<u32>> {
         weights.iter().map(|list| list.iter().map(|w| w.to_bits()).collect()).collect()
     };
     let differ = a.model_from_joint.len() != b.model_from_joint.len()
         || bits(&a.morph_weights) != bits(&b.morph_weights);
-    differ.then(|| format!("{} differs in joints or morph weights", of.name))
+    differ.then(|| format!("{} differs in joints or morph weights", stage_actor.name))
 }
 
 fn snapshot_difference(stage: &Stage, a: &Snapshot, b: &Snapshot) -> Option<String> {
@@ -113,12 +113,12 @@ fn snapshot_difference(stage: &Stage, a: &Snapshot, b: &Snapshot) -> Option<Stri
         if x.world_from_model != y.world_from_model {
             let off = x.world_from_model.translation.distance(y.world_from_model.translation);
             return Some(format!(
-                "{} has another position or rotation, by {} m",
+                "{} has a different position or rotation, {} m away",
                 actor.name,
-                words::number(off)
+                text_format::number(off)
             ));
         }
-        if let Some(how) = poses(stage, i, x, y) {
+        if let Some(how) = pose_difference(stage, i, x, y) {
             return Some(how);
         }
     }
@@ -126,6 +126,6 @@ fn snapshot_difference(stage: &Stage, a: &Snapshot, b: &Snapshot) -> Option<Stri
         () if a.camera != b.camera => "the camera differs".into(),
         () if a.lights != b.lights => "the lights differ".into(),
         () if a.effects != b.effects => "the effects differ".into(),
-        () => "they differ in what is visible, in tints or in ambient light".into(),
+        () => "the visibility, tints or ambient light differ".into(),
     })
 }

@@ -24,7 +24,7 @@ pub fn number(v: f64) -> String {
     }
 }
 
-pub(crate) fn with_unit(v: f64, unit: &str) -> String {
+pub(crate) fn number_with_unit(v: f64, unit: &str) -> String {
     match unit {
         _ if v.is_nan() => number(v),
         "" => number(v),
@@ -45,7 +45,7 @@ pub fn time(t: Time) -> String {
 }
 
 /// Formats the ratio to a tolerance, such as `, 14 times the tolerance`; empty if there is none.
-pub(crate) fn times_tolerance(off: f64, tolerance: f64) -> String {
+pub(crate) fn tolerance_ratio(off: f64, tolerance: f64) -> String {
     match tolerance > 0.0 && off.is_finite() {
         true => format!(", {} times the tolerance", number((off / tolerance * 10.0).round() / 10.0)),
         false => String::new(),
@@ -53,24 +53,24 @@ pub(crate) fn times_tolerance(off: f64, tolerance: f64) -> String {
 }
 
 /// Whether a text matches a pattern in which `*` stands for any text and `?` for one character.
-pub fn like(text: &str, pattern: &str) -> bool {
+pub fn matches_pattern(text: &str, pattern: &str) -> bool {
     let (text, pattern): (Vec<char>, Vec<char>) = (text.chars().collect(), pattern.chars().collect());
     let (mut t, mut p) = (0, 0);
-    // Place at which matching resumes when the last `*` must include one more character.
-    let mut again: Option<(usize, usize)> = None;
+    // Positions in the text and the pattern at which matching resumes if the last `*` must match one more character.
+    let mut resume_at: Option<(usize, usize)> = None;
     while t < text.len() {
         match pattern.get(p) {
             Some('*') => {
-                again = Some((t, p));
+                resume_at = Some((t, p));
                 p += 1;
             }
             Some(c) if *c == '?' || *c == text[t] => {
                 t += 1;
                 p += 1;
             }
-            _ => match again {
+            _ => match resume_at {
                 Some((from, star)) => {
-                    again = Some((from + 1, star));
+                    resume_at = Some((from + 1, star));
                     (t, p) = (from + 1, star + 1);
                 }
                 None => return false,
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_the_digits_that_say_something() {
+    fn numbers_have_six_significant_digits_and_no_trailing_zeros() {
         let cases = [
             (0.1, "0.1"),
             (1.0, "1"),
@@ -101,8 +101,8 @@ mod tests {
     }
 
     #[test]
-    fn patterns() {
-        for (text, pattern, like_it) in [
+    fn a_star_matches_any_text_and_a_question_mark_one_character() {
+        for (text, pattern, expected) in [
             ("anna: Walk starts", "anna: * starts", true),
             ("anna: Walk ends", "anna: * starts", false),
             ("abc", "a?c", true),
@@ -111,7 +111,7 @@ mod tests {
             ("aXbXc", "*X*X*", true),
             ("aab", "*ab", true),
         ] {
-            assert_eq!(like(text, pattern), like_it, "{text} {pattern}");
+            assert_eq!(matches_pattern(text, pattern), expected, "{text} {pattern}");
         }
     }
 }

@@ -1,10 +1,10 @@
-//! The judge is proved able to fail: one scene with expectations of every kind, all met; then one fault at a time, each of
-//! which fails the expectations that it must, and no other.
+//! Expectations of every kind detect faults: one scene meets all of them, and each planted fault fails exactly the expectations that it
+//! breaks.
 
 use crate::common::*;
 use choreo_test_runner::{Check, Evidence};
 
-/// Every line that compares bears a name in its comment: `// = head` is the expectation called head.
+/// The comment of each expectation gives its name: `// = head` names the expectation "head".
 const SCENE: &str = r#"
 let m = load("choreo:mannequin");
 test("everything", || {
@@ -43,20 +43,20 @@ test("everything", || {
 "#;
 
 /// Names of the expectations that fail.
-fn failing(plant: &str, frame: &str) -> Vec<String> {
+fn failed_expectations(plant: &str, frame: &str) -> Vec<String> {
     let text = scene(plant, frame);
     let checks = checks(&text);
     let name = |check: &Check| {
         let line = text.lines().nth(check.place.line - 1).unwrap();
         line.split_once("// = ").map_or(check.title.clone(), |(_, name)| name.to_string())
     };
-    assert!(checks.len() >= 18, "{:?}", failures(&checks));
+    assert!(checks.len() >= 18, "{:?}", failed_check_texts(&checks));
     checks.iter().filter(|c| !c.passed).map(name).collect()
 }
 
 fn scene(plant: &str, frame: &str) -> String {
-    // Where the figure's hand is, and how its head is turned, at the start of its Idle: from the clip's own evaluation.
-    let (hand, head) = reference();
+    // Position of the hand and rotation of the head at the start of the clip "Idle", from an evaluation without a stage.
+    let (hand, head) = reference_pose();
     SCENE
         .replace("HAND", &format!("{hand:?}"))
         .replace("HEAD", &format!("{head:?}"))
@@ -64,8 +64,8 @@ fn scene(plant: &str, frame: &str) -> String {
         .replace("/*PLANT*/", plant)
 }
 
-/// The result of the motion library, without a stage: hand in model space, head as a quaternion.
-fn reference() -> ([f64; 3], [f64; 4]) {
+/// Pose from the motion library, without a stage: position of the hand in model space, rotation of the head as a quaternion.
+fn reference_pose() -> ([f64; 3], [f64; 4]) {
     use choreo_motion::{LocalToModel, Pose, Sample, Time};
     let options = options();
     let folder = tempfile::tempdir().unwrap();
@@ -84,17 +84,17 @@ fn reference() -> ([f64; 3], [f64; 4]) {
 }
 
 #[test]
-fn nothing_fails_without_a_fault() {
+fn the_scene_without_faults_meets_all_expectations() {
     let checks = checks(&scene("", ""));
-    assert!(checks.iter().all(|c| c.passed), "{}", failures(&checks).join("\n"));
+    assert!(checks.iter().all(|c| c.passed), "{}", failed_check_texts(&checks).join("\n"));
     assert_eq!(checks.len(), 18);
-    // A check that passed states no difference, and keeps no curves.
+    // A passed check has no error and no traces.
     assert!(checks.iter().all(|c| c.by.is_empty() && c.evidence == Evidence::None));
 }
 
 #[test]
-fn each_fault_fails_what_it_must_and_nothing_else() {
-    // A callback that changes nothing stands in every scene, so that a fault in it is the only difference.
+fn each_planted_fault_fails_only_the_expectations_that_it_breaks() {
+    // Every scene has a callback, empty by default, so that a fault in it is the only difference.
     let cases: &[(&str, &str, &str, &[&str])] = &[
         (
             "one joint off by half a degree",
@@ -118,23 +118,33 @@ fn each_fault_fails_what_it_must_and_nothing_else() {
             "",
             &["events", "warnings"],
         ),
-        ("a pop", "", "if t == 1.0 { ball.move_by(0.0, 0.05, 0.0); }", &["path", "speed", "jerk"]),
+        (
+            "a jump for one frame",
+            "",
+            "if t == 1.0 { ball.move_by(0.0, 0.05, 0.0); }",
+            &["path", "speed", "jerk"],
+        ),
         ("a sliding foot", "", "if t > 1.0 { foot.move_by(0.1 * (t - 1.0), 0.0, 0.0); }", &["slide"]),
-        ("an actor that goes away for one frame", "", "if t == 2.5 { anna.hide(); }", &["visible"]),
+        ("an actor that is hidden for one frame", "", "if t == 2.5 { anna.hide(); }", &["visible"]),
         ("a camera that tilts", r#"anna.rotate(0, 0, 8);"#, "", &["turn", "minus turn", "frame"]),
     ];
     for (what, plant, frame, expected) in cases {
-        let got = failing(plant, frame);
-        assert_eq!(got, *expected, "{what}: {}", failures(&checks(&scene(plant, frame))).join("\n"));
+        let got = failed_expectations(plant, frame);
+        assert_eq!(
+            got,
+            *expected,
+            "{what}: {}",
+            failed_check_texts(&checks(&scene(plant, frame))).join("\n")
+        );
     }
 }
 
 #[test]
-fn a_late_cue_is_told_with_its_delay_and_fails_the_weight_too() {
+fn a_late_cue_fails_the_events_with_its_delay_and_the_clip_weight() {
     let text = scene("", "").replace(".until(1.0)", ".until(1.2)");
     let checks = checks(&text);
     let failed: Vec<&Check> = checks.iter().filter(|c| !c.passed).collect();
-    assert_eq!(failed.len(), 2, "{}", failures(&checks).join("\n"));
+    assert_eq!(failed.len(), 2, "{}", failed_check_texts(&checks).join("\n"));
     let weight = failed.iter().find(|c| c.title.contains("weight")).unwrap();
     assert_eq!((weight.expected.as_str(), weight.got.as_str()), ("0.5 ± 0.001", "0.1 at 1.25 s"));
     let events = failed.iter().find(|c| c.title.contains("events")).unwrap();
@@ -145,7 +155,7 @@ fn a_late_cue_is_told_with_its_delay_and_fails_the_weight_too() {
 }
 
 #[test]
-fn a_failure_tells_when_by_how_much_and_shows_the_curve() {
+fn a_failed_check_states_time_and_error_and_has_traces() {
     let checks = checks(&scene("", "if t == 1.0 { ball.move_by(0.0, 0.05, 0.0); }"));
     let path = checks.iter().find(|c| c.title.contains("[t, 1.0, 0.0]")).unwrap();
     assert_eq!(path.got, "[1, 1.05, 0] m at 1 s, the worst of 90 samples; only there");
@@ -158,9 +168,9 @@ fn a_failure_tells_when_by_how_much_and_shows_the_curve() {
     assert_eq!((y.got[30], y.expected[30], y.band[30]), (1.05, 1.0, [0.999, 1.001]));
     let speed = checks.iter().find(|c| c.title.contains("speed")).unwrap();
     let Evidence::Traces(traces) = &speed.evidence else { panic!("{speed:?}") };
-    // A twentieth of a metre and back, in a thirtieth of a second each, beside the metre a second along x.
+    // The jump of 0.05 m takes 1/30 s (1.5 m/s), in addition to 1 m/s along x.
     assert!((traces[0].got.iter().copied().fold(0.0, f64::max) - (1.0f64 + 1.5 * 1.5).sqrt()).abs() < 1e-9);
-    // At a single time: half a second around it is shown, of which only that time is asserted.
+    // A failure at a single time has traces of half a second around it, of which only that time has an allowed range.
     let off = crate::common::checks(&scene("", r#"anna.joint("LeftForeArm").rotate(5, 0, 0);"#));
     let hand = off.iter().find(|c| c.title.contains("LeftHand")).unwrap();
     let Evidence::Traces(traces) = &hand.evidence else { panic!("{hand:?}") };
@@ -169,7 +179,7 @@ fn a_failure_tells_when_by_how_much_and_shows_the_curve() {
 }
 
 #[test]
-fn not_turns_a_claim_around_at_every_time() {
+fn not_requires_a_claim_to_be_false_at_every_time() {
     let text = |body: &str| {
         format!(
             "test(\"t\", || {{ stage(#{{ length: 1 }}); let b = cast(\"b\", shape(\"box\")); \
@@ -178,21 +188,26 @@ fn not_turns_a_claim_around_at_every_time() {
     };
     let fails = |body: &str| checks(&text(body)).iter().filter(|c| !c.passed).count();
     assert_eq!(fails("expect(b).not().near([5, 0, 0]);"), 0);
-    // Near at one time is enough to fail "never near".
+    // Being near at one time fails "not near at any time".
     assert_eq!(fails("expect(b).not().near([0.5, 0, 0]);"), 1);
     assert_eq!(fails("expect(b).near([0.5, 0, 0]);"), 1);
     assert_eq!(fails("expect(b).not().visible();"), 1);
     assert_eq!(fails("expect(1).not().equals(2); expect(1).not().equals(1);"), 1);
     assert_eq!(fails("expect(plan()).at(0).not().leaves_out(\"skinning\");"), 1);
-    assert_eq!(fails("expect(plan()).at(0).not().leaves_out(\"skining\");"), 1, "a slip must not pass");
+    assert_eq!(
+        fails("expect(plan()).at(0).not().leaves_out(\"skining\");"),
+        1,
+        "an unknown name must not pass"
+    );
     // A hidden object is neither near nor not near.
     assert_eq!(fails("b.hide(); expect(b.joint(b.joints()[0])).not().near([5, 0, 0]);"), 1);
     assert_eq!(fails("expect(stage()).events().not().in_order([\"*\"]);"), 0);
 }
 
 #[test]
-fn diagnostics_are_checks_of_their_own() {
-    let runs = run(r#"let m = load("choreo:mannequin");
+fn expected_and_unexpected_diagnostics_become_checks() {
+    let runs = run_sections(
+        r#"let m = load("choreo:mannequin");
 test("met", || {
     cast("a", m).play(m.clip("Wlk")); //~ error: did you mean "Walk"
 });
@@ -211,7 +226,8 @@ test("warned as expected", || {
     cast("a", m).play(m.clip("Walk")).from(9); //~ warning: after the end of the stage
     expect(1).equals(1);
 });
-"#);
+"#,
+    );
     let failed: Vec<Vec<(usize, bool)>> =
         runs.iter().map(|(_, checks)| checks.iter().map(|c| (c.place.line, c.passed)).collect()).collect();
     assert_eq!(failed[0], [(3, true)]);
@@ -223,11 +239,11 @@ test("warned as expected", || {
 }
 
 #[test]
-fn a_script_as_it_stands_must_be_silent_and_finite() {
+fn a_script_without_sections_must_be_finite_and_free_of_diagnostics() {
     let fine = checks("let a = cast(\"a\", load(\"choreo:mannequin\")); on_frame(|t| a.turn(t));");
     assert_eq!(fine.len(), 3);
-    assert!(fine.iter().all(|c| c.passed), "{}", failures(&fine).join("\n"));
-    let failed = |text: &str| failures(&checks(text)).join("\n");
+    assert!(fine.iter().all(|c| c.passed), "{}", failed_check_texts(&fine).join("\n"));
+    let failed = |text: &str| failed_check_texts(&checks(text)).join("\n");
     let got = failed("let a = cast(\"a\", load(\"choreo:mannequin\")); on_frame(|t| a.at(ln(-t), 0, 0));");
     assert!(got.contains("must be a finite number"), "{got}");
     let got = failed("let m = load(\"choreo:mannequin\"); cast(\"a\", m).play(m.clip(\"Walk\")).from(9);");
@@ -237,7 +253,7 @@ fn a_script_as_it_stands_must_be_silent_and_finite() {
 }
 
 #[test]
-fn costs_are_compared_as_ratios() {
+fn evaluation_times_are_compared_as_ratios() {
     let text = |factor: &str| {
         format!(
             r#"let m = load("choreo:mannequin");
@@ -251,16 +267,16 @@ fn costs_are_compared_as_ratios() {
             }});"#
         )
     };
-    // Ten figures cost between three and thirty times as much as one, on any machine.
+    // Ten characters take between 3 and 30 times as long as one on any machine.
     let checks = checks(&text("30"));
-    assert!(checks[0].passed, "{}", failures(&checks).join("\n"));
+    assert!(checks[0].passed, "{}", failed_check_texts(&checks).join("\n"));
     let checks = crate::common::checks(&text("3"));
     assert!(!checks[0].passed && checks[0].got.ends_with(" times"), "{:?}", checks[0]);
 }
 
-/// What has no value fails with the reason, whatever is claimed of it.
+/// A quantity without a value fails every claim, negated or not, with the reason.
 #[test]
-fn a_claim_about_what_has_no_value_fails_with_the_reason() {
+fn a_claim_about_a_quantity_without_a_value_fails_with_the_reason() {
     let text = |height: &str, claim: &str| {
         format!(
             r#"test("t", || {{
@@ -303,7 +319,7 @@ fn a_claim_about_what_has_no_value_fails_with_the_reason() {
 
 /// Each expectation of a number that fails states the difference with its unit.
 #[test]
-fn a_number_that_is_wrong_states_by_how_much() {
+fn a_failed_number_states_its_error_with_the_unit() {
     let text = r#"
 test("numbers", || {
     stage(#{ fps: 10, length: 2 });
@@ -325,6 +341,11 @@ test("numbers", || {
     assert_eq!(checks.len(), 10);
     for check in &checks {
         assert!(!check.passed, "{}", check.title);
-        assert_eq!(check.by, off(check.place.line), "{}", failures(std::slice::from_ref(check)).join(""));
+        assert_eq!(
+            check.by,
+            off(check.place.line),
+            "{}",
+            failed_check_texts(std::slice::from_ref(check)).join("")
+        );
     }
 }

@@ -1,13 +1,13 @@
 //! Reasons for which an expectation cannot be judged.
 
-use super::snapshot_cache::MOST;
+use super::snapshot_cache::MAX_SAMPLES;
 use choreo_script::Diagnostic;
 use choreo_script::testing::TimeUsedUp;
 use choreo_stage::StageError;
 
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum Unjudged {
-    #[error("no such {0}")]
+pub(crate) enum JudgeError {
+    #[error("the {0} does not exist")]
     Missing(&'static str),
     /// Error of the stage, such as a failed callback.
     #[error(transparent)]
@@ -21,7 +21,7 @@ pub(crate) enum Unjudged {
         "judging this section takes longer than {0} s: check fewer times, or raise --limit seconds=NUMBER"
     )]
     TooLong(f64),
-    #[error("this would take {0} samples, at most {MOST} are allowed: use .during or a longer .every")]
+    #[error("this would take {0} samples, at most {MAX_SAMPLES} are allowed: use .during or a longer .every")]
     TooManySnapshots(i64),
     #[error(
         "the span holds {found} samples, {needed} are needed: make it longer, or sample more often with \

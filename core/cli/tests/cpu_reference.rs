@@ -1,9 +1,9 @@
-//! The Vulkan renderer against its CPU twin on every sample file and every example script, with the validation layer on.
-//! `cargo test -p choreo --test twins -- --nocapture` prints the table.
+//! Compares the Vulkan renderer with its reference, the CPU renderer, on every sample file and every example script, with the validation layer on.
+//! `cargo test -p choreo --test cpu_reference -- --nocapture` prints the table.
 
 mod common;
-#[path = "common/unhurried.rs"]
-mod unhurried;
+#[path = "common/long_time_limits.rs"]
+mod long_time_limits;
 
 use choreo_asset::*;
 use choreo_image_diff::{Comparison, compare};
@@ -21,28 +21,32 @@ const SIZE: [u32; 2] = [320, 180];
 /// 8-bit steps that a channel of a pixel may differ by without counting.
 const TOLERANCE: u8 = 2;
 
-/// How far the twins may be apart.
+/// How far the renderers may be apart.
 #[derive(Clone, Copy)]
 struct Bounds {
     mean: f64,
     share_beyond: f64,
 }
 
-/// Edges: a driver snaps vertices to its own fixed point, so that single pixels of an outline fall on the other side.
-/// Textures: it weighs texels with 8 bits, and chooses mipmap levels from its own approximations.
-/// The mean: lavapipe's sRGB encoder gives one more for more than half of the codes from 64 to 87, where much of a dark floor lies.
+/// Differences that a driver may have. At edges, it rounds vertices to its own fixed-point grid, so single pixels of an outline change
+/// sides. In textures, it weights texels with 8 bits and approximates mipmap levels. In the mean, the sRGB encoder of
+/// lavapipe is one step too high for more than half of the codes from 64 to 87, which dark floors have.
 const BOUNDS: Bounds = Bounds { mean: 0.2, share_beyond: 0.003 };
 
-/// An image full of hard edges inside enlarged textures shows the eight bits of their weights wherever one is; where alpha is
-/// cut off, as a sample more or less.
-const OF_TEXTURES: Bounds = Bounds { mean: 0.2, share_beyond: 0.01 };
-const SCENES_OF_TEXTURES: [&str; 3] =
+/// Bounds for images with many hard edges inside enlarged textures: each of them shows the 8-bit weights of texels, and an alpha cutoff
+/// turns the difference into a sample more or less.
+const TEXTURE_BOUNDS: Bounds = Bounds { mean: 0.2, share_beyond: 0.01 };
+const SCENES_WITH_TEXTURE_BOUNDS: [&str; 3] =
     ["35_moving_textures.rhai", "39_leaves_and_panes.rhai", "AlphaBlendModeTest.glb"];
 
 impl Bounds {
     /// The bounds of an image by the name of its scene.
     fn of(what: &str) -> Bounds {
-        if SCENES_OF_TEXTURES.iter().any(|name| what.starts_with(name)) { OF_TEXTURES } else { BOUNDS }
+        if SCENES_WITH_TEXTURE_BOUNDS.iter().any(|name| what.starts_with(name)) {
+            TEXTURE_BOUNDS
+        } else {
+            BOUNDS
+        }
     }
 
     fn hold(self, c: &Comparison) -> bool {
@@ -50,20 +54,20 @@ impl Bounds {
     }
 }
 
-struct Twins {
+struct RendererPair {
     vulkan: VulkanRenderer,
     cpu: CpuRenderer,
     registry: Registry,
 }
 
-impl Twins {
-    /// `None` where there is no Vulkan, after a line that says so.
-    fn new(cases: usize) -> Option<Twins> {
+impl RendererPair {
+    /// `None` if there is no Vulkan device, after printing that `cases` cases are skipped.
+    fn new(cases: usize) -> Option<RendererPair> {
         let registry = choreo::registry();
         let effects = registry.effects().to_vec();
         let cpu = CpuRenderer::new(&effects);
         match VulkanRenderer::new(GpuOptions { validation: true, effects, ..GpuOptions::default() }) {
-            Ok(vulkan) => Some(Twins { vulkan, cpu, registry }),
+            Ok(vulkan) => Some(RendererPair { vulkan, cpu, registry }),
             Err(RenderError::NoVulkan { why }) => {
                 println!("SKIP {cases}: {}", why.lines().next().unwrap_or_default());
                 None
@@ -72,7 +76,7 @@ impl Twins {
         }
     }
 
-    /// Every validation message is an error here.
+    /// Images of both renderers. A message of the validation layer is an error.
     fn draw(
         &mut self,
         on_vulkan: (&Stage, &Snapshot),
@@ -92,7 +96,7 @@ impl Twins {
     fn compare(&mut self, stage: &Stage, time: Time, samples: u32) -> Comparison {
         let snapshot = stage.at(time).unwrap();
         let [vulkan, cpu] = self.draw((stage, &snapshot), (stage, &snapshot), samples);
-        // A background is the same from left to right.
+        // Pixels of the background equal the first pixel of their row.
         let rows = vulkan.rgba.chunks_exact(4 * SIZE[0] as usize);
         let drawn = rows.flat_map(|r| r.chunks_exact(4).filter(|p| *p != &r[..4])).count();
         assert!(drawn > 500, "{drawn} pixels are not background: too few to compare");
@@ -110,7 +114,11 @@ impl Twins {
     fn finish(self) {
         let messages = self.vulkan.validation_messages();
         drop(self.vulkan);
-        assert_eq!(*messages.lock().unwrap(), Vec::<String>::new(), "said while the renderer was dropped");
+        assert_eq!(
+            *messages.lock().unwrap(),
+            Vec::<String>::new(),
+            "validation messages while the renderer was dropped"
+        );
     }
 }
 
@@ -174,25 +182,25 @@ impl Table {
 }
 
 #[test]
-fn every_sample_file() {
-    let Some(assets) = common::assets() else { return };
+fn vulkan_matches_the_cpu_renderer_on_every_sample_file() {
+    let Some(assets) = common::sample_assets_folder() else { return };
     let mut files = files_in(&assets.join("gltf"), &["glb", "gltf"]);
     files.extend(files_in(&assets.join("same-model-3-formats"), &["glb"]));
-    let Some(mut twins) = Twins::new(files.len()) else { return };
+    let Some(mut renderers) = RendererPair::new(files.len()) else { return };
     let mut table = Table::default();
     for path in files {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let (stage, time) = stage_of(twins.load(&path));
+        let (stage, time) = stage_of(renderers.load(&path));
         for samples in [1, 4] {
             table.row(
                 &format!("{name} at {:.2} s", time.as_secs()),
                 samples,
-                &twins.compare(&stage, time, samples),
+                &renderers.compare(&stage, time, samples),
             );
         }
     }
     table.finish();
-    twins.finish();
+    renderers.finish();
 }
 
 fn scripts() -> PathBuf {
@@ -200,43 +208,48 @@ fn scripts() -> PathBuf {
 }
 
 fn run(script: &Path, registry: &Registry) -> Stage {
-    let mut stage = run_file(script, registry, &unhurried::unhurried()).unwrap().stage;
+    let mut stage = run_file(script, registry, &long_time_limits::script_options()).unwrap().stage;
     stage.settings.size = SIZE;
     stage
 }
 
 #[test]
-fn every_script() {
+fn vulkan_matches_the_cpu_renderer_on_every_example_script() {
     let files: Vec<PathBuf> = files_in(&scripts(), &["rhai"])
         .into_iter()
         .filter(|p| p.parent().unwrap().ends_with("scripts"))
         .collect();
     assert!(files.len() >= 7);
-    let Some(mut twins) = Twins::new(files.len()) else { return };
+    let Some(mut renderers) = RendererPair::new(files.len()) else { return };
     let mut table = Table::default();
     for path in files {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let stage = run(&path, &twins.registry);
+        let stage = run(&path, &renderers.registry);
         for (part, samples) in [(0.31, 1), (0.77, 4)] {
             let time = Time::from_secs(stage.settings.length.as_secs() * part);
             table.row(
                 &format!("{name} at {:.2} s", time.as_secs()),
                 samples,
-                &twins.compare(&stage, time, samples),
+                &renderers.compare(&stage, time, samples),
             );
         }
     }
     table.finish();
-    twins.finish();
+    renderers.finish();
 }
 
-/// The comparison can fail: each fault, shown to one renderer only, is beyond the bounds that equal scenes keep.
-fn check(twins: &mut Twins, what: &str, right: (&Stage, &Snapshot), wrong: (&Stage, &Snapshot)) {
-    let [vulkan, equal] = twins.draw(right, right, 1);
+/// Asserts that a fault that only one renderer draws exceeds the bounds, which equal scenes do not exceed.
+fn assert_fault_is_found(
+    renderers: &mut RendererPair,
+    what: &str,
+    right: (&Stage, &Snapshot),
+    wrong: (&Stage, &Snapshot),
+) {
+    let [vulkan, equal] = renderers.draw(right, right, 1);
     let none = compare(&vulkan, &equal, TOLERANCE).unwrap();
     assert!(BOUNDS.hold(&none), "{none}");
     for [a, b] in [[right, wrong], [wrong, right]] {
-        let [vulkan, cpu] = twins.draw(a, b, 1);
+        let [vulkan, cpu] = renderers.draw(a, b, 1);
         let c = compare(&vulkan, &cpu, TOLERANCE).unwrap();
         println!("{what}: {c}");
         assert!(!BOUNDS.hold(&c), "{what} was not found: {c}");
@@ -245,8 +258,8 @@ fn check(twins: &mut Twins, what: &str, right: (&Stage, &Snapshot), wrong: (&Sta
 
 #[test]
 fn planted_faults_are_found() {
-    let Some(mut twins) = Twins::new(3) else { return };
-    let stage = run(&scripts().join("01_first_dance.rhai"), &twins.registry);
+    let Some(mut renderers) = RendererPair::new(3) else { return };
+    let stage = run(&scripts().join("01_first_dance.rhai"), &renderers.registry);
     let right = stage.at(Time::from_secs(1.0)).unwrap();
     let changed = |change: &dyn Fn(&mut Snapshot)| {
         let mut wrong = right.clone();
@@ -254,14 +267,19 @@ fn planted_faults_are_found() {
         wrong
     };
     let moved = changed(&|s| s.actors[0].world_from_model.translation.x += 0.02);
-    check(&mut twins, "an actor 2 cm to the right", (&stage, &right), (&stage, &moved));
+    assert_fault_is_found(&mut renderers, "an actor 2 cm to the right", (&stage, &right), (&stage, &moved));
     let turned = changed(&|s| {
         let turn = glam::Quat::from_rotation_y(2f32.to_radians());
         s.lights.iter_mut().for_each(|l| l.direction = turn * l.direction);
     });
-    check(&mut twins, "lights turned by two degrees", (&stage, &right), (&stage, &turned));
-    let Some(assets) = common::assets() else { return };
-    let asset = twins.load(&assets.join("gltf/TextureCoordinateTest.glb"));
+    assert_fault_is_found(
+        &mut renderers,
+        "lights turned by two degrees",
+        (&stage, &right),
+        (&stage, &turned),
+    );
+    let Some(assets) = common::sample_assets_folder() else { return };
+    let asset = renderers.load(&assets.join("gltf/TextureCoordinateTest.glb"));
     let mut upside_down = Asset::clone(&asset);
     for image in &mut upside_down.images {
         let mut rows: Vec<&[u8]> = image.rgba.chunks_exact(4 * image.width as usize).collect();
@@ -271,6 +289,6 @@ fn planted_faults_are_found() {
     let (right, _) = stage_of(asset);
     let (wrong, _) = stage_of(Arc::new(upside_down));
     let snapshot = right.at(Time::ZERO).unwrap();
-    check(&mut twins, "a texture upside down", (&right, &snapshot), (&wrong, &snapshot));
-    twins.finish();
+    assert_fault_is_found(&mut renderers, "a texture upside down", (&right, &snapshot), (&wrong, &snapshot));
+    renderers.finish();
 }

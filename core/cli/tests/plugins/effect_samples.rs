@@ -1,5 +1,5 @@
-//! Each built-in effect has a README, a sample with its image, a lesson that uses it, and a test section with an image of it;
-//! both renderers are compared in `twins.rs`. `CHOREO_ACCEPT=1` draws the samples' images anew.
+//! Each built-in effect has a README, a sample with its image, a lesson that uses it, and a test section with an image of it.
+//! `cpu_reference.rs` compares the renderers. `CHOREO_ACCEPT=1` updates the images of the samples.
 
 use choreo_image_diff::compare;
 use choreo_plugin::Frame;
@@ -10,21 +10,21 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// All scripts below a folder.
-fn scripts(folder: &Path, out: &mut Vec<String>) {
+/// All scripts in a folder and its subfolders.
+fn collect_scripts(folder: &Path, out: &mut Vec<String>) {
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     entries.sort();
     for path in entries {
         if path.is_dir() {
-            scripts(&path, out);
+            collect_scripts(&path, out);
         } else if path.extension().is_some_and(|e| e == "rhai") {
             out.push(std::fs::read_to_string(&path).unwrap());
         }
     }
 }
 
-/// The documents and tests that an effect lacks.
-fn lacks(name: &str, lessons: &[String], suite: &[String]) -> Vec<&'static str> {
+/// The documents and tests that are missing for an effect.
+fn missing_documents(name: &str, lessons: &[String], suite: &[String]) -> Vec<&'static str> {
     let call = format!("effect(\"{name}\"");
     let readme = root().join("plugins/effects").join(name).join("README.md");
     let mut out = Vec::new();
@@ -42,31 +42,31 @@ fn lacks(name: &str, lessons: &[String], suite: &[String]) -> Vec<&'static str> 
 }
 
 #[test]
-fn every_effect_has_a_readme_a_lesson_and_a_picture() {
+fn every_effect_has_a_readme_a_lesson_and_a_test_image() {
     let (mut lessons, mut suite) = (Vec::new(), Vec::new());
-    scripts(&root().join("scripts"), &mut lessons);
-    scripts(&root().join("tests/suite"), &mut suite);
+    collect_scripts(&root().join("scripts"), &mut lessons);
+    collect_scripts(&root().join("tests/suite"), &mut suite);
     let registry = choreo::registry();
-    // Effects of the script's own folder are not the program's; the example exists to be copied.
+    // Effects in the folder of the script are not built in; the example exists to be copied.
     let names: Vec<String> =
         registry.effects().iter().map(|e| e.manifest().name.clone()).filter(|n| *n != "example").collect();
     assert!(names.len() >= 14, "{names:?}");
     for name in &names {
-        assert_eq!(lacks(name, &lessons, &suite), Vec::<&str>::new(), "{name}");
+        assert_eq!(missing_documents(name, &lessons, &suite), Vec::<&str>::new(), "{name}");
     }
-    assert_eq!(lacks("sparkle", &lessons, &suite).len(), 3, "what is not there is found");
+    assert_eq!(missing_documents("sparkle", &lessons, &suite).len(), 3, "what is not there is found");
 }
 
-/// The CPU renderer's image of a script at half a second.
-fn drawn(script: &Path, out: &Path) -> Frame {
+/// The image of a script at 0.5 s, drawn by the CPU renderer.
+fn draw_sample(script: &Path, out: &Path) -> Frame {
     let mut command = Command::new(env!("CARGO_BIN_EXE_choreo"));
     command.args(["render", "--device", "cpu", "--at", "0.5", "-o"]).arg(out).arg(script);
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    read(out).unwrap()
+    read_image(out).unwrap()
 }
 
-fn read(file: &Path) -> Option<Frame> {
+fn read_image(file: &Path) -> Option<Frame> {
     let picture = image::open(file).ok()?.to_rgba8();
     Some(Frame { width: picture.width(), height: picture.height(), rgba: picture.into_raw() })
 }
@@ -82,21 +82,21 @@ fn every_sample_shows_its_effect() {
         let (script, picture) = (own.join("sample.rhai"), own.join("sample.png"));
         let readme = std::fs::read_to_string(own.join("README.md")).unwrap();
         assert!(readme.contains("](sample.png)") && readme.contains("(sample.rhai)"), "README of {name}");
-        let got = drawn(&script, &folder.path().join("got.png"));
+        let got = draw_sample(&script, &folder.path().join("got.png"));
         if accept {
             std::fs::copy(folder.path().join("got.png"), &picture).unwrap();
         }
-        let expected = read(&picture).unwrap_or_else(|| panic!("no {}", picture.display()));
+        let expected = read_image(&picture).unwrap_or_else(|| panic!("no {}", picture.display()));
         let off = compare(&got, &expected, 2).unwrap();
         assert!(off.share_beyond < 0.001, "{name}: {off:?}");
-        // The image differs without the effect.
+        // Without the effect the image must be different.
         let text = std::fs::read_to_string(&script).unwrap();
         let call = format!("effect(\"{name}\"");
         let rest: Vec<&str> = text.lines().filter(|line| !line.starts_with(&call)).collect();
         assert!(rest.len() < text.lines().count(), "{name}");
         let without = folder.path().join("without.rhai");
         std::fs::write(&without, rest.join("\n")).unwrap();
-        let plain = drawn(&without, &folder.path().join("without.png"));
+        let plain = draw_sample(&without, &folder.path().join("without.png"));
         let seen = compare(&got, &plain, 2).unwrap();
         assert!(seen.share_beyond > 0.004, "{name} is hardly seen in its sample: {seen:?}");
     }

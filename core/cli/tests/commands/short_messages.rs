@@ -1,11 +1,11 @@
-//! Short messages that help on: lengths of models without clips, frames beyond the end, meshes in `info`, reused frames and work of the processor
-//! in `explain`.
+//! Hints in messages and short statistics: the length of models without clips, frames beyond the end, meshes in `info`, and reused frames
+//! and work of the processor in `explain`.
 
 use crate::common;
 use crate::common::{choreo, folder};
 
-/// The triangle with its clip taken away.
-fn still(d: &std::path::Path) {
+/// The triangle without its clip.
+fn write_model_without_clips(d: &std::path::Path) {
     let text = common::triangle(1.0);
     let (before, rest) = text.split_once("\"animations\"").unwrap();
     let (_, after) = rest.split_once("}] }],").unwrap();
@@ -13,10 +13,10 @@ fn still(d: &std::path::Path) {
 }
 
 #[test]
-fn lengths_and_frames_of_models() {
+fn messages_state_the_length_and_frame_range_of_models() {
     let dir = folder();
     let d = dir.path();
-    still(d);
+    write_model_without_clips(d);
     let small = ["--size", "16x16", "--samples", "1", "--device", "cpu"];
     let run = choreo(d, &[&["render", "still.gltf", "-o", "a.y4m", "--length", "0.5"][..], &small].concat());
     assert_eq!(run.code, 0, "{}", run.err);
@@ -27,10 +27,10 @@ fn lengths_and_frames_of_models() {
     assert!(run.err.contains("0..30; --length SECS makes it longer and repeats the clip"), "{}", run.err);
 }
 
-/// A file of clips that rests in a stride, on a character: the warning has a rule, and says how to allow it.
+/// If the rest pose of a clip is a stride, the warning names its rule and states how to allow it.
 #[test]
-fn a_warning_about_another_body_can_be_allowed() {
-    let Some(assets) = common::assets() else { return };
+fn a_retargeting_warning_can_be_allowed() {
+    let Some(assets) = common::sample_assets_folder() else { return };
     let dir = folder();
     let d = dir.path();
     for file in ["vrm/cool_loops.vrm", "fbx/pab/locomotions.fbx"] {
@@ -52,10 +52,10 @@ fn a_warning_about_another_body_can_be_allowed() {
     assert_eq!((run.code, run.err.as_str()), (0, ""), "{}", run.out);
 }
 
-/// The robot has a bone "Body", and the other file a mesh of that name beside its bones.
+/// The robot has a bone "Body"; the other file has a mesh with the same name in addition to its bones.
 #[test]
-fn a_mesh_beside_the_bones_follows_no_bone() {
-    let Some(assets) = common::assets() else { return };
+fn a_mesh_with_the_name_of_a_bone_is_not_mapped_to_it() {
+    let Some(assets) = common::sample_assets_folder() else { return };
     let dir = folder();
     let file = |name: &str| assets.join(name).to_string_lossy().into_owned();
     let (robot, godette) = (file("gltf/RobotExpressive.glb"), file("vrm/Godette_vrm_v4.vrm"));
@@ -72,7 +72,7 @@ fn info_names_meshes_and_the_nodes_that_show_them() {
 }
 
 #[test]
-fn explain_counts_reused_frames_in_the_words_of_render() {
+fn explain_and_render_count_the_same_reused_frames() {
     let dir = folder();
     let d = dir.path();
     let script = r##"stage(#{ size: [16, 16], fps: 8, length: 1.0 });
@@ -92,7 +92,7 @@ text("a", #{ size: 0.5 }).from(0.25);
     for word in ["frames", "drawn", "reused", "repeated", "recomposed"] {
         assert_eq!(counts[word], rendered[word], "{word}");
     }
-    // 1 drawn, 1 repeated, 1 with the title, 2 repeated, 3 drawn.
+    // 1 frame drawn, 1 repeated, 1 with the title, 2 repeated, 3 drawn.
     assert_eq!(counts["drawn"], 4, "{counts}");
     let text = choreo(d, &["explain", "a.rhai"]).out;
     assert!(text.contains("\nstage      1 actor from 1 asset, 8 frames\n"), "{text}");
@@ -102,7 +102,7 @@ text("a", #{ size: 0.5 }).from(0.25);
     );
 }
 
-/// Of an actor that nobody sees nothing is counted, and of a frame in which nothing moves one sub-frame at most.
+/// No work is counted for an actor outside the view, and at most one sub-frame for a frame without motion.
 #[test]
 fn explain_counts_poses_constraints_spring_bones_and_sub_frames() {
     let dir = folder();
@@ -141,8 +141,8 @@ effect("motion_blur", #{{ samples: 16, shutter: 180.0 }});
         assert!(text.contains(&line), "{line}: {text}");
         counts
     };
-    // The one of the two in view and the box; a hand has 16 joints.
+    // The visible one of the two characters, and the box; a hand has 16 joints.
     assert_eq!(counts(500.0, "0.25"), [2, 1, 16, 1]);
-    // The box goes 0.25 m in an eighth of a second, 4.85 m before the camera, where half of its 32 pixels are 2.425 m.
+    // The box moves 0.25 m in an eighth of a second, 4.85 m in front of the camera, where half of the 32 pixels cover 2.425 m.
     assert_eq!(counts(1.0, "0.75"), [3, 2, 32, (0.25 * 16.0 / 2.425_f64).ceil() as u64]);
 }

@@ -5,11 +5,12 @@ use choreo_plugin::Frame;
 use std::path::{Path, PathBuf};
 
 /// Largest golden image in bytes that is not marked as large: golden images stay in version control forever.
-pub const MOST_BYTES: usize = 40 << 10;
+pub const MAX_BYTES: usize = 40 << 10;
 /// Largest number of bytes that are read from a file: no test image is larger.
-const MOST_FILE_BYTES: u64 = 64 << 20;
+const MAX_FILE_BYTES: u64 = 64 << 20;
 
-const DEVICE: &str = "choreo:device";
+/// Keyword of the PNG text that holds the class of the device.
+const DEVICE_KEYWORD: &str = "choreo:device";
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct GoldenImage {
@@ -19,7 +20,7 @@ pub struct GoldenImage {
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Unreadable {
+pub enum GoldenImageError {
     Missing,
     /// Reason, without the file's name.
     Damaged(String),
@@ -34,9 +35,9 @@ pub enum DecodeError {
     Png(png::DecodingError),
     #[error("a test image cannot have {0}x{1} pixels")]
     Dimensions(u32, u32),
-    #[error("it is too large")]
+    #[error("its pixels need more memory than the program can address")]
     TooLarge,
-    #[error("its pixels are {0:?}")]
+    #[error("its color type is {0:?}; a golden image is RGB or grayscale, with or without alpha")]
     Pixels(png::ColorType),
 }
 
@@ -54,31 +55,32 @@ impl From<png::DecodingError> for DecodeError {
 /// Error of writing a golden image.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: cannot write: {error}", place.display())]
-pub struct NotWritten {
+pub struct WriteGoldenImageError {
     place: PathBuf,
     error: WriteError,
 }
 
 /// Path of a golden image: for "start" of `tests/suite/walk.rhai`, `tests/suite/pictures/walk/start.png`.
-pub fn place(test_file: &Path, name: &str) -> PathBuf {
+pub fn path_of(test_file: &Path, name: &str) -> PathBuf {
     let stem = test_file.file_stem().unwrap_or_default();
     test_file.with_file_name("pictures").join(stem).join(format!("{name}.png"))
 }
 
-pub fn read(path: &Path) -> Result<(GoldenImage, Vec<u8>), Unreadable> {
+/// Reads and decodes a golden image; also returns the bytes of its file.
+pub fn read(path: &Path) -> Result<(GoldenImage, Vec<u8>), GoldenImageError> {
     let bytes = read_golden_image(path).map_err(|error| match error.is_missing() {
-        true => Unreadable::Missing,
-        false => Unreadable::Damaged(error.to_string()),
+        true => GoldenImageError::Missing,
+        false => GoldenImageError::Damaged(error.to_string()),
     })?;
-    decode(&bytes).map(|stored| (stored, bytes)).map_err(|e| Unreadable::Damaged(e.to_string()))
+    decode(&bytes).map(|stored| (stored, bytes)).map_err(|e| GoldenImageError::Damaged(e.to_string()))
 }
 
 /// Reads the bytes of a golden image. Links may only lead to files below the test's folder.
 fn read_golden_image(path: &Path) -> Result<Vec<u8>, FileError> {
-    // Paths have the form FOLDER/pictures/FILE/NAME.png, as in `place`.
-    let Some(folder) = path.ancestors().nth(3) else { return choreo_files::read(path, MOST_FILE_BYTES) };
+    // Paths have the form FOLDER/pictures/FILE/NAME.png, as in `path_of`.
+    let Some(folder) = path.ancestors().nth(3) else { return choreo_files::read(path, MAX_FILE_BYTES) };
     let inside = path.strip_prefix(folder).unwrap_or(path);
-    Folder::open(folder)?.read(inside, MOST_FILE_BYTES)
+    Folder::open(folder)?.read(inside, MAX_FILE_BYTES)
 }
 
 /// Decodes a PNG with 8 bits per channel.
@@ -87,7 +89,7 @@ pub fn decode(bytes: &[u8]) -> Result<GoldenImage, DecodeError> {
     decoder.set_transformations(png::Transformations::normalize_to_color8() | png::Transformations::ALPHA);
     let mut reader = decoder.read_info()?;
     let (width, height) = (reader.info().width, reader.info().height);
-    if u64::from(width) * u64::from(height) > crate::painter::MOST_PIXELS {
+    if u64::from(width) * u64::from(height) > crate::painter::MAX_PIXELS {
         return Err(DecodeError::Dimensions(width, height));
     }
     let mut pixels = vec![0; reader.output_buffer_size().ok_or(DecodeError::TooLarge)?];
@@ -104,9 +106,11 @@ pub fn decode(bytes: &[u8]) -> Result<GoldenImage, DecodeError> {
     let device = info
         .uncompressed_latin1_text
         .iter()
-        .filter(|t| t.keyword == DEVICE)
+        .filter(|t| t.keyword == DEVICE_KEYWORD)
         .map(|t| t.text.clone())
-        .chain(info.utf8_text.iter().filter(|t| t.keyword == DEVICE).filter_map(|t| t.get_text().ok()))
+        .chain(
+            info.utf8_text.iter().filter(|t| t.keyword == DEVICE_KEYWORD).filter_map(|t| t.get_text().ok()),
+        )
         .next();
     Ok(GoldenImage { frame: Frame { width, height, rgba }, device: device.unwrap_or_default() })
 }
@@ -139,16 +143,16 @@ pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, png::Enc
     Ok(bytes)
 }
 
-/// Encodes an image to be stored as golden. `name`: file and section, for readers who find the image alone.
+/// Encodes a golden image. `device`: class of the device that drew it. `name`: file and section, for readers who find the file alone.
 pub fn encode_accepted(frame: &Frame, device: &str, name: &str) -> Result<Vec<u8>, png::EncodingError> {
-    encode(frame, &[(DEVICE, device), ("choreo:test", name)])
+    encode(frame, &[(DEVICE_KEYWORD, device), ("choreo:test", name)])
 }
 
-/// Writes the bytes of an image to its [`place`], and follows no links below the test's folder.
-pub fn write(test_file: &Path, name: &str, bytes: &[u8]) -> Result<(), NotWritten> {
-    let (folder, place) = (test_file.parent().unwrap_or(Path::new("")), place(test_file, name));
+/// Writes the bytes of an image to its [`path_of`], and follows no links below the test's folder.
+pub fn write(test_file: &Path, name: &str, bytes: &[u8]) -> Result<(), WriteGoldenImageError> {
+    let (folder, place) = (test_file.parent().unwrap_or(Path::new("")), path_of(test_file, name));
     let beneath = place.strip_prefix(folder).unwrap_or(&place);
-    write_whole_beneath(folder, beneath, bytes).map_err(|error| NotWritten { place, error })
+    write_whole_beneath(folder, beneath, bytes).map_err(|error| WriteGoldenImageError { place, error })
 }
 
 #[cfg(test)]
@@ -162,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_come_back_with_their_device() {
+    fn encoded_images_decode_to_the_same_pixels_and_device() {
         for alpha in [255, 0] {
             let bytes = encode_accepted(&frame(alpha), "vulkan:ä/1", "a.rhai > b").unwrap();
             let stored = decode(&bytes).unwrap();
@@ -172,36 +176,36 @@ mod tests {
     }
 
     #[test]
-    fn cut_and_damaged_files_are_told_and_never_panic() {
+    fn truncated_files_are_errors_and_damaged_files_never_panic() {
         let bytes = encode_accepted(&frame(255), "cpu", "t").unwrap();
-        // The last 12 bytes are the end mark, which holds nothing.
+        // The last 12 bytes are the end chunk (IEND), which has no content.
         for cut in 0..bytes.len() - 12 {
             assert!(decode(&bytes[..cut]).is_err(), "cut at {cut}");
         }
         for at in 0..bytes.len() {
             let mut broken = bytes.clone();
             broken[at] ^= 0x10;
-            // Other chunks have not touched the image: a text, or the end mark.
-            let unharmed = decode(&broken).map_or(true, |stored| stored.frame == frame(255));
-            assert!(unharmed, "byte {at}");
+            // A fault in a text or in the end chunk does not change the pixels.
+            let is_error_or_unchanged = decode(&broken).map_or(true, |stored| stored.frame == frame(255));
+            assert!(is_error_or_unchanged, "byte {at}");
         }
     }
 
     #[test]
-    fn a_picture_is_written_with_its_folders() {
+    fn writing_a_golden_image_creates_its_folders_and_replaces_the_file() {
         let dir = tempfile::tempdir().unwrap();
         let test = dir.path().join("walk.rhai");
-        assert_eq!(read(&place(&test, "start")), Err(Unreadable::Missing));
+        assert_eq!(read(&path_of(&test, "start")), Err(GoldenImageError::Missing));
         write(&test, "start", b"one").unwrap();
         write(&test, "start", b"two").unwrap();
         assert_eq!(std::fs::read(dir.path().join("pictures/walk/start.png")).unwrap(), b"two");
         assert_eq!(std::fs::read_dir(dir.path().join("pictures/walk")).unwrap().count(), 1);
     }
 
-    /// Each folder on the way to the image, and the image itself.
+    /// The link replaces each folder of the path in turn, then the image itself.
     #[test]
     #[cfg(unix)]
-    fn a_picture_is_written_through_no_link() {
+    fn golden_images_are_not_written_through_symbolic_links() {
         let dir = tempfile::tempdir().unwrap();
         let far = dir.path().join("far");
         std::fs::create_dir_all(far.join("walk")).unwrap();
@@ -212,7 +216,7 @@ mod tests {
             std::os::unix::fs::symlink(&far, &link).unwrap();
             let expected = format!(
                 "{}: cannot write: {} is a symbolic link to {}; remove it",
-                place(&test, "start").display(),
+                path_of(&test, "start").display(),
                 link.display(),
                 far.display()
             );
@@ -227,14 +231,14 @@ mod tests {
     fn golden_images_are_not_read_through_links_or_pipes() {
         use std::os::unix::fs::symlink;
         let dir = tempfile::tempdir().unwrap();
-        let image = |name: &str| place(&dir.path().join("tests/a.rhai"), name);
+        let image = |name: &str| path_of(&dir.path().join("tests/a.rhai"), name);
         let bytes = encode_accepted(&frame(255), "cpu", "t").unwrap();
         std::fs::write(dir.path().join("secret.png"), &bytes).unwrap();
         write(&dir.path().join("tests/a.rhai"), "good", &bytes).unwrap();
         symlink("../../../secret.png", image("out")).unwrap();
         symlink("good.png", image("within")).unwrap();
         assert!(std::process::Command::new("mkfifo").arg(image("pipe")).status().unwrap().success());
-        let damaged = |why: &str| Err(Unreadable::Damaged(why.into()));
+        let damaged = |why: &str| Err(GoldenImageError::Damaged(why.into()));
         assert_eq!(read(&image("out")), damaged("it leads out of the folder"));
         assert_eq!(read(&image("pipe")), damaged("it is a pipe or device, not a regular file"));
         assert!(read(&image("good")).is_ok() && read(&image("within")).is_ok());
