@@ -115,7 +115,7 @@ fn command_lines_that_are_wrong() {
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--fps", "0"],
-            "--fps 0: write frames a second from 0.001 to 1000 with up to 6 decimal places, as 30, 29.97 or 30000/1001",
+            "--fps 0: write frames per second from 0.001 to 1000 with up to 6 decimal places, as 30, 29.97 or 30000/1001",
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--samples", "2"],

@@ -77,7 +77,7 @@ impl Failure {
         Failure::Input(vec![Problem::Text(text.into())])
     }
 
-    pub fn code(&self) -> u8 {
+    pub fn exit_code(&self) -> u8 {
         match self {
             Failure::Input(_) | Failure::Tests(_) | Failure::Rows(_) => 1,
             Failure::Usage(_) => 2,
@@ -93,7 +93,7 @@ impl Failure {
     }
 
     /// Lines to print on standard error.
-    pub fn lines(&self) -> Vec<String> {
+    pub fn message_lines(&self) -> Vec<String> {
         match self {
             Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),
             Failure::Usage(text) => vec![format!("{text}\n    see choreo --help")],
@@ -102,7 +102,7 @@ impl Failure {
             }
             Failure::Machine(text) => vec![text.clone()],
             Failure::Internal(text) => vec![format!(
-                "internal error: {text}\n    hint: this is a fault of choreo, whatever the input; please report it with the command and its files"
+                "internal error: {text}\n    hint: this is a bug in choreo, whatever the input; please report it with the command and its files"
             )],
             Failure::Interrupted => vec!["interrupted".to_string()],
             Failure::ClosedPipe | Failure::AlreadyReported(_) => Vec::new(),
@@ -125,9 +125,9 @@ impl Failure {
         };
         let errors: Vec<serde_json::Value> = match self {
             Failure::Input(problems) => problems.iter().map(Problem::json).collect(),
-            other => other.lines().into_iter().map(|l| Problem::Text(l).json()).collect(),
+            other => other.message_lines().into_iter().map(|l| Problem::Text(l).json()).collect(),
         };
-        json!({ "ok": false, "kind": kind, "exit_code": self.code(), "errors": errors })
+        json!({ "ok": false, "kind": kind, "exit_code": self.exit_code(), "errors": errors })
     }
 }
 
@@ -149,12 +149,12 @@ pub(crate) fn print_message(message: impl std::fmt::Display) {
 }
 
 pub(crate) fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
-    print(&format!("{}\n", escaped(&crate::terminal::json::pretty(value))))
+    print(&format!("{}\n", escape_terminal_controls(&crate::terminal::json::pretty(value))))
 }
 
 /// JSON on one line on standard error, for programs that write their result to standard output.
 pub(crate) fn print_json_message(value: &serde_json::Value) {
-    write_error(&escaped(&value.to_string()));
+    write_error(&escape_terminal_controls(&value.to_string()));
 }
 
 /// Writes a line to standard error. If standard error is closed or full, the exit code is the only report left.
@@ -165,7 +165,7 @@ fn write_error(line: &str) {
 
 /// Writes characters that would control a terminal as \uXXXX: serde_json escapes only the control characters of ASCII. They occur only
 /// inside strings, where the escape means the same.
-fn escaped(json: &str) -> String {
+fn escape_terminal_controls(json: &str) -> String {
     let escape = |c: char| match steers_terminal(c) && c != '\n' {
         true => format!("\\u{:04x}", c as u32),
         false => c.to_string(),
@@ -192,7 +192,7 @@ pub(crate) fn write_failure(shown: &str, error: WriteError) -> Failure {
 }
 
 /// Fails if a count is above its limit.
-pub(crate) fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
+pub(crate) fn check_limit(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
     if count <= limit {
         return Ok(());
     }

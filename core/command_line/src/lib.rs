@@ -44,11 +44,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     let parsed = help::command(&args, app).try_get_matches_from(&extended);
     let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
-        Err(error) => return unread(&args, &error),
+        Err(error) => return report_parse_error(&args, &error),
     };
     panics::install();
     interrupt::install();
-    let json = cli.command.json();
+    let json = cli.command.prints_json();
     let result = panics::guarded(|| start(cli, &args, app));
     worker::end(result.as_ref().err());
     scratch::remove();
@@ -66,7 +66,7 @@ pub struct ProjectFileError(String);
 /// # Errors
 /// The `choreo.toml` of the project is wrong.
 pub fn project_folders(input: &Path, app: &App) -> Result<Vec<OsString>, ProjectFileError> {
-    project_file::folders(input, app).map_err(|failure| ProjectFileError(failure.lines().join("\n")))
+    project_file::viewer_folder_options(input, app).map_err(|failure| ProjectFileError(failure.message_lines().join("\n")))
 }
 
 /// The command line of a program, for completions and manual pages.
@@ -75,19 +75,19 @@ pub fn command(app: &App) -> clap::Command {
 }
 
 fn report_failure(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
-    failure.lines().iter().for_each(print_message);
+    failure.message_lines().iter().for_each(print_message);
     // The report of failed tests or rows contains it already.
     if json && !matches!(failure, Failure::Tests(_) | Failure::Rows(_)) {
         write_json(failure, writes_video_to_stdout(args));
     }
-    ExitCode::from(failure.code())
+    ExitCode::from(failure.exit_code())
 }
 
 fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
     let Cli { mut command, no_project_file } = cli;
     match &command {
         Command::Render(given) => {
-            let jobs = given.jobs.as_deref().map(values::jobs).transpose()?;
+            let jobs = given.jobs.as_deref().map(values::parse_jobs).transpose()?;
             jobs.into_iter().for_each(choreo_render::vulkan::limit_software_threads);
             threads::start(jobs)?;
         }
@@ -103,7 +103,7 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
         _ => threads::start(None)?,
     }
     let packs = matches!(command, Command::Pack(_) | Command::Farm(_));
-    if let Some(scene) = command.scene() {
+    if let Some(scene) = command.scene_args_mut() {
         scene.software = app.software();
         scratch::keep(if packs { None } else { Unpacked::in_place(scene)? });
     }
@@ -121,9 +121,9 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
         Command::Export(args) => export::run(&args, plugins),
         Command::Farm(given) => match &given.status {
             Some(folder) => farm::status(folder, &given),
-            None => farm::run(&given, app, project_file::text_for(args, &given.scene.input)?),
+            None => farm::run(&given, app, project_file::project_file_text(args, &given.scene.input)?),
         },
-        Command::Pack(given) => pack::run(&given, plugins, project_file::text_for(args, &given.scene.input)?),
+        Command::Pack(given) => pack::run(&given, plugins, project_file::project_file_text(args, &given.scene.input)?),
         Command::View(args) => view::run(args, no_project_file, app),
         Command::Test(args) => test::run(args, no_project_file, plugins),
         Command::Plugins(args) => plugins_command::run(args, app),
@@ -136,7 +136,7 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
 
 /// Answers a command line that asks for help or the version, or that is wrong. With `--json` anywhere in it, an error is printed as JSON
 /// too.
-fn unread(args: &[OsString], error: &clap::Error) -> ExitCode {
+fn report_parse_error(args: &[OsString], error: &clap::Error) -> ExitCode {
     // Help and version are answers, not errors; clap knows the stream and the exit code.
     let _ = error.print();
     if error.use_stderr() && args.iter().skip(1).take_while(|a| *a != "--").any(|a| a == "--json") {

@@ -236,11 +236,11 @@ pub(crate) struct RenderArgs {
 }
 
 impl RenderArgs {
-    /// Options of the format, including those that have their own argument.
-    pub fn given(&self) -> Vec<String> {
-        let mut given = self.export.clone();
-        given.extend(self.passes.iter().map(|passes| format!("passes={passes}")));
-        given
+    /// Options of the output format: those of `--export`, and those that have an argument of their own.
+    pub fn export_options(&self) -> Vec<String> {
+        let mut options = self.export.clone();
+        options.extend(self.passes.iter().map(|passes| format!("passes={passes}")));
+        options
     }
 }
 
@@ -375,13 +375,13 @@ pub(crate) struct ExportArgs {
 }
 
 impl ExportArgs {
-    /// Options of the format, including those that have their own argument.
-    pub fn given(&self) -> Vec<String> {
-        let mut given = self.export.clone();
-        given.extend(self.tolerance.iter().map(|metres| format!("tolerance={metres}")));
-        given.extend(self.split.iter().map(|what| format!("animations={what}")));
-        given.extend(self.clips.then(|| "animations=clips".to_string()));
-        given
+    /// Options of the output format: those of `--export`, and those that have an argument of their own.
+    pub fn export_options(&self) -> Vec<String> {
+        let mut options = self.export.clone();
+        options.extend(self.tolerance.iter().map(|metres| format!("tolerance={metres}")));
+        options.extend(self.split.iter().map(|what| format!("animations={what}")));
+        options.extend(self.clips.then(|| "animations=clips".to_string()));
+        options
     }
 }
 
@@ -399,7 +399,7 @@ pub(crate) struct ViewArgs {
     pub input: Option<PathBuf>,
     /// Options of the viewer: see choreo-view --help
     #[arg(value_name = "OPTION", trailing_var_arg = true, allow_hyphen_values = true)]
-    pub rest: Vec<std::ffi::OsString>,
+    pub viewer_options: Vec<std::ffi::OsString>,
 }
 
 #[derive(Args, Debug)]
@@ -415,6 +415,7 @@ pub(crate) struct CheckArgs {
     /// Also write a chart of the cues over time, with the findings, as an image
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+    /// Print JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
 }
@@ -456,6 +457,7 @@ pub(crate) struct ExplainArgs {
     /// Width and height in pixels, as 1280x720
     #[arg(long, value_name = "WxH")]
     pub size: Option<String>,
+    /// Samples per pixel for antialiasing (default: the script's setting, else 4)
     #[arg(long, value_name = "1|4")]
     pub samples: Option<String>,
     /// Also explain the passes of an OpenEXR image, as color,depth,id
@@ -464,6 +466,7 @@ pub(crate) struct ExplainArgs {
     /// Also write a chart of the memory that the frame takes on the device, as an image
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+    /// Print JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
 }
@@ -488,6 +491,7 @@ pub(crate) struct MeasureArgs {
     /// Also write plots of error against run time, one below the other, as an image
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+    /// Print JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
 }
@@ -502,6 +506,7 @@ pub(crate) struct PoseArgs {
     /// Also write the posed meshes, skinned and morphed, with vertices in the order of the file
     #[arg(long, value_name = "FILE.obj")]
     pub mesh: Option<PathBuf>,
+    /// Print JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
 }
@@ -617,6 +622,7 @@ pub(crate) enum PluginsAction {
 
 #[derive(Args, Debug)]
 pub(crate) struct NewArgs {
+    /// A project, or the kind of plugin to create
     #[arg(value_enum)]
     pub kind: NewKind,
     /// Name of the plugin, with lower-case letters, digits and _, as my_format; for a project also with capitals and -, as my-film
@@ -703,8 +709,8 @@ pub(crate) enum HookArg {
 }
 
 impl Command {
-    /// Scene arguments of a command that opens a scene.
-    pub fn scene(&mut self) -> Option<&mut SceneArgs> {
+    /// Scene arguments; `None` for a command that opens no scene.
+    pub fn scene_args_mut(&mut self) -> Option<&mut SceneArgs> {
         match self {
             Command::Render(a) => Some(&mut a.scene),
             Command::Export(a) => Some(&mut a.scene),
@@ -718,7 +724,8 @@ impl Command {
         }
     }
 
-    pub fn json(&self) -> bool {
+    /// Whether results and errors are printed as JSON.
+    pub fn prints_json(&self) -> bool {
         match self {
             Command::Render(a) => a.json,
             Command::Join(a) => a.json,

@@ -2,7 +2,7 @@
 
 use crate::args::ExportArgs;
 use crate::args::values;
-use crate::failure::{Failure, output_error, print_json, print_message, too_many, write_failure};
+use crate::failure::{Failure, output_error, print_json, print_message, check_limit, write_failure};
 use crate::output::budget::Budget;
 use crate::output::provenance;
 use crate::output::target::export_failure;
@@ -26,8 +26,8 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     let registry = scene::plugins(&args.scene, plugins)?;
     let exporter = exporter(&args.output, &registry)?;
     in_folder(Path::new(&args.output))?;
-    let options = options(&args.given(), exporter.manifest())?;
-    let fps = args.fps.as_deref().map(values::fps).transpose()?;
+    let options = options(&args.export_options(), exporter.manifest())?;
+    let fps = args.fps.as_deref().map(values::parse_fps).transpose()?;
     let opening = Opening { quiet: args.quiet, ..Opening::TO_EXPORT };
     let scene = scene::open(&args.scene, &registry, opening)?;
     let mut exported = ExportedScene::new(&scene.name, scene.stage.clone());
@@ -36,9 +36,9 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     exported.extension = extension.to_string_lossy().to_lowercase();
     exported.fps = fps.unwrap_or(exported.fps);
     let total = exported.fps.frames_in(scene.stage.settings.length).max(1);
-    let frames = args.frames.as_deref().map(|f| values::frames(f, total)).transpose()?;
+    let frames = args.frames.as_deref().map(|f| values::parse_frames(f, total)).transpose()?;
     let frames = frames.unwrap_or_else(|| (0..total).collect());
-    too_many(frames.len() as u64, "frames", scene.limits.frames)?;
+    check_limit(frames.len() as u64, "frames", scene.limits.frames)?;
     exported.times = frames.into_iter().map(|frame| exported.fps.time_of(frame)).collect();
     exported.provenance = provenance::of_export(&scene, exported.fps, &options, exporter.manifest());
     exported.options = exporter.manifest().complete(&options).map_err(|e| Failure::Usage(e.to_string()))?;
@@ -120,7 +120,7 @@ fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn Scen
 pub fn options(given: &[String], manifest: &Manifest) -> Result<ExportOptions, Failure> {
     let mut options = ExportOptions::default();
     for text in given {
-        let (name, value) = values::name_value("--export", text)?;
+        let (name, value) = values::split_name_value("--export", text)?;
         let value = manifest.parse_option(name, value);
         let value = value.map_err(|e| Failure::Usage(format!("--export {text}: {e}")))?;
         options.0.insert(name.to_string(), value);
@@ -201,7 +201,7 @@ impl SceneFiles for Files<'_> {
             Entry::Occupied(file) => file.into_mut(),
             Entry::Vacant(free) => {
                 let file = OpenFile::create(&self.path.with_file_name(&name), self.inputs, &self.budget);
-                free.insert(file.map_err(|failure| ExportError::Format(failure.lines().join("\n")))?)
+                free.insert(file.map_err(|failure| ExportError::Format(failure.message_lines().join("\n")))?)
             }
         };
         Ok(&mut file.out)

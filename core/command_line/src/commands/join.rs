@@ -23,10 +23,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Time between two scans of the folder.
-const PAUSE: Duration = Duration::from_millis(500);
+const SCAN_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Largest number of names read from one folder.
-const MOST_NAMES: usize = 1_000_000;
+const MAX_NAMES_PER_FOLDER: usize = 1_000_000;
 
 pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Failure> {
     let start = Instant::now();
@@ -35,11 +35,11 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
         return Err(Failure::Usage("join writes files; name one with -o".into()));
     }
     let exporter = target.exporter(plugins)?;
-    let limits = values::limits(&args.limit)?;
-    let Gathered { segments, damaged, sources, info, files } =
-        gather_with_wait(args, &target, exporter.as_ref(), software)?;
+    let limits = values::parse_limits(&args.limit)?;
+    let GatheredFilm { segments, damaged, sources, info, files } =
+        gather_film_with_wait(args, &target, exporter.as_ref(), software)?;
     let inputs = Inputs::new(files.iter().cloned());
-    let joining = Joining {
+    let joining = FilmJoin {
         target: &target,
         exporter: exporter.as_ref(),
         info: &info,
@@ -49,7 +49,7 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
         budget: Budget::new(limits.output),
         progress: Progress::new(sources.len() as u64, args.quiet || args.json),
     };
-    let joined = if exporter.one_frame_per_file() { joining.images() } else { joining.film() };
+    let joined = if exporter.one_frame_per_file() { joining.write_images() } else { joining.write_film() };
     joining.progress.clear();
     let JoinedFrames { copied, encoded } = joined?;
     let secs = start.elapsed().as_secs_f64();
@@ -76,8 +76,8 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
     Ok(())
 }
 
-/// Everything that is needed to write the film.
-struct Gathered {
+/// Segments of one film, after the check that they hold all of its frames.
+struct GatheredFilm {
     segments: Vec<Segment>,
     /// Descriptions of the damage found in segments; each includes the segment's name.
     damaged: Vec<String>,
@@ -86,7 +86,7 @@ struct Gathered {
     files: Vec<PathBuf>,
 }
 
-/// Reason why a film cannot be made.
+/// Reason why the film cannot be gathered.
 enum GatherError {
     /// Frames are missing or damaged: on a shared file system they may still arrive.
     Missing(Failure),
@@ -100,37 +100,37 @@ impl From<Failure> for GatherError {
 }
 
 /// Gathers the film from its segments, and waits up to `--wait` seconds for missing frames, measured by this process alone.
-fn gather_with_wait(
+fn gather_film_with_wait(
     args: &JoinArgs,
     target: &Target,
     exporter: &dyn Exporter,
     software: &str,
-) -> Result<Gathered, Failure> {
-    let (start, patience) = (Instant::now(), Duration::from_secs(args.wait.into()));
+) -> Result<GatheredFilm, Failure> {
+    let (start, max_wait) = (Instant::now(), Duration::from_secs(args.wait.into()));
     loop {
-        let seen = lengths(&args.segments);
+        let seen = segment_file_lengths(&args.segments);
         let mut damaged = Vec::new();
-        let lack = match gather(args, target, exporter, software, &mut damaged) {
-            Err(GatherError::Missing(lack)) if start.elapsed() < patience => lack,
+        let lack = match gather_film(args, target, exporter, software, &mut damaged) {
+            Err(GatherError::Missing(lack)) if start.elapsed() < max_wait => lack,
             result => {
                 // Printed even with --quiet: a machine or a disk may be failing.
                 damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
-                return result.map(|gathered| Gathered { damaged, ..gathered }).map_err(|lack| match lack {
+                return result.map(|gathered| GatheredFilm { damaged, ..gathered }).map_err(|lack| match lack {
                     GatherError::Missing(failure) | GatherError::Failure(failure) => failure,
                 });
             }
         };
         drop(lack);
         // Segments that have not changed are not read again.
-        while lengths(&args.segments) == seen && start.elapsed() < patience {
-            std::thread::sleep(PAUSE);
+        while segment_file_lengths(&args.segments) == seen && start.elapsed() < max_wait {
+            std::thread::sleep(SCAN_INTERVAL);
         }
     }
 }
 
-/// Segment files with their lengths.
-fn lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
-    let files = files(given).unwrap_or_default();
+/// Segment files with their lengths in bytes.
+fn segment_file_lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
+    let files = segment_files(given).unwrap_or_default();
     files
         .into_iter()
         .map(|file| (file.metadata().map_or(0, |metadata| metadata.len()), file))
@@ -138,16 +138,16 @@ fn lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
         .collect()
 }
 
-fn gather(
+fn gather_film(
     args: &JoinArgs,
     target: &Target,
     exporter: &dyn Exporter,
     software: &str,
     damaged: &mut Vec<String>,
-) -> Result<Gathered, GatherError> {
-    let files = files(&args.segments).map_err(GatherError::Missing)?;
+) -> Result<GatheredFilm, GatherError> {
+    let files = segment_files(&args.segments).map_err(GatherError::Missing)?;
     let segments = open_segments(&files, args.quiet, damaged).map_err(GatherError::Missing)?;
-    let film = same_film(&segments, damaged, exporter, software)?;
+    let film = check_same_film(&segments, damaged, exporter, software)?;
     let options = export::options(&film.film.options, exporter.manifest())?;
     let info = film.film.info(options);
     if exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. }) && info.frames > 1 {
@@ -163,11 +163,11 @@ fn gather(
         Gap::Missing(_) => GatherError::Missing(gap_failure(gap, &segments, damaged, target)),
         _ => GatherError::Failure(gap_failure(gap, &segments, damaged, target)),
     })?;
-    Ok(Gathered { segments, damaged: Vec::new(), sources, info, files })
+    Ok(GatheredFilm { segments, damaged: Vec::new(), sources, info, files })
 }
 
 /// Segment files: those that the arguments name, and those in folders that the arguments name.
-fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+fn segment_files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     for path in given {
         let failed = |e: std::io::Error| {
@@ -177,7 +177,7 @@ fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
             files.push(path.clone());
             continue;
         }
-        let names = choreo_files::Folder::open(path).and_then(|f| f.names(MOST_NAMES)).map_err(failed)?;
+        let names = choreo_files::Folder::open(path).and_then(|f| f.names(MAX_NAMES_PER_FOLDER)).map_err(failed)?;
         let found = names.iter().map(|name| path.join(name));
         files.extend(found.filter(|file| file.extension().is_some_and(|e| e == EXTENSION)));
     }
@@ -211,7 +211,7 @@ fn open_segments(files: &[PathBuf], quiet: bool, damaged: &mut Vec<String>) -> R
 }
 
 /// First segment, after checking that all belong to the same film and that this program can finish it.
-fn same_film<'s>(
+fn check_same_film<'s>(
     segments: &'s [Segment],
     damaged: &[String],
     exporter: &dyn Exporter,
@@ -275,7 +275,8 @@ fn gap_failure(gap: Gap, segments: &[Segment], damaged: &[String], target: &Targ
     })
 }
 
-struct Joining<'a> {
+/// One film that is being joined: its parts, and where it is written.
+struct FilmJoin<'a> {
     target: &'a Target,
     exporter: &'a dyn Exporter,
     info: &'a VideoInfo,
@@ -286,8 +287,8 @@ struct Joining<'a> {
     progress: Progress,
 }
 
-impl Joining<'_> {
-    fn failure(&self, shown: &str, error: JoinError) -> Failure {
+impl FilmJoin<'_> {
+    fn join_failure(&self, shown: &str, error: JoinError) -> Failure {
         match error {
             JoinError::Export(error) => export_failure(shown, error),
             JoinError::Segment(number, fault) => {
@@ -297,7 +298,7 @@ impl Joining<'_> {
     }
 
     /// Writes the film to one file.
-    fn film(&self) -> Result<JoinedFrames, Failure> {
+    fn write_film(&self) -> Result<JoinedFrames, Failure> {
         let path = self.target.file(0);
         self.inputs.check_output(&path)?;
         let shown = path.display().to_string();
@@ -317,7 +318,7 @@ impl Joining<'_> {
             }
             None => Box::new(part.writer().map_err(failed)?),
         };
-        let join_failed = |error| self.failure(&shown, error);
+        let join_failed = |error| self.join_failure(&shown, error);
         let mut film =
             FilmWriter::begin(self.exporter, self.info, self.budget.count(out)).map_err(join_failed)?;
         for &(segment, place) in self.sources {
@@ -340,7 +341,7 @@ impl Joining<'_> {
     }
 
     /// Writes the film as one image per file.
-    fn images(&self) -> Result<JoinedFrames, Failure> {
+    fn write_images(&self) -> Result<JoinedFrames, Failure> {
         let last = i64::try_from(self.info.frames).unwrap_or(i64::MAX) - 1;
         let names = (0..=last).map(|number| self.target.file(number));
         names.clone().try_for_each(|name| self.inputs.check_output(&name))?;
@@ -350,7 +351,7 @@ impl Joining<'_> {
             let shown = name.display().to_string();
             let opened = &self.segments[segment];
             let bytes = opened.bytes(&opened.records[place]);
-            let bytes = bytes.map_err(|fault| self.failure(&shown, JoinError::Segment(segment, fault)))?;
+            let bytes = bytes.map_err(|fault| self.join_failure(&shown, JoinError::Segment(segment, fault)))?;
             let part =
                 PartFile::create_shared(&name, &machine::id()).map_err(|e| write_failure(&shown, e))?;
             let out = part.writer().map_err(|e| output_error(&shown, &e))?;

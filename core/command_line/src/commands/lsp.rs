@@ -45,7 +45,7 @@ impl Host for Program {
         };
         let registry =
             scene::plugins(&args.scene, &self.app.registry).map_err(|e| HostError(in_words(&e)))?;
-        let root = project_file::root_of(script);
+        let root = project_file::project_root(script);
         Ok(Project { registry, search: args.scene.search, root, limits: Limits::default() })
     }
 
@@ -89,5 +89,5 @@ fn folder(script: &Path) -> &Path {
 }
 
 fn in_words(failure: &Failure) -> String {
-    failure.lines().join("\n")
+    failure.message_lines().join("\n")
 }

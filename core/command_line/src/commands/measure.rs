@@ -20,8 +20,8 @@ const DEFAULT_BUDGET: f64 = 1.0;
 pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     svg::check(args.plot.as_deref())?;
     let keys = keys(&args.only)?;
-    let at = args.at.as_deref().map(values::at).transpose()?;
-    let size = args.size.as_deref().map(values::size).transpose()?;
+    let at = args.at.as_deref().map(values::parse_at).transpose()?;
+    let size = args.size.as_deref().map(values::parse_size).transpose()?;
     let registry = scene::plugins(&args.scene, plugins)?;
     let scene = scene::open(&args.scene, &registry, Opening::TO_DRAW)?;
     args.plot.as_deref().map_or(Ok(()), |path| scene.inputs.check_output(path))?;
@@ -33,7 +33,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
         match device::start(Device::Vulkan, registry.effects()).wait() {
             Ok(started) => renderers.push(started.renderer),
             Err(failure) if args.device == Device::Vulkan => return Err(failure),
-            Err(failure) => note = Some(failure.lines().join("\n")),
+            Err(failure) => note = Some(failure.message_lines().join("\n")),
         }
     }
     let middle = Time(stage.settings.length.0 / 2);

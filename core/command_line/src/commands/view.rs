@@ -37,10 +37,10 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
     let own = no_project_file.then_some("--no-project-file");
     let mut command = Command::new(&viewer);
     match &args.input {
-        Some(input) if pack::is_packed(input) => command.args(unpacked(input, &args.rest)?),
+        Some(input) if pack::is_packed(input) => command.args(unpacked(input, &args.viewer_options)?),
         input => command.args(input).args(own),
     };
-    let status = wait(command.args(&args.rest))
+    let status = wait(command.args(&args.viewer_options))
         .map_err(|e| Failure::Device(format!("{}: cannot be started: {e}", viewer.display())))?;
     let Some(status) = status else { return Err(Failure::Interrupted) };
     match status.code() {

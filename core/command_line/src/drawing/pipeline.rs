@@ -367,7 +367,7 @@ mod tests {
     fn a_device_that_failed_twice_says_what_to_lower() {
         let lost = || Box::new(RenderError::DeviceLost { object: "frame 7".into() });
         let full = || Box::new(RenderError::OutOfMemory { object: "memory of depth".into() });
-        let text = |error| render_failure(error).lines().concat();
+        let text = |error| render_failure(error).message_lines().concat();
         assert_eq!(
             text(RenderError::Twice { first: lost(), second: full() }),
             "Vulkan: memory of depth: out of memory; tried twice, before that: Vulkan: frame 7: the device was lost; the \

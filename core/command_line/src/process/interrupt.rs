@@ -27,7 +27,7 @@ pub fn install() {
         scratch::remove();
         kept_frames::take_message().iter().for_each(print_message);
         print_message("interrupted");
-        std::process::exit(i32::from(Failure::Interrupted.code()));
+        std::process::exit(i32::from(Failure::Interrupted.exit_code()));
     });
 }
 

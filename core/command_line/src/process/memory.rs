@@ -67,6 +67,6 @@ fn end(now: u64, limit: u64) -> ! {
          need less; the limit is {limit} bytes; raise it with --limit memory=NUMBER if the scene needs it",
         now / 1_000_000
     ));
-    failure.lines().iter().chain(&kept_frames::take_message()).for_each(print_message);
-    std::process::exit(i32::from(failure.code()))
+    failure.message_lines().iter().chain(&kept_frames::take_message()).for_each(print_message);
+    std::process::exit(i32::from(failure.exit_code()))
 }

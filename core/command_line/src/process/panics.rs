@@ -40,7 +40,7 @@ pub fn exit_code_of_abort() {
         // Fails only for signals that no program may handle.
         let _ = signal_hook::flag::register_conditional_shutdown(
             signal_hook::consts::SIGABRT,
-            i32::from(why.code()),
+            i32::from(why.exit_code()),
             always,
         );
     });

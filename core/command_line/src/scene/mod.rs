@@ -62,9 +62,9 @@ pub fn plugins(args: &SceneArgs, plugins: &Registry) -> Result<Registry, Failure
 
 /// Opens the script, or the model, of the command line.
 pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<OpenedScene, Failure> {
-    let limits = values::limits(&args.limit)?;
+    let limits = values::parse_limits(&args.limit)?;
     memory::guard(limits.memory);
-    let set = args.set.iter().map(|text| values::name_value("--set", text));
+    let set = args.set.iter().map(|text| values::split_name_value("--set", text));
     let set: Vec<(&str, &str)> = set.collect::<Result<_, _>>()?;
     let opened = if args.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
         open_script(args, &set, limits, registry, opening)

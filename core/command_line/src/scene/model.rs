@@ -88,7 +88,7 @@ pub(crate) struct Imported {
 pub(crate) fn choice(args: &ImportArgs) -> Result<ImportChoice, Failure> {
     let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
     for text in &args.import {
-        let (name, value) = values::name_value("--import", text)?;
+        let (name, value) = values::split_name_value("--import", text)?;
         choice.texts.push((name.to_string(), value.to_string()));
     }
     Ok(choice)

@@ -131,7 +131,7 @@ pub(crate) fn rows_failure<'f>(
     let failures: Vec<(usize, &Failure)> = failures.collect();
     let numbers: Vec<String> = failures.iter().map(|(number, _)| number.to_string()).collect();
     let unknown = |(_, failure): &(usize, &Failure)| {
-        failure.lines().iter().any(|line| line.starts_with("--set: this script has no parameter"))
+        failure.message_lines().iter().any(|line| line.starts_with("--set: this script has no parameter"))
     };
     let hint = match failures.iter().any(unknown) {
         true => format!("\n    hint: a column that only -o needs has a name that begins with {NO_PARAMETER}"),
@@ -264,7 +264,7 @@ mod tests {
         );
         assert_eq!(outputs(&two, "../{name}.mp4").unwrap(), ["../Zoe.mp4", "../Ben.mp4"]);
         let said = |rows: &[Row], pattern: &str| match outputs(rows, pattern) {
-            Err(failure) => failure.lines().join("\n"),
+            Err(failure) => failure.message_lines().join("\n"),
             Ok(outputs) => panic!("{outputs:?}"),
         };
         assert!(said(&two, "out/{city}.mp4").contains("rows 1 and 2 would both be out/Rom.mp4"));

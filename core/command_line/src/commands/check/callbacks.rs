@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use std::time::Instant;
 
 /// Largest number of frames that are checked; in longer videos they are spread evenly.
-const MOST_FRAMES: i64 = 20_000;
+const MAX_FRAMES: i64 = 20_000;
 /// Largest number of different problems that are reported.
 const MOST_PROBLEMS: usize = 20;
 
@@ -22,7 +22,7 @@ pub fn failures(stage: &Stage, limits: &Limits, should_continue: &(dyn Fn() -> b
     }
     let rate = stage.settings.fps;
     let frames = rate.frames_in(stage.settings.length).max(1);
-    let step = (frames + MOST_FRAMES - 1) / MOST_FRAMES;
+    let step = (frames + MAX_FRAMES - 1) / MAX_FRAMES;
     let wanted: Vec<i64> = (0..frames).step_by(step.max(1) as usize).collect();
     // The results are in the order of the frames, regardless of the threads.
     let started = Instant::now();

@@ -85,7 +85,7 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
 
 /// Folder in which the tests of a file may read, by the rules of `choreo test`.
 fn root(input: &Path, no_project_file: bool) -> Option<PathBuf> {
-    let project = project_file::root_of(input).filter(|_| !no_project_file);
+    let project = project_file::project_root(input).filter(|_| !no_project_file);
     let here = || std::env::current_dir().ok().filter(|here| collect::contains_file(here, input));
     project.or_else(here)
 }

@@ -27,9 +27,9 @@ use std::fmt::Write;
 
 pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     svg::check(args.plot.as_deref())?;
-    let at = values::at(&args.at)?;
-    let size = args.size.as_deref().map(values::size).transpose()?;
-    let samples = args.samples.as_deref().map(values::samples).transpose()?;
+    let at = values::parse_at(&args.at)?;
+    let size = args.size.as_deref().map(values::parse_size).transpose()?;
+    let samples = args.samples.as_deref().map(values::parse_samples).transpose()?;
     let wish = match args.passes.as_deref().map(Passes::parse).transpose() {
         Ok(passes) => passes.map_or(FrameWish::Bytes, FrameWish::Scene),
         Err(unknown) => return Err(Failure::Usage(format!("--passes: {unknown}"))),

@@ -220,9 +220,9 @@ fn chunks(order: &Order, job: &render::Job, cost: Option<&Cost>, most: u64) -> V
     }
     // Open Job Description needs chunks of one length.
     let length = order.args.chunk.unwrap_or_else(|| aligned(frames.div_ceil(chunks.len() as u64), piece));
-    let most = openjd::MOST_FRAMES;
+    let most = openjd::MAX_FRAMES;
     let most = if most >= piece { most - most % piece } else { most };
-    in_chunks_of(frames, if length > openjd::MOST_FRAMES { most } else { length })
+    in_chunks_of(frames, if length > openjd::MAX_FRAMES { most } else { length })
 }
 
 /// Properties of the film that determine its pieces.

@@ -10,7 +10,7 @@ use std::path::Path;
 const TEMPLATE: &str = "template.json";
 
 /// Largest number of frames in a chunk, a limit of AWS Deadline Cloud.
-pub(crate) const MOST_FRAMES: u64 = 150;
+pub(crate) const MAX_FRAMES: u64 = 150;
 
 /// Largest number of values of a task parameter, a limit of the specification.
 const MOST_VALUES: usize = 1024;

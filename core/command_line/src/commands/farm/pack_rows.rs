@@ -68,7 +68,7 @@ pub(super) fn write(
 /// Prints the failed rows and the reasons.
 pub(super) fn print(failures: &[RowFailure]) {
     for (row, failure) in failures {
-        failure.lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")));
+        failure.message_lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")));
     }
 }
 

@@ -33,7 +33,7 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     if let Some(media) = crate::output::media::read(&head) {
         return print_media(&args, &media);
     }
-    let limits = values::limits(&args.limit)?;
+    let limits = values::parse_limits(&args.limit)?;
     memory::guard(limits.memory);
     let open = |path: &std::path::Path| {
         let choice = model::choice(&args.import)?;

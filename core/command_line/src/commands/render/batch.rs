@@ -38,7 +38,7 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
             "--set-from writes a file for each row; -o is a pattern, as {name}.mp4".into(),
         ));
     }
-    let jobs = args.jobs.as_deref().map(values::jobs).transpose()?;
+    let jobs = args.jobs.as_deref().map(values::parse_jobs).transpose()?;
     let registry = scene::plugins(&args.scene, plugins)?;
     Target::parse(&outputs[0])?.exporter(&registry)?;
     let started = device::start(super::wanted(args), registry.effects()).wait()?;
@@ -132,7 +132,7 @@ impl RowResult {
         let RowResult { row, output, seconds, .. } = self;
         match &self.drawn {
             Err(failure) => {
-                failure.lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")))
+                failure.message_lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")))
             }
             Ok((frames, _)) if !args.quiet && !args.json => {
                 let plural = if *frames == 1 { "frame" } else { "frames" };

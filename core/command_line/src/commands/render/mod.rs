@@ -12,7 +12,7 @@ use crate::args::RenderArgs;
 use crate::args::values;
 use crate::commands::export;
 use crate::drawing::device;
-use crate::failure::{Failure, output_error, too_many};
+use crate::failure::{Failure, output_error, check_limit};
 use crate::output::budget::Budgeted;
 use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
@@ -54,7 +54,7 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     begin_report(&args);
     let start = Instant::now();
-    let jobs = args.jobs.as_deref().map(values::jobs).transpose()?;
+    let jobs = args.jobs.as_deref().map(values::parse_jobs).transpose()?;
     let target = Target::parse(&args.output)?;
     let registry = scene::plugins(&args.scene, plugins)?;
     target.exporter(&registry)?;
@@ -75,7 +75,7 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
 fn begin_report(args: &RenderArgs) {
     let named = args.frames.as_deref().filter(|frames| !frames.trim_end().ends_with(".."));
     let frames =
-        named.and_then(|frames| values::frames(frames, values::MOST_FRAMES).ok()).unwrap_or_default();
+        named.and_then(|frames| values::parse_frames(frames, values::MAX_FRAMES).ok()).unwrap_or_default();
     if let (Some(folder), Some(first), Some(last)) = (&args.segment, frames.first(), frames.last()) {
         worker::begin(folder, first.unsigned_abs(), last.unsigned_abs());
     }
@@ -98,14 +98,14 @@ pub fn prepare(
     keep: Option<&ReopenState>,
 ) -> Result<Job, Failure> {
     let exporter = target.exporter(registry)?;
-    let options = export::options(&args.given(), exporter.manifest())?;
+    let options = export::options(&args.export_options(), exporter.manifest())?;
     let wish = wish(args, &target, &**exporter, &options)?;
-    let size = args.size.as_deref().map(values::size).transpose()?;
-    let fps = args.fps.as_deref().map(values::fps).transpose()?;
-    let at = args.at.as_deref().map(values::at).transpose()?;
-    let samples = args.samples.as_deref().map(values::samples).transpose()?;
+    let size = args.size.as_deref().map(values::parse_size).transpose()?;
+    let fps = args.fps.as_deref().map(values::parse_fps).transpose()?;
+    let at = args.at.as_deref().map(values::parse_at).transpose()?;
+    let samples = args.samples.as_deref().map(values::parse_samples).transpose()?;
 
-    let length = args.length.as_deref().map(values::length).transpose()?;
+    let length = args.length.as_deref().map(values::parse_length).transpose()?;
 
     let opening = Opening { quiet: args.quiet, keep, ..Opening::TO_DRAW };
     let mut scene = scene::open(&args.scene, registry, opening)?;
@@ -125,7 +125,7 @@ pub fn prepare(
     let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
     // The limit applies to sizes in scripts. A size on the command line is intended, so the limit applies to it only if it is given too.
     if size.is_none() || args.scene.limit.iter().any(|l| l.trim_start().starts_with("pixels")) {
-        too_many(pixels, "pixels", scene.limits.pixels)?;
+        check_limit(pixels, "pixels", scene.limits.pixels)?;
     }
     let one_picture = exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. });
     let frames: Vec<(i64, Time)> = match at {
@@ -157,7 +157,7 @@ fn frame_numbers(
     one_picture: bool,
     pixels: u64,
 ) -> Result<(Vec<i64>, Option<String>), Failure> {
-    let chosen = args.frames.as_deref().map(|f| values::frames(f, total)).transpose();
+    let chosen = args.frames.as_deref().map(|f| values::parse_frames(f, total)).transpose();
     let chosen = chosen.map_err(|failure| match failure {
         Failure::Usage(text)
             if !scene.is_script && args.length.is_none() && text.ends_with(&format!("0..{total}")) =>
@@ -170,7 +170,7 @@ fn frame_numbers(
         chosen if args.sheet => {
             sheet::must_be_one_image(target, one_picture)?;
             let frames = chosen.unwrap_or_else(|| sheet::evenly(total));
-            too_many(pixels * frames.len() as u64, "pixels", scene.limits.pixels)?;
+            check_limit(pixels * frames.len() as u64, "pixels", scene.limits.pixels)?;
             frames
         }
         Some(frames) if one_picture && frames.len() > 1 => {
@@ -192,7 +192,7 @@ fn frame_numbers(
         None if one_picture => vec![0],
         chosen => {
             let count = chosen.as_ref().map_or(total.unsigned_abs(), |frames| frames.len() as u64);
-            too_many(count, "frames", scene.limits.frames)?;
+            check_limit(count, "frames", scene.limits.frames)?;
             chosen.unwrap_or_else(|| (0..total).collect())
         }
     };
@@ -260,7 +260,7 @@ fn segment(
         inner: exporter.clone(),
         first: first.unsigned_abs(),
         film_frames: total.unsigned_abs(),
-        options: args.given(),
+        options: args.export_options(),
     };
     let file = folder.join(segment.file_name(count.unsigned_abs()));
     Ok(Some((Target::File(file), Arc::new(segment))))

@@ -21,7 +21,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
-    let jobs = args.jobs.as_deref().map(values::jobs).transpose()?;
+    let jobs = args.jobs.as_deref().map(values::parse_jobs).transpose()?;
     let target = Target::parse(&args.output)?;
     if target == Target::Stdout {
         return Err(Failure::Usage(
@@ -57,7 +57,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             Err(failure @ (Failure::Interrupted | Failure::ClosedPipe | Failure::Usage(_))) => {
                 return Err(failure);
             }
-            Err(failure) => failure.lines().iter().for_each(print_message),
+            Err(failure) => failure.message_lines().iter().for_each(print_message),
         }
         watch.set(interest(args, &keep));
         memory::stop_guard();

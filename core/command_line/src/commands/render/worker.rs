@@ -81,7 +81,7 @@ pub(crate) fn end(failure: Option<&Failure>) {
         None => SegmentState::Done,
         Some(Failure::Interrupted) => SegmentState::Stopped,
         Some(failure) => {
-            worker.report.message = failure.lines().join("\n");
+            worker.report.message = failure.message_lines().join("\n");
             let _ = worker.path.parent().map(std::fs::create_dir_all);
             SegmentState::Failed
         }

@@ -60,7 +60,7 @@ fn check_report(report: &Report) -> Result<(), Failure> {
 
 /// Unpacks the packed scenes among the paths, and replaces them by their scripts and folders.
 fn unpacked(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
-    let limits = values::limits(&args.limit)?;
+    let limits = values::parse_limits(&args.limit)?;
     let mut all = Vec::new();
     for path in args.paths.iter_mut().filter(|path| pack::is_packed(path)) {
         if !args.accept.is_empty() || args.watch {
@@ -100,7 +100,7 @@ pub struct Job {
 
 impl Job {
     fn new(args: &TestArgs) -> Result<Job, Failure> {
-        let limits = values::limits(&args.limit)?;
+        let limits = values::parse_limits(&args.limit)?;
         let script = ScriptOptions { search_paths: args.search.clone(), limits, ..ScriptOptions::default() };
         let mut paths = args.paths.clone();
         if paths.is_empty() {
@@ -131,8 +131,8 @@ impl Job {
             // The current folder is the project if there is no `choreo.toml`: tests may use the scenes and assets in it.
             test: TestOptions { script, root: std::env::current_dir().ok(), ..TestOptions::default() },
             pictures: ImageOptions { accept, device, any_device: args.any_device, failures: pictures },
-            timeout: Some(values::timeout(&args.timeout)?),
-            jobs: args.jobs.as_deref().map(values::jobs).transpose()?.unwrap_or(0),
+            timeout: Some(values::parse_timeout(&args.timeout)?),
+            jobs: args.jobs.as_deref().map(values::parse_jobs).transpose()?.unwrap_or(0),
             results: results.filter(|_| program.is_some()),
             // Only the affected sections run after a save with --watch.
             changed: args.changed || args.watch,
@@ -156,7 +156,7 @@ impl Job {
     }
 
     fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
-        let project = |file: &Path| project_file::root_of(file).filter(|_| self.in_projects);
+        let project = |file: &Path| project_file::project_root(file).filter(|_| self.in_projects);
         let cases =
             collect::collect(&self.paths, registry, &self.options.test, project).map_err(nothing_to_run)?;
         collect::select(cases, &self.selection).map_err(nothing_to_run)

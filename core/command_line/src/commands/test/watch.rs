@@ -37,7 +37,7 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
         match ran {
             Ok(report) => read.extend(report.files),
             Err(Failure::ClosedPipe) => return Err(Failure::ClosedPipe),
-            Err(failure) => failure.lines().iter().for_each(print_message),
+            Err(failure) => failure.message_lines().iter().for_each(print_message),
         }
         for path in read {
             if let Entry::Vacant(unknown) = known.entry(path) {

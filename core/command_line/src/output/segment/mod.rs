@@ -96,7 +96,7 @@ impl Film {
     fn read(value: &Value) -> Option<Film> {
         let [width, height] = numbers(&value["size"])?;
         let [num, den] = numbers(&value["fps"])?;
-        let frames = value["frames"].as_u64().filter(|frames| (1..=MOST_FRAMES).contains(frames))?;
+        let frames = value["frames"].as_u64().filter(|frames| (1..=MAX_FRAMES).contains(frames))?;
         let sound = (1..=MOST_PIXELS).contains(&width) && (1..=MOST_PIXELS).contains(&height);
         if !sound || num == 0 || den == 0 {
             return None;
@@ -115,7 +115,7 @@ impl Film {
 }
 
 /// Limits of the command line on frames, and on width and height in pixels.
-const MOST_FRAMES: u64 = 10_000_000;
+const MAX_FRAMES: u64 = 10_000_000;
 const MOST_PIXELS: u32 = 16_384;
 
 fn numbers(value: &Value) -> Option<[u32; 2]> {

@@ -127,7 +127,7 @@ impl Unpacked {
         if !is_packed(&args.input) {
             return Ok(None);
         }
-        let unpacked = Unpacked::open(&args.input, values::limits(&args.limit)?.file)?;
+        let unpacked = Unpacked::open(&args.input, values::parse_limits(&args.limit)?.file)?;
         unpacked.arguments(args);
         Ok(Some(unpacked))
     }
