@@ -94,7 +94,7 @@ fn command_lines_that_are_wrong() {
         ),
         (
             &["render", "tri.gltf", "-o", "%04d.mp4"],
-            "-o %04d.mp4: a mp4 holds all frames, so its name needs no number",
+            "-o %04d.mp4: one mp4 file holds all frames, so its name needs no number",
         ),
         (
             &["render", "tri.gltf", "-o", "%s.png"],
@@ -174,14 +174,14 @@ fn outputs_that_cannot_be() {
     let dir = folder();
     let d = dir.path();
     for (output, expected) in [
-        ("no/o.mp4", "no/o.mp4: cannot write: the folder no does not exist; make it: mkdir -p no"),
+        ("no/o.mp4", "no/o.mp4: cannot write: the folder no does not exist; create it: mkdir -p no"),
         ("tri.gltf/o.mp4", "tri.gltf/o.mp4: cannot write: a part of the path is a file, not a folder"),
-        ("tri.gltf/%04d.png", "tri.gltf: cannot make the folder: it exists already and is not a folder"),
+        ("tri.gltf/%04d.png", "tri.gltf: cannot create the folder: it already exists and is not a folder"),
     ] {
         let (code, line) = refused(d, &["render", "tri.gltf", "-o", output, "--device", "cpu", "--quiet"]);
         assert_eq!((code, line.as_str()), (3, expected));
     }
-    let missing = "the folder no/such does not exist; make it: mkdir -p no/such";
+    let missing = "the folder no/such does not exist; create it: mkdir -p no/such";
     for args in [
         &["export", "tri.gltf", "-o", "no/such/o.glb"][..],
         &["check", "tri.gltf", "--plot", "no/such/o.svg"],

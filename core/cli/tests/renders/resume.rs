@@ -355,8 +355,8 @@ fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
     std::fs::write(d.join("s.rhai"), format!("{script}\n// edited")).unwrap();
     let run = choreo(d, &plain);
     let expected = format!(
-        "o.mp4: starts anew; {finished} frames of a render that was stopped are deleted, because these \
-         differ: script"
+        "o.mp4: starts again from the first frame; {finished} frames of a stopped render are deleted, because these \
+         settings differ: script"
     );
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
     assert!(d.join("o.mp4").exists() && parts(d).is_empty());
@@ -364,7 +364,7 @@ fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
     let finished = stopped(d, "o.mp4");
     let run = choreo(d, &[&plain[..], &["--discard"]].concat());
     let expected =
-        format!("o.mp4: starts anew; {finished} frames of a render that was stopped are deleted\n");
+        format!("o.mp4: starts again from the first frame; {finished} frames of a stopped render are deleted\n");
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
     assert!(d.join("o.mp4").exists() && parts(d).is_empty());
     let run = choreo(d, &[&plain[..], &["--discard", "--resume"]].concat());

@@ -6,7 +6,7 @@ use crate::failure::{Failure, output_error, print_json, print_message, check_lim
 use crate::output::budget::Budget;
 use crate::output::provenance;
 use crate::output::target::export_failure;
-use crate::output::target::in_folder;
+use crate::output::target::check_folder_exists;
 use crate::scene::inputs::Inputs;
 use crate::scene::{self, opening::Opening};
 use choreo_files::PartFile;
@@ -25,7 +25,7 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     let start = Instant::now();
     let registry = scene::plugins(&args.scene, plugins)?;
     let exporter = exporter(&args.output, &registry)?;
-    in_folder(Path::new(&args.output))?;
+    check_folder_exists(Path::new(&args.output))?;
     let options = options(&args.export_options(), exporter.manifest())?;
     let fps = args.fps.as_deref().map(values::parse_fps).transpose()?;
     let opening = Opening { quiet: args.quiet, ..Opening::TO_EXPORT };
@@ -40,7 +40,7 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     let frames = frames.unwrap_or_else(|| (0..total).collect());
     check_limit(frames.len() as u64, "frames", scene.limits.frames)?;
     exported.times = frames.into_iter().map(|frame| exported.fps.time_of(frame)).collect();
-    exported.provenance = provenance::of_export(&scene, exported.fps, &options, exporter.manifest());
+    exported.provenance = provenance::of_scene_export(&scene, exported.fps, &options, exporter.manifest());
     exported.options = exporter.manifest().complete(&options).map_err(|e| Failure::Usage(e.to_string()))?;
 
     let path = Path::new(&args.output);
@@ -149,7 +149,7 @@ impl OpenFile {
         let shown = path.display().to_string();
         let part = PartFile::create(path).map_err(|e| write_failure(&shown, e))?;
         let writer = part.writer().map_err(|e| output_error(&shown, &e))?;
-        Ok(OpenFile { out: budget.count(Box::new(writer)), part })
+        Ok(OpenFile { out: budget.counting_writer(Box::new(writer)), part })
     }
 }
 

@@ -5,10 +5,10 @@ use crate::args::values;
 use crate::commands::export;
 use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
 use crate::output::budget::Budget;
-use crate::output::image_files::Claim;
+use crate::output::image_files::FrameRangeClaim;
 use crate::output::provenance;
 use crate::output::segment::{
-    EXTENSION, FilmWriter, Gap, JoinError, JoinedFrames, Segment, Source, cover, ranges,
+    EXTENSION, FilmWriter, CoverageError, JoinError, JoinedFrames, Segment, RecordAddress, select_records, format_ranges,
 };
 use crate::output::target::{Target, export_failure};
 use crate::process::machine;
@@ -56,7 +56,7 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
     if args.json {
         return print_json(&json!({
             "ok": true,
-            "output": target.shown(),
+            "output": target.display_name(),
             "frames": info.frames,
             "segments": segments.len(),
             "copied": copied,
@@ -70,7 +70,7 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
         let (frames, count) = (info.frames, segments.len());
         print_message(format_args!(
             "{frames} frames of {count} segments joined in {secs:.1} s, {copied} copied and {encoded} encoded: {}",
-            target.shown()
+            target.display_name()
         ));
     }
     Ok(())
@@ -81,7 +81,7 @@ struct GatheredFilm {
     segments: Vec<Segment>,
     /// Descriptions of the damage found in segments; each includes the segment's name.
     damaged: Vec<String>,
-    sources: Vec<Source>,
+    sources: Vec<RecordAddress>,
     info: VideoInfo,
     files: Vec<PathBuf>,
 }
@@ -153,15 +153,15 @@ fn gather_film(
     if exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. }) && info.frames > 1 {
         let what = format!(
             "{} holds one image, but the film has {} frames; write frames/%04d.png",
-            target.shown(),
+            target.display_name(),
             info.frames
         );
         return Err(Failure::Usage(what).into());
     }
     let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
-    let sources = cover(&segments, piece).map_err(|gap| match gap {
-        Gap::Missing(_) => GatherError::Missing(gap_failure(gap, &segments, damaged, target)),
-        _ => GatherError::Failure(gap_failure(gap, &segments, damaged, target)),
+    let sources = select_records(&segments, piece).map_err(|error| match error {
+        CoverageError::Missing(_) => GatherError::Missing(coverage_failure(error, &segments, damaged, target)),
+        _ => GatherError::Failure(coverage_failure(error, &segments, damaged, target)),
     })?;
     Ok(GatheredFilm { segments, damaged: Vec::new(), sources, info, files })
 }
@@ -251,26 +251,30 @@ fn check_same_film<'s>(
     }
 }
 
-fn gap_failure(gap: Gap, segments: &[Segment], damaged: &[String], target: &Target) -> Failure {
+fn coverage_failure(error: CoverageError, segments: &[Segment], damaged: &[String], target: &Target) -> Failure {
     let path = |segment: usize| segments[segment].path.display();
-    let shown = target.shown();
-    Failure::input(match gap {
-        Gap::Missing(missing) => {
+    let shown = target.display_name();
+    Failure::input(match error {
+        CoverageError::Missing(missing) => {
             let frames = segments.first().map_or(0, |segment| segment.film.frames);
             let hint = match damaged.is_empty() {
                 true => "render them with choreo render --segment --frames",
                 false => "render again what is damaged, or add segments that hold these frames",
             };
-            format!("{shown}: of {frames} frames these are missing: {}\n    hint: {hint}", ranges(&missing))
+            format!("{shown}: of {frames} frames these are missing: {}\n    hint: {hint}", format_ranges(&missing))
         }
-        Gap::Differ { frame, segments: [a, b] } => format!(
+        CoverageError::Differ { frame, segments: [a, b] } => format!(
             "{shown}: frame {frame} differs between {} and {}\n    hint: one of the machines renders \
              differently; render the frames again on one that is trusted, and join without the other segment",
             path(a),
             path(b)
         ),
-        Gap::Misplaced { segment, frame } => {
-            format!("{}: frame {frame} begins a group of frames where the format has none", path(segment))
+        CoverageError::Misplaced { segment, frame } => {
+            format!(
+                "{}: the piece that begins at frame {frame} does not fit the pieces of the film's format\n    \
+                 hint: render this segment again",
+                path(segment)
+            )
         }
     })
 }
@@ -281,7 +285,7 @@ struct FilmJoin<'a> {
     exporter: &'a dyn Exporter,
     info: &'a VideoInfo,
     segments: &'a [Segment],
-    sources: &'a [Source],
+    sources: &'a [RecordAddress],
     inputs: &'a Inputs,
     budget: Budget,
     progress: Progress,
@@ -299,7 +303,7 @@ impl FilmJoin<'_> {
 
     /// Writes the film to one file.
     fn write_film(&self) -> Result<JoinedFrames, Failure> {
-        let path = self.target.file(0);
+        let path = self.target.frame_path(0);
         self.inputs.check_output(&path)?;
         let shown = path.display().to_string();
         let failed = |e: std::io::Error| output_error(&shown, &e);
@@ -320,10 +324,10 @@ impl FilmJoin<'_> {
         };
         let join_failed = |error| self.join_failure(&shown, error);
         let mut film =
-            FilmWriter::begin(self.exporter, self.info, self.budget.count(out)).map_err(join_failed)?;
+            FilmWriter::begin(self.exporter, self.info, self.budget.counting_writer(out)).map_err(join_failed)?;
         for &(segment, place) in self.sources {
             let opened = &self.segments[segment];
-            film.add(segment, opened, &opened.records[place]).map_err(join_failed)?;
+            film.add_record(segment, opened, &opened.records[place]).map_err(join_failed)?;
             self.progress.step();
         }
         let (head, counts) = film.finish().map_err(join_failed)?;
@@ -343,19 +347,19 @@ impl FilmJoin<'_> {
     /// Writes the film as one image per file.
     fn write_images(&self) -> Result<JoinedFrames, Failure> {
         let last = i64::try_from(self.info.frames).unwrap_or(i64::MAX) - 1;
-        let names = (0..=last).map(|number| self.target.file(number));
+        let names = (0..=last).map(|number| self.target.frame_path(number));
         names.clone().try_for_each(|name| self.inputs.check_output(&name))?;
-        self.target.prepare()?;
-        let _claim = Claim::take(self.target, 0, last)?;
+        self.target.check_and_create_folders()?;
+        let _claim = FrameRangeClaim::take(self.target, 0, last)?;
         for (&(segment, place), name) in self.sources.iter().zip(names) {
             let shown = name.display().to_string();
             let opened = &self.segments[segment];
-            let bytes = opened.bytes(&opened.records[place]);
+            let bytes = opened.read_bytes(&opened.records[place]);
             let bytes = bytes.map_err(|fault| self.join_failure(&shown, JoinError::Segment(segment, fault)))?;
             let part =
                 PartFile::create_shared(&name, &machine::id()).map_err(|e| write_failure(&shown, e))?;
             let out = part.writer().map_err(|e| output_error(&shown, &e))?;
-            let mut out = self.budget.count(Box::new(out));
+            let mut out = self.budget.counting_writer(Box::new(out));
             out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| output_error(&shown, &e))?;
             drop(out);
             part.commit().map_err(|e| write_failure(&shown, e))?;

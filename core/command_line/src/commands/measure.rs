@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 const DEFAULT_BUDGET: f64 = 1.0;
 
 pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
-    svg::check(args.plot.as_deref())?;
+    svg::check_plot_path(args.plot.as_deref())?;
     let keys = keys(&args.only)?;
     let at = args.at.as_deref().map(values::parse_at).transpose()?;
     let size = args.size.as_deref().map(values::parse_size).transpose()?;
@@ -69,7 +69,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     if let Some(path) = &args.plot {
         let plots: Vec<String> = choices.iter().filter_map(choreo_bench::plots::plot).collect();
-        svg::write(path, &stacked(&plots), &scene.inputs)?;
+        svg::write_plot(path, &stacked(&plots), &scene.inputs)?;
     }
     if args.json {
         let left: Vec<Value> =

@@ -29,7 +29,7 @@ pub(crate) type PlanAt<'a> = Box<dyn FnMut(Time) -> Result<Plan, Failure> + Send
 pub(crate) type SceneKey<'a> = Box<dyn Fn(&Plan) -> Key + Send + 'a>;
 
 /// Takes a finished frame with its number and time, and whether the frame before had the same pixels.
-pub(crate) type Encode<'a> = Box<dyn FnMut((i64, Time), &Picture, bool) -> Result<(), Failure> + Send + 'a>;
+pub(crate) type Encode<'a> = Box<dyn FnMut((i64, Time), &FrameImage, bool) -> Result<(), Failure> + Send + 'a>;
 
 /// Pixels of a frame, in the format that the exporter asked for.
 #[derive(Clone)]
@@ -51,7 +51,7 @@ impl Pixels {
 }
 
 /// Pixels that one frame, or several consecutive frames, show.
-pub(crate) struct Picture {
+pub(crate) struct FrameImage {
     pub pixels: Pixels,
     /// The encoded file, for formats with one image per file.
     pub file: Mutex<Option<Vec<u8>>>,
@@ -120,7 +120,7 @@ impl Shared {
     }
 
     /// Takes back the buffer of an image that nothing else uses.
-    fn release(&self, picture: Arc<Picture>) {
+    fn release(&self, picture: Arc<FrameImage>) {
         Arc::into_inner(picture).into_iter().for_each(|picture| self.recycle(picture.pixels));
     }
 
@@ -221,7 +221,7 @@ fn make_plans(
 struct Finished {
     /// The scene drawn last, if layers lie over it in `last`.
     scene: Option<Pixels>,
-    last: Option<Arc<Picture>>,
+    last: Option<Arc<FrameImage>>,
 }
 
 impl Finished {
@@ -231,7 +231,7 @@ impl Finished {
         shared: &Shared,
         drawn: Option<Pixels>,
         layers: Option<Layers>,
-    ) -> Option<Arc<Picture>> {
+    ) -> Option<Arc<FrameImage>> {
         let Some(layers) = layers else {
             shared.repeated.fetch_add(1, Ordering::Relaxed);
             return self.last.clone();
@@ -259,7 +259,7 @@ impl Finished {
                 Pixels::Bytes(frame)
             }
         };
-        self.last = Some(Arc::new(Picture { pixels, file: Mutex::default() }));
+        self.last = Some(Arc::new(FrameImage { pixels, file: Mutex::default() }));
         self.last.clone()
     }
 }
@@ -317,7 +317,7 @@ fn draw(
 }
 
 /// Number and time of a frame, its image, and whether it repeats the previous image.
-type DrawnFrame = ((i64, Time), Arc<Picture>, bool);
+type DrawnFrame = ((i64, Time), Arc<FrameImage>, bool);
 
 fn encode_pictures(
     shared: &Shared,

@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
-    svg::check(args.plot.as_deref())?;
+    svg::check_plot_path(args.plot.as_deref())?;
     let registry = scene::plugins(&args.scene, plugins)?;
     let text = std::fs::read_to_string(&args.scene.input).unwrap_or_default();
     let root = has_sections(&text).then(|| root(&args.scene.input, no_project_file)).flatten();
@@ -47,7 +47,7 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
     let findings = scene.places.findings(&on_stage);
     if let Some(path) = &args.plot {
         let sheet = sheet::sheet(&scene.name, &scene.stage, &scene.places.marks(&on_stage));
-        svg::write(path, &sheet.svg(), &scene.inputs)?;
+        svg::write_plot(path, &sheet.svg(), &scene.inputs)?;
     }
     let count = |severity| findings.iter().filter(|f| f.severity == severity).count();
     let (warnings, notes) = (scene.warnings.len() + count(Severity::Warning), count(Severity::Note));

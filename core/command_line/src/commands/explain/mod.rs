@@ -26,7 +26,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
-    svg::check(args.plot.as_deref())?;
+    svg::check_plot_path(args.plot.as_deref())?;
     let at = values::parse_at(&args.at)?;
     let size = args.size.as_deref().map(values::parse_size).transpose()?;
     let samples = args.samples.as_deref().map(values::parse_samples).transpose()?;
@@ -73,7 +73,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let inside = Inside { stage, resources: &resources, places: &scene.places, parts };
     if let Some(path) = &args.plot {
         let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
-        svg::write(path, &byte_bars(&title, &inside.amounts()), &scene.inputs)?;
+        svg::write_plot(path, &byte_bars(&title, &inside.amounts()), &scene.inputs)?;
     }
     plan.left_out.extend(recording.left_out(&plan));
     plan.left_out.extend(unread(&scene.places));

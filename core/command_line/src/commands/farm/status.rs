@@ -5,7 +5,7 @@ use super::chunks::Chunk;
 use super::job::{FarmJob, Film, JOB, OUTPUT};
 use crate::commands::render::sheet;
 use crate::failure::{Failure, print, print_json, write_failure};
-use crate::output::segment::{PART, Report, SegmentState, frames_of, png, report_name, segment_name};
+use crate::output::segment::{PART_EXTENSION, WorkerReport, SegmentState, parse_frame_range, encode_png, report_name, segment_name};
 use crate::output::target::export_failure;
 use crate::output::video::is_being_made;
 use crate::terminal::page::Page;
@@ -34,7 +34,7 @@ struct ChunkStatus {
     state: ChunkState,
     /// Number of finished frames.
     done: u64,
-    report: Option<Report>,
+    report: Option<WorkerReport>,
 }
 
 impl ChunkStatus {
@@ -85,8 +85,8 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
     let whole: BTreeSet<&str> = names.iter().copied().collect();
     let mut found: BTreeMap<Chunk, Vec<&str>> = BTreeMap::new();
     for name in &names {
-        if let Some(frames) = frames_of(name) {
-            found.entry(frames).or_default().extend(name.ends_with(PART).then_some(*name));
+        if let Some(frames) = parse_frame_range(name) {
+            found.entry(frames).or_default().extend(name.ends_with(PART_EXTENSION).then_some(*name));
         }
     }
     let status = |(frames, parts): (&Chunk, &Vec<&str>)| {
@@ -94,7 +94,7 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
         let (first, last) = frames;
         let name = segment_name(first, last);
         let report = choreo_files::read(&path.join(report_name(first, last)), MOST_REPORT).ok();
-        let report = report.and_then(|bytes| Report::read(&bytes));
+        let report = report.and_then(|bytes| WorkerReport::read(&bytes));
         let is_held = |folder| parts.iter().any(|part| is_being_made(folder, Path::new(part)));
         let held = || opened.as_ref().is_ok_and(is_held);
         let state = match report.as_ref().map(|report| report.state) {
@@ -270,7 +270,7 @@ fn write_sheet(file: &Path, chunks: &[ChunkStatus]) -> Result<(), Failure> {
         let (first, last) = chunk.frames;
         (format!("{first}-{last}: {}", chunk.word()), fit_into_cell(image, [width, height]))
     });
-    let sheet = png(&sheet::compose(cells.collect())).map_err(|e| export_failure(&shown, e))?;
+    let sheet = encode_png(&sheet::compose(cells.collect())).map_err(|e| export_failure(&shown, e))?;
     write_whole(file, &sheet).map_err(|e| write_failure(&shown, e))
 }
 

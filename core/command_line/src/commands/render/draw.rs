@@ -6,12 +6,12 @@ use crate::commands::render::{Job, sheet};
 use crate::drawing::device;
 use crate::drawing::pipeline::{Counts, Encode, Pipeline, Pixels, PlanAt, SceneKey, render_failure};
 use crate::failure::{Failure, print_message, write_failure};
-use crate::output::image_files::{self, Claim};
+use crate::output::image_files::{self, FrameRangeClaim};
 use crate::output::journal::Identity;
 use crate::output::provenance;
 use crate::output::segment::Segment;
 use crate::output::target::Target;
-use crate::output::video::Video;
+use crate::output::video::VideoWriter;
 use crate::process::kept_frames;
 use crate::process::{interrupt, threads};
 use crate::terminal::progress::Progress;
@@ -65,7 +65,7 @@ pub fn draw(
         height: job.settings.size[1],
         fps: job.settings.fps,
         frames: job.frames.len() as u64,
-        provenance: provenance::of(&job.scene, &job.settings, samples, &job.options, renderer.device()),
+        provenance: provenance::of_render(&job.scene, &job.settings, samples, &job.options, renderer.device()),
         options: job.options.clone(),
     };
     let say = |line: &str| {
@@ -79,7 +79,7 @@ pub fn draw(
     messages.chain(job.exporter.notes(&info)).chain(started.note).for_each(|line| say(&line));
     let device = renderer.device().name.clone();
     let drawing = Drawing { args, job, info: &info, samples, jobs };
-    let made = job.target.prepare()?;
+    let made = job.target.check_and_create_folders()?;
     interrupt::watch(true);
     let result = drawing.run(renderer, &say);
     if result.is_err() {
@@ -108,7 +108,7 @@ impl Drawing<'_> {
         let job = self.job;
         let is_made = || {
             let segment = job.segment.as_ref();
-            segment.is_some_and(|segment| Segment::is_made(&job.target.file(0), segment, self.info))
+            segment.is_some_and(|segment| Segment::is_complete(&job.target.frame_path(0), segment, self.info))
         };
         if self.args.sheet {
             return self.sheet(renderer, say);
@@ -117,21 +117,21 @@ impl Drawing<'_> {
             return self.pictures(renderer, say);
         }
         let (video, begun) = match &job.target {
-            Target::Stdout => (Some(Video::to_stdout(&*job.exporter, self.info)?), Default::default()),
+            Target::Stdout => (Some(VideoWriter::to_stdout(&*job.exporter, self.info)?), Default::default()),
             target => {
                 let identity = self.identity();
-                Video::to_file(&target.file(0), &*job.exporter, self.info, &identity, self.args, is_made)?
+                VideoWriter::to_file(&target.frame_path(0), &*job.exporter, self.info, &identity, self.args, is_made)?
             }
         };
         begun.note.iter().for_each(|line| say(line));
         let Some(mut video) = video else { return Ok(Counts::default()) };
-        worker::start(begun.done as u64);
+        worker::start(begun.finished_frames as u64);
         let encode: Vec<Encode> = vec![Box::new(|_, picture, repeated| {
-            video.frame(&picture.pixels, repeated)?;
+            video.add_frame(&picture.pixels, repeated)?;
             worker::frame(&picture.pixels);
             Ok(())
         })];
-        let drawn = match self.frames(renderer, &job.frames[begun.done..], encode, say) {
+        let drawn = match self.frames(renderer, &job.frames[begun.finished_frames..], encode, say) {
             Ok(drawn) => video.finish().map(|()| drawn),
             Err(failure) => {
                 // A failed script would fail again at the same frame. After a failure outside the script, the render can be resumed.
@@ -152,7 +152,7 @@ impl Drawing<'_> {
 
     fn sheet(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
         let job = self.job;
-        let place = job.target.file(0);
+        let place = job.target.frame_path(0);
         // The file is created before drawing, so that an error is found early.
         let part = PartFile::create(&place).map_err(|e| write_failure(&place.display().to_string(), e))?;
         let mut drawn = Vec::new();
@@ -166,7 +166,7 @@ impl Drawing<'_> {
         let counts = self.frames(renderer, &job.frames, vec![keep], say)?;
         let sheet = sheet::compose(drawn);
         let info = VideoInfo { width: sheet.width, height: sheet.height, frames: 1, ..self.info.clone() };
-        image_files::write_to(&place, Ok(part), &*job.exporter, &info, &Pixels::Bytes(sheet))?;
+        image_files::write_image_to(&place, Ok(part), &*job.exporter, &info, &Pixels::Bytes(sheet))?;
         Ok(counts)
     }
 
@@ -174,7 +174,7 @@ impl Drawing<'_> {
         let (job, info) = (self.job, self.info);
         let numbers = job.frames.first().zip(job.frames.last());
         let _claim = match numbers {
-            Some((first, last)) => Claim::take(&job.target, first.0, last.0)?,
+            Some((first, last)) => FrameRangeClaim::take(&job.target, first.0, last.0)?,
             None => None,
         };
         let frames = match self.args.resume {
@@ -195,7 +195,7 @@ impl Drawing<'_> {
         let mut encode = || -> Encode {
             let mut open = open.take();
             Box::new(move |frame, picture, _| {
-                image_files::write(&job.target, open.take(), &*job.exporter, info, frame, picture)
+                image_files::write_image(&job.target, open.take(), &*job.exporter, info, frame, picture)
             })
         };
         self.frames(renderer, &frames, (0..workers.clamp(1, 16)).map(|_| encode()).collect(), say)

@@ -13,7 +13,7 @@ use crate::args::values;
 use crate::commands::export;
 use crate::drawing::device;
 use crate::failure::{Failure, output_error, check_limit};
-use crate::output::budget::Budgeted;
+use crate::output::budget::BudgetedExporter;
 use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
 use crate::scene::{
@@ -140,9 +140,9 @@ pub fn prepare(
     let (target, segment) = segment.map_or((target, None), |(file, segment)| (file, Some(segment)));
     let exporter = segment.clone().map_or(exporter.clone(), |segment| segment as Arc<dyn Exporter>);
     if target != Target::Stdout {
-        frames.iter().try_for_each(|(number, _)| scene.inputs.check_output(&target.file(*number)))?;
+        frames.iter().try_for_each(|(number, _)| scene.inputs.check_output(&target.frame_path(*number)))?;
     }
-    let exporter = Arc::new(Budgeted::new(exporter, scene.limits.output));
+    let exporter = Arc::new(BudgetedExporter::new(exporter, scene.limits.output));
     notes.extend(without_display(wish, &scene.stage, registry));
     Ok(Job { scene, target, exporter, segment, frames, settings, samples, options, wish, notes })
 }
@@ -176,7 +176,7 @@ fn frame_numbers(
         Some(frames) if one_picture && frames.len() > 1 => {
             let note = format!(
                 "{} holds one image: frame {} is drawn; for all of them type -o {}, or --sheet",
-                target.shown(),
+                target.display_name(),
                 frames[0],
                 numbered(&args.output)
             );
@@ -185,7 +185,7 @@ fn frame_numbers(
         None if one_picture && total > 1 && scene.is_script => {
             return Err(Failure::Usage(format!(
                 "{} holds one image and the scene has {total} frames; type --at 0 for one of them, or -o {} for all",
-                target.shown(),
+                target.display_name(),
                 numbered(&args.output)
             )));
         }
@@ -212,7 +212,7 @@ fn wish(
         FrameWish::Bytes => Ok(wish),
         _ if args.sheet || args.stages => Err(Failure::Usage(format!(
             "{why} writes images of 8 bits, but {} holds images of more bits",
-            target.shown()
+            target.display_name()
         ))),
         _ => Ok(wish),
     }
@@ -246,7 +246,7 @@ fn segment(
     let Some(folder) = &args.segment else { return Ok(None) };
     let one_image = exporter.one_frame_per_file() && !matches!(film, Target::Numbered { .. });
     if *film == Target::Stdout || one_image {
-        let what = format!("--segment is for videos and numbered images, not for {}", film.shown());
+        let what = format!("--segment is for videos and numbered images, not for {}", film.display_name());
         return Err(Failure::Usage(what));
     }
     let count = frames.len() as i64;

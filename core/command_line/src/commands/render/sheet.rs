@@ -30,7 +30,7 @@ pub fn cell(stage: [u32; 2]) -> [u32; 2] {
 pub(crate) fn must_be_one_image(target: &Target, one_picture: bool) -> Result<(), Failure> {
     match target {
         Target::File(_) if one_picture => Ok(()),
-        _ => Err(Failure::Usage(format!("--sheet makes one image: -o sheet.png, not {}", target.shown()))),
+        _ => Err(Failure::Usage(format!("--sheet makes one image: -o sheet.png, not {}", target.display_name()))),
     }
 }
 

@@ -105,12 +105,12 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         height: job.settings.size[1],
         fps: job.settings.fps,
         frames: 1,
-        provenance: provenance::of(&job.scene, &job.settings, samples, &job.options, renderer.device()),
+        provenance: provenance::of_render(&job.scene, &job.settings, samples, &job.options, renderer.device()),
         options: job.options.clone(),
     };
     for (number, (name, picture)) in (1..).zip(STAGES.iter().zip(&pictures)) {
         let path = file(number, name);
-        image_files::write_to(
+        image_files::write_image_to(
             &path,
             PartFile::create(&path),
             &*job.exporter,

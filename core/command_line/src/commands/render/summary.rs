@@ -15,7 +15,7 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
             drawn.provenance.iter().map(|(k, v)| (k.clone(), v.clone().into())).collect();
         let mut value = serde_json::json!({
             "ok": true,
-            "output": job.target.shown(),
+            "output": job.target.display_name(),
             "frames": frames,
             "drawn": own,
             "reused": frames - own.min(frames),
@@ -53,7 +53,7 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
             not_drawn(frames, drawn.counts, args.watch),
             (own + repeated + recomposed) as f64 / secs,
             drawn.device,
-            job.target.shown()
+            job.target.display_name()
         ));
         match drawn.device_time {
             Some((frames, secs)) => print_message(format_args!(

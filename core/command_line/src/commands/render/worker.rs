@@ -2,7 +2,7 @@
 
 use crate::drawing::pipeline::Pixels;
 use crate::failure::Failure;
-use crate::output::segment::{Report, SegmentState, png, report_name, thumbnail};
+use crate::output::segment::{WorkerReport, SegmentState, encode_png, report_name, downscale_to_thumbnail};
 use crate::process::machine::host;
 use choreo_files::write_whole;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ static WORKER: Mutex<Option<Worker>> = Mutex::new(None);
 
 struct Worker {
     path: PathBuf,
-    report: Report,
+    report: WorkerReport,
     start: Instant,
     written: Option<Instant>,
 }
@@ -30,7 +30,7 @@ pub(crate) fn begin(folder: &Path, first: u64, last: u64) {
     let path = folder.join(report_name(first, last));
     let mut worker = worker();
     let start = worker.as_ref().map_or_else(Instant::now, |worker| worker.start);
-    let report = Report {
+    let report = WorkerReport {
         state: SegmentState::Running,
         done: 0,
         made: 0,
@@ -46,7 +46,7 @@ pub(crate) fn begin(folder: &Path, first: u64, last: u64) {
 pub(crate) fn start(done: u64) {
     if let Some(worker) = worker().as_mut() {
         // The thumbnail of a killed worker is kept.
-        let before = choreo_files::read(&worker.path, 1 << 20).ok().and_then(|bytes| Report::read(&bytes));
+        let before = choreo_files::read(&worker.path, 1 << 20).ok().and_then(|bytes| WorkerReport::read(&bytes));
         worker.report.thumbnail =
             before.filter(|_| done > 0).map(|before| before.thumbnail).unwrap_or_default();
         worker.report.done = done;
@@ -63,7 +63,7 @@ pub(crate) fn frame(pixels: &Pixels) {
     if worker.report.thumbnail.is_empty()
         && let Pixels::Bytes(frame) = pixels
     {
-        worker.report.thumbnail = png(&thumbnail(frame)).unwrap_or_default();
+        worker.report.thumbnail = encode_png(&downscale_to_thumbnail(frame)).unwrap_or_default();
     }
     let first = worker.report.made == 1;
     if first || worker.written.is_none_or(|written| written.elapsed() >= PAUSE) {

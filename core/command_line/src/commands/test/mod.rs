@@ -7,7 +7,7 @@ use crate::args::values;
 use crate::args::{Device, TestArgs};
 use crate::drawing::device;
 use crate::failure::{Failure, print, print_json, write_failure};
-use crate::output::target::in_folder;
+use crate::output::target::check_folder_exists;
 use crate::plugins::plugin_files;
 use crate::process::threads::too_few;
 use crate::project_file;
@@ -191,7 +191,7 @@ fn writable(path: &Path) -> Result<(), Failure> {
     if path.is_dir() {
         return Err(Failure::Output(format!("{}: cannot write: it is a folder", path.display())));
     }
-    in_folder(path)
+    check_folder_exists(path)
 }
 
 /// Folders for images of failed tests and for earlier results: in `target` if the project has such a folder, else in the user's cache
