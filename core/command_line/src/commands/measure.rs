@@ -30,7 +30,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut note = None;
     if args.device != Device::Cpu && keys.contains(&"renderer") {
         // Vulkan is compared even if `auto` would not choose it.
-        match device::start(Device::Vulkan, registry.effects()).wait() {
+        match device::start_renderer(Device::Vulkan, registry.effects()).wait() {
             Ok(started) => renderers.push(started.renderer),
             Err(failure) if args.device == Device::Vulkan => return Err(failure),
             Err(failure) => note = Some(failure.message_lines().join("\n")),

@@ -35,7 +35,7 @@ pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
         let _ = thread.join();
     }
     if started <= LATER {
-        return Err(too_few(&format!("{started} threads can be started and {} are needed", LATER + 1)));
+        return Err(too_few_threads(&format!("{started} threads can be started and {} are needed", LATER + 1)));
     }
     let pool = ThreadPoolBuilder::new().num_threads(workers.len()).spawn_handler(|thread| {
         let sent = workers.pop().map(|to| to.send(thread));
@@ -48,7 +48,7 @@ pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
 
 /// Whether the system allows the threads and the address space that a Vulkan driver needs. A driver that runs on the CPU waits forever for
 /// a thread that it cannot start, and aborts the program if an allocation fails: lavapipe with its compiler needs over 1 GB.
-pub(crate) fn room_for_a_driver() -> bool {
+pub(crate) fn enough_threads_for_a_driver() -> bool {
     #[cfg(unix)]
     if rustix::process::getrlimit(rustix::process::Resource::As).current.is_some_and(|bytes| bytes < 2 << 30)
     {
@@ -76,7 +76,7 @@ fn worker() -> Option<Sender<ThreadBuilder>> {
 }
 
 /// Failure for too few threads, or too little memory for their stacks. `what`: the need that was not met.
-pub(crate) fn too_few(what: &str) -> Failure {
+pub(crate) fn too_few_threads(what: &str) -> Failure {
     Failure::Machine(format!(
         "too few threads: {what}\n    hint: end other programs, or raise the limits of processes and of address space (ulimit -u, ulimit -v)"
     ))

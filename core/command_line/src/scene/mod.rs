@@ -11,7 +11,7 @@ use crate::args::values;
 use crate::failure::{Failure, Problem};
 use crate::plugins::plugin_files;
 use crate::process::memory;
-use crate::process::threads::too_few;
+use crate::process::threads::too_few_threads;
 use crate::terminal::import_bar::Bar;
 use choreo_plugin::{ImportScope, Registry};
 use choreo_script::{
@@ -186,7 +186,7 @@ fn name(args: &SceneArgs) -> String {
 /// Turns the diagnostics of a script into a failure: an error of the script, or too few threads.
 fn failure(diagnostics: Vec<Diagnostic>) -> Failure {
     match diagnostics.iter().find_map(|d| d.message.strip_prefix(NO_THREAD)) {
-        Some(why) => too_few(&format!("none can be started for the script ({why})")),
+        Some(why) => too_few_threads(&format!("none can be started for the script ({why})")),
         None => Failure::Input(errors(diagnostics)),
     }
 }

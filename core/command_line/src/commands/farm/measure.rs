@@ -21,7 +21,7 @@ const MOST_SECONDS: f64 = 30.0;
 /// pre-roll of springs, spans of foot locks. `opening`: when opening the scene began.
 pub(crate) fn cost(args: &RenderArgs, job: &Job, opening: Instant) -> Result<Cost, Failure> {
     let effects = job.scene.registry.effects();
-    let mut renderer = device::start(args.device, effects).wait()?.renderer;
+    let mut renderer = device::start_renderer(args.device, effects).wait()?.renderer;
     let samples = job.samples.or(job.settings.samples);
     let samples = samples.unwrap_or_else(|| device::default_samples(renderer.device()));
     renderer.set_effects(effects).map_err(render_failure)?;

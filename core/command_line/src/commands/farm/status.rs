@@ -39,7 +39,7 @@ struct ChunkStatus {
 
 impl ChunkStatus {
     fn word(&self) -> &'static str {
-        self.state.map_or("waiting", SegmentState::word)
+        self.state.map_or("waiting", SegmentState::name)
     }
 }
 

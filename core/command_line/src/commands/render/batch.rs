@@ -41,11 +41,11 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
     let jobs = args.jobs.as_deref().map(values::parse_jobs).transpose()?;
     let registry = scene::plugins(&args.scene, plugins)?;
     Target::parse(&outputs[0])?.exporter(&registry)?;
-    let started = device::start(super::wanted(args), registry.effects()).wait()?;
+    let started = device::start_renderer(super::device_request(args), registry.effects()).wait()?;
     let mut batch = Batch {
         registry,
         keep: ReopenState::default(),
-        renderer: CachingRenderer::shared_only(started.renderer),
+        renderer: CachingRenderer::without_cache(started.renderer),
         note: started.note,
         reason: started.reason,
         jobs,
@@ -98,7 +98,7 @@ impl Batch {
         if self.folders {
             make_folder(&job.target)?;
         }
-        self.renderer.begin().map_err(render_failure)?;
+        self.renderer.begin_render().map_err(render_failure)?;
         let started = device::StartedRenderer {
             renderer: Box::new(self.renderer.clone()),
             time: None,

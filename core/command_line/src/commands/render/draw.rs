@@ -4,7 +4,7 @@ use crate::args::RenderArgs;
 use crate::commands::render::worker;
 use crate::commands::render::{Job, sheet};
 use crate::drawing::device;
-use crate::drawing::pipeline::{Counts, Encode, Pipeline, Pixels, PlanAt, SceneKey, render_failure};
+use crate::drawing::pipeline::{FrameCounts, Encode, Pipeline, Pixels, PlanAt, SceneKey, render_failure};
 use crate::failure::{Failure, print_message, write_failure};
 use crate::output::image_files::{self, FrameRangeClaim};
 use crate::output::journal::Identity;
@@ -43,7 +43,7 @@ pub struct Drawn {
     /// Reason for the choice of the device; `None` if it was named.
     pub reason: Option<String>,
     /// Frames drawn in this run; others existed already.
-    pub counts: Counts,
+    pub counts: FrameCounts,
     /// Number of frames that the device timed, and seconds that it was busy; `None` unless requested and supported.
     pub device_time: Option<(u64, f64)>,
     /// Number of frames that the CPU renderer drew, and seconds of each of its stages; `None` unless requested.
@@ -104,7 +104,7 @@ struct Drawing<'a> {
 
 impl Drawing<'_> {
     /// The driver has shut down when this function returns, since the program may end then.
-    fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
+    fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<FrameCounts, Failure> {
         let job = self.job;
         let is_made = || {
             let segment = job.segment.as_ref();
@@ -124,11 +124,11 @@ impl Drawing<'_> {
             }
         };
         begun.note.iter().for_each(|line| say(line));
-        let Some(mut video) = video else { return Ok(Counts::default()) };
+        let Some(mut video) = video else { return Ok(FrameCounts::default()) };
         worker::start(begun.finished_frames as u64);
-        let encode: Vec<Encode> = vec![Box::new(|_, picture, repeated| {
-            video.add_frame(&picture.pixels, repeated)?;
-            worker::frame(&picture.pixels);
+        let encode: Vec<Encode> = vec![Box::new(|_, image, repeated| {
+            video.add_frame(&image.pixels, repeated)?;
+            worker::frame(&image.pixels);
             Ok(())
         })];
         let drawn = match self.frames(renderer, &job.frames[begun.finished_frames..], encode, say) {
@@ -145,20 +145,20 @@ impl Drawing<'_> {
         kept_frames::take_message().iter().for_each(print_message);
         match drawn {
             // Another machine was faster and has removed this part folder; locks do not reach across machines.
-            Err(Failure::Output(_)) if self.args.resume && is_made() => Ok(Counts::default()),
+            Err(Failure::Output(_)) if self.args.resume && is_made() => Ok(FrameCounts::default()),
             drawn => drawn,
         }
     }
 
-    fn sheet(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
+    fn sheet(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<FrameCounts, Failure> {
         let job = self.job;
         let place = job.target.frame_path(0);
         // The file is created before drawing, so that an error is found early.
         let part = PartFile::create(&place).map_err(|e| write_failure(&place.display().to_string(), e))?;
         let mut drawn = Vec::new();
-        let keep: Encode = Box::new(|frame, picture, _| {
+        let keep: Encode = Box::new(|frame, image, _| {
             // `prepare` refuses sheets of floats.
-            if let Pixels::Bytes(pixels) = &picture.pixels {
+            if let Pixels::Bytes(pixels) = &image.pixels {
                 drawn.push((sheet::caption(frame), pixels.clone()));
             }
             Ok(())
@@ -170,7 +170,7 @@ impl Drawing<'_> {
         Ok(counts)
     }
 
-    fn pictures(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
+    fn pictures(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<FrameCounts, Failure> {
         let (job, info) = (self.job, self.info);
         let numbers = job.frames.first().zip(job.frames.last());
         let _claim = match numbers {
@@ -194,8 +194,8 @@ impl Drawing<'_> {
         let workers = self.jobs.unwrap_or_else(threads::cores).min(frames.len()).min(PICTURE_BYTES / bytes);
         let mut encode = || -> Encode {
             let mut open = open.take();
-            Box::new(move |frame, picture, _| {
-                image_files::write_image(&job.target, open.take(), &*job.exporter, info, frame, picture)
+            Box::new(move |frame, image, _| {
+                image_files::write_image(&job.target, open.take(), &*job.exporter, info, frame, image)
             })
         };
         self.frames(renderer, &frames, (0..workers.clamp(1, 16)).map(|_| encode()).collect(), say)
@@ -207,9 +207,9 @@ impl Drawing<'_> {
         frames: &[(i64, Time)],
         encoders: Vec<Encode>,
         say: &dyn Fn(&str),
-    ) -> Result<Counts, Failure> {
+    ) -> Result<FrameCounts, Failure> {
         if frames.is_empty() {
-            return Ok(Counts::default());
+            return Ok(FrameCounts::default());
         }
         let resources = Arc::new(SceneResources::new(&self.job.scene.stage));
         let failed = render_failure;

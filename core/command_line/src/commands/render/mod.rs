@@ -62,7 +62,7 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         return Err(Failure::Usage("--resume needs a file; standard output cannot be resumed".into()));
     }
     // The driver takes as long to start as the script and its assets: both happen at the same time.
-    let starting = device::start(wanted(&args), registry.effects());
+    let starting = device::start_renderer(device_request(&args), registry.effects());
     let prepared = prepare(&args, target, &registry, None);
     let started = starting.wait();
     let job = prepared?;
@@ -81,7 +81,7 @@ fn begin_report(args: &RenderArgs) {
     }
 }
 
-fn wanted(args: &RenderArgs) -> device::DeviceRequest {
+fn device_request(args: &RenderArgs) -> device::DeviceRequest {
     device::DeviceRequest {
         device: args.device,
         gpu: args.gpu.clone(),

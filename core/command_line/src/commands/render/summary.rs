@@ -3,13 +3,13 @@
 use crate::args::RenderArgs;
 use crate::commands::render::Job;
 use crate::commands::render::draw::Drawn;
-use crate::drawing::pipeline::Counts;
+use crate::drawing::pipeline::FrameCounts;
 use crate::failure::{Failure, print_json, print_json_message, print_message};
 use crate::output::target::Target;
 
 pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<(), Failure> {
     let frames = job.frames.len() as u64;
-    let Counts { drawn: own, repeated, recomposed } = drawn.counts;
+    let FrameCounts { drawn: own, repeated, recomposed } = drawn.counts;
     if args.json {
         let made: serde_json::Map<String, serde_json::Value> =
             drawn.provenance.iter().map(|(k, v)| (k.clone(), v.clone().into())).collect();
@@ -75,8 +75,8 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
 }
 
 /// Number of frames that were not drawn, and the reason.
-fn not_drawn(frames: u64, counts: Counts, watch: bool) -> String {
-    let Counts { drawn, repeated, recomposed } = counts;
+fn not_drawn(frames: u64, counts: FrameCounts, watch: bool) -> String {
+    let FrameCounts { drawn, repeated, recomposed } = counts;
     let reused = frames - drawn.min(frames);
     let parts = match watch {
         true => vec![(reused, "drawn before")],

@@ -30,7 +30,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     let failed = |e: choreo_session::WatchError| Failure::input(format!("--watch: {e}"));
     let mut watch = Watch::new().map_err(failed)?;
-    let started = device::start(args.device, plugins.effects()).wait()?;
+    let started = device::start_renderer(args.device, plugins.effects()).wait()?;
     let renderer = CachingRenderer::new(started.renderer);
     let (mut note, reason) = (started.note, started.reason);
     let keep = ReopenState::default();
@@ -39,7 +39,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         let round = || {
             let registry = scene::plugins(&args.scene, plugins)?;
             let job = super::prepare(args, target.clone(), &registry, Some(&keep))?;
-            renderer.begin().map_err(render_failure)?;
+            renderer.begin_render().map_err(render_failure)?;
             let started = device::StartedRenderer {
                 renderer: Box::new(renderer.clone()),
                 time: None,
@@ -48,7 +48,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
                 reason: reason.clone(),
             };
             let mut drawn = draw::draw(args, &job, started, jobs)?;
-            drawn.counts.drawn -= renderer.reused().min(drawn.counts.drawn);
+            drawn.counts.drawn -= renderer.reused_frames().min(drawn.counts.drawn);
             summary::report(args, &job, &drawn, begun.elapsed().as_secs_f64())
         };
         // The next save may correct the error.

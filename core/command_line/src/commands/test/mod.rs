@@ -9,7 +9,7 @@ use crate::drawing::device;
 use crate::failure::{Failure, print, print_json, write_failure};
 use crate::output::target::check_folder_exists;
 use crate::plugins::plugin_files;
-use crate::process::threads::too_few;
+use crate::process::threads::too_few_threads;
 use crate::project_file;
 use crate::scene::inputs::Inputs;
 use crate::scene::pack::{self, Unpacked};
@@ -52,7 +52,7 @@ fn check_report(report: &Report) -> Result<(), Failure> {
     match report.failure() {
         None => Ok(()),
         Some(why) if without_thread(report) => {
-            Err(too_few(&format!("none can be started for some sections; {why}")))
+            Err(too_few_threads(&format!("none can be started for some sections; {why}")))
         }
         Some(why) => Err(Failure::Tests(why)),
     }
