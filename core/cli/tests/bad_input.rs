@@ -136,7 +136,7 @@ fn command_lines_that_are_wrong() {
         (&["render", "s.rhai", "-o", "o.mp4", "--set", "x"], "--set x: write NAME=VALUE"),
         (
             &["render", "s.rhai", "-o", "o.mp4", "--clip", "Walk"],
-            "--clip is for model files; a script says what is played",
+            "--clip is for model files; in a script, actor.play(…) chooses the clip",
         ),
         (
             &["render", "s.rhai", "-o", "o.png"],

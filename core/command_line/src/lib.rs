@@ -17,7 +17,7 @@ pub use app::App;
 pub use args::Device;
 pub use commands::check::{SceneToSurvey, survey};
 pub use drawing::device::{cache_dir, slower_than_the_cpu};
-pub use process::panics::exit_code_of_abort;
+pub use process::panics::set_exit_code_of_abort;
 
 use args::{Cli, Command, PluginsAction, PluginsArgs, RenderArgs, values};
 use clap::FromArgMatches;
@@ -49,9 +49,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     panics::install();
     interrupt::install();
     let json = cli.command.prints_json();
-    let result = panics::guarded(|| start(cli, &args, app));
+    let result = panics::catch_panics(|| start(cli, &args, app));
     worker::end(result.as_ref().err());
-    scratch::remove();
+    scratch::remove_folder();
     let Err(failure) = result else { return ExitCode::SUCCESS };
     report_failure(&failure, json, &args)
 }
@@ -89,10 +89,10 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
         Command::Render(given) => {
             let jobs = given.jobs.as_deref().map(values::parse_jobs).transpose()?;
             jobs.into_iter().for_each(choreo_render::vulkan::limit_software_threads);
-            threads::start(jobs)?;
+            threads::start_pool(jobs)?;
         }
         Command::Plugins(PluginsArgs { action: Some(PluginsAction::Test { .. }), .. }) => {
-            threads::start(None)?
+            threads::start_pool(None)?
         }
         Command::New(_)
         | Command::View(_)
@@ -100,17 +100,17 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
         | Command::Plugins(_)
         | Command::Help(_)
         | Command::Format(_) => {}
-        _ => threads::start(None)?,
+        _ => threads::start_pool(None)?,
     }
     let packs = matches!(command, Command::Pack(_) | Command::Farm(_));
     if let Some(scene) = command.scene_args_mut() {
         scene.software = app.software();
-        scratch::keep(if packs { None } else { Unpacked::in_place(scene)? });
+        scratch::keep_until_exit(if packs { None } else { Unpacked::replace_input(scene)? });
     }
     let plugins = &app.registry;
     match command {
         Command::Render(given) => {
-            render::run(RenderArgs { resume_command: interrupt::command_to_resume(args), ..given }, plugins)
+            render::run(RenderArgs { resume_command: interrupt::resume_command(args), ..given }, plugins)
         }
         Command::Join(args) => join::run(&args, plugins, &app.software()),
         Command::Check(args) => check::run(args, no_project_file, plugins),

@@ -210,7 +210,7 @@ impl ProjectFile {
 
     /// The project file of a packed scene.
     fn from_packed_scene(input: &Path) -> Option<ProjectFile> {
-        let text = pack::options_of(input).filter(|text| !text.is_empty())?;
+        let text = pack::read_project_file_text(input).filter(|text| !text.is_empty())?;
         Some(ProjectFile { path: input.join(FILE_NAME), text, origin: OptionsOrigin::Pack })
     }
 

@@ -121,7 +121,7 @@ fn names_from_rows_stay_in_their_folder() {
     }
     std::fs::write(d.join("rows.csv"), "name\nZoe\nzoe\n").unwrap();
     let run = batch(d, &["-o", "deep/out/{name}.mp4"]);
-    assert!(run.code == 1 && run.err.contains("rows 1 and 2 would both be deep/out/zoe.mp4"), "{}", run.err);
+    assert!(run.code == 1 && run.err.contains("rows 1 and 2 would both be written to deep/out/zoe.mp4"), "{}", run.err);
     // A link that is there is not followed.
     #[cfg(unix)]
     {
@@ -154,7 +154,7 @@ fn tables_that_mean_nothing_are_refused() {
     let unknown = said(("a.csv", "name,colour\nZoe,#202020\n"), &[]);
     assert!(unknown.contains("no parameter \"colour\"; did you mean \"color\"?"), "{unknown}");
     assert!(
-        unknown.ends_with("    hint: a column that only -o needs has a name that begins with _\n"),
+        unknown.ends_with("    hint: a column that only -o needs must have a name that begins with _\n"),
         "{unknown}"
     );
     assert!(said(("a.csv", "name\nZoe\n"), &["--row", "2"]).contains("--row 2: a.csv has rows 1 to 1"));

@@ -336,7 +336,7 @@ fn another_scene_than_the_one_packed_is_refused() {
     let run = choreo(d, &render);
     assert_eq!(run.code, 1);
     assert!(
-        run.err.contains("s.rhai: it is a different scene here than where it was packed\n"),
+        run.err.contains("s.rhai: the scene differs from the one that was packed\n"),
         "{}",
         run.err
     );

@@ -311,7 +311,7 @@ fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() 
         let Some(run) = signalled(d, name, more) else { continue };
         ended += 1;
         let finished = finished_frames(d, "o.mp4");
-        let said = format!("{finished} frames are kept in o.mp4.part; to go on with them: ");
+        let said = format!("{finished} frames are kept in o.mp4.part; to resume the render: ");
         let line = run.err.lines().find_map(|line| line.strip_prefix(&said));
         let command = line.unwrap_or_else(|| panic!("{name}: no \"{said}\" in {}", run.err));
         assert!(command.contains("choreo render --resume s.rhai -o o.mp4 --jobs 1"), "{command}");

@@ -8,7 +8,7 @@ use crate::output::provenance;
 use crate::output::target::export_failure;
 use crate::output::target::check_folder_exists;
 use crate::scene::inputs::Inputs;
-use crate::scene::{self, opening::Opening};
+use crate::scene::{self, opening::OpenOptions};
 use choreo_files::PartFile;
 use choreo_plugin::{
     ExportDeviation, ExportError, ExportOptions, ExportedScene, Manifest, Registry, SceneExporter, SceneFiles,
@@ -23,12 +23,12 @@ use std::time::Instant;
 
 pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     let start = Instant::now();
-    let registry = scene::plugins(&args.scene, plugins)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let exporter = exporter(&args.output, &registry)?;
     check_folder_exists(Path::new(&args.output))?;
     let options = options(&args.export_options(), exporter.manifest())?;
     let fps = args.fps.as_deref().map(values::parse_fps).transpose()?;
-    let opening = Opening { quiet: args.quiet, ..Opening::TO_EXPORT };
+    let opening = OpenOptions { quiet: args.quiet, ..OpenOptions::TO_EXPORT };
     let scene = scene::open(&args.scene, &registry, opening)?;
     let mut exported = ExportedScene::new(&scene.name, scene.stage.clone());
     exported.stem = stem(Path::new(&args.output));

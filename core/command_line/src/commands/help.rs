@@ -38,7 +38,7 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
         return print_page(app, &term);
     }
     let mut answer = answer(&term);
-    let mut of_pages = pages::find(app, &term);
+    let mut of_pages = pages::search_pages(app, &term);
     // A function in a table of a page is a complete answer; a heading is one answer among several.
     let is_function = of_pages.iter().any(|call| call.usage.contains('('));
     if answer.calls.is_empty() && !is_function {
@@ -69,16 +69,16 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
 fn print_page(app: &App, name: &str) -> Result<(), Failure> {
     // References may include a heading: core/script/API.md, "Cues".
     let path = name.split(',').next().unwrap_or_default().trim();
-    let text = pages::text(app, path).ok_or_else(|| {
+    let text = pages::page_text(app, path).ok_or_else(|| {
         let hint = match path.split_once("reference/") {
             Some((_, entry)) => format!(
                 "choreo help {} prints one entry of the reference; choreo help --page API.md prints all of \
                  it",
                 entry.rsplit(['#', '/']).next().unwrap_or_default().trim_end_matches(".md")
             ),
-            None => format!("pages: {}", list(pages::names(app), 60)),
+            None => format!("pages: {}", list(pages::page_paths(app), 60)),
         };
-        let meant = did_you_mean(path, pages::names(app));
+        let meant = did_you_mean(path, pages::page_paths(app));
         Failure::Usage(format!("help: there is no page \"{path}\"{meant}\n    hint: {hint}"))
     })?;
     print(&pages::with_scripts(app, text))
@@ -95,7 +95,7 @@ fn describe_effect(call: &mut Call, term: &str, app: &App) {
         call.details = option_rows(manifest).lines().map(|row| row.trim().to_string()).collect();
     }
     let page = format!("plugins/effects/{name}/README.md");
-    if pages::text(app, &page).is_some() {
+    if pages::page_text(app, &page).is_some() {
         call.page = page;
     }
 }

@@ -44,7 +44,7 @@ impl Host for Program {
             return Err(HostError("choreo.toml names another command".into()));
         };
         let registry =
-            scene::plugins(&args.scene, &self.app.registry).map_err(|e| HostError(in_words(&e)))?;
+            scene::registry_with_plugin_files(&args.scene, &self.app.registry).map_err(|e| HostError(in_words(&e)))?;
         let root = project_file::project_root(script);
         Ok(Project { registry, search: args.scene.search, root, limits: Limits::default() })
     }

@@ -4,7 +4,7 @@
 use crate::args::PackArgs;
 use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
 use crate::scene::pack::{self, EXTENSION, Manifest, Unpacked};
-use crate::scene::{self, OpenedScene, opening::Opening};
+use crate::scene::{self, OpenedScene, opening::OpenOptions};
 use choreo_files::PartFile;
 use choreo_plugin::Registry;
 use serde_json::json;
@@ -37,8 +37,8 @@ pub(crate) fn write(args: &PackArgs, plugins: &Registry, options: String) -> Res
     if pack::is_packed(&args.scene.input) {
         return Err(Failure::Usage(format!("{}: it is packed already", args.scene.input.display())));
     }
-    let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening { quiet: args.quiet, ..Opening::TO_DRAW })?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, OpenOptions { quiet: args.quiet, ..OpenOptions::TO_DRAW })?;
     write_open(args, scene, options, |unpacked| prove(args, plugins, unpacked))
 }
 
@@ -62,10 +62,10 @@ pub(crate) fn write_open(
             )));
         }
         let mut archive = tempfile::tempfile_in(beside).map_err(failed)?;
-        let (manifest, _) = pack::write(&scene, &args.scene, options, &archive)?;
+        let (manifest, _) = pack::write_archive(&scene, &args.scene, options, &archive)?;
         let bytes = archive.stream_position().map_err(failed)?;
         let mut rewound = || archive.rewind().and_then(|()| archive.try_clone()).map_err(failed);
-        prove(Unpacked::new(rewound()?, &shown, scene.limits.file)?)?;
+        prove(Unpacked::from_archive(rewound()?, &shown, scene.limits.file)?)?;
         let folder = tempfile::tempdir_in(beside).map_err(failed)?;
         pack::write_folder(rewound()?, folder.path()).map_err(|e| write_failure(&shown, e))?;
         std::fs::rename(folder.path(), place).map_err(failed)?;
@@ -74,11 +74,11 @@ pub(crate) fn write_open(
     }
     let part = PartFile::create(&args.output).map_err(|e| write_failure(&shown, e))?;
     let out = part.writer().map_err(failed)?;
-    let (manifest, out) = pack::write(&scene, &args.scene, options, out)?;
+    let (manifest, out) = pack::write_archive(&scene, &args.scene, options, out)?;
     let mut written = out.into_inner().map_err(|e| failed(e.into_error()))?;
     let bytes = written.seek(SeekFrom::End(0)).map_err(failed)?;
     written.rewind().map_err(failed)?;
-    prove(Unpacked::new(written, &shown, scene.limits.file)?)?;
+    prove(Unpacked::from_archive(written, &shown, scene.limits.file)?)?;
     part.commit().map_err(|e| write_failure(&shown, e))?;
     Ok(Packed { manifest, bytes, warnings: scene.warnings })
 }
@@ -105,9 +105,9 @@ fn prove(args: &PackArgs, plugins: &Registry, unpacked: Unpacked) -> Result<(), 
     (packed.search, packed.import.plugins) = (Vec::new(), Vec::new());
     (packed.set, packed.import.import) = (Vec::new(), Vec::new());
     (packed.clip, packed.import.importer) = (None, None);
-    unpacked.arguments(&mut packed);
-    let registry = scene::plugins(&packed, plugins)?;
-    scene::open(&packed, &registry, Opening { quiet: true, ..Opening::TO_DRAW })?;
+    unpacked.merge_arguments(&mut packed);
+    let registry = scene::registry_with_plugin_files(&packed, plugins)?;
+    scene::open(&packed, &registry, OpenOptions { quiet: true, ..OpenOptions::TO_DRAW })?;
     Ok(())
 }
 

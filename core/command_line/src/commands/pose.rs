@@ -3,7 +3,7 @@
 use crate::args::PoseArgs;
 use crate::args::values;
 use crate::failure::{Failure, output_error, print, print_json, write_failure};
-use crate::scene::{self, opening::Opening};
+use crate::scene::{self, opening::OpenOptions};
 use crate::terminal::page::Page;
 use choreo_asset::{Asset, Topology};
 use choreo_files::PartFile;
@@ -21,8 +21,8 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
         // A typing error must not replace a script or a model.
         return Err(Failure::Usage(format!("--mesh {}: write a name that ends in .obj", path.display())));
     }
-    let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_INSPECT)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, OpenOptions::TO_INSPECT)?;
     let snapshot = Evaluator::new(scene.stage.clone())
         .posing_hidden()
         .at(at)

@@ -67,35 +67,35 @@ fn unpacked(input: &Path, rest: &[OsString]) -> Result<Vec<OsString>, Failure> {
         .map(|(name, _)| name)
         .collect();
     let name = |text: &String| text.split('=').next().unwrap_or_default().trim().to_string();
-    let mut words = vec![unpacked.place(&manifest.input).into_os_string(), "--no-project-file".into()];
+    let mut words = vec![unpacked.unpacked_path(&manifest.input).into_os_string(), "--no-project-file".into()];
     let mut option = |flag: &str, value: OsString| words.extend([flag.into(), value]);
-    manifest.search.iter().for_each(|folder| option("--search", unpacked.place(folder).into()));
-    manifest.plugins.iter().for_each(|folder| option("--plugins", unpacked.place(folder).into()));
+    manifest.search.iter().for_each(|folder| option("--search", unpacked.unpacked_path(folder).into()));
+    manifest.plugins.iter().for_each(|folder| option("--plugins", unpacked.unpacked_path(folder).into()));
     let set = manifest.set.iter().filter(|text| !given.contains(&name(text).as_str()));
     set.for_each(|text| option("--set", text.into()));
     if !rest.iter().any(|word| word == "--clip") {
         manifest.clip.iter().for_each(|clip| option("--clip", clip.into()));
     }
-    scratch::keep(Some(unpacked));
+    scratch::keep_until_exit(Some(unpacked));
     Ok(words)
 }
 
 /// Waits for the exit status; `None` if a signal ended this program. The viewer is ended too, since nothing else would end it.
 fn wait(command: &mut Command) -> io::Result<Option<ExitStatus>> {
-    interrupt::watch(true);
+    interrupt::set_polled(true);
     let mut viewer = command.spawn()?;
     let ended = loop {
         if let Some(status) = viewer.try_wait()? {
             break Some(status);
         }
-        if interrupt::interrupted() {
+        if interrupt::is_interrupted() {
             viewer.kill()?;
             viewer.wait()?;
             break None;
         }
         std::thread::sleep(Duration::from_millis(100));
     };
-    interrupt::watch(false);
+    interrupt::set_polled(false);
     Ok(ended)
 }
 

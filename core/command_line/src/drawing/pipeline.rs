@@ -6,7 +6,7 @@
 
 use crate::failure::Failure;
 use crate::process::interrupt;
-use crate::process::panics::plugin_failures;
+use crate::process::panics::catch_plugin_panics;
 use crate::process::threads::too_few_threads;
 use crate::terminal::progress::Progress;
 use choreo_motion::Time;
@@ -129,11 +129,11 @@ impl PipelineState {
     /// report.
     fn must_encode(&self, frame: i64) -> bool {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
-        failure.as_ref().is_none_or(|(failed, _)| frame < *failed) && !interrupt::interrupted()
+        failure.as_ref().is_none_or(|(failed, _)| frame < *failed) && !interrupt::is_interrupted()
     }
 
     fn is_stopped(&self) -> bool {
-        self.stop.load(Ordering::SeqCst) || interrupt::interrupted()
+        self.stop.load(Ordering::SeqCst) || interrupt::is_interrupted()
     }
 }
 
@@ -170,7 +170,7 @@ impl Pipeline<'_> {
                 _ => shared.record_failure(0, too_few_threads("none can be started to plan and encode frames")),
             }
         });
-        if interrupt::interrupted() {
+        if interrupt::is_interrupted() {
             return Err(Failure::Interrupted);
         }
         let failure = shared.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -197,7 +197,7 @@ fn make_plans(
             return;
         }
         // An effect may fail while it describes what it draws.
-        let mut plan = match plugin_failures(|| plan(time)) {
+        let mut plan = match catch_plugin_panics(|| plan(time)) {
             Ok(plan) => plan,
             Err(failure) => return shared.record_failure(frame, failure),
         };

@@ -193,7 +193,7 @@ fn open_part_folder(parent: &Arc<OpenFolder>, name: &Path, args: &RenderArgs) ->
     }
     loop {
         match PartFolder::open_shared(parent.clone(), name, &machine::id(), PART_FOLDER_FILES) {
-            Err(WriteError::Busy) if args.resume && !interrupt::interrupted() => {
+            Err(WriteError::Busy) if args.resume && !interrupt::is_interrupted() => {
                 std::thread::sleep(Duration::from_millis(200));
             }
             opened => return opened,

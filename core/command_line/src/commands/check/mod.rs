@@ -11,7 +11,7 @@ use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json, print_message};
 use crate::output::svg;
 use crate::project_file;
-use crate::scene::{self, OpenedScene, opening::Opening};
+use crate::scene::{self, OpenedScene, opening::OpenOptions};
 use choreo_plugin::{Effect, Registry, SurfaceSample};
 use choreo_render::plan::light_clusters::MAX_LIGHTS;
 use choreo_script::testing::{TestOptions, has_sections, section_errors};
@@ -25,11 +25,11 @@ use std::sync::Arc;
 
 pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
     svg::check_plot_path(args.plot.as_deref())?;
-    let registry = scene::plugins(&args.scene, plugins)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let text = std::fs::read_to_string(&args.scene.input).unwrap_or_default();
     let root = has_sections(&text).then(|| root(&args.scene.input, no_project_file)).flatten();
     let scene =
-        scene::open(&args.scene, &registry, Opening { root: root.as_deref(), ..Opening::TO_INSPECT })?;
+        scene::open(&args.scene, &registry, OpenOptions { root: root.as_deref(), ..OpenOptions::TO_INSPECT })?;
     if !args.json {
         scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
     }
@@ -39,7 +39,7 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
         let script = ScriptOptions {
             search_paths: args.scene.search.clone(),
             limits: scene.limits.clone(),
-            needs: Opening::TO_INSPECT.needs,
+            needs: OpenOptions::TO_INSPECT.needs,
             ..ScriptOptions::default()
         };
         problems.extend(of_sections(&args.scene.input, root, script, &registry, &|| true));

@@ -8,7 +8,7 @@ use crate::args::values;
 use crate::commands::compressed;
 use crate::failure::{Failure, print, print_json};
 use crate::output::svg;
-use crate::scene::{self, opening::Opening};
+use crate::scene::{self, opening::OpenOptions};
 use crate::terminal::width::columns;
 use choreo_bench::plots::{Cell, Table, byte_bars};
 use choreo_plugin::{FrameWish, Passes, Registry};
@@ -34,8 +34,8 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         Ok(passes) => passes.map_or(FrameWish::Bytes, FrameWish::Scene),
         Err(unknown) => return Err(Failure::Usage(format!("--passes: {unknown}"))),
     };
-    let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_INSPECT)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, OpenOptions::TO_INSPECT)?;
     let stage = &scene.stage;
     let size = size.unwrap_or(stage.settings.size);
     let samples = samples.or(stage.settings.samples).unwrap_or(4);

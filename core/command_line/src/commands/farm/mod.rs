@@ -20,7 +20,7 @@ use crate::project_file;
 use crate::scene;
 use crate::scene::opening::ReopenState;
 use crate::scene::pack::Unpacked;
-use crate::scene::rows::{self, Row};
+use crate::scene::rows::{self, ParameterRow};
 use choreo_files::write_whole_beneath;
 use choreo_plugin::VideoInfo;
 use chunks::{Cost, aligned, in_chunks_of, of_equal_cost};
@@ -39,7 +39,7 @@ struct Order<'a> {
     output: &'a str,
     engine: Engine,
     to: &'a Path,
-    rows: Option<Vec<Row>>,
+    rows: Option<Vec<ParameterRow>>,
 }
 
 impl<'a> Order<'a> {
@@ -49,7 +49,7 @@ impl<'a> Order<'a> {
         let to = args.to.as_deref().ok_or_else(missing)?;
         let engine = args.engine.ok_or_else(missing)?;
         film(output)?;
-        let rows = args.set_from.as_deref().map(rows::read).transpose()?;
+        let rows = args.set_from.as_deref().map(rows::read_table).transpose()?;
         Ok(Order { args, output, engine, to, rows })
     }
 
@@ -76,7 +76,7 @@ pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
         );
         return Err(Failure::Output(what));
     }
-    let outputs = order.rows.as_deref().map(|rows| rows::outputs(rows, order.output)).transpose()?;
+    let outputs = order.rows.as_deref().map(|rows| rows::output_paths(rows, order.output)).transpose()?;
     let failed = |e: std::io::Error| output_error(&order.to.display().to_string(), &e);
     for folder in [SEGMENTS, OUTPUT] {
         std::fs::create_dir_all(order.to.join(folder)).map_err(failed)?;
@@ -140,15 +140,15 @@ fn films_of_rows(
     let rows = order.rows.as_deref().unwrap_or_default();
     let options = order.args.options_of_render();
     let start = Instant::now();
-    let (keep, all) = (ReopenState::default(), render_args(order, &options, app)?);
+    let (reopen_state, all) = (ReopenState::default(), render_args(order, &options, app)?);
     let (mut films, mut measured) = (Vec::new(), None);
     let most = (slurm::MOST_TASKS / rows.len() as u64).max(1);
     for (row, output) in rows.iter().zip(outputs) {
         if failures.iter().any(|(number, _)| *number == row.number) {
             continue;
         }
-        let args = RenderArgs { scene: row.scene(&all.scene), output: output.clone(), ..all.clone() };
-        let job = match open_job(&args, app, Some(&keep)) {
+        let args = RenderArgs { scene: row.scene_args(&all.scene), output: output.clone(), ..all.clone() };
+        let job = match open_job(&args, app, Some(&reopen_state)) {
             Ok(job) => job,
             Err(failure) => {
                 failures.push((row.number, failure));
@@ -159,7 +159,7 @@ fn films_of_rows(
         if films.is_empty() {
             measured = cost(order, &args, &job, start)?;
         }
-        keep.release(job.scene.limits.memory);
+        reopen_state.release_unused_assets(job.scene.limits.memory);
         films.push(Film {
             output: output.clone(),
             segments: row.number.to_string(),
@@ -258,15 +258,15 @@ fn render_args(order: &Order, options: &[String], app: &App) -> Result<RenderArg
     };
     render_args.scene.software = app.software();
     render_args.quiet = true;
-    scratch::keep(Unpacked::in_place(&mut render_args.scene)?);
+    scratch::keep_until_exit(Unpacked::replace_input(&mut render_args.scene)?);
     Ok(render_args)
 }
 
 /// Opens the render in the same way as a machine of the farm.
-fn open_job(args: &RenderArgs, app: &App, keep: Option<&ReopenState>) -> Result<render::Job, Failure> {
-    let registry = scene::plugins(&args.scene, &app.registry)?;
+fn open_job(args: &RenderArgs, app: &App, reopen_state: Option<&ReopenState>) -> Result<render::Job, Failure> {
+    let registry = scene::registry_with_plugin_files(&args.scene, &app.registry)?;
     // The job makes the folder of a film of numbered images.
-    render::prepare(args, Target::parse(&args.output)?, &registry, keep)
+    render::prepare(args, Target::parse(&args.output)?, &registry, reopen_state)
 }
 
 impl FarmArgs {

@@ -10,7 +10,7 @@ use crate::output::media::Media;
 use crate::plugins::plugin_files;
 use crate::process::memory;
 use crate::scene::model;
-use crate::scene::{self, opening::Opening};
+use crate::scene::{self, opening::OpenOptions};
 use crate::terminal::page::Page;
 use choreo_asset::{Asset, Light, Origin, Projection};
 use choreo_motion::{Clip, Facing, FacingEvidence};
@@ -21,23 +21,23 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
-    let registry = plugin_files::registry(plugins, &args.import.plugins, &[&args.file])?;
-    model::must_be_file(&args.file)?;
+    let registry = plugin_files::registry_with_files(plugins, &args.import.plugins, &[&args.file])?;
+    model::check_is_file(&args.file)?;
     if args.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
         let shown = args.file.display();
         return Err(Failure::Usage(format!(
             "{shown} is a script; type choreo explain {shown} or choreo check {shown}"
         )));
     }
-    let head = model::head(&args.file)?;
+    let head = model::read_first_bytes(&args.file)?;
     if let Some(media) = crate::output::media::read(&head) {
         return print_media(&args, &media);
     }
     let limits = values::parse_limits(&args.limit)?;
-    memory::guard(limits.memory);
+    memory::start_guard(limits.memory);
     let open = |path: &std::path::Path| {
-        let choice = model::choice(&args.import)?;
-        model::import(path, &args.search, &choice, &registry, &limits, Opening::TO_INSPECT)
+        let choice = model::import_choice(&args.import)?;
+        model::import(path, &args.search, &choice, &registry, &limits, OpenOptions::TO_INSPECT)
             .map(|imported| imported.asset)
     };
     let asset = open(&args.file)?;
@@ -149,7 +149,7 @@ fn facts(asset: &Asset, importer: (String, String)) -> Facts {
 }
 
 fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
-    let texts = scene::texts(asset);
+    let texts = scene::warning_texts(asset);
     t.line(format_args!("{}: {} ({})", asset.name, facts.importer.0, facts.importer.1));
     t.line(format_args!("importer   {}", asset.origin.importer));
     if !asset.origin.format.is_empty() {

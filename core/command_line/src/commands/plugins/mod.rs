@@ -102,7 +102,7 @@ fn list(app: &App, registry: &Registry, only: Option<&str>, as_json: bool) -> Re
             text.line(format_args!("  {:<12} {:<14} {}{from}", m.name, extensions.join(" "), m.about));
             text.text(&option_rows(m));
             let page = format!("{folder}{}/README.md", m.name);
-            if only.is_some() && file.is_none() && pages::text(app, &page).is_some() {
+            if only.is_some() && file.is_none() && pages::page_text(app, &page).is_some() {
                 text.line(format_args!("      {page} (choreo help --page {page})"));
             }
         }
@@ -112,8 +112,8 @@ fn list(app: &App, registry: &Registry, only: Option<&str>, as_json: bool) -> Re
 
 /// Prints every importer's claim on one file; the importer that reads it comes first.
 fn claims(file: &Path, registry: &Registry, as_json: bool) -> Result<(), Failure> {
-    model::must_be_file(file)?;
-    let source = Source { name: file.display().to_string(), bytes: Arc::new(model::head(file)?) };
+    model::check_is_file(file)?;
+    let source = Source { name: file.display().to_string(), bytes: Arc::new(model::read_first_bytes(file)?) };
     let claims = registry.claims(&source);
     let reader = claims.first().filter(|(claim, _)| *claim > Claim::NotMine).map(|(_, i)| &i.manifest().name);
     if as_json {

@@ -9,18 +9,18 @@ use crate::drawing::frame_cache::CachingRenderer;
 use crate::drawing::pipeline::render_failure;
 use crate::failure::{Failure, output_error, print_json, print_message};
 use crate::output::target::Target;
-use crate::process::panics::plugin_failures;
+use crate::process::panics::catch_plugin_panics;
 use crate::scene;
 use crate::scene::opening::ReopenState;
-use crate::scene::rows::{self, Row};
+use crate::scene::rows::{self, ParameterRow};
 use choreo_plugin::Registry;
 use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
 
 pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Failure> {
-    let rows = rows::read(table)?;
-    let outputs = rows::outputs(&rows, &args.output)?;
+    let rows = rows::read_table(table)?;
+    let outputs = rows::output_paths(&rows, &args.output)?;
     let renders = || rows.iter().zip(&outputs).map(|(row, output)| of_row(args, row, output));
     if let Some(number) = args.row {
         let render = number.checked_sub(1).and_then(|index| renders().nth(index));
@@ -39,12 +39,12 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
         ));
     }
     let jobs = args.jobs.as_deref().map(values::parse_jobs).transpose()?;
-    let registry = scene::plugins(&args.scene, plugins)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     Target::parse(&outputs[0])?.exporter(&registry)?;
     let started = device::start_renderer(super::device_request(args), registry.effects()).wait()?;
     let mut batch = Batch {
         registry,
-        keep: ReopenState::default(),
+        reopen_state: ReopenState::default(),
         renderer: CachingRenderer::without_cache(started.renderer),
         note: started.note,
         reason: started.reason,
@@ -56,7 +56,7 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
     let mut results = Vec::new();
     for (row, render) in rows.iter().zip(renders()) {
         let begun = Instant::now();
-        let drawn = plugin_failures(|| batch.row(&render));
+        let drawn = catch_plugin_panics(|| batch.row(&render));
         if let Err(failure @ (Failure::Interrupted | Failure::Internal(_))) = drawn {
             return Err(failure);
         }
@@ -73,15 +73,15 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
 }
 
 /// Arguments for the render of one row.
-fn of_row(args: &RenderArgs, row: &Row, output: &str) -> RenderArgs {
-    let scene = row.scene(&args.scene);
+fn of_row(args: &RenderArgs, row: &ParameterRow, output: &str) -> RenderArgs {
+    let scene = row.scene_args(&args.scene);
     RenderArgs { scene, output: output.to_string(), set_from: None, row: None, ..args.clone() }
 }
 
 /// State shared by all rows.
 struct Batch {
     registry: Registry,
-    keep: ReopenState,
+    reopen_state: ReopenState,
     renderer: CachingRenderer,
     /// Note about the device, printed with the first row.
     note: Option<String>,
@@ -94,7 +94,7 @@ struct Batch {
 impl Batch {
     fn row(&mut self, args: &RenderArgs) -> Result<(u64, Drawn), Failure> {
         let target = Target::parse(&args.output)?;
-        let job = super::prepare(args, target, &self.registry, Some(&self.keep))?;
+        let job = super::prepare(args, target, &self.registry, Some(&self.reopen_state))?;
         if self.folders {
             make_folder(&job.target)?;
         }
@@ -107,7 +107,7 @@ impl Batch {
             reason: self.reason.clone(),
         };
         let drawn = draw::draw(args, &job, started, self.jobs);
-        self.keep.release(job.scene.limits.memory);
+        self.reopen_state.release_unused_assets(job.scene.limits.memory);
         Ok((job.frames.len() as u64, drawn?))
     }
 }
@@ -162,7 +162,7 @@ fn report_rows(args: &RenderArgs, results: &[RowResult]) -> Result<(), Failure> 
         let all = results.iter().all(|result| result.drawn.is_ok());
         print_json(&json!({ "ok": all, "rows": rows }))?;
     }
-    rows::rows_failure(
+    rows::check_no_row_failed(
         results.len(),
         results.iter().filter_map(|result| Some((result.row, result.drawn.as_ref().err()?))),
     )

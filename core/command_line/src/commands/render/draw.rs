@@ -80,13 +80,13 @@ pub fn draw(
     let device = renderer.device().name.clone();
     let drawing = Drawing { args, job, info: &info, samples, jobs };
     let made = job.target.check_and_create_folders()?;
-    interrupt::watch(true);
+    interrupt::set_polled(true);
     let result = drawing.run(renderer, &say);
     if result.is_err() {
         // Removes folders that were created for nothing; folders that contain something stay.
         made.iter().rev().for_each(|folder| drop(std::fs::remove_dir(folder)));
     }
-    interrupt::watch(false);
+    interrupt::set_polled(false);
     let device_time = time.map(|t| t.total()).filter(|(frames, _)| *frames > 0);
     let stage_times = started.stages.map(|stages| stages.total()).filter(|(frames, _)| *frames > 0);
     let stage_times = stage_times.map(|(frames, secs)| (frames, secs.to_vec()));
@@ -232,7 +232,7 @@ impl Drawing<'_> {
             planned.map(|(_, plan)| plan).map_err(|e| Failure::input(e.to_string()))
         });
         let progress = match self.args.progress_lines {
-            true => Progress::lines(frames.len() as u64),
+            true => Progress::json_lines(frames.len() as u64),
             false => Progress::new(frames.len() as u64, self.args.quiet || self.args.json),
         };
         let frames = frames.to_vec();

@@ -17,8 +17,8 @@ use crate::output::budget::BudgetedExporter;
 use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
 use crate::scene::{
-    self, ONE_FRAME, OpenedScene,
-    opening::{Opening, ReopenState},
+    self, NO_CLIPS_WARNING, OpenedScene,
+    opening::{OpenOptions, ReopenState},
 };
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, FrameWish, Hook, Passes, Registry, ViewOrder};
@@ -56,7 +56,7 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let start = Instant::now();
     let jobs = args.jobs.as_deref().map(values::parse_jobs).transpose()?;
     let target = Target::parse(&args.output)?;
-    let registry = scene::plugins(&args.scene, plugins)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     target.exporter(&registry)?;
     if args.resume && target == Target::Stdout {
         return Err(Failure::Usage("--resume needs a file; standard output cannot be resumed".into()));
@@ -90,12 +90,12 @@ fn device_request(args: &RenderArgs) -> device::DeviceRequest {
     }
 }
 
-/// Opens the scene and checks everything that can be refused before drawing. `keep`: state of earlier renders of the same input.
+/// Opens the scene and checks everything that can be refused before drawing. `reopen_state`: state of earlier renders of the same input.
 pub fn prepare(
     args: &RenderArgs,
     target: Target,
     registry: &Registry,
-    keep: Option<&ReopenState>,
+    reopen_state: Option<&ReopenState>,
 ) -> Result<Job, Failure> {
     let exporter = target.exporter(registry)?;
     let options = export::options(&args.export_options(), exporter.manifest())?;
@@ -107,7 +107,7 @@ pub fn prepare(
 
     let length = args.length.as_deref().map(values::parse_length).transpose()?;
 
-    let opening = Opening { quiet: args.quiet, keep, ..Opening::TO_DRAW };
+    let opening = OpenOptions { quiet: args.quiet, reopen_state, ..OpenOptions::TO_DRAW };
     let mut scene = scene::open(&args.scene, registry, opening)?;
     if let Some(length) = length {
         loop_for(&mut scene, length)?;
@@ -277,7 +277,7 @@ fn loop_for(scene: &mut OpenedScene, length: Time) -> Result<(), Failure> {
     let layers = stage.actors.iter_mut().flat_map(|actor| &mut actor.layers);
     layers.flat_map(|layer| &mut layer.cues).for_each(|cue| cue.repeat = Repeat::Loop);
     for warning in &mut scene.warnings {
-        if let Some(model) = warning.strip_suffix(ONE_FRAME) {
+        if let Some(model) = warning.strip_suffix(NO_CLIPS_WARNING) {
             *warning = format!("{model}no clips: the same frame for {} s", length.as_secs());
         }
     }

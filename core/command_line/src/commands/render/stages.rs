@@ -78,7 +78,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let file = |number: usize, name: &str| folder.join(format!("{number}_{name}.png"));
     let last = file(STAGES.len(), STAGES[STAGES.len() - 1]);
     let target = Target::parse(&last.to_string_lossy())?;
-    let registry = scene::plugins(&args.scene, plugins)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let args = RenderArgs { at: args.at.clone().or_else(|| Some("0".into())), ..args.clone() };
     let job = render::prepare(&args, target, &registry, None)?;
     for (number, name) in (1..).zip(STAGES) {

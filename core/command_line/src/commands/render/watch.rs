@@ -33,12 +33,12 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let started = device::start_renderer(args.device, plugins.effects()).wait()?;
     let renderer = CachingRenderer::new(started.renderer);
     let (mut note, reason) = (started.note, started.reason);
-    let keep = ReopenState::default();
+    let reopen_state = ReopenState::default();
     loop {
         let begun = Instant::now();
         let round = || {
-            let registry = scene::plugins(&args.scene, plugins)?;
-            let job = super::prepare(args, target.clone(), &registry, Some(&keep))?;
+            let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
+            let job = super::prepare(args, target.clone(), &registry, Some(&reopen_state))?;
             renderer.begin_render().map_err(render_failure)?;
             let started = device::StartedRenderer {
                 renderer: Box::new(renderer.clone()),
@@ -59,12 +59,12 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             }
             Err(failure) => failure.message_lines().iter().for_each(print_message),
         }
-        watch.set(interest(args, &keep));
+        watch.set(interest(args, &reopen_state));
         memory::stop_guard();
         let changed = loop {
             match watch.wait(Some(Duration::from_millis(200))).map_err(failed)? {
                 WatchEvent::Changed(files) => break files,
-                _ if interrupt::interrupted() => return Err(Failure::Interrupted),
+                _ if interrupt::is_interrupted() => return Err(Failure::Interrupted),
                 _ => {}
             }
         };
@@ -76,8 +76,8 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// Files of the last round, and folders in which plugin files would be found.
-fn interest(args: &RenderArgs, keep: &ReopenState) -> WatchedPaths {
-    let touched = keep.touched();
+fn interest(args: &RenderArgs, reopen_state: &ReopenState) -> WatchedPaths {
+    let touched = reopen_state.touched();
     let mut interest = WatchedPaths::default();
     interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
     for path in touched.looked_for {

@@ -69,9 +69,9 @@ fn unpacked(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
         }
         let unpacked = Unpacked::open(path, limits.file)?;
         let manifest = &unpacked.manifest;
-        *path = unpacked.place(&manifest.input);
-        args.search.extend(manifest.search.iter().map(|folder| unpacked.place(folder)));
-        args.plugins.extend(manifest.plugins.iter().map(|folder| unpacked.place(folder)));
+        *path = unpacked.unpacked_path(&manifest.input);
+        args.search.extend(manifest.search.iter().map(|folder| unpacked.unpacked_path(folder)));
+        args.plugins.extend(manifest.plugins.iter().map(|folder| unpacked.unpacked_path(folder)));
         all.push(unpacked);
     }
     Ok(all)
