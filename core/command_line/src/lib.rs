@@ -36,12 +36,12 @@ use std::process::ExitCode;
 /// Runs the program once. `args`: as in `std::env::args_os()`, with the program's name first. Writes to the standard streams, and handles
 /// Ctrl-C and panics until the process ends.
 pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
-    let args = help::as_flag(args.into_iter().collect());
+    let args = help::rewrite_help_as_flag(args.into_iter().collect());
     let extended = match project_file::with_project_options(&args, app) {
         Ok(extended) => extended,
         Err(failure) => return report_failure(&failure, args.iter().any(|a| a == "--json"), &args),
     };
-    let parsed = help::command(&args, app).try_get_matches_from(&extended);
+    let parsed = help::command_with_plugin_options(&args, app).try_get_matches_from(&extended);
     let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => return report_parse_error(&args, &error),
@@ -49,7 +49,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     panics::install();
     interrupt::install();
     let json = cli.command.prints_json();
-    let result = panics::catch_panics(|| start(cli, &args, app));
+    let result = panics::catch_panics(|| run_command(cli, &args, app));
     worker::end(result.as_ref().err());
     scratch::remove_folder();
     let Err(failure) = result else { return ExitCode::SUCCESS };
@@ -71,7 +71,7 @@ pub fn project_folders(input: &Path, app: &App) -> Result<Vec<OsString>, Project
 
 /// The command line of a program, for completions and manual pages.
 pub fn command(app: &App) -> clap::Command {
-    help::command(&[], app)
+    help::command_with_plugin_options(&[], app)
 }
 
 fn report_failure(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
@@ -83,7 +83,7 @@ fn report_failure(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode 
     ExitCode::from(failure.exit_code())
 }
 
-fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
+fn run_command(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
     let Cli { mut command, no_project_file } = cli;
     match &command {
         Command::Render(given) => {
@@ -134,8 +134,8 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
     }
 }
 
-/// Answers a command line that asks for help or the version, or that is wrong. With `--json` anywhere in it, an error is printed as JSON
-/// too.
+/// Prints the answer to a command line that asks for help or the version, or the error of one that is wrong. With `--json` anywhere in it,
+/// an error is printed as JSON too.
 fn report_parse_error(args: &[OsString], error: &clap::Error) -> ExitCode {
     // Help and version are answers, not errors; clap knows the stream and the exit code.
     let _ = error.print();

@@ -37,7 +37,7 @@ fn joints_are_where_the_keys_put_them_at_each_frame() {
     // Some frames, another rate, an option.
     let some = ["export", "a.rhai", "-o", "b.csv", "--frames", "3", "--fps", "8", "--export", "digits=2"];
     let run = choreo(d, &some);
-    assert!(run.code == 0 && run.err.contains("1 frames in"), "{}", run.err);
+    assert!(run.code == 0 && run.err.contains("1 frame in"), "{}", run.err);
     assert!(text(d, "b.csv").ends_with("0.375000,t,Slider,0.75,0.50,0.00\n"), "{}", text(d, "b.csv"));
     // A model needs no script.
     let run = choreo(d, &["export", "tri.gltf", "-o", "m.csv", "--quiet"]);

@@ -13,7 +13,7 @@ use crate::output::segment::{
 use crate::output::target::{Target, export_failure};
 use crate::process::machine;
 use crate::scene::inputs::Inputs;
-use crate::terminal::progress::Progress;
+use crate::terminal::{counted, progress::Progress};
 use choreo_files::PartFile;
 use choreo_plugin::{Exporter, Registry, VideoInfo};
 use serde_json::json;
@@ -67,9 +67,9 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
         }));
     }
     if !args.quiet {
-        let (frames, count) = (info.frames, segments.len());
+        let (frames, count) = (counted(info.frames, "frame"), counted(segments.len() as u64, "segment"));
         print_message(format_args!(
-            "{frames} frames of {count} segments joined in {secs:.1} s, {copied} copied and {encoded} encoded: {}",
+            "{frames} of {count} joined in {secs:.1} s, {copied} copied and {encoded} encoded: {}",
             target.display_name()
         ));
     }
@@ -108,21 +108,21 @@ fn gather_film_with_wait(
 ) -> Result<GatheredFilm, Failure> {
     let (start, max_wait) = (Instant::now(), Duration::from_secs(args.wait.into()));
     loop {
-        let seen = segment_file_lengths(&args.segments);
+        let lengths_before = segment_file_lengths(&args.segments);
         let mut damaged = Vec::new();
-        let lack = match gather_film(args, target, exporter, software, &mut damaged) {
-            Err(GatherError::Missing(lack)) if start.elapsed() < max_wait => lack,
+        let failure = match gather_film(args, target, exporter, software, &mut damaged) {
+            Err(GatherError::Missing(failure)) if start.elapsed() < max_wait => failure,
             result => {
                 // Printed even with --quiet: a machine or a disk may be failing.
                 damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
-                return result.map(|gathered| GatheredFilm { damaged, ..gathered }).map_err(|lack| match lack {
+                return result.map(|gathered| GatheredFilm { damaged, ..gathered }).map_err(|error| match error {
                     GatherError::Missing(failure) | GatherError::Failure(failure) => failure,
                 });
             }
         };
-        drop(lack);
+        drop(failure);
         // Segments that have not changed are not read again.
-        while segment_file_lengths(&args.segments) == seen && start.elapsed() < max_wait {
+        while segment_file_lengths(&args.segments) == lengths_before && start.elapsed() < max_wait {
             std::thread::sleep(SCAN_INTERVAL);
         }
     }
@@ -148,7 +148,7 @@ fn gather_film(
     let files = segment_files(&args.segments).map_err(GatherError::Missing)?;
     let segments = open_segments(&files, args.quiet, damaged).map_err(GatherError::Missing)?;
     let film = check_same_film(&segments, damaged, exporter, software)?;
-    let options = export::options(&film.film.options, exporter.manifest())?;
+    let options = export::parse_export_options(&film.film.options, exporter.manifest())?;
     let info = film.film.info(options);
     if exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. }) && info.frames > 1 {
         let what = format!(
@@ -224,7 +224,7 @@ fn check_same_film<'s>(
         let differences = provenance::differences(&identity, &other.film.identity());
         if !differences.is_empty() {
             let lines =
-                differences.iter().map(|(keyword, was, is)| format!("\n    {keyword}: {is}, there {was}"));
+                differences.iter().map(|(keyword, there, here)| format!("\n    {keyword}: {here}, there {there}"));
             let lines: String = lines.collect();
             let (path, there) = (other.path.display(), first.path.display());
             faults.push(format!("{path}: it belongs to another film than {there}{lines}"));

@@ -15,11 +15,11 @@ use choreo_script::did_you_mean;
 use serde_json::{Value, json};
 
 /// Seconds spent on the timings of one choice.
-const DEFAULT_BUDGET: f64 = 1.0;
+const SECS_PER_CHOICE: f64 = 1.0;
 
 pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     svg::check_plot_path(args.plot.as_deref())?;
-    let keys = keys(&args.only)?;
+    let keys = requested_keys(&args.only)?;
     let at = args.at.as_deref().map(values::parse_at).transpose()?;
     let size = args.size.as_deref().map(values::parse_size).transpose()?;
     let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
@@ -44,7 +44,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
         size: size.unwrap_or(stage.settings.size),
         renderers,
         asks_for_vulkan: args.device == Device::Vulkan,
-        budget_secs: DEFAULT_BUDGET,
+        budget_secs: SECS_PER_CHOICE,
     };
     let mut choices: Vec<Choice> = Vec::new();
     let mut left_out: Vec<(&'static str, String)> = Vec::new();
@@ -88,7 +88,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// Keys of all choices, or of those requested.
-fn keys(only: &[String]) -> Result<Vec<&'static str>, Failure> {
+fn requested_keys(only: &[String]) -> Result<Vec<&'static str>, Failure> {
     if only.is_empty() {
         return Ok(KEYS.to_vec());
     }

@@ -132,7 +132,7 @@ fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Val
             "assets": resources.assets.len(),
             "frames": stage.settings.fps.frames_in(stage.settings.length),
         },
-        "clips": compressed::on_stage(stage),
+        "clips": compressed::compression_totals_json(stage),
         "shared": {
             "primitives": resources.primitives.len(),
             "vertices": primitives().map(|p| p.positions.len()).sum::<usize>(),

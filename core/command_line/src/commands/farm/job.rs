@@ -58,11 +58,11 @@ impl FarmJob {
         let job = FarmJob::deserialize(value).ok()?;
         let is_inside =
             |path: &str| Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
-        let is_sound = |film: &Film| {
+        let is_valid = |film: &Film| {
             let in_order = film.chunks.iter().all(|(first, last)| first <= last);
             is_inside(&film.output) && is_inside(&film.segments) && film.frames > 0 && in_order
         };
-        job.films.iter().all(is_sound).then_some(job)
+        job.films.iter().all(is_valid).then_some(job)
     }
 }
 
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_job_comes_back_and_leads_nowhere_else() {
+    fn a_job_is_read_back_equal_and_refused_with_paths_outside_its_folder() {
         let film = |segments: &str| Film {
             output: "a/film.mp4".into(),
             segments: segments.into(),

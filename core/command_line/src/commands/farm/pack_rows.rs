@@ -13,7 +13,7 @@ use choreo_plugin::Registry;
 pub(super) type RowFailure = (usize, Failure);
 
 /// Writes the archive, and opens each row from it, which must give the same stage. Returns the rows that cannot be opened.
-pub(super) fn write(
+pub(super) fn pack_all_rows(
     args: &PackArgs,
     rows: &[ParameterRow],
     plugins: &Registry,
@@ -41,10 +41,10 @@ pub(super) fn write(
         }
     }
     let Some(scene) = all else {
-        print(&failures);
+        print_row_failures(&failures);
         return check_row_failures(&failures, rows.len()).map(|()| failures);
     };
-    let prove = |unpacked: Unpacked| {
+    let verify = |unpacked: Unpacked| {
         let mut packed = args.scene.clone();
         (packed.search, packed.import.plugins, packed.set) = (Vec::new(), Vec::new(), Vec::new());
         unpacked.merge_arguments(&mut packed);
@@ -61,12 +61,12 @@ pub(super) fn write(
         }
         Ok(())
     };
-    pack::write_open(args, scene, options, prove)?;
+    pack::write_pack_of_scene(args, scene, options, verify)?;
     Ok(failures)
 }
 
 /// Prints the failed rows and the reasons.
-pub(super) fn print(failures: &[RowFailure]) {
+pub(super) fn print_row_failures(failures: &[RowFailure]) {
     for (row, failure) in failures {
         failure.message_lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")));
     }

@@ -4,7 +4,7 @@ mod character;
 mod hands;
 
 use crate::args::{InfoArgs, values};
-use crate::commands::compressed::Savings;
+use crate::commands::compressed::CompressedClips;
 use crate::failure::{Failure, print, print_json};
 use crate::output::media::Media;
 use crate::plugins::plugin_files;
@@ -50,11 +50,11 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
         }
         None => None,
     };
-    let savings = args.compress.map(|metres| Savings::of(&asset, metres)).transpose()?;
+    let compressed = args.compress.map(|metres| CompressedClips::measure(&asset, metres)).transpose()?;
     if args.json {
         let mut json = facts_json(&asset, &facts, args.joints);
-        if let Some(savings) = savings {
-            json["compressed"] = savings.json();
+        if let Some(compressed) = compressed {
+            json["compressed"] = compressed.json();
         }
         if let Some(lines) = followed {
             json["on"] = lines.into();
@@ -64,8 +64,8 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut page = Page::default();
     text(&mut page, &asset, &facts, args.joints);
     page.lines(followed.unwrap_or_default());
-    if let Some(savings) = savings {
-        page.text(&savings.text());
+    if let Some(compressed) = compressed {
+        page.text(&compressed.text());
     }
     print(page.as_str())
 }

@@ -98,7 +98,7 @@ pub fn prepare(
     reopen_state: Option<&ReopenState>,
 ) -> Result<Job, Failure> {
     let exporter = target.exporter(registry)?;
-    let options = export::options(&args.export_options(), exporter.manifest())?;
+    let options = export::parse_export_options(&args.export_options(), exporter.manifest())?;
     let wish = wish(args, &target, &**exporter, &options)?;
     let size = args.size.as_deref().map(values::parse_size).transpose()?;
     let fps = args.fps.as_deref().map(values::parse_fps).transpose()?;
