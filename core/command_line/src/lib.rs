@@ -50,7 +50,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     interrupt::install();
     let json = cli.command.prints_json();
     let result = panics::catch_panics(|| run_command(cli, &args, app));
-    worker::end(result.as_ref().err());
+    worker::write_final_report(result.as_ref().err());
     scratch::remove_folder();
     let Err(failure) = result else { return ExitCode::SUCCESS };
     report_failure(&failure, json, &args)

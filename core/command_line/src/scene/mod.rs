@@ -194,7 +194,7 @@ fn script_failure(diagnostics: Vec<Diagnostic>) -> Failure {
 
 /// Converts diagnostics to problems, errors after warnings.
 fn sorted_problems(mut diagnostics: Vec<Diagnostic>) -> Vec<Problem> {
-    // The user sees the last lines first, above the prompt.
+    // Errors come last, so that they are just above the prompt.
     diagnostics.sort_by_key(|d| d.severity == Severity::Error);
     diagnostics.into_iter().map(Problem::Script).collect()
 }

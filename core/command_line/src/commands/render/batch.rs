@@ -1,9 +1,9 @@
-//! `choreo render --set-from`: renders a film for each row of a table in one process, so that assets are imported and pipelines are made
+//! `choreo render --set-from`: renders a film for each row of a table in one process, so that assets are imported and pipelines are created
 //! once. A row that fails is reported, and the others continue.
 
 use crate::args::RenderArgs;
 use crate::args::values;
-use crate::commands::render::draw::{self, Drawn};
+use crate::commands::render::draw::{self, DrawResult};
 use crate::drawing::device;
 use crate::drawing::frame_cache::CachingRenderer;
 use crate::drawing::pipeline::render_failure;
@@ -13,6 +13,7 @@ use crate::process::panics::catch_plugin_panics;
 use crate::scene;
 use crate::scene::opening::ReopenState;
 use crate::scene::rows::{self, ParameterRow};
+use crate::terminal::counted;
 use choreo_plugin::Registry;
 use serde_json::json;
 use std::path::Path;
@@ -21,7 +22,7 @@ use std::time::Instant;
 pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Failure> {
     let rows = rows::read_table(table)?;
     let outputs = rows::output_paths(&rows, &args.output)?;
-    let renders = || rows.iter().zip(&outputs).map(|(row, output)| of_row(args, row, output));
+    let renders = || rows.iter().zip(&outputs).map(|(row, output)| row_args(args, row, output));
     if let Some(number) = args.row {
         let render = number.checked_sub(1).and_then(|index| renders().nth(index));
         let count = rows.len();
@@ -49,14 +50,14 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
         note: started.note,
         reason: started.reason,
         jobs,
-        folders: Path::new(&args.output)
+        creates_folders: Path::new(&args.output)
             .parent()
             .is_some_and(|folder| folder.to_string_lossy().contains('{')),
     };
     let mut results = Vec::new();
     for (row, render) in rows.iter().zip(renders()) {
-        let begun = Instant::now();
-        let drawn = catch_plugin_panics(|| batch.row(&render));
+        let start = Instant::now();
+        let drawn = catch_plugin_panics(|| batch.render_row(&render));
         if let Err(failure @ (Failure::Interrupted | Failure::Internal(_))) = drawn {
             return Err(failure);
         }
@@ -64,7 +65,7 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
             row: row.number,
             output: render.output,
             drawn,
-            seconds: begun.elapsed().as_secs_f64(),
+            seconds: start.elapsed().as_secs_f64(),
         };
         result.print(args);
         results.push(result);
@@ -73,7 +74,7 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
 }
 
 /// Arguments for the render of one row.
-fn of_row(args: &RenderArgs, row: &ParameterRow, output: &str) -> RenderArgs {
+fn row_args(args: &RenderArgs, row: &ParameterRow, output: &str) -> RenderArgs {
     let scene = row.scene_args(&args.scene);
     RenderArgs { scene, output: output.to_string(), set_from: None, row: None, ..args.clone() }
 }
@@ -88,15 +89,15 @@ struct Batch {
     reason: Option<String>,
     jobs: Option<usize>,
     /// Whether folders of outputs are created, since rows determine their names.
-    folders: bool,
+    creates_folders: bool,
 }
 
 impl Batch {
-    fn row(&mut self, args: &RenderArgs) -> Result<(u64, Drawn), Failure> {
+    fn render_row(&mut self, args: &RenderArgs) -> Result<(u64, DrawResult), Failure> {
         let target = Target::parse(&args.output)?;
         let job = super::prepare(args, target, &self.registry, Some(&self.reopen_state))?;
-        if self.folders {
-            make_folder(&job.target)?;
+        if self.creates_folders {
+            create_folder(&job.target)?;
         }
         self.renderer.begin_render().map_err(render_failure)?;
         let started = device::StartedRenderer {
@@ -106,14 +107,14 @@ impl Batch {
             note: self.note.take(),
             reason: self.reason.clone(),
         };
-        let drawn = draw::draw(args, &job, started, self.jobs);
+        let drawn = draw::draw_job(args, &job, started, self.jobs);
         self.reopen_state.release_unused_assets(job.scene.limits.memory);
         Ok((job.frames.len() as u64, drawn?))
     }
 }
 
 /// Creates the folder of a single output file.
-fn make_folder(target: &Target) -> Result<(), Failure> {
+fn create_folder(target: &Target) -> Result<(), Failure> {
     let Target::File(path) = target else { return Ok(()) };
     let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return Ok(()) };
     std::fs::create_dir_all(folder).map_err(|e| output_error(&folder.display().to_string(), &e))
@@ -123,7 +124,7 @@ struct RowResult {
     row: usize,
     output: String,
     /// Number of the film's frames, and how they were drawn.
-    drawn: Result<(u64, Drawn), Failure>,
+    drawn: Result<(u64, DrawResult), Failure>,
     seconds: f64,
 }
 
@@ -135,8 +136,8 @@ impl RowResult {
                 failure.message_lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")))
             }
             Ok((frames, _)) if !args.quiet && !args.json => {
-                let plural = if *frames == 1 { "frame" } else { "frames" };
-                print_message(format_args!("row {row}: {frames} {plural} in {seconds:.2} s: {output}"));
+                let frames = counted(*frames, "frame");
+                print_message(format_args!("row {row}: {frames} in {seconds:.2} s: {output}"));
             }
             Ok(_) => {}
         }

@@ -2,12 +2,13 @@
 
 use crate::args::RenderArgs;
 use crate::commands::render::Job;
-use crate::commands::render::draw::Drawn;
+use crate::commands::render::draw::DrawResult;
 use crate::drawing::pipeline::FrameCounts;
 use crate::failure::{Failure, print_json, print_json_message, print_message};
 use crate::output::target::Target;
+use crate::terminal::counted;
 
-pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<(), Failure> {
+pub fn report(args: &RenderArgs, job: &Job, drawn: &DrawResult, secs: f64) -> Result<(), Failure> {
     let frames = job.frames.len() as u64;
     let FrameCounts { drawn: own, repeated, recomposed } = drawn.counts;
     if args.json {
@@ -46,11 +47,11 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
         return print_json(&value);
     }
     if !args.quiet {
-        let plural = if frames == 1 { "frame" } else { "frames" };
+        let frames_text = counted(frames, "frame");
         let because = drawn.reason.iter().map(|why| format!(" ({why})")).collect::<String>();
         print_message(format_args!(
-            "{frames} {plural}{} in {secs:.1} s ({:.0} a second) on {}{because}: {}",
-            not_drawn(frames, drawn.counts, args.watch),
+            "{frames_text}{} in {secs:.1} s ({:.0} a second) on {}{because}: {}",
+            not_drawn_text(frames, drawn.counts, args.watch),
             (own + repeated + recomposed) as f64 / secs,
             drawn.device,
             job.target.display_name()
@@ -75,7 +76,7 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
 }
 
 /// Number of frames that were not drawn, and the reason.
-fn not_drawn(frames: u64, counts: FrameCounts, watch: bool) -> String {
+fn not_drawn_text(frames: u64, counts: FrameCounts, watch: bool) -> String {
     let FrameCounts { drawn, repeated, recomposed } = counts;
     let reused = frames - drawn.min(frames);
     let parts = match watch {
