@@ -66,7 +66,8 @@ pub struct ProjectFileError(String);
 /// # Errors
 /// The `choreo.toml` of the project is wrong.
 pub fn project_folders(input: &Path, app: &App) -> Result<Vec<OsString>, ProjectFileError> {
-    project_file::viewer_folder_options(input, app).map_err(|failure| ProjectFileError(failure.message_lines().join("\n")))
+    project_file::viewer_folder_options(input, app)
+        .map_err(|failure| ProjectFileError(failure.message_lines().join("\n")))
 }
 
 /// The command line of a program, for completions and manual pages.
@@ -123,7 +124,9 @@ fn run_command(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
             Some(folder) => farm::status(folder, &given),
             None => farm::run(&given, app, project_file::project_file_text(args, &given.scene.input)?),
         },
-        Command::Pack(given) => pack::run(&given, plugins, project_file::project_file_text(args, &given.scene.input)?),
+        Command::Pack(given) => {
+            pack::run(&given, plugins, project_file::project_file_text(args, &given.scene.input)?)
+        }
         Command::View(args) => view::run(args, no_project_file, app),
         Command::Test(args) => test::run(args, no_project_file, plugins),
         Command::Plugins(args) => plugins_command::run(args, app),

@@ -43,8 +43,13 @@ const OPTIONS_WITH_DEFAULTS: [&str; 15] = [
 pub fn with_project_options(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> {
     let args = with_options_of_file(args, |name, given| match given.get_flag("no_project_file") {
         true => Ok(None),
-        false if packed_input(given).is_some() => Ok(packed_input(given).and_then(ProjectFile::from_packed_scene)),
-        false => search_start_folder(name, given).and_then(|start| find_project_file(&start)).map(ProjectFile::read).transpose(),
+        false if packed_input(given).is_some() => {
+            Ok(packed_input(given).and_then(ProjectFile::from_packed_scene))
+        }
+        false => search_start_folder(name, given)
+            .and_then(|start| find_project_file(&start))
+            .map(ProjectFile::read)
+            .transpose(),
     })?;
     let args = with_options_of_file(&args, |_, _| Ok(ProjectFile::from_app_defaults(app)))?;
     with_app_folders(args, app)
@@ -145,12 +150,15 @@ pub(crate) fn project_root(input: &Path) -> Option<PathBuf> {
 
 /// Folders in the input's `choreo.toml`, as options of the viewer.
 pub fn viewer_folder_options(input: &Path, app: &App) -> Result<Vec<OsString>, Failure> {
-    let Some(path) = containing_folder(input).and_then(|start| find_project_file(&start)) else { return Ok(Vec::new()) };
+    let Some(path) = containing_folder(input).and_then(|start| find_project_file(&start)) else {
+        return Ok(Vec::new());
+    };
     let words = [OsString::from(app.name), "view".into(), input.into()];
     Ok(with_options_of_file(&words, |_, _| ProjectFile::read(path).map(Some))?.split_off(words.len()))
 }
 
-/// Finds the nearest `choreo.toml`, in `start` or above it, up to the root of a repository. Outside repositories, a file in a folder above `start` must have the same owner
+/// Finds the nearest `choreo.toml`, in `start` or above it, up to the root of a repository. Outside repositories, a file in a folder above
+/// `start` must have the same owner
 /// as `start`, since others may write to `/tmp`.
 fn find_project_file(start: &Path) -> Option<PathBuf> {
     let repository = start.ancestors().position(|folder| folder.join(".git").exists());
@@ -196,7 +204,8 @@ impl ProjectFile {
         if path.symlink_metadata().is_ok_and(|m| m.is_symlink()) {
             return Err(failed("it is a symbolic link, which is not followed".into()));
         }
-        let bytes = choreo_files::read(&path, MAX_FILE_BYTES).map_err(|e| failed(format!("cannot read: {e}")))?;
+        let bytes =
+            choreo_files::read(&path, MAX_FILE_BYTES).map_err(|e| failed(format!("cannot read: {e}")))?;
         let text = String::from_utf8(bytes).map_err(|_| failed("it is not UTF-8 text".into()))?;
         let text = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
         Ok(ProjectFile { path, text, origin: OptionsOrigin::Project })
@@ -205,7 +214,11 @@ impl ProjectFile {
     /// Default options of the program; messages call them "defaults of NAME".
     fn from_app_defaults(app: &App) -> Option<ProjectFile> {
         let path = PathBuf::from(format!("defaults of {}", app.name));
-        (!app.defaults.is_empty()).then(|| ProjectFile { path, text: app.defaults.clone(), origin: OptionsOrigin::App })
+        (!app.defaults.is_empty()).then(|| ProjectFile {
+            path,
+            text: app.defaults.clone(),
+            origin: OptionsOrigin::App,
+        })
     }
 
     /// The project file of a packed scene.
@@ -278,7 +291,8 @@ impl ProjectFile {
 
     /// Reads a list of folders. They must lie beneath the folder of the file: an untrusted project must not reach files outside it.
     fn folder_options(&self, name: &str, value: &Spanned<DeValue>) -> Result<Vec<OsString>, Failure> {
-        let type_error = || self.error_at(value.span(), format!("{name} must be an array of folders, [\"assets\"]"));
+        let type_error =
+            || self.error_at(value.span(), format!("{name} must be an array of folders, [\"assets\"]"));
         let DeValue::Array(folders) = value.get_ref() else { return Err(type_error()) };
         let root = self.path.parent().unwrap_or(Path::new("."));
         let mut words = Vec::new();
@@ -315,10 +329,17 @@ impl ProjectFile {
             let name = key.get_ref().as_ref();
             let Some(argument) = known.iter().find(|arg| arg.get_long() == Some(name)) else {
                 if find_argument(command, name).is_some() {
-                    return Err(self.error_at(key.span(), format!("--{name} cannot have a default; give it on the command line")));
+                    return Err(self.error_at(
+                        key.span(),
+                        format!("--{name} cannot have a default; give it on the command line"),
+                    ));
                 }
                 let names: Vec<&str> = known.iter().filter_map(|arg| arg.get_long()).collect();
-                return Err(self.unknown_key_error(key, &format!("option of {}", command.get_name()), &names));
+                return Err(self.unknown_key_error(
+                    key,
+                    &format!("option of {}", command.get_name()),
+                    &names,
+                ));
             };
             let is_typed = |arg: &Arg| {
                 let id = arg.get_id().as_str();
@@ -332,7 +353,12 @@ impl ProjectFile {
         Ok(words)
     }
 
-    fn option_words(&self, name: &str, argument: &Arg, value: &Spanned<DeValue>) -> Result<Vec<OsString>, Failure> {
+    fn option_words(
+        &self,
+        name: &str,
+        argument: &Arg,
+        value: &Spanned<DeValue>,
+    ) -> Result<Vec<OsString>, Failure> {
         let flag = matches!(argument.get_action(), ArgAction::SetTrue);
         let repeated = matches!(argument.get_action(), ArgAction::Append);
         let text = |value: &Spanned<DeValue>| match value.get_ref() {

@@ -54,7 +54,11 @@ fn parse_frame_range(text: &str, part: &str, total: i64) -> Result<(Range<i64>, 
         Some((range, step)) => match number(step)? {
             0 => return usage_error(format!("--frames {text}: the step after : must be at least 1")),
             step if range.contains("..") || range.contains('-') => (range, step),
-            _ => return usage_error(format!("--frames {text}: a step is written after a range, as 0..240:24")),
+            _ => {
+                return usage_error(format!(
+                    "--frames {text}: a step is written after a range, as 0..240:24"
+                ));
+            }
         },
     };
     let range = match part.split_once("..") {
@@ -89,7 +93,11 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], Failure> {
             .filter(|s| s.iter().all(|n| (1..=16384).contains(n)))
     });
     parsed.map_or_else(
-        || usage_error(format!("--size {text}: write WIDTHxHEIGHT, each from 1 to 16384 pixels, as 1280x720")),
+        || {
+            usage_error(format!(
+                "--size {text}: write WIDTHxHEIGHT, each from 1 to 16384 pixels, as 1280x720"
+            ))
+        },
         Ok,
     )
 }

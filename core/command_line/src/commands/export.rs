@@ -2,14 +2,14 @@
 
 use crate::args::ExportArgs;
 use crate::args::values;
-use crate::failure::{Failure, output_error, print_json, print_message, check_limit, write_failure};
+use crate::failure::{Failure, check_limit, output_error, print_json, print_message, write_failure};
 use crate::output::budget::Budget;
 use crate::output::provenance;
-use crate::output::target::export_failure;
 use crate::output::target::check_folder_exists;
+use crate::output::target::export_failure;
 use crate::scene::inputs::Inputs;
-use crate::terminal::counted;
 use crate::scene::{self, opening::OpenOptions};
+use crate::terminal::counted;
 use choreo_files::PartFile;
 use choreo_plugin::{
     ExportDeviation, ExportError, ExportOptions, ExportedScene, Manifest, Registry, SceneExporter, SceneFiles,
@@ -96,7 +96,10 @@ fn file_stem(path: &Path) -> String {
 }
 
 /// Scene exporter for the file's extension.
-fn find_scene_exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn SceneExporter>, Failure> {
+fn find_scene_exporter<'r>(
+    output: &str,
+    registry: &'r Registry,
+) -> Result<&'r Arc<dyn SceneExporter>, Failure> {
     registry.scene_exporter_for(output).ok_or_else(|| {
         if registry.exporter_for(output).is_some() {
             return Failure::Usage(format!("-o {output}: use choreo render to write images and videos"));

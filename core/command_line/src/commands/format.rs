@@ -63,8 +63,8 @@ fn format_stdin(check: bool) -> Result<(), Failure> {
 /// Formatted text of a script; `None` if it is formatted already.
 fn format_script(path: &Path) -> Result<Option<String>, Problem> {
     let name = shown(path);
-    let bytes =
-        choreo_files::read(path, MAX_SCRIPT_BYTES).map_err(|e| Problem::Text(format!("{name}: cannot read: {e}")))?;
+    let bytes = choreo_files::read(path, MAX_SCRIPT_BYTES)
+        .map_err(|e| Problem::Text(format!("{name}: cannot read: {e}")))?;
     let text = script_text(&name, bytes)?;
     match formatted(&text) {
         Ok(new) => Ok((new != text).then_some(new)),

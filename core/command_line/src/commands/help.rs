@@ -63,7 +63,11 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
         call.about = call.about.take().or_else(|| about_command(&call.usage));
         describe_effect(call, &term, app);
     }
-    if args.json { print_json(&answer_json(&term, &answer)) } else { print(answer_page(&term, &answer).as_str()) }
+    if args.json {
+        print_json(&answer_json(&term, &answer))
+    } else {
+        print(answer_page(&term, &answer).as_str())
+    }
 }
 
 fn print_page(app: &App, name: &str) -> Result<(), Failure> {
@@ -157,7 +161,8 @@ fn about_command(usage: &str) -> Option<String> {
 }
 
 /// Commands whose `--help` lists the options of importers.
-const COMMANDS_WITH_IMPORTERS: [&str; 7] = ["render", "export", "check", "info", "explain", "measure", "pose"];
+const COMMANDS_WITH_IMPORTERS: [&str; 7] =
+    ["render", "export", "check", "info", "explain", "measure", "pose"];
 
 /// Command line of the program, with the options of the plugins in `--help`.
 pub fn command_with_plugin_options(args: &[OsString], app: &App) -> clap::Command {

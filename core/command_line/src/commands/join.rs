@@ -8,7 +8,8 @@ use crate::output::budget::Budget;
 use crate::output::image_files::FrameRangeClaim;
 use crate::output::provenance;
 use crate::output::segment::{
-    EXTENSION, FilmWriter, CoverageError, JoinError, JoinedFrames, Segment, RecordAddress, select_records, format_ranges,
+    CoverageError, EXTENSION, FilmWriter, JoinError, JoinedFrames, RecordAddress, Segment, format_ranges,
+    select_records,
 };
 use crate::output::target::{Target, export_failure};
 use crate::process::machine;
@@ -115,9 +116,11 @@ fn gather_film_with_wait(
             result => {
                 // Printed even with --quiet: a machine or a disk may be failing.
                 damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
-                return result.map(|gathered| GatheredFilm { damaged, ..gathered }).map_err(|error| match error {
-                    GatherError::Missing(failure) | GatherError::Failure(failure) => failure,
-                });
+                return result.map(|gathered| GatheredFilm { damaged, ..gathered }).map_err(
+                    |error| match error {
+                        GatherError::Missing(failure) | GatherError::Failure(failure) => failure,
+                    },
+                );
             }
         };
         drop(failure);
@@ -160,7 +163,9 @@ fn gather_film(
     }
     let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
     let sources = select_records(&segments, piece).map_err(|error| match error {
-        CoverageError::Missing(_) => GatherError::Missing(coverage_failure(error, &segments, damaged, target)),
+        CoverageError::Missing(_) => {
+            GatherError::Missing(coverage_failure(error, &segments, damaged, target))
+        }
         _ => GatherError::Failure(coverage_failure(error, &segments, damaged, target)),
     })?;
     Ok(GatheredFilm { segments, damaged: Vec::new(), sources, info, files })
@@ -177,7 +182,8 @@ fn segment_files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
             files.push(path.clone());
             continue;
         }
-        let names = choreo_files::Folder::open(path).and_then(|f| f.names(MAX_NAMES_PER_FOLDER)).map_err(failed)?;
+        let names =
+            choreo_files::Folder::open(path).and_then(|f| f.names(MAX_NAMES_PER_FOLDER)).map_err(failed)?;
         let found = names.iter().map(|name| path.join(name));
         files.extend(found.filter(|file| file.extension().is_some_and(|e| e == EXTENSION)));
     }
@@ -223,8 +229,9 @@ fn check_same_film<'s>(
     for other in &segments[1..] {
         let differences = provenance::differences(&identity, &other.film.identity());
         if !differences.is_empty() {
-            let lines =
-                differences.iter().map(|(keyword, there, here)| format!("\n    {keyword}: {here}, there {there}"));
+            let lines = differences
+                .iter()
+                .map(|(keyword, there, here)| format!("\n    {keyword}: {here}, there {there}"));
             let lines: String = lines.collect();
             let (path, there) = (other.path.display(), first.path.display());
             faults.push(format!("{path}: it belongs to another film than {there}{lines}"));
@@ -251,7 +258,12 @@ fn check_same_film<'s>(
     }
 }
 
-fn coverage_failure(error: CoverageError, segments: &[Segment], damaged: &[String], target: &Target) -> Failure {
+fn coverage_failure(
+    error: CoverageError,
+    segments: &[Segment],
+    damaged: &[String],
+    target: &Target,
+) -> Failure {
     let path = |segment: usize| segments[segment].path.display();
     let shown = target.display_name();
     Failure::input(match error {
@@ -261,7 +273,10 @@ fn coverage_failure(error: CoverageError, segments: &[Segment], damaged: &[Strin
                 true => "render them with choreo render --segment --frames",
                 false => "render again what is damaged, or add segments that hold these frames",
             };
-            format!("{shown}: of {frames} frames these are missing: {}\n    hint: {hint}", format_ranges(&missing))
+            format!(
+                "{shown}: of {frames} frames these are missing: {}\n    hint: {hint}",
+                format_ranges(&missing)
+            )
         }
         CoverageError::Differ { frame, segments: [a, b] } => format!(
             "{shown}: frame {frame} differs between {} and {}\n    hint: one of the machines renders \
@@ -323,8 +338,8 @@ impl FilmJoin<'_> {
             None => Box::new(part.writer().map_err(failed)?),
         };
         let join_failed = |error| self.join_failure(&shown, error);
-        let mut film =
-            FilmWriter::begin(self.exporter, self.info, self.budget.counting_writer(out)).map_err(join_failed)?;
+        let mut film = FilmWriter::begin(self.exporter, self.info, self.budget.counting_writer(out))
+            .map_err(join_failed)?;
         for &(segment, place) in self.sources {
             let opened = &self.segments[segment];
             film.add_record(segment, opened, &opened.records[place]).map_err(join_failed)?;
@@ -355,7 +370,8 @@ impl FilmJoin<'_> {
             let shown = name.display().to_string();
             let opened = &self.segments[segment];
             let bytes = opened.read_bytes(&opened.records[place]);
-            let bytes = bytes.map_err(|fault| self.join_failure(&shown, JoinError::Segment(segment, fault)))?;
+            let bytes =
+                bytes.map_err(|fault| self.join_failure(&shown, JoinError::Segment(segment, fault)))?;
             let part =
                 PartFile::create_shared(&name, &machine::id()).map_err(|e| write_failure(&shown, e))?;
             let out = part.writer().map_err(|e| output_error(&shown, &e))?;

@@ -43,8 +43,8 @@ impl Host for ProgramHost {
         let Command::Check(args) = cli.command else {
             return Err(HostError("choreo.toml names another command".into()));
         };
-        let registry =
-            scene::registry_with_plugin_files(&args.scene, &self.app.registry).map_err(|e| HostError(failure_text(&e)))?;
+        let registry = scene::registry_with_plugin_files(&args.scene, &self.app.registry)
+            .map_err(|e| HostError(failure_text(&e)))?;
         let root = project_file::project_root(script);
         Ok(Project { registry, search: args.scene.search, root, limits: Limits::default() })
     }
@@ -77,7 +77,11 @@ impl Host for ProgramHost {
                 command.args(section.map(|section| format!("--filter={name} > {section}")));
             }
             Task::View { script, secs } => {
-                command.arg("view").arg(script).args(["--at", &secs.to_string()]).current_dir(containing_folder(script));
+                command
+                    .arg("view")
+                    .arg(script)
+                    .args(["--at", &secs.to_string()])
+                    .current_dir(containing_folder(script));
             }
         }
         Ok(command)

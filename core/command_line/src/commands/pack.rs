@@ -25,7 +25,11 @@ pub(crate) struct PackResult {
 }
 
 /// Writes the archive, and verifies it.
-pub(crate) fn write_pack(args: &PackArgs, plugins: &Registry, options: String) -> Result<PackResult, Failure> {
+pub(crate) fn write_pack(
+    args: &PackArgs,
+    plugins: &Registry,
+    options: String,
+) -> Result<PackResult, Failure> {
     let shown = args.output.display().to_string();
     if !is_folder(&args.output) && !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION))
     {
@@ -38,7 +42,8 @@ pub(crate) fn write_pack(args: &PackArgs, plugins: &Registry, options: String) -
         return Err(Failure::Usage(format!("{}: it is packed already", args.scene.input.display())));
     }
     let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, OpenOptions { quiet: args.quiet, ..OpenOptions::TO_DRAW })?;
+    let scene =
+        scene::open(&args.scene, &registry, OpenOptions { quiet: args.quiet, ..OpenOptions::TO_DRAW })?;
     write_pack_of_scene(args, scene, options, |unpacked| verify_pack(args, plugins, unpacked))
 }
 

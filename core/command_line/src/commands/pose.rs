@@ -119,7 +119,13 @@ fn write_obj(stage: &Stage, snapshot: &Snapshot, out: &mut dyn Write) -> std::io
             let mesh = &asset.meshes[asset.instances[posed.instance].mesh as usize];
             for (i, (primitive, shape)) in mesh.primitives.iter().zip(&posed.primitives).enumerate() {
                 let join_words = |s: &str| s.split_whitespace().collect::<Vec<_>>().join("_");
-                writeln!(out, "o {}/{}/{}/{i}", join_words(&actor.name), posed.instance, join_words(&mesh.name))?;
+                writeln!(
+                    out,
+                    "o {}/{}/{}/{i}",
+                    join_words(&actor.name),
+                    posed.instance,
+                    join_words(&mesh.name)
+                )?;
                 for p in &shape.positions {
                     writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
                 }

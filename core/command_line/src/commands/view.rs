@@ -37,7 +37,9 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
     let own = no_project_file.then_some("--no-project-file");
     let mut command = Command::new(&viewer);
     match &args.input {
-        Some(input) if pack::is_packed(input) => command.args(packed_scene_arguments(input, &args.viewer_options)?),
+        Some(input) if pack::is_packed(input) => {
+            command.args(packed_scene_arguments(input, &args.viewer_options)?)
+        }
         input => command.args(input).args(own),
     };
     let status = run_until_exit(command.args(&args.viewer_options))
@@ -67,7 +69,8 @@ fn packed_scene_arguments(input: &Path, viewer_options: &[OsString]) -> Result<V
         .map(|(name, _)| name)
         .collect();
     let name = |text: &String| text.split('=').next().unwrap_or_default().trim().to_string();
-    let mut words = vec![unpacked.unpacked_path(&manifest.input).into_os_string(), "--no-project-file".into()];
+    let mut words =
+        vec![unpacked.unpacked_path(&manifest.input).into_os_string(), "--no-project-file".into()];
     let mut option = |flag: &str, value: OsString| words.extend([flag.into(), value]);
     manifest.search.iter().for_each(|folder| option("--search", unpacked.unpacked_path(folder).into()));
     manifest.plugins.iter().for_each(|folder| option("--plugins", unpacked.unpacked_path(folder).into()));

@@ -56,8 +56,9 @@ pub(crate) enum PendingRenderer {
 pub fn start_renderer(request: impl Into<DeviceRequest>, effects: &[Effect]) -> PendingRenderer {
     let (request, effects) = (request.into(), effects.to_vec());
     let (request_of_thread, effects_of_thread) = (request.clone(), effects.clone());
-    let thread =
-        std::thread::Builder::new().name("device".into()).spawn(move || create_renderer(request_of_thread, effects_of_thread));
+    let thread = std::thread::Builder::new()
+        .name("device".into())
+        .spawn(move || create_renderer(request_of_thread, effects_of_thread));
     match thread {
         Ok(thread) => PendingRenderer::OnThread(thread),
         Err(_) => PendingRenderer::OnWait(request, effects),
@@ -66,7 +67,8 @@ pub fn start_renderer(request: impl Into<DeviceRequest>, effects: &[Effect]) -> 
 
 impl PendingRenderer {
     pub fn wait(self) -> Result<StartedRenderer, Failure> {
-        let failed = |_| Err(Failure::Device("the thread that starts the renderer failed; try --device cpu".into()));
+        let failed =
+            |_| Err(Failure::Device("the thread that starts the renderer failed; try --device cpu".into()));
         match self {
             PendingRenderer::OnThread(thread) => thread.join().unwrap_or_else(failed),
             PendingRenderer::OnWait(request, effects) => create_renderer(request, effects),

@@ -29,7 +29,8 @@ pub(crate) type PlanAt<'a> = Box<dyn FnMut(Time) -> Result<Plan, Failure> + Send
 pub(crate) type SceneKey<'a> = Box<dyn Fn(&Plan) -> Key + Send + 'a>;
 
 /// Function that encodes a finished frame, given its number and time, its image, and whether the previous frame had the same pixels.
-pub(crate) type Encode<'a> = Box<dyn FnMut((i64, Time), &FrameImage, bool) -> Result<(), Failure> + Send + 'a>;
+pub(crate) type Encode<'a> =
+    Box<dyn FnMut((i64, Time), &FrameImage, bool) -> Result<(), Failure> + Send + 'a>;
 
 /// Pixels of a frame, in the format that the exporter asked for.
 #[derive(Clone)]
@@ -155,8 +156,8 @@ impl Pipeline<'_> {
         let frame_receiver = Arc::new(Mutex::new(frame_receiver));
         std::thread::scope(|scope| {
             let thread = |name: &str| std::thread::Builder::new().name(name.into());
-            let planner =
-                thread("plan").spawn_scoped(scope, || make_plans(&shared, frames, plan, scene_key, plan_sender));
+            let planner = thread("plan")
+                .spawn_scoped(scope, || make_plans(&shared, frames, plan, scene_key, plan_sender));
             // Encoders that cannot be started are left out; one is enough.
             let started = encoders.into_iter().map(|encode| {
                 let (shared, frame_receiver) = (&shared, frame_receiver.clone());
@@ -167,7 +168,9 @@ impl Pipeline<'_> {
             drop(frame_receiver);
             match planner {
                 Ok(_) if encoding > 0 => draw_frames(&shared, renderer, plans, frame_sender),
-                _ => shared.record_failure(0, too_few_threads("none can be started to plan and encode frames")),
+                _ => {
+                    shared.record_failure(0, too_few_threads("none can be started to plan and encode frames"))
+                }
             }
         });
         if interrupt::is_interrupted() {
@@ -252,7 +255,8 @@ impl FrameComposer {
             None => self.scene.take()?,
             Some(layers) => {
                 let Some(Pixels::Bytes(scene)) = &self.scene else { return None };
-                let mut frame = shared.take_spare_frame().unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
+                let mut frame =
+                    shared.take_spare_frame().unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
                 (frame.width, frame.height) = (scene.width, scene.height);
                 frame.rgba.clear();
                 frame.rgba.extend_from_slice(&scene.rgba);
@@ -294,7 +298,9 @@ fn draw_frames(
                         Err(error) => return shared.record_failure(frame.0, render_failure(error)),
                     }
                 }
-                Ok((frame, PlannedFrame::Recompose(layers))) => in_flight.push_back((frame, None, Some(layers))),
+                Ok((frame, PlannedFrame::Recompose(layers))) => {
+                    in_flight.push_back((frame, None, Some(layers)))
+                }
                 Ok((frame, PlannedFrame::Repeat)) => in_flight.push_back((frame, None, None)),
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => more = false,

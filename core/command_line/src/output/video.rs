@@ -95,7 +95,8 @@ impl VideoWriter {
         let (parent, name) = match Destination::of(path).map_err(|e| write_failure(&shown, e))? {
             Destination::File { folder, name } => (folder, name),
             Destination::Direct(to) => {
-                return VideoWriter::to_pipe_or_device(shown, to, exporter, info).map(|v| (Some(v), ResumedWork::default()));
+                return VideoWriter::to_pipe_or_device(shown, to, exporter, info)
+                    .map(|v| (Some(v), ResumedWork::default()));
             }
         };
         let part = open_part_folder(&parent, &name, args).map_err(|e| write_failure(&shown, e))?;
@@ -129,7 +130,12 @@ impl VideoWriter {
     }
 
     /// Begins a video whose output is a pipe or device. It has no part folder, so the render cannot be resumed.
-    fn to_pipe_or_device(shown: String, to: File, exporter: &dyn Exporter, info: &VideoInfo) -> Result<VideoWriter, Failure> {
+    fn to_pipe_or_device(
+        shown: String,
+        to: File,
+        exporter: &dyn Exporter,
+        info: &VideoInfo,
+    ) -> Result<VideoWriter, Failure> {
         let failed = |e: io::Error| output_error(&shown, &e);
         let (destination, out) = match exporter.head_comes_last() {
             true => {
@@ -187,7 +193,11 @@ pub(crate) fn is_being_made(folder: &OpenFolder, part: &Path) -> bool {
 
 /// Opens the part folder. Several machines may make the same segment, since a farm may start a task again while its first process still
 /// runs. With `--resume` this process waits until the other one has finished the segment, or has died and left its frames.
-fn open_part_folder(parent: &Arc<OpenFolder>, name: &Path, args: &RenderArgs) -> Result<PartFolder, WriteError> {
+fn open_part_folder(
+    parent: &Arc<OpenFolder>,
+    name: &Path,
+    args: &RenderArgs,
+) -> Result<PartFolder, WriteError> {
     if args.segment.is_none() {
         return PartFolder::open(parent.clone(), name, PART_FOLDER_FILES);
     }
@@ -285,7 +295,9 @@ impl VideoPartFolder {
             true => String::new(),
             false => format!(", because these settings differ: {}", why.join(", ")),
         };
-        Ok(Some(format!("{shown}: starts again from the first frame; {frames} of a stopped render {are} deleted{why}")))
+        Ok(Some(format!(
+            "{shown}: starts again from the first frame; {frames} of a stopped render {are} deleted{why}"
+        )))
     }
 
     fn begin(
@@ -372,7 +384,10 @@ impl VideoPartFolder {
         journal.seek(SeekFrom::End(0)).map_err(failed)?;
         out.flush_and_measure().map_err(failed)?;
         self.set_finished_frames(done);
-        Ok((VideoWriter { shown, sink, body: out, destination: BodyDestination::PartFolder(Box::new(self)) }, done))
+        Ok((
+            VideoWriter { shown, sink, body: out, destination: BodyDestination::PartFolder(Box::new(self)) },
+            done,
+        ))
     }
 
     /// Reads and decodes a frame that the encoder of the earlier render still held; `None` if its bytes are missing or damaged.

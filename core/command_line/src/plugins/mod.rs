@@ -6,7 +6,10 @@ use choreo_plugin::{Manifest, OptionKind, OptionSpec, OptionValue};
 
 /// One line for each option of a plugin.
 pub(crate) fn option_rows(m: &Manifest) -> String {
-    m.options.iter().map(|o| format!("      {:<14} {} ({})\n", o.name, o.about, value_range_and_default(o))).collect()
+    m.options
+        .iter()
+        .map(|o| format!("      {:<14} {} ({})\n", o.name, o.about, value_range_and_default(o)))
+        .collect()
 }
 
 fn value_range_and_default(option: &OptionSpec) -> String {

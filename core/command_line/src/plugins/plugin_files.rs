@@ -6,7 +6,11 @@ use choreo_session::plugin_files::{FolderError, Listing, list};
 use std::path::{Path, PathBuf};
 
 /// Registry with the given plugins and those of plugin files. Files that nothing uses are not compiled.
-pub fn registry_with_files(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Registry, Failure> {
+pub fn registry_with_files(
+    plugins: &Registry,
+    named: &[PathBuf],
+    inputs: &[&Path],
+) -> Result<Registry, Failure> {
     listing(plugins, named, inputs).map(|listing| listing.registry)
 }
 

@@ -23,8 +23,9 @@ pub fn cores() -> usize {
 /// started later.
 pub fn start_pool(requested: Option<usize>) -> Result<(), Failure> {
     let requested = requested.unwrap_or_else(cores).max(1);
-    let held: Vec<HeldThread> =
-        (0..RESERVED_THREADS).map_while(|i| hold_thread(if i == 0 { SCRIPT_STACK_BYTES } else { 2 << 20 })).collect();
+    let held: Vec<HeldThread> = (0..RESERVED_THREADS)
+        .map_while(|i| hold_thread(if i == 0 { SCRIPT_STACK_BYTES } else { 2 << 20 }))
+        .collect();
     let mut workers: Vec<Sender<ThreadBuilder>> = (0..requested).map_while(|_| start_worker()).collect();
     let started = held.len() + workers.len();
     // Tested while no other threads start, because they would be refused during the test.
@@ -36,7 +37,10 @@ pub fn start_pool(requested: Option<usize>) -> Result<(), Failure> {
         let _ = thread.join();
     }
     if started <= RESERVED_THREADS {
-        return Err(too_few_threads(&format!("{started} threads can be started and {} are needed", RESERVED_THREADS + 1)));
+        return Err(too_few_threads(&format!(
+            "{started} threads can be started and {} are needed",
+            RESERVED_THREADS + 1
+        )));
     }
     let pool = ThreadPoolBuilder::new().num_threads(workers.len()).spawn_handler(|thread| {
         let sent = workers.pop().map(|to| to.send(thread));

@@ -88,10 +88,13 @@ fn open_script(
     opening: OpenOptions,
 ) -> Result<OpenedScene, Failure> {
     if args.clip.is_some() {
-        return Err(Failure::Usage("--clip is for model files; in a script, actor.play(…) chooses the clip".into()));
+        return Err(Failure::Usage(
+            "--clip is for model files; in a script, actor.play(…) chooses the clip".into(),
+        ));
     }
     if args.import.importer.is_some() || !args.import.import.is_empty() {
-        let what = "--importer and --import are for model files; in a script, write load(…, #{ importer: …, … })";
+        let what =
+            "--importer and --import are for model files; in a script, write load(…, #{ importer: …, … })";
         return Err(Failure::Usage(what.into()));
     }
     model::check_is_file(&args.input)?;

@@ -24,9 +24,10 @@ pub(crate) fn check_is_file(path: &Path) -> Result<(), Failure> {
     match std::fs::metadata(path) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(Failure::input(missing_file_message(path))),
         Err(e) => Err(Failure::input(format!("{shown}: cannot read: {}", FileError::Io(e)))),
-        Ok(m) if m.is_dir() => {
-            Err(Failure::input(format!("{shown}: cannot read: it is a folder, not a file{}", folder_contents_hint(path))))
-        }
+        Ok(m) if m.is_dir() => Err(Failure::input(format!(
+            "{shown}: cannot read: it is a folder, not a file{}",
+            folder_contents_hint(path)
+        ))),
         Ok(m) if !m.is_file() => {
             Err(Failure::input(format!("{shown}: cannot read: it is not a regular file")))
         }

@@ -134,7 +134,9 @@ pub(crate) fn check_no_row_failed<'f>(
         failure.message_lines().iter().any(|line| line.starts_with("--set: this script has no parameter"))
     };
     let hint = match failures.iter().any(unknown) {
-        true => format!("\n    hint: a column that only -o needs must have a name that begins with {OUTPUT_ONLY_PREFIX}"),
+        true => format!(
+            "\n    hint: a column that only -o needs must have a name that begins with {OUTPUT_ONLY_PREFIX}"
+        ),
         false => String::new(),
     };
     let list = list(numbers.iter().map(String::as_str), 30);
@@ -191,9 +193,10 @@ fn fill_placeholders(part: &str, row: &ParameterRow, pattern: &str) -> Result<St
     }
     filled += rest;
     match filled.as_str() {
-        "." | ".." if part != filled => {
-            Err(Failure::input(format!("row {}: -o {pattern} would be written to another folder", row.number)))
-        }
+        "." | ".." if part != filled => Err(Failure::input(format!(
+            "row {}: -o {pattern} would be written to another folder",
+            row.number
+        ))),
         _ => Ok(filled),
     }
 }
@@ -234,8 +237,8 @@ mod tests {
     #[test]
     fn csv_and_json_give_the_same_rows() {
         let csv = parse_csv("name, color\nZoe,\"a \"\"b\"\",\nc\"\nBen,\n\n").unwrap();
-        let json =
-            parse_json(r#"[{"name": "Zoe", "color": "a \"b\",\nc"}, {"name": "Ben", "color": null}]"#).unwrap();
+        let json = parse_json(r#"[{"name": "Zoe", "color": "a \"b\",\nc"}, {"name": "Ben", "color": null}]"#)
+            .unwrap();
         assert_eq!(csv, json);
         assert_eq!(csv[0]["color"], "a \"b\",\nc");
         assert_eq!(csv[1].len(), 1);
@@ -267,8 +270,14 @@ mod tests {
             Err(failure) => failure.message_lines().join("\n"),
             Ok(outputs) => panic!("{outputs:?}"),
         };
-        assert!(failure_message(&two, "out/{city}.mp4").contains("rows 1 and 2 would both be written to out/Rom.mp4"));
-        assert!(failure_message(&two, "{nme}.mp4").contains("row 1 has no value for {nme}; did you mean \"name\"?"));
+        assert!(
+            failure_message(&two, "out/{city}.mp4")
+                .contains("rows 1 and 2 would both be written to out/Rom.mp4")
+        );
+        assert!(
+            failure_message(&two, "{nme}.mp4")
+                .contains("row 1 has no value for {nme}; did you mean \"name\"?")
+        );
         for bad in ["../x", "/etc/x", "..", ".", "a/b", "a\\b", " a", "a ", "a\n", "", "%04d", "\0"] {
             let text = failure_message(&rows(&[&[("name", bad)]]), "out/{name}/film.mp4");
             assert!(text.contains("cannot be a part of the name"), "{bad:?}: {text}");

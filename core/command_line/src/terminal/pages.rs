@@ -136,8 +136,9 @@ mod tests {
         let app = app();
         let rules = format!("# c\n\n## {RULES}\n\n| `gap` | nothing plays |\n");
         let app = App { pages: vec![("core/cli/README.md", rules.leak())], ..app };
-        let found =
-            |term: &str| search_pages(&app, term).into_iter().map(|call| (call.usage, call.page)).collect::<Vec<_>>();
+        let found = |term: &str| {
+            search_pages(&app, term).into_iter().map(|call| (call.usage, call.page)).collect::<Vec<_>>()
+        };
         let inputs = "core/wgsl_effect/README.md, \"Inputs of effects on images\"".to_string();
         let depth = "depth_at(at: vec2<i32>) -> f32".to_string();
         assert_eq!(found("depth_at"), [(depth, inputs.clone())]);

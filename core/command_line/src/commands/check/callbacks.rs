@@ -16,7 +16,11 @@ type FrameResult = Option<Option<(Problem, f64)>>;
 
 /// Runs the callbacks, and returns each different problem once, with its first time and the number of frames. Callbacks cannot read the
 /// stage, so they run without posing it. No further frame is tried once `should_continue` returns false.
-pub fn callback_problems(stage: &Stage, limits: &Limits, should_continue: &(dyn Fn() -> bool + Sync)) -> Vec<Problem> {
+pub fn callback_problems(
+    stage: &Stage,
+    limits: &Limits,
+    should_continue: &(dyn Fn() -> bool + Sync),
+) -> Vec<Problem> {
     if stage.hooks.is_empty() {
         return Vec::new();
     }
@@ -27,8 +31,10 @@ pub fn callback_problems(stage: &Stage, limits: &Limits, should_continue: &(dyn 
     // The results are in the order of the frames, regardless of the threads.
     let started = Instant::now();
     let is_late = || started.elapsed().as_secs_f64() > limits.check_seconds || !should_continue();
-    let results: Vec<FrameResult> =
-        checked_frames.par_iter().map(|f| if is_late() { None } else { Some(run_callbacks_at(stage, *f)) }).collect();
+    let results: Vec<FrameResult> = checked_frames
+        .par_iter()
+        .map(|f| if is_late() { None } else { Some(run_callbacks_at(stage, *f)) })
+        .collect();
     let done = results.iter().flatten().count();
     // Problems that are equal except for the time: (problem, first time, number of frames).
     let mut failed: Vec<(Problem, f64, u64)> = Vec::new();

@@ -29,8 +29,11 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
     let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let text = std::fs::read_to_string(&args.scene.input).unwrap_or_default();
     let root = has_sections(&text).then(|| tests_root(&args.scene.input, no_project_file)).flatten();
-    let scene =
-        scene::open(&args.scene, &registry, OpenOptions { root: root.as_deref(), ..OpenOptions::TO_INSPECT })?;
+    let scene = scene::open(
+        &args.scene,
+        &registry,
+        OpenOptions { root: root.as_deref(), ..OpenOptions::TO_INSPECT },
+    )?;
     if !args.json {
         scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
     }
@@ -73,11 +76,13 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
     }
     scene.warnings.iter().for_each(print_message);
     findings.iter().filter(shown).for_each(print_message);
-        let warned = if warnings == 0 { "no warnings".to_string() } else { counted(warnings as u64, "warning") };
+    let warned = if warnings == 0 { "no warnings".to_string() } else { counted(warnings as u64, "warning") };
     let noted = match (notes, args.notes) {
         (0, _) => String::new(),
         (n, true) => format!(", {}", counted(n as u64, "note")),
-        (n, false) => format!(", {} (--notes shows {})", counted(n as u64, "note"), if n == 1 { "it" } else { "them" }),
+        (n, false) => {
+            format!(", {} (--notes shows {})", counted(n as u64, "note"), if n == 1 { "it" } else { "them" })
+        }
     };
     let frames = counted(frames.unsigned_abs(), "frame");
     print(&format!("{}: good, {frames}, {warned}{noted}\n", args.scene.input.display()))

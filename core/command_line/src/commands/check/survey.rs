@@ -30,7 +30,13 @@ pub fn survey(
     let (mut problems, on_stage) = check_stage(stage, registry, places, &options.limits, should_continue);
     let text = places.sources.get(&places.main);
     if should_continue() && text.is_some_and(|text| has_sections(text)) {
-        problems.extend(section_problems(input, tests_root(input, false), options, all_plugins, should_continue));
+        problems.extend(section_problems(
+            input,
+            tests_root(input, false),
+            options,
+            all_plugins,
+            should_continue,
+        ));
     }
     let findings = places.findings(&on_stage).into_iter();
     should_continue().then(|| findings.chain(problems.into_iter().map(Diagnostic::from)).collect())

@@ -53,7 +53,8 @@ pub(crate) fn chunks_of_equal_cost(frames: u64, piece: u64, cost: &FilmCost, max
     let min_chunk_secs = cost.start_secs * (1.0 - MAX_START_SHARE) / MAX_START_SHARE;
     let count = if min_chunk_secs > 0.0 { (total / min_chunk_secs) as u64 } else { frames };
     let count = count.clamp(1, frames.min(max_chunks).max(1));
-    let align = if nearest_multiple_of_piece(frames / count, piece).is_multiple_of(piece) { piece } else { 1 };
+    let align =
+        if nearest_multiple_of_piece(frames / count, piece).is_multiple_of(piece) { piece } else { 1 };
     let sum = |spent: &mut f64, frame| {
         *spent += cost.frame_secs(frame);
         Some(*spent)
@@ -131,6 +132,14 @@ mod tests {
         assert_covers_all_frames(&chunks_of_equal_cost(50, 100, &cost(0.0, 0.0), 1000), 50);
         assert_eq!(chunks_of_length(60, 24), [(0, 23), (24, 47), (48, 59)]);
         assert_eq!(chunks_of_length(48, 24), [(0, 23), (24, 47)]);
-        assert_eq!([nearest_multiple_of_piece(11, 24), nearest_multiple_of_piece(12, 24), nearest_multiple_of_piece(40, 24), nearest_multiple_of_piece(5, 1)], [11, 24, 48, 5]);
+        assert_eq!(
+            [
+                nearest_multiple_of_piece(11, 24),
+                nearest_multiple_of_piece(12, 24),
+                nearest_multiple_of_piece(40, 24),
+                nearest_multiple_of_piece(5, 1)
+            ],
+            [11, 24, 48, 5]
+        );
     }
 }

@@ -24,7 +24,7 @@ use crate::scene::rows::{self, ParameterRow};
 use crate::terminal::counted;
 use choreo_files::write_whole_beneath;
 use choreo_plugin::VideoInfo;
-use chunks::{FilmCost, nearest_multiple_of_piece, chunks_of_length, chunks_of_equal_cost};
+use chunks::{FilmCost, chunks_of_equal_cost, chunks_of_length, nearest_multiple_of_piece};
 use clap::FromArgMatches;
 use job::{FarmJob, Film, JOB, OUTPUT, ROWS, SCENE, SEGMENTS};
 use pack_rows::RowFailure;
@@ -56,7 +56,12 @@ impl<'a> JobRequest<'a> {
 
     /// Arguments of the pack command for the job's scene.
     fn pack_args(&self) -> PackArgs {
-        PackArgs { scene: self.args.scene.clone(), output: self.job_folder.join(SCENE), quiet: true, json: false }
+        PackArgs {
+            scene: self.args.scene.clone(),
+            output: self.job_folder.join(SCENE),
+            quiet: true,
+            json: false,
+        }
     }
 }
 
@@ -116,7 +121,8 @@ fn film_and_preview(request: &JobRequest, app: &App) -> Result<(Vec<Film>, Optio
     let job = open_job(&args, app, None)?;
     let cost = measured_cost(request, &args, &job, start)?;
     let film = |segments: &str, output: String, options, job: &render::Job, cost: Option<&FilmCost>| {
-        let (frames, chunks) = (job.frames.len() as u64, divide_into_chunks(request, job, cost, slurm::MAX_ARRAY_TASKS));
+        let (frames, chunks) =
+            (job.frames.len() as u64, divide_into_chunks(request, job, cost, slurm::MAX_ARRAY_TASKS));
         Film { output, segments: segments.into(), row: None, options, frames, chunks }
     };
     let mut films = Vec::new();
@@ -208,7 +214,12 @@ fn piece_frames(job: &render::Job) -> u64 {
 }
 
 /// Chunks of a film. Measured chunks are at most `most`; a given length of chunks may give more.
-fn divide_into_chunks(request: &JobRequest, job: &render::Job, cost: Option<&FilmCost>, most: u64) -> Vec<chunks::Chunk> {
+fn divide_into_chunks(
+    request: &JobRequest,
+    job: &render::Job,
+    cost: Option<&FilmCost>,
+    most: u64,
+) -> Vec<chunks::Chunk> {
     let frames = job.frames.len() as u64;
     let piece = piece_frames(job);
     let chunks = match (request.args.chunk, cost) {
@@ -220,7 +231,10 @@ fn divide_into_chunks(request: &JobRequest, job: &render::Job, cost: Option<&Fil
         return chunks;
     }
     // Open Job Description needs chunks of one length.
-    let length = request.args.chunk.unwrap_or_else(|| nearest_multiple_of_piece(frames.div_ceil(chunks.len() as u64), piece));
+    let length = request
+        .args
+        .chunk
+        .unwrap_or_else(|| nearest_multiple_of_piece(frames.div_ceil(chunks.len() as u64), piece));
     let most = openjd::MAX_CHUNK_FRAMES;
     let most = if most >= piece { most - most % piece } else { most };
     chunks_of_length(frames, if length > openjd::MAX_CHUNK_FRAMES { most } else { length })
@@ -264,7 +278,11 @@ fn render_args(request: &JobRequest, options: &[String], app: &App) -> Result<Re
 }
 
 /// Opens the render in the same way as a machine of the farm.
-fn open_job(args: &RenderArgs, app: &App, reopen_state: Option<&ReopenState>) -> Result<render::Job, Failure> {
+fn open_job(
+    args: &RenderArgs,
+    app: &App,
+    reopen_state: Option<&ReopenState>,
+) -> Result<render::Job, Failure> {
     let registry = scene::registry_with_plugin_files(&args.scene, &app.registry)?;
     // The job makes the folder of a film of numbered images.
     render::prepare(args, Target::parse(&args.output)?, &registry, reopen_state)

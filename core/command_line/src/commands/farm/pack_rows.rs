@@ -51,7 +51,8 @@ pub(super) fn pack_all_rows(
         let registry = scene::registry_with_plugin_files(&packed, plugins)?;
         let reopen_state = ReopenState::default();
         for (row, stage) in &stages {
-            let opening = OpenOptions { quiet: true, reopen_state: Some(&reopen_state), ..OpenOptions::TO_DRAW };
+            let opening =
+                OpenOptions { quiet: true, reopen_state: Some(&reopen_state), ..OpenOptions::TO_DRAW };
             let opened = scene::open(&row.scene_args(&packed), &registry, opening)?;
             if opened.stage.content_hash() != *stage {
                 let (name, row) = (opened.name, row.number);

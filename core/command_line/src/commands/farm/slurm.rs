@@ -26,7 +26,8 @@ struct ArrayJob {
     name: &'static str,
 }
 
-const FILM_ARRAY: ArrayJob = ArrayJob { chunks: "chunks.txt", render: "render.sh", join: "join.sh", name: "" };
+const FILM_ARRAY: ArrayJob =
+    ArrayJob { chunks: "chunks.txt", render: "render.sh", join: "join.sh", name: "" };
 const PREVIEW_ARRAY: ArrayJob = ArrayJob {
     chunks: "preview_chunks.txt",
     render: "preview_render.sh",

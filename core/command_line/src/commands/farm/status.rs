@@ -5,7 +5,9 @@ use super::chunks::Chunk;
 use super::job::{FarmJob, Film, JOB, OUTPUT};
 use crate::commands::render::sheet;
 use crate::failure::{Failure, print, print_json, write_failure};
-use crate::output::segment::{PART_EXTENSION, WorkerReport, SegmentState, parse_frame_range, encode_png, report_name, segment_name};
+use crate::output::segment::{
+    PART_EXTENSION, SegmentState, WorkerReport, encode_png, parse_frame_range, report_name, segment_name,
+};
 use crate::output::target::export_failure;
 use crate::output::video::is_being_made;
 use crate::terminal::{counted, page::Page};
@@ -193,7 +195,9 @@ impl JobProgress {
         let number = counted(chunks.len() as u64, "chunk");
         page.line(format_args!("{number}: {}", counts.collect::<Vec<_>>().join(", ")));
         let rate = match (self.rate, self.seconds_left()) {
-            (Some(rate), Some(left)) => format!(", {rate:.1} per second, about {} left", format_duration(left)),
+            (Some(rate), Some(left)) => {
+                format!(", {rate:.1} per second, about {} left", format_duration(left))
+            }
             _ => String::new(),
         };
         page.line(format_args!("{} of {} frames{rate}", self.done, self.frames));
@@ -242,7 +246,8 @@ fn is_film_in_place(path: &Path) -> bool {
     let folder = path.parent().filter(|_| numbered);
     folder.map_or(path.is_file(), |folder| {
         // A join that is still running has its lock file beside the images.
-        let names = Folder::open(folder).and_then(|folder| folder.names(MAX_NAMES_PER_FOLDER)).unwrap_or_default();
+        let names =
+            Folder::open(folder).and_then(|folder| folder.names(MAX_NAMES_PER_FOLDER)).unwrap_or_default();
         !names.is_empty() && names.iter().all(|name| !name.to_string_lossy().ends_with(".part"))
     })
 }

@@ -39,7 +39,8 @@ pub fn write_character_lines(page: &mut Page, asset: &Asset, joints: bool) {
         ));
         for chain in springs.chains.iter().take(if joints { usize::MAX } else { 8 }) {
             let Some(first) = chain.joints.first() else { continue };
-            let chain_name = if chain.name.is_empty() { String::new() } else { format!(" \"{}\"", chain.name) };
+            let chain_name =
+                if chain.name.is_empty() { String::new() } else { format!(" \"{}\"", chain.name) };
             page.line(format_args!(
                 "  {}{chain_name}: {}, stiffness {}, drag {}, gravity {}, radius {} m, {}",
                 name(first.joint),
@@ -63,8 +64,11 @@ pub fn write_character_lines(page: &mut Page, asset: &Asset, joints: bool) {
 
 pub fn character_json(asset: &Asset) -> Value {
     let springs = &asset.springs;
-    let colliders: Vec<Value> =
-        springs.colliders.iter().map(|c| json!({ "joint": c.joint, "shape": collider_json(&c.shape) })).collect();
+    let colliders: Vec<Value> = springs
+        .colliders
+        .iter()
+        .map(|c| json!({ "joint": c.joint, "shape": collider_json(&c.shape) }))
+        .collect();
     let chains: Vec<Value> = springs
         .chains
         .iter()

@@ -132,9 +132,10 @@ impl RowResult {
     fn print(&self, args: &RenderArgs) {
         let RowResult { row, output, seconds, .. } = self;
         match &self.drawn {
-            Err(failure) => {
-                failure.message_lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")))
-            }
+            Err(failure) => failure
+                .message_lines()
+                .iter()
+                .for_each(|line| print_message(format_args!("row {row}: {line}"))),
             Ok((frames, _)) if !args.quiet && !args.json => {
                 let frames = counted(*frames, "frame");
                 print_message(format_args!("row {row}: {frames} in {seconds:.2} s: {output}"));

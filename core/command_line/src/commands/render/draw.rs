@@ -4,7 +4,7 @@ use crate::args::RenderArgs;
 use crate::commands::render::worker;
 use crate::commands::render::{Job, sheet};
 use crate::drawing::device;
-use crate::drawing::pipeline::{FrameCounts, Encode, Pipeline, Pixels, PlanAt, SceneKey, render_failure};
+use crate::drawing::pipeline::{Encode, FrameCounts, Pipeline, Pixels, PlanAt, SceneKey, render_failure};
 use crate::failure::{Failure, print_message, write_failure};
 use crate::output::image_files::{self, FrameRangeClaim};
 use crate::output::journal::Identity;
@@ -66,7 +66,13 @@ pub fn draw_job(
         height: job.settings.size[1],
         fps: job.settings.fps,
         frames: job.frames.len() as u64,
-        provenance: provenance::of_render(&job.scene, &job.settings, samples, &job.options, renderer.device()),
+        provenance: provenance::of_render(
+            &job.scene,
+            &job.settings,
+            samples,
+            &job.options,
+            renderer.device(),
+        ),
         options: job.options.clone(),
     };
     let print_unless_quiet = |line: &str| {
@@ -106,7 +112,11 @@ struct Drawing<'a> {
 
 impl Drawing<'_> {
     /// Draws and writes all frames. The driver has shut down when this function returns, since the program may end then.
-    fn run(&self, renderer: Box<dyn Renderer>, print_unless_quiet: &dyn Fn(&str)) -> Result<FrameCounts, Failure> {
+    fn run(
+        &self,
+        renderer: Box<dyn Renderer>,
+        print_unless_quiet: &dyn Fn(&str),
+    ) -> Result<FrameCounts, Failure> {
         let job = self.job;
         let is_made = || {
             let segment = job.segment.as_ref();
@@ -122,7 +132,14 @@ impl Drawing<'_> {
             Target::Stdout => (Some(VideoWriter::to_stdout(&*job.exporter, self.info)?), Default::default()),
             target => {
                 let identity = self.render_identity();
-                VideoWriter::to_file(&target.frame_path(0), &*job.exporter, self.info, &identity, self.args, is_made)?
+                VideoWriter::to_file(
+                    &target.frame_path(0),
+                    &*job.exporter,
+                    self.info,
+                    &identity,
+                    self.args,
+                    is_made,
+                )?
             }
         };
         begun.note.iter().for_each(|line| print_unless_quiet(line));
@@ -133,7 +150,12 @@ impl Drawing<'_> {
             worker::count_frame(&image.pixels);
             Ok(())
         })];
-        let drawn = match self.draw_frames(renderer, &job.frames[begun.finished_frames..], encode, print_unless_quiet) {
+        let drawn = match self.draw_frames(
+            renderer,
+            &job.frames[begun.finished_frames..],
+            encode,
+            print_unless_quiet,
+        ) {
             Ok(drawn) => video.finish().map(|()| drawn),
             Err(failure) => {
                 // A failed script would fail again at the same frame. After a failure outside the script, the render can be resumed.
@@ -152,7 +174,11 @@ impl Drawing<'_> {
         }
     }
 
-    fn draw_sheet(&self, renderer: Box<dyn Renderer>, print_unless_quiet: &dyn Fn(&str)) -> Result<FrameCounts, Failure> {
+    fn draw_sheet(
+        &self,
+        renderer: Box<dyn Renderer>,
+        print_unless_quiet: &dyn Fn(&str),
+    ) -> Result<FrameCounts, Failure> {
         let job = self.job;
         let place = job.target.frame_path(0);
         // The file is created before drawing, so that an error is found early.
@@ -172,7 +198,11 @@ impl Drawing<'_> {
         Ok(counts)
     }
 
-    fn draw_images(&self, renderer: Box<dyn Renderer>, print_unless_quiet: &dyn Fn(&str)) -> Result<FrameCounts, Failure> {
+    fn draw_images(
+        &self,
+        renderer: Box<dyn Renderer>,
+        print_unless_quiet: &dyn Fn(&str),
+    ) -> Result<FrameCounts, Failure> {
         let (job, info) = (self.job, self.info);
         let numbers = job.frames.first().zip(job.frames.last());
         let _claim = match numbers {
@@ -193,14 +223,20 @@ impl Drawing<'_> {
         };
         let pixels = info.width as usize * info.height as usize;
         let bytes = pixel_bytes(job.wish) * pixels;
-        let workers = self.jobs.unwrap_or_else(threads::cores).min(frames.len()).min(MAX_ENCODING_BYTES / bytes);
+        let workers =
+            self.jobs.unwrap_or_else(threads::cores).min(frames.len()).min(MAX_ENCODING_BYTES / bytes);
         let mut encode = || -> Encode {
             let mut open = open.take();
             Box::new(move |frame, image, _| {
                 image_files::write_image(&job.target, open.take(), &*job.exporter, info, frame, image)
             })
         };
-        self.draw_frames(renderer, &frames, (0..workers.clamp(1, 16)).map(|_| encode()).collect(), print_unless_quiet)
+        self.draw_frames(
+            renderer,
+            &frames,
+            (0..workers.clamp(1, 16)).map(|_| encode()).collect(),
+            print_unless_quiet,
+        )
     }
 
     fn draw_frames(

@@ -12,7 +12,7 @@ use crate::args::RenderArgs;
 use crate::args::values;
 use crate::commands::export;
 use crate::drawing::device;
-use crate::failure::{Failure, output_error, check_limit};
+use crate::failure::{Failure, check_limit, output_error};
 use crate::output::budget::BudgetedExporter;
 use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;

@@ -31,7 +31,10 @@ pub fn cell_size(stage: [u32; 2]) -> [u32; 2] {
 pub(crate) fn check_is_one_image(target: &Target, is_one_image: bool) -> Result<(), Failure> {
     match target {
         Target::File(_) if is_one_image => Ok(()),
-        _ => Err(Failure::Usage(format!("--sheet makes one image: -o sheet.png, not {}", target.display_name()))),
+        _ => Err(Failure::Usage(format!(
+            "--sheet makes one image: -o sheet.png, not {}",
+            target.display_name()
+        ))),
     }
 }
 
@@ -45,11 +48,15 @@ pub fn compose(frames: Vec<(String, Frame)>) -> Frame {
     let [width, height] = frames.first().map_or([1, 1], |(_, frame)| [frame.width, frame.height]);
     let columns = column_count(frames.len() as u32, [width, height]);
     let rows = (frames.len() as u32).div_ceil(columns);
-    let [w, h] = [(columns, width), (rows, height)].map(|(count, side)| count * (side + GAP_PIXELS) + GAP_PIXELS);
+    let [w, h] =
+        [(columns, width), (rows, height)].map(|(count, side)| count * (side + GAP_PIXELS) + GAP_PIXELS);
     let mut sheet = Frame { width: w, height: h, rgba: GAP_COLOR.repeat(w as usize * h as usize) };
     for (index, (text, mut frame)) in (0..).zip(frames) {
         draw_label(&mut frame, &text, (width as f32 / 16.0).min(height as f32 / 12.0));
-        let (left, top) = (index % columns * (width + GAP_PIXELS) + GAP_PIXELS, index / columns * (height + GAP_PIXELS) + GAP_PIXELS);
+        let (left, top) = (
+            index % columns * (width + GAP_PIXELS) + GAP_PIXELS,
+            index / columns * (height + GAP_PIXELS) + GAP_PIXELS,
+        );
         let row_bytes = 4 * width as usize;
         for (y, row) in (top..).zip(frame.rgba.chunks_exact(row_bytes)) {
             let at = 4 * (y as usize * w as usize + left as usize);

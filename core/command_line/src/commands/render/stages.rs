@@ -105,7 +105,13 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         height: job.settings.size[1],
         fps: job.settings.fps,
         frames: 1,
-        provenance: provenance::of_render(&job.scene, &job.settings, samples, &job.options, renderer.device()),
+        provenance: provenance::of_render(
+            &job.scene,
+            &job.settings,
+            samples,
+            &job.options,
+            renderer.device(),
+        ),
         options: job.options.clone(),
     };
     for (number, (name, image)) in (1..).zip(STAGES.iter().zip(&images)) {

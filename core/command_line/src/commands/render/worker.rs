@@ -2,7 +2,7 @@
 
 use crate::drawing::pipeline::Pixels;
 use crate::failure::Failure;
-use crate::output::segment::{WorkerReport, SegmentState, encode_png, report_name, downscale_to_thumbnail};
+use crate::output::segment::{SegmentState, WorkerReport, downscale_to_thumbnail, encode_png, report_name};
 use crate::process::machine::host;
 use choreo_files::write_whole;
 use std::path::{Path, PathBuf};
@@ -47,7 +47,8 @@ pub(crate) fn begin_segment(folder: &Path, first: u64, last: u64) {
 pub(crate) fn start_reports(done: u64) {
     if let Some(worker) = lock_worker().as_mut() {
         // The thumbnail of a killed worker is kept.
-        let before = choreo_files::read(&worker.path, 1 << 20).ok().and_then(|bytes| WorkerReport::read(&bytes));
+        let before =
+            choreo_files::read(&worker.path, 1 << 20).ok().and_then(|bytes| WorkerReport::read(&bytes));
         worker.report.thumbnail =
             before.filter(|_| done > 0).map(|before| before.thumbnail).unwrap_or_default();
         worker.report.done = done;

@@ -21,8 +21,12 @@ pub(crate) enum CoverageError {
 }
 
 /// Selects the records that make up the film, in order. Pieces are preferred to images, which must still be encoded.
-pub(crate) fn select_records(segments: &[Segment], piece: Option<NonZeroU64>) -> Result<Vec<RecordAddress>, CoverageError> {
-    let (mut pieces, mut images) = (BTreeMap::<u64, RecordAddress>::new(), BTreeMap::<u64, RecordAddress>::new());
+pub(crate) fn select_records(
+    segments: &[Segment],
+    piece: Option<NonZeroU64>,
+) -> Result<Vec<RecordAddress>, CoverageError> {
+    let (mut pieces, mut images) =
+        (BTreeMap::<u64, RecordAddress>::new(), BTreeMap::<u64, RecordAddress>::new());
     for (segment, opened) in segments.iter().enumerate() {
         for (number, place) in opened.records.iter().enumerate() {
             let record = &place.record;

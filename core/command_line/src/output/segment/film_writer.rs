@@ -1,7 +1,7 @@
 //! Writing a film from records: pieces are copied, and images go through the exporter.
 
 use super::shared::SharedWriter;
-use super::{SegmentError, PlacedRecord, RecordKind, Segment};
+use super::{PlacedRecord, RecordKind, Segment, SegmentError};
 use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 use std::io::{self, Write};
 
@@ -60,7 +60,12 @@ impl<'a> FilmWriter<'a> {
     }
 
     /// Adds the frames of a record. `number`: number of its segment.
-    pub fn add_record(&mut self, number: usize, segment: &Segment, place: &PlacedRecord) -> Result<(), JoinError> {
+    pub fn add_record(
+        &mut self,
+        number: usize,
+        segment: &Segment,
+        place: &PlacedRecord,
+    ) -> Result<(), JoinError> {
         let fault = |fault| JoinError::Segment(number, fault);
         let image = (number, place.offset);
         if let RecordKind::Piece { state } = place.record.kind {

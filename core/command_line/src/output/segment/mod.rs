@@ -13,10 +13,13 @@ mod report;
 mod shared;
 mod write;
 
-pub(crate) use coverage::{CoverageError, RecordAddress, select_records, format_ranges};
+pub(crate) use coverage::{CoverageError, RecordAddress, format_ranges, select_records};
 pub(crate) use film_writer::{FilmWriter, JoinError, JoinedFrames};
-pub(crate) use read::{SegmentError, PlacedRecord, Segment};
-pub(crate) use report::{PART_EXTENSION, WorkerReport, SegmentState, parse_frame_range, report_name, segment_name, downscale_to_thumbnail};
+pub(crate) use read::{PlacedRecord, Segment, SegmentError};
+pub(crate) use report::{
+    PART_EXTENSION, SegmentState, WorkerReport, downscale_to_thumbnail, parse_frame_range, report_name,
+    segment_name,
+};
 pub(crate) use write::{SegmentExporter, encode_png};
 
 use crate::output::journal::Identity;

@@ -57,7 +57,8 @@ impl Segment {
         }
         let head = from.read_line()?.and_then(|line| parse_line(&line));
         let film = head.as_ref().and_then(Film::read);
-        let film = film.ok_or(SegmentError::Damaged("the line that describes its film is missing or wrong"))?;
+        let film =
+            film.ok_or(SegmentError::Damaged("the line that describes its film is missing or wrong"))?;
         let mut records: Vec<PlacedRecord> = Vec::new();
         let damage = loop {
             let Some(line) = from.read_line()? else { break Some("it ends too early") };
@@ -106,7 +107,8 @@ impl Segment {
     /// Reads and decodes the pixels of an image.
     pub fn decode_frame(&self, place: &PlacedRecord) -> Result<Frame, SegmentError> {
         let bytes = self.read_bytes(place)?;
-        decode_png(&bytes, self.film.size).ok_or(SegmentError::Damaged("an image is not 8-bit RGBA in the size of the film"))
+        decode_png(&bytes, self.film.size)
+            .ok_or(SegmentError::Damaged("an image is not 8-bit RGBA in the size of the film"))
     }
 }
 

@@ -65,8 +65,9 @@ impl WorkerReport {
     /// Parses a report; `None` if it is truncated or no report.
     pub fn read(bytes: &[u8]) -> Option<WorkerReport> {
         let end = bytes.iter().position(|byte| *byte == b'\n')? + 1;
-        let report =
-            WorkerReport::deserialize(parse_line(&bytes[..end])?).ok().filter(|report| report.seconds >= 0.0)?;
+        let report = WorkerReport::deserialize(parse_line(&bytes[..end])?)
+            .ok()
+            .filter(|report| report.seconds >= 0.0)?;
         Some(WorkerReport { thumbnail: bytes[end..].to_vec(), ..report })
     }
 }

@@ -85,7 +85,11 @@ impl Exporter for SegmentExporter {
         _: &mut dyn Read,
         out: Box<dyn Write + Send>,
     ) -> Result<Box<dyn FrameSink>, ExportError> {
-        let cut = || ExportError::Format("the saved state of the segment is incomplete; render it without --resume".into());
+        let cut = || {
+            ExportError::Format(
+                "the saved state of the segment is incomplete; render it without --resume".into(),
+            )
+        };
         let done = states.last().and_then(|state| state.as_slice().try_into().ok()).ok_or_else(cut)?;
         Ok(self.sink(info, u64::from_le_bytes(done), out))
     }
@@ -161,7 +165,9 @@ impl SegmentSink {
             FrameInput::Repeat(_) if repeatable => (RecordKind::Repeat, Vec::new()),
             FrameInput::Frame(frame) | FrameInput::Repeat(frame) => (RecordKind::Image, encode_png(frame)?),
             FrameInput::Float(_) | FrameInput::Kept(_) => {
-                return Err(ExportError::Format("a segment cannot store a frame of floats or a half-encoded frame as an image".into()));
+                return Err(ExportError::Format(
+                    "a segment cannot store a frame of floats or a half-encoded frame as an image".into(),
+                ));
             }
         };
         self.write_record(kind, next, 1, &bytes)?;
@@ -183,7 +189,11 @@ impl SegmentSink {
             }
             false => match piece.sink.mark() {
                 Mark::Settled(state) => (state, std::mem::take(&mut *piece.bytes.lock())),
-                _ => return Err(ExportError::Format("the exporter did not complete a piece at its last frame".into())),
+                _ => {
+                    return Err(ExportError::Format(
+                        "the exporter did not complete a piece at its last frame".into(),
+                    ));
+                }
             },
         };
         let kind = RecordKind::Piece { state: state.len() as u64 };
@@ -193,7 +203,13 @@ impl SegmentSink {
         Ok(())
     }
 
-    fn write_record(&mut self, kind: RecordKind, first: u64, frames: u64, bytes: &[u8]) -> Result<(), ExportError> {
+    fn write_record(
+        &mut self,
+        kind: RecordKind,
+        first: u64,
+        frames: u64,
+        bytes: &[u8],
+    ) -> Result<(), ExportError> {
         let (hash, length) = (blake3::hash(bytes), bytes.len() as u64);
         self.out.write_all(&encode_line(&Record { kind, first, frames, hash, length }.json()))?;
         self.out.write_all(bytes)?;

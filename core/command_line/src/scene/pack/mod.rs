@@ -82,7 +82,10 @@ impl Manifest {
 ///
 /// # Errors
 /// The same version of the program gets another scene. Every file has its hash, so a plugin of this machine must have changed the scene.
-pub(super) fn check_packed_stage(packed: &PackedStage, scene: &OpenedScene) -> Result<Option<String>, Failure> {
+pub(super) fn check_packed_stage(
+    packed: &PackedStage,
+    scene: &OpenedScene,
+) -> Result<Option<String>, Failure> {
     let name = &scene.name;
     if packed.software != scene.software {
         let (there, here) = (&packed.software, &scene.software);
@@ -90,8 +93,8 @@ pub(super) fn check_packed_stage(packed: &PackedStage, scene: &OpenedScene) -> R
             "{name}: warning: {there} packed it, but this program is {here}: its images may differ"
         )));
     }
-    let same =
-        packed.input_hash == hash_hex(&scene.input_hash) && packed.stage == hash_hex(&scene.stage.content_hash());
+    let same = packed.input_hash == hash_hex(&scene.input_hash)
+        && packed.stage == hash_hex(&scene.stage.content_hash());
     match same {
         true => Ok(None),
         false => Err(Failure::input(format!(

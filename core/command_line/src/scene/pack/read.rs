@@ -116,7 +116,8 @@ impl Unpacked {
         }
         // Links are made last, so that no file is written through them.
         for (name, of) in &manifest.names {
-            create_link(&folder.path().join(of), &folder.path().join(name)).map_err(|e| written(name, e.into()))?;
+            create_link(&folder.path().join(of), &folder.path().join(name))
+                .map_err(|e| written(name, e.into()))?;
         }
         Ok(Unpacked { manifest, folder })
     }

@@ -124,8 +124,12 @@ impl ReadableFolders {
         let is_inner = |folder: &PathBuf| folders.iter().any(|o| o != folder && folder.starts_with(o));
         let outermost = folders.iter().filter(|folder| !is_inner(folder)).cloned().enumerate();
         let outermost = outermost.map(|(i, folder)| (folder, format!("files/{i}"))).collect();
-        let mut roots =
-            ReadableFolders { outermost, plugins, input: String::new(), input_path: args.input.canonicalize().ok() };
+        let mut roots = ReadableFolders {
+            outermost,
+            plugins,
+            input: String::new(),
+            input_path: args.input.canonicalize().ok(),
+        };
         let name = args.input.file_name().unwrap_or_default();
         roots.input = roots.archive_path(&folders[0].join(name))?;
         Ok(roots)
@@ -155,11 +159,16 @@ impl ReadableFolders {
 }
 
 /// Symbolic links to packed files, by which the scene found them, as (link, file).
-fn link_names(scene: &OpenedScene, roots: &ReadableFolders, sources: &BTreeMap<String, PathBuf>) -> Vec<(String, String)> {
+fn link_names(
+    scene: &OpenedScene,
+    roots: &ReadableFolders,
+    sources: &BTreeMap<String, PathBuf>,
+) -> Vec<(String, String)> {
     let links = scene.touched.looked_for.iter().filter_map(|link| Some((link, link.canonicalize().ok()?)));
     let read = links.filter(|(_, target)| scene.touched.read.contains_key(target));
-    let places =
-        read.filter_map(|(link, target)| Some((roots.archive_path(link).ok()?, roots.archive_path(&target).ok()?)));
+    let places = read.filter_map(|(link, target)| {
+        Some((roots.archive_path(link).ok()?, roots.archive_path(&target).ok()?))
+    });
     places.filter(|(name, of)| sources.contains_key(of) && !sources.contains_key(name)).collect()
 }
 
