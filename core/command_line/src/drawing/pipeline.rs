@@ -68,7 +68,7 @@ pub(crate) struct FrameCounts {
     pub recomposed: u64,
 }
 
-/// What the renderer must do for a planned frame.
+/// Task of the renderer for a planned frame.
 enum PlannedFrame {
     Draw(Box<Plan>, FrontLayers),
     Recompose(FrontLayers),

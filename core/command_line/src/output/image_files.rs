@@ -45,7 +45,7 @@ pub(crate) fn write_image(
 /// Largest encoded file in bytes that is kept for later frames with the same pixels.
 const MAX_KEPT_FILE_BYTES: usize = 32 << 20;
 
-/// Writes to a file and keeps a copy of the bytes for a frame with the same pixels; `None` once there are too many.
+/// A writer that also copies the bytes, for later frames with the same pixels. The copy is `None` once it exceeds [`MAX_KEPT_FILE_BYTES`].
 struct TeeWriter {
     out: Box<dyn Write + Send>,
     copy: Arc<Mutex<Option<Vec<u8>>>>,
