@@ -1,7 +1,7 @@
 //! Reasons why a command ends without a result, and the exit code of each.
 
 use choreo_files::WriteError;
-pub use choreo_files::describe_error as reason;
+pub use choreo_files::describe_error;
 use choreo_script::{Diagnostic, Severity, printable, steers_terminal};
 use serde_json::json;
 
@@ -32,7 +32,7 @@ pub enum Failure {
 /// An error of an input.
 #[derive(Debug, PartialEq)]
 pub enum Problem {
-    /// A text that includes its place.
+    /// A text that names the file or option itself.
     Text(String),
     Script(Diagnostic),
 }
@@ -138,7 +138,7 @@ pub fn print(text: &str) -> Result<(), Failure> {
     let shown = printable(text);
     out.write_all(shown.as_bytes())
         .and_then(|()| out.flush())
-        .map_err(|e| output_error("standard output", &e))
+        .map_err(|e| output_failure("standard output", &e))
 }
 
 /// Writes one message to standard error, without characters that would control a terminal. Its further lines are indented, so that no name
@@ -173,17 +173,17 @@ fn escape_terminal_controls(json: &str) -> String {
     json.chars().map(escape).collect()
 }
 
-pub(crate) fn output_error(place: &str, error: &std::io::Error) -> Failure {
+pub(crate) fn output_failure(place: &str, error: &std::io::Error) -> Failure {
     match error.kind() {
         std::io::ErrorKind::BrokenPipe => Failure::ClosedPipe,
-        _ => Failure::Output(format!("{place}: cannot write: {}", reason(error))),
+        _ => Failure::Output(format!("{place}: cannot write: {}", describe_error(error))),
     }
 }
 
 /// Failure for an output that was not written. `shown`: the output's name in messages.
 pub(crate) fn write_failure(shown: &str, error: WriteError) -> Failure {
     match error {
-        WriteError::Io(e) => output_error(shown, &e),
+        WriteError::Io(e) => output_failure(shown, &e),
         WriteError::Busy => Failure::Output(format!(
             "{shown}: cannot write: another choreo is rendering to it; wait until it is done, or give -o another name"
         )),
@@ -191,11 +191,11 @@ pub(crate) fn write_failure(shown: &str, error: WriteError) -> Failure {
     }
 }
 
-/// Fails if a count is above its limit.
+/// Fails if a count is above its limit. `name`: plural of what is counted, which is also the name of the limit.
 pub(crate) fn check_limit(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
     if count <= limit {
         return Ok(());
     }
     let hint = choreo_script::raise_hint(name, limit);
-    Err(Failure::input(format!("too many {name} for one render: {count}\n    hint: {hint}")))
+    Err(Failure::input(format!("too many {name}: {count}\n    hint: {hint}")))
 }

@@ -38,10 +38,10 @@ fn record(u: &mut Unstructured) -> Result<Record> {
             KeptFrame::Settled(u.bytes(length)?.to_vec())
         }
         false => KeptFrame::Open(Span {
-            at: u.arbitrary()?,
+            offset: u.arbitrary()?,
             length: u.arbitrary()?,
             crc: u.arbitrary()?,
-            parts: u.arbitrary()?,
+            part_lengths: u.arbitrary()?,
         }),
     };
     Ok(Record { body: u.arbitrary()?, crc: u.arbitrary()?, kept })

@@ -18,9 +18,9 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP)
   141  the reader of standard output has gone
 
-A result appears whole or not at all: files are written beside their place as NAME.part and renamed when complete.
-A video's finished frames stay in the folder NAME.part when its render is stopped, by Ctrl-C too, and --resume goes on with
-them. An output path that is a symbolic link or an input is refused.";
+Outputs are complete or absent: a file is written as NAME.part in the same folder, and renamed when complete.
+When the render of a video is stopped, also by Ctrl-C, its finished frames stay in the folder NAME.part, and --resume continues
+after them. An output path that is a symbolic link or an input is refused.";
 
 /// Text after the options in `--help`; `-h` shows only the exit codes.
 fn limits_help() -> String {
@@ -656,7 +656,7 @@ pub(crate) struct FormatArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct LspArgs {
-    /// Given by editors; the server knows no other transport
+    /// Passed by editors; the server has no other transport than standard input and output
     #[arg(long, hide = true)]
     pub stdio: bool,
 }

@@ -2,7 +2,7 @@
 
 use crate::args::ExportArgs;
 use crate::args::values;
-use crate::failure::{Failure, check_limit, output_error, print_json, print_message, write_failure};
+use crate::failure::{Failure, check_limit, output_failure, print_json, print_message, write_failure};
 use crate::output::budget::Budget;
 use crate::output::provenance;
 use crate::output::target::check_folder_exists;
@@ -153,7 +153,7 @@ impl OpenFile {
         inputs.check_output(path)?;
         let shown = path.display().to_string();
         let part = PartFile::create(path).map_err(|e| write_failure(&shown, e))?;
-        let writer = part.writer().map_err(|e| output_error(&shown, &e))?;
+        let writer = part.writer().map_err(|e| output_failure(&shown, &e))?;
         Ok(OpenFile { out: budget.counting_writer(Box::new(writer)), part })
     }
 }
@@ -173,7 +173,7 @@ impl<'a> ExportedFiles<'a> {
         all.push((self.path.display().to_string(), self.main));
         // All files are complete before the first one is moved.
         for (shown, file) in &mut all {
-            file.out.flush().map_err(|e| output_error(shown, &e))?;
+            file.out.flush().map_err(|e| output_failure(shown, &e))?;
         }
         let mut names = Vec::new();
         for (shown, OpenFile { part, out }) in all {

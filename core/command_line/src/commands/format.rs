@@ -1,7 +1,7 @@
 //! `choreo format`: formats scripts in one style.
 
 use crate::args::FormatArgs;
-use crate::failure::{Failure, Problem, print, reason, write_failure};
+use crate::failure::{Failure, Problem, describe_error, print, write_failure};
 use choreo_files::write_whole;
 use choreo_script::Diagnostic;
 use choreo_script::format::{FormatError, formatted};
@@ -47,7 +47,7 @@ pub fn run(args: &FormatArgs) -> Result<(), Failure> {
 fn format_stdin(check: bool) -> Result<(), Failure> {
     let mut bytes = Vec::new();
     let read = stdin().lock().take(MAX_SCRIPT_BYTES + 1).read_to_end(&mut bytes);
-    read.map_err(|e| Failure::input(format!("standard input: {}", reason(&e))))?;
+    read.map_err(|e| Failure::input(format!("standard input: {}", describe_error(&e))))?;
     let text = script_text("standard input", bytes).map_err(|problem| Failure::Input(vec![problem]))?;
     let new = formatted(&text).map_err(|error| {
         Failure::Input(vec![Problem::Script(format_diagnostic("standard input", &text, &error))])
@@ -105,7 +105,7 @@ fn find_scripts(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 }
 
 fn collect_scripts(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
-    let failed = |e: std::io::Error| Failure::input(format!("{}: {}", shown(folder), reason(&e)));
+    let failed = |e: std::io::Error| Failure::input(format!("{}: {}", shown(folder), describe_error(&e)));
     for (name, kind) in choreo_files::entries(folder).map_err(failed)? {
         let (path, name) = (folder.join(&name), name.to_string_lossy());
         let is_skipped = name.starts_with('.') || matches!(&*name, "target" | "node_modules");

@@ -3,7 +3,7 @@
 use crate::args::JoinArgs;
 use crate::args::values;
 use crate::commands::export;
-use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
+use crate::failure::{Failure, output_failure, print_json, print_message, write_failure};
 use crate::output::budget::Budget;
 use crate::output::image_files::FrameRangeClaim;
 use crate::output::provenance;
@@ -37,7 +37,7 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
     }
     let exporter = target.exporter(plugins)?;
     let limits = values::parse_limits(&args.limit)?;
-    let GatheredFilm { segments, damaged, sources, info, files } =
+    let GatheredFilm { segments, damaged, record_addresses, info, files } =
         gather_film_with_wait(args, &target, exporter.as_ref(), software)?;
     let inputs = Inputs::new(files.iter().cloned());
     let joining = FilmJoin {
@@ -45,10 +45,10 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
         exporter: exporter.as_ref(),
         info: &info,
         segments: &segments,
-        sources: &sources,
+        record_addresses: &record_addresses,
         inputs: &inputs,
         budget: Budget::new(limits.output),
-        progress: Progress::new(sources.len() as u64, args.quiet || args.json),
+        progress: Progress::new(record_addresses.len() as u64, args.quiet || args.json),
     };
     let joined = if exporter.one_frame_per_file() { joining.write_images() } else { joining.write_film() };
     joining.progress.clear();
@@ -82,7 +82,7 @@ struct GatheredFilm {
     segments: Vec<Segment>,
     /// Descriptions of the damage found in segments; each includes the segment's name.
     damaged: Vec<String>,
-    sources: Vec<RecordAddress>,
+    record_addresses: Vec<RecordAddress>,
     info: VideoInfo,
     files: Vec<PathBuf>,
 }
@@ -162,13 +162,13 @@ fn gather_film(
         return Err(Failure::Usage(what).into());
     }
     let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
-    let sources = select_records(&segments, piece).map_err(|error| match error {
+    let record_addresses = select_records(&segments, piece).map_err(|error| match error {
         CoverageError::Missing(_) => {
             GatherError::Missing(coverage_failure(error, &segments, damaged, target))
         }
         _ => GatherError::Failure(coverage_failure(error, &segments, damaged, target)),
     })?;
-    Ok(GatheredFilm { segments, damaged: Vec::new(), sources, info, files })
+    Ok(GatheredFilm { segments, damaged: Vec::new(), record_addresses, info, files })
 }
 
 /// Segment files: those that the arguments name, and those in folders that the arguments name.
@@ -300,7 +300,7 @@ struct FilmJoin<'a> {
     exporter: &'a dyn Exporter,
     info: &'a VideoInfo,
     segments: &'a [Segment],
-    sources: &'a [RecordAddress],
+    record_addresses: &'a [RecordAddress],
     inputs: &'a Inputs,
     budget: Budget,
     progress: Progress,
@@ -321,7 +321,7 @@ impl FilmJoin<'_> {
         let path = self.target.frame_path(0);
         self.inputs.check_output(&path)?;
         let shown = path.display().to_string();
-        let failed = |e: std::io::Error| output_error(&shown, &e);
+        let failed = |e: std::io::Error| output_failure(&shown, &e);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // The folder may not exist yet: the job of a farm starts with nothing but its segments.
         std::fs::create_dir_all(folder).map_err(failed)?;
@@ -340,7 +340,7 @@ impl FilmJoin<'_> {
         let join_failed = |error| self.join_failure(&shown, error);
         let mut film = FilmWriter::begin(self.exporter, self.info, self.budget.counting_writer(out))
             .map_err(join_failed)?;
-        for &(segment, place) in self.sources {
+        for &(segment, place) in self.record_addresses {
             let opened = &self.segments[segment];
             film.add_record(segment, opened, &opened.records[place]).map_err(join_failed)?;
             self.progress.step();
@@ -366,7 +366,7 @@ impl FilmJoin<'_> {
         names.clone().try_for_each(|name| self.inputs.check_output(&name))?;
         self.target.check_and_create_folders()?;
         let _claim = FrameRangeClaim::take(self.target, 0, last)?;
-        for (&(segment, place), name) in self.sources.iter().zip(names) {
+        for (&(segment, place), name) in self.record_addresses.iter().zip(names) {
             let shown = name.display().to_string();
             let opened = &self.segments[segment];
             let bytes = opened.read_bytes(&opened.records[place]);
@@ -374,9 +374,9 @@ impl FilmJoin<'_> {
                 bytes.map_err(|fault| self.join_failure(&shown, JoinError::Segment(segment, fault)))?;
             let part =
                 PartFile::create_shared(&name, &machine::id()).map_err(|e| write_failure(&shown, e))?;
-            let out = part.writer().map_err(|e| output_error(&shown, &e))?;
+            let out = part.writer().map_err(|e| output_failure(&shown, &e))?;
             let mut out = self.budget.counting_writer(Box::new(out));
-            out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| output_error(&shown, &e))?;
+            out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| output_failure(&shown, &e))?;
             drop(out);
             part.commit().map_err(|e| write_failure(&shown, e))?;
             self.progress.step();

@@ -2,7 +2,7 @@
 //! verified by running it again.
 
 use crate::args::PackArgs;
-use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
+use crate::failure::{Failure, output_failure, print_json, print_message, write_failure};
 use crate::scene::pack::{self, EXTENSION, Manifest, Unpacked};
 use crate::scene::{self, OpenedScene, opening::OpenOptions};
 use choreo_files::PartFile;
@@ -56,7 +56,7 @@ pub(crate) fn write_pack_of_scene(
 ) -> Result<PackResult, Failure> {
     let shown = args.output.display().to_string();
     scene.inputs.check_output(&args.output)?;
-    let failed = |e: std::io::Error| output_error(&shown, &e);
+    let failed = |e: std::io::Error| output_failure(&shown, &e);
     if is_folder(&args.output) {
         // The folder is created under a temporary name beside its destination, so that it is never incomplete.
         let place = args.output.components().as_path();

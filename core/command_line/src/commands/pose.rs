@@ -2,7 +2,7 @@
 
 use crate::args::PoseArgs;
 use crate::args::values;
-use crate::failure::{Failure, output_error, print, print_json, write_failure};
+use crate::failure::{Failure, output_failure, print, print_json, write_failure};
 use crate::scene::{self, opening::OpenOptions};
 use crate::terminal::page::Page;
 use choreo_asset::{Asset, Topology};
@@ -32,10 +32,10 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
         let shown = path.display().to_string();
         let failed = |e| write_failure(&shown, e);
         let part = PartFile::create(path).map_err(failed)?;
-        let mut out = part.writer().map_err(|e| output_error(&shown, &e))?;
+        let mut out = part.writer().map_err(|e| output_failure(&shown, &e))?;
         write_obj(&scene.stage, &snapshot, &mut out)
             .and_then(|()| out.flush())
-            .map_err(|e| output_error(&shown, &e))?;
+            .map_err(|e| output_failure(&shown, &e))?;
         drop(out);
         part.commit().map_err(failed)?;
     }

@@ -1,7 +1,7 @@
 //! Numbered images: finding the existing ones, claiming a range of frames, and writing each image to its own file.
 
 use crate::drawing::pipeline::{FrameImage, Pixels};
-use crate::failure::{Failure, output_error, write_failure};
+use crate::failure::{Failure, output_failure, write_failure};
 use crate::output::provenance;
 use crate::output::target::{Target, export_failure};
 use choreo_files::{Folder, PartFile, WriteError};
@@ -28,7 +28,7 @@ pub(crate) fn write_image(
     let shown = place.display().to_string();
     if let Some(copy) = file.as_ref() {
         let part = part.map_err(|e| write_failure(&shown, e))?;
-        let out = part.writer().map_err(|e| output_error(&shown, &e))?;
+        let out = part.writer().map_err(|e| output_failure(&shown, &e))?;
         let written = exporter.with_provenance(&info, copy, Box::new(out));
         return match written.map_err(|e| export_failure(&shown, e))? {
             true => part.commit().map_err(|e| write_failure(&shown, e)),
@@ -89,7 +89,7 @@ fn write_image_with_writer(
     let shown = place.display().to_string();
     let (failed, not_written) = (|e| export_failure(&shown, e), |e| write_failure(&shown, e));
     let part = part.map_err(not_written)?;
-    let out = part.writer().map_err(|e| output_error(&shown, &e))?;
+    let out = part.writer().map_err(|e| output_failure(&shown, &e))?;
     let mut sink = exporter.begin(info, wrap_writer(Box::new(out))).map_err(failed)?;
     pixels.write(&mut *sink, false).map_err(failed)?;
     sink.finish().map_err(failed)?;
@@ -129,7 +129,7 @@ impl FrameRangeClaim {
     pub fn take(target: &Target, first: i64, last: i64) -> Result<Option<FrameRangeClaim>, Failure> {
         let Target::Numbered { folder, .. } = target else { return Ok(None) };
         let shown = target.display_name();
-        let (failed, not_written) = (|e| output_error(&shown, &e), |e| write_failure(&shown, e));
+        let (failed, not_written) = (|e| output_failure(&shown, &e), |e| write_failure(&shown, e));
         let stem = format!("{}.", Path::new(&shown).file_name().unwrap_or_default().to_string_lossy());
         let open = Arc::new(Folder::open(folder).map_err(failed)?);
         let claim = |name: PathBuf| PartFile::claim(open.clone(), name).map_err(not_written);

@@ -1,6 +1,6 @@
 //! The journal of a video's finished frames in its part folder, from which a killed render resumes.
 //!
-//! The file `journal` is a line of magic followed by records: length, CRC-32 and bytes. The first record holds the identity of the render;
+//! The file `journal` is a magic line followed by records: length, CRC-32 and bytes. The first record holds the identity of the render;
 //! each further one stands for a finished frame, and is written after all data that it refers to. Checksums find records that are truncated
 //! or corrupt, and only the records before them are used.
 
@@ -30,11 +30,12 @@ pub enum KeptFrame {
 /// Place of a delta-encoded frame in the file `frames`, and its checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    pub at: u64,
+    /// Offset in the file `frames`, and length in bytes.
+    pub offset: u64,
     pub length: u32,
     pub crc: u32,
     /// Lengths in bytes of the three parts of the decoded frame.
-    pub parts: [u32; 3],
+    pub part_lengths: [u32; 3],
 }
 
 impl Record {
@@ -48,8 +49,8 @@ impl Record {
             }
             KeptFrame::Open(span) => {
                 bytes.push(b'O');
-                bytes.extend(span.at.to_le_bytes());
-                for number in [span.length, span.crc].iter().chain(&span.parts) {
+                bytes.extend(span.offset.to_le_bytes());
+                for number in [span.length, span.crc].iter().chain(&span.part_lengths) {
                     bytes.extend(number.to_le_bytes());
                 }
             }
@@ -69,10 +70,10 @@ impl Record {
                 let mut numbers = numbers.as_chunks::<4>().0.iter().map(|n| u32::from_le_bytes(*n));
                 let mut next = || numbers.next();
                 KeptFrame::Open(Span {
-                    at: u64::from_le_bytes(*at),
+                    offset: u64::from_le_bytes(*at),
                     length: next()?,
                     crc: next()?,
-                    parts: [next()?, next()?, next()?],
+                    part_lengths: [next()?, next()?, next()?],
                 })
             }
             _ => return None,
@@ -262,7 +263,7 @@ mod tests {
 
     fn sample() -> (Vec<u8>, Vec<Record>) {
         let identity = vec![("a".to_string(), "b".to_string()), (String::new(), "ü\n".to_string())];
-        let span = Span { at: 7, length: 9, crc: 11, parts: [1, 2, 3] };
+        let span = Span { offset: 7, length: 9, crc: 11, part_lengths: [1, 2, 3] };
         let records = vec![
             Record { body: 10, crc: 1, kept: KeptFrame::Settled(vec![]) },
             Record { body: 20, crc: 2, kept: KeptFrame::Open(span) },

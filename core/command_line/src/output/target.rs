@@ -1,6 +1,6 @@
 //! Destination of a result: one file, a numbered set of files, or standard output.
 
-use crate::failure::{Failure, output_error, reason};
+use crate::failure::{Failure, describe_error, output_failure};
 use choreo_plugin::{ExportError, Exporter, Registry};
 use choreo_test_runner::collect::quoted;
 use std::io::{ErrorKind, IsTerminal};
@@ -130,7 +130,7 @@ impl Target {
                     std::fs::create_dir_all(folder).map_err(|e| {
                         let why = match e.kind() {
                             ErrorKind::AlreadyExists => "it already exists and is not a folder".to_string(),
-                            _ => reason(&e),
+                            _ => describe_error(&e),
                         };
                         Failure::Output(format!("{}: cannot create the folder: {why}", folder.display()))
                     })?;
@@ -155,7 +155,7 @@ impl Target {
 /// Failure for an error of an exporter. `shown`: the output in messages.
 pub(crate) fn export_failure(shown: &str, error: ExportError) -> Failure {
     match error {
-        ExportError::Io(e) => output_error(shown, &e),
+        ExportError::Io(e) => output_failure(shown, &e),
         ExportError::Stage(e) => Failure::input(e.to_string()),
         other => Failure::Output(format!("{shown}: {other}")),
     }

@@ -2,7 +2,7 @@
 
 use crate::args::RenderArgs;
 use crate::drawing::pipeline::Pixels;
-use crate::failure::{Failure, output_error, write_failure};
+use crate::failure::{Failure, output_failure, write_failure};
 use crate::output::journal::{self, FrameDelta, Identity, Journal, KeptFrame, Record, Span};
 use crate::output::provenance;
 use crate::output::target::export_failure;
@@ -136,7 +136,7 @@ impl VideoWriter {
         exporter: &dyn Exporter,
         info: &VideoInfo,
     ) -> Result<VideoWriter, Failure> {
-        let failed = |e: io::Error| output_error(&shown, &e);
+        let failed = |e: io::Error| output_failure(&shown, &e);
         let (destination, out) = match exporter.head_comes_last() {
             true => {
                 let body = tempfile::tempfile().map_err(failed)?;
@@ -154,7 +154,7 @@ impl VideoWriter {
     pub(crate) fn add_frame(&mut self, pixels: &Pixels, repeated: bool) -> Result<(), Failure> {
         pixels.write(&mut *self.sink, repeated).map_err(|e| export_failure(&self.shown, e))?;
         let BodyDestination::PartFolder(folder) = &mut self.destination else { return Ok(()) };
-        folder.append_mark(self.sink.mark(), &self.body).map_err(|e| output_error(&self.shown, &e))
+        folder.append_mark(self.sink.mark(), &self.body).map_err(|e| output_failure(&self.shown, &e))
     }
 
     /// Ends the video, and moves it to its place.
@@ -341,7 +341,7 @@ impl VideoPartFolder {
         identity: &Identity,
     ) -> Result<(VideoWriter, usize), Failure> {
         let shown = self.shown.clone();
-        let failed = |e: io::Error| output_error(&shown, &e);
+        let failed = |e: io::Error| output_failure(&shown, &e);
         let export_failed = |e| export_failure(&shown, e);
         let not_written = |e| write_failure(&shown, e);
         let mut file = match self.part.reopen("body").map_err(not_written)? {
@@ -372,7 +372,7 @@ impl VideoPartFolder {
         while let Some((Record { kept: KeptFrame::Open(span), .. }, _)) = found.records.get(done) {
             let Some(kept) = self.read_kept_frame(span, info) else { break };
             sink.again(kept).map_err(export_failed)?;
-            self.frames_end = span.at + u64::from(span.length);
+            self.frames_end = span.offset + u64::from(span.length);
             done += 1;
         }
         if done == 0 {
@@ -393,7 +393,7 @@ impl VideoPartFolder {
     /// Reads and decodes a frame that the encoder of the earlier render still held; `None` if its bytes are missing or damaged.
     fn read_kept_frame(&mut self, span: &Span, info: &VideoInfo) -> Option<&[u8]> {
         let frames = self.frames.as_mut()?;
-        frames.seek(SeekFrom::Start(span.at)).ok()?;
+        frames.seek(SeekFrom::Start(span.offset)).ok()?;
         self.scratch.clear();
         frames.take(u64::from(span.length)).read_to_end(&mut self.scratch).ok()?;
         if self.scratch.len() != span.length as usize || crc32fast::hash(&self.scratch) != span.crc {
@@ -401,7 +401,7 @@ impl VideoPartFolder {
         }
         // No encoder keeps more of a frame than its pixels, and some add a row and a column.
         let most = 4 * (u64::from(info.width) + 1) * (u64::from(info.height) + 1);
-        self.delta.decode(&self.scratch, &span.parts, most)
+        self.delta.decode(&self.scratch, &span.part_lengths, most)
     }
 
     /// Appends the frame that the sink has just taken to the journal, in the form that its mark states.
@@ -441,14 +441,14 @@ impl VideoPartFolder {
             self.frames = Some(self.part.create("frames").map_err(io::Error::other)?);
         }
         let span = Span {
-            at: self.frames_end,
+            offset: self.frames_end,
             length: self.scratch.len() as u32,
             crc: crc32fast::hash(&self.scratch),
-            parts: parts.map(|p| p.len() as u32),
+            part_lengths: parts.map(|p| p.len() as u32),
         };
         if let Some(frames) = &mut self.frames {
             // Frames overwrite those before the last settled mark: the file does not grow, and its pages are reused.
-            frames.seek(SeekFrom::Start(span.at))?;
+            frames.seek(SeekFrom::Start(span.offset))?;
             frames.write_all(&self.scratch)?;
         }
         self.frames_end += u64::from(span.length);

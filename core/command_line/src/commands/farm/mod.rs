@@ -13,7 +13,7 @@ mod status;
 use crate::App;
 use crate::args::{Cli, Command, Engine, FarmArgs, PackArgs, RenderArgs};
 use crate::commands::{pack, render};
-use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
+use crate::failure::{Failure, output_failure, print_json, print_message, write_failure};
 use crate::output::target::Target;
 use crate::process::scratch;
 use crate::project_file;
@@ -83,7 +83,7 @@ pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
         return Err(Failure::Output(what));
     }
     let outputs = request.rows.as_deref().map(|rows| rows::output_paths(rows, request.output)).transpose()?;
-    let failed = |e: std::io::Error| output_error(&request.job_folder.display().to_string(), &e);
+    let failed = |e: std::io::Error| output_failure(&request.job_folder.display().to_string(), &e);
     for folder in [SEGMENTS, OUTPUT] {
         std::fs::create_dir_all(request.job_folder.join(folder)).map_err(failed)?;
     }

@@ -2,7 +2,7 @@
 //! is copied to a hidden folder and then renamed.
 
 use crate::failure::{
-    Failure, Problem, output_error, print, print_json, print_message, reason, write_failure,
+    Failure, Problem, describe_error, output_failure, print, print_json, print_message, write_failure,
 };
 use crate::terminal::page::Page;
 use choreo_files::{FileError, Folder, WriteError};
@@ -121,8 +121,8 @@ pub fn install(path: &Path, replace: bool, plugins: &Registry) -> Result<(), Fai
             package.version
         )));
     }
-    let failed = |e: std::io::Error| output_error(&target.display().to_string(), &e);
-    std::fs::create_dir_all(&folder).map_err(|e| output_error(&folder.display().to_string(), &e))?;
+    let failed = |e: std::io::Error| output_failure(&target.display().to_string(), &e);
+    std::fs::create_dir_all(&folder).map_err(|e| output_failure(&folder.display().to_string(), &e))?;
     let others: Vec<PathBuf> = packages_in(&folder).into_iter().map(|name| folder.join(name)).collect();
     let others = others.into_iter().filter(|other| *other != target);
     let others = others.filter_map(|other| list_package(&Registry::default(), &other).ok());
@@ -159,8 +159,9 @@ fn create_hidden_folder(folder: &Path) -> std::io::Result<tempfile::TempDir> {
 
 /// Copies a package's folder to the folder `new` inside another folder.
 fn copy_package(source: &Path, to: &Path) -> Result<(), Failure> {
-    let read =
-        |e: std::io::Error| Failure::input(format!("{}: cannot read: {}", source.display(), reason(&e)));
+    let read = |e: std::io::Error| {
+        Failure::input(format!("{}: cannot read: {}", source.display(), describe_error(&e)))
+    };
     let shown = to.display().to_string();
     let from = Folder::open(source).map_err(read)?;
     let to = Folder::open(to).map_err(WriteError::Io);
@@ -213,7 +214,7 @@ impl FolderCopy {
             let bytes = from.read(name, MAX_PACKAGE_BYTES).map_err(|e| self.unreadable_failure(&path, e))?;
             self.bytes += bytes.len() as u64;
             let mut file = to.create_new(name).map_err(failed)?;
-            file.write_all(&bytes).map_err(|e| output_error(&self.shown, &e))?;
+            file.write_all(&bytes).map_err(|e| output_failure(&self.shown, &e))?;
         }
         Ok(())
     }
@@ -288,8 +289,9 @@ pub fn remove(name: &str) -> Result<(), Failure> {
         let what = format!("{}: it is a link that choreo did not make; remove it yourself", place.display());
         return Err(Failure::Output(what));
     }
-    let failed =
-        |e: std::io::Error| Failure::Output(format!("{}: cannot remove: {}", place.display(), reason(&e)));
+    let failed = |e: std::io::Error| {
+        Failure::Output(format!("{}: cannot remove: {}", place.display(), describe_error(&e)))
+    };
     // The folder is renamed first, so that no command finds a half-removed package.
     let old = create_hidden_folder(&folder).map_err(failed)?;
     std::fs::rename(&place, old.path().join("old")).map_err(failed)?;

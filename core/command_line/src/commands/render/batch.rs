@@ -7,7 +7,7 @@ use crate::commands::render::draw::{self, DrawResult};
 use crate::drawing::device;
 use crate::drawing::frame_cache::CachingRenderer;
 use crate::drawing::pipeline::render_failure;
-use crate::failure::{Failure, output_error, print_json, print_message};
+use crate::failure::{Failure, output_failure, print_json, print_message};
 use crate::output::target::Target;
 use crate::process::panics::catch_plugin_panics;
 use crate::scene;
@@ -117,7 +117,7 @@ impl Batch {
 fn create_folder(target: &Target) -> Result<(), Failure> {
     let Target::File(path) = target else { return Ok(()) };
     let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return Ok(()) };
-    std::fs::create_dir_all(folder).map_err(|e| output_error(&folder.display().to_string(), &e))
+    std::fs::create_dir_all(folder).map_err(|e| output_failure(&folder.display().to_string(), &e))
 }
 
 struct RowResult {

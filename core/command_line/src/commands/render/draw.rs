@@ -128,7 +128,7 @@ impl Drawing<'_> {
         if job.exporter.one_frame_per_file() {
             return self.draw_images(renderer, print_unless_quiet);
         }
-        let (video, begun) = match &job.target {
+        let (video, resumed) = match &job.target {
             Target::Stdout => (Some(VideoWriter::to_stdout(&*job.exporter, self.info)?), Default::default()),
             target => {
                 let identity = self.render_identity();
@@ -142,9 +142,9 @@ impl Drawing<'_> {
                 )?
             }
         };
-        begun.note.iter().for_each(|line| print_unless_quiet(line));
+        resumed.note.iter().for_each(|line| print_unless_quiet(line));
         let Some(mut video) = video else { return Ok(FrameCounts::default()) };
-        worker::start_reports(begun.finished_frames as u64);
+        worker::start_reports(resumed.finished_frames as u64);
         let encode: Vec<Encode> = vec![Box::new(|_, image, repeated| {
             video.add_frame(&image.pixels, repeated)?;
             worker::count_frame(&image.pixels);
@@ -152,7 +152,7 @@ impl Drawing<'_> {
         })];
         let drawn = match self.draw_frames(
             renderer,
-            &job.frames[begun.finished_frames..],
+            &job.frames[resumed.finished_frames..],
             encode,
             print_unless_quiet,
         ) {

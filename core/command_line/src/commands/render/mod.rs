@@ -12,7 +12,7 @@ use crate::args::RenderArgs;
 use crate::args::values;
 use crate::commands::export;
 use crate::drawing::device;
-use crate::failure::{Failure, check_limit, output_error};
+use crate::failure::{Failure, check_limit, output_failure};
 use crate::output::budget::BudgetedExporter;
 use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
@@ -254,7 +254,7 @@ fn segment_target(
     let Some((first, _)) = numbers.filter(|(first, last)| last - first + 1 == count) else {
         return Err(Failure::Usage("--segment takes one range of frames, as --frames 0..120".into()));
     };
-    std::fs::create_dir_all(folder).map_err(|e| output_error(&folder.display().to_string(), &e))?;
+    std::fs::create_dir_all(folder).map_err(|e| output_failure(&folder.display().to_string(), &e))?;
     worker::begin_segment(folder, first.unsigned_abs(), (first + count - 1).unsigned_abs());
     let segment = SegmentExporter {
         inner: exporter.clone(),

@@ -3,7 +3,7 @@
 use crate::args::RenderArgs;
 use crate::commands::render;
 use crate::drawing::pipeline::{Pixels, render_failure};
-use crate::failure::{Failure, output_error, print_message};
+use crate::failure::{Failure, output_failure, print_message};
 use crate::output::image_files;
 use crate::output::provenance;
 use crate::output::target::Target;
@@ -99,7 +99,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut images = renderer.stages(&plan).map_err(render_failure)?;
     let captioned = images.iter_mut().zip(CAPTIONS).enumerate();
     captioned.for_each(|(i, (image, text))| draw_caption(image, &format!("{}  {text}", i + 1)));
-    std::fs::create_dir_all(folder).map_err(|e| output_error(&args.output, &e))?;
+    std::fs::create_dir_all(folder).map_err(|e| output_failure(&args.output, &e))?;
     let info = VideoInfo {
         width: job.settings.size[0],
         height: job.settings.size[1],
