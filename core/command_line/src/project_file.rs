@@ -86,7 +86,7 @@ fn with_options_of_file(
     let Some(file) = file(name, given)? else { return Ok(args.to_vec()) };
     let cli = Cli::command();
     let Some(command) = cli.find_subcommand(name) else { return Ok(args.to_vec()) };
-    Ok(insert_options(args, file.options(&cli, command, given)?))
+    Ok(insert_options(args, file.command_options(&cli, command, given)?))
 }
 
 /// Inserts options before `--`: words after it are not options.
@@ -236,7 +236,7 @@ impl ProjectFile {
     }
 
     /// Options of the file that apply to the command, as command-line words.
-    fn options(
+    fn command_options(
         &self,
         cli: &clap::Command,
         command: &clap::Command,

@@ -6,7 +6,7 @@ use clap::builder::ArgPredicate;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-pub(crate) const EXIT_CODES: &str = "\
+pub(crate) const EXIT_CODES_HELP: &str = "\
 Exit codes:
   0    done
   1    the script, model or another input is wrong, or a test failed
@@ -25,12 +25,12 @@ after them. An output path that is a symbolic link or an input is refused.";
 /// Text after the options in `--help`; `-h` shows only the exit codes.
 fn limits_help() -> String {
     let table = choreo_script::Limits::table();
-    format!("Limits, set with --limit NAME=NUMBER:\n{table}\n{EXIT_CODES}")
+    format!("Limits, set with --limit NAME=NUMBER:\n{table}\n{EXIT_CODES_HELP}")
 }
 
 /// Turns a script and a folder of ready-made characters and clips into an animated scene.
 #[derive(Parser, Debug)]
-#[command(name = "choreo", version, after_help = EXIT_CODES, disable_help_subcommand = true)]
+#[command(name = "choreo", version, after_help = EXIT_CODES_HELP, disable_help_subcommand = true)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub command: Command,
@@ -42,58 +42,58 @@ pub(crate) struct Cli {
 #[derive(Subcommand, Debug)]
 pub enum Command {
     /// Render a script, or a model file as it is, to video or images
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Render(RenderArgs),
     /// Write a job that renders a film on many machines, for an existing engine: Open Job Description or Slurm
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help(), mut_arg("input", |input| {
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help(), mut_arg("input", |input| {
         // Not needed with --status, which names the folder of a job.
         input.required(false).required_unless_present("status").default_value_if("status", ArgPredicate::IsPresent, ".")
     }))]
     Farm(FarmArgs),
     /// Join the segments of several machines, made with render --segment, into the file that one machine would have written
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Join(JoinArgs),
     /// Pack a script and every file that it reads into one archive, which renders to the same images on another machine
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Pack(PackArgs),
     /// Write the scene for another program: skeletons, animation and cameras, as far as the format can hold them
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Export(ExportArgs),
     /// Open a window that shows a script or a model, and updates it after every save
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     View(ViewArgs),
     /// Check a scene without drawing: the script, its assets, its callbacks at every frame, and its tests
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Check(CheckArgs),
     /// Describe a model file, or how an image or video was made
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Info(InfoArgs),
     /// Explain one frame of a scene: the parts that it needs, what requested them, and the parts that were left out
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Explain(ExplainArgs),
     /// Measure error against run time for each numerical method that the scene could use
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Measure(MeasureArgs),
     /// Print the joints of every actor in world space at one time
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Pose(PoseArgs),
     /// Run tests that are written as scripts: sections with assertions and reference images
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Test(TestArgs),
     /// List the importers, effects and exporters of this program; install, list, remove or test packages of plugins
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Plugins(PluginsArgs),
     /// Create a project for your own videos, or a plugin: a crate, or a single file with --single
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     New(NewArgs),
     /// Format scripts: spaces, indentation and blank lines. Line breaks, comments and strings are kept
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Format(FormatArgs),
     /// Run the language server for editors (Language Server Protocol) on standard input and output: diagnostics, completion and more
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Lsp(LspArgs),
     /// Look up a term of animation and rendering, or print the help of a command
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Help(HelpArgs),
 }
 

@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_frame_ranges_say_what_to_type() {
+    fn messages_about_bad_frame_ranges_show_valid_forms() {
         for (text, expected) in [
             (
                 "a..b",

@@ -8,8 +8,8 @@ use crate::output::budget::Budget;
 use crate::output::image_files::FrameRangeClaim;
 use crate::output::provenance;
 use crate::output::segment::{
-    CoverageError, EXTENSION, FilmWriter, JoinError, JoinedFrames, RecordAddress, Segment, format_ranges,
-    select_records,
+    CoverageError, FilmWriter, JoinError, JoinedFrames, RecordAddress, SEGMENT_EXTENSION, Segment,
+    format_ranges, select_records,
 };
 use crate::output::target::{Target, export_failure};
 use crate::process::machine;
@@ -185,11 +185,11 @@ fn segment_files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let names =
             choreo_files::Folder::open(path).and_then(|f| f.names(MAX_NAMES_PER_FOLDER)).map_err(failed)?;
         let found = names.iter().map(|name| path.join(name));
-        files.extend(found.filter(|file| file.extension().is_some_and(|e| e == EXTENSION)));
+        files.extend(found.filter(|file| file.extension().is_some_and(|e| e == SEGMENT_EXTENSION)));
     }
     if files.is_empty() {
         let named: Vec<String> = given.iter().map(|path| path.display().to_string()).collect();
-        return Err(Failure::input(format!("{}: there is no .{EXTENSION} file", named.join(", "))));
+        return Err(Failure::input(format!("{}: there is no .{SEGMENT_EXTENSION} file", named.join(", "))));
     }
     Ok(files)
 }

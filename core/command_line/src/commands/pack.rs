@@ -3,7 +3,7 @@
 
 use crate::args::PackArgs;
 use crate::failure::{Failure, output_failure, print_json, print_message, write_failure};
-use crate::scene::pack::{self, EXTENSION, Manifest, Unpacked};
+use crate::scene::pack::{self, Manifest, PACK_EXTENSION, Unpacked};
 use crate::scene::{self, OpenedScene, opening::OpenOptions};
 use choreo_files::PartFile;
 use choreo_plugin::Registry;
@@ -31,11 +31,12 @@ pub(crate) fn write_pack(
     options: String,
 ) -> Result<PackResult, Failure> {
     let shown = args.output.display().to_string();
-    if !is_folder(&args.output) && !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION))
+    if !is_folder(&args.output)
+        && !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(PACK_EXTENSION))
     {
         // A typing error must not replace a script or a model.
         return Err(Failure::Usage(format!(
-            "-o {shown}: write a name that ends in .{EXTENSION}, or in / for a folder"
+            "-o {shown}: write a name that ends in .{PACK_EXTENSION}, or in / for a folder"
         )));
     }
     if pack::is_packed(&args.scene.input) {

@@ -8,8 +8,8 @@ use choreo_script::help::{Call, is_about};
 pub type PageText = (&'static str, &'static str);
 
 /// Pages about the parts that every program on choreo has.
-const PAGES: [PageText; 5] = [
-    (REFERENCE, choreo_script::API),
+const COMMON_PAGES: [PageText; 5] = [
+    (REFERENCE_PAGE, choreo_script::API),
     ("core/language_server/README.md", choreo_language_server::README),
     ("core/test_runner/README.md", choreo_test_runner::README),
     ("core/rhai_importer/README.md", choreo_rhai_importer::README),
@@ -17,14 +17,14 @@ const PAGES: [PageText; 5] = [
 ];
 
 /// Heading of the table of rules.
-const RULES: &str = "Rules of choreo check, and // allow:";
+const RULES_HEADING: &str = "Rules of choreo check, and // allow:";
 
 /// The script reference, which `choreo help` searches entry by entry elsewhere.
-const REFERENCE: &str = "core/script/API.md";
+const REFERENCE_PAGE: &str = "core/script/API.md";
 
 /// All pages; those of the program come last.
 fn all_pages(app: &App) -> impl Iterator<Item = PageText> + Clone {
-    PAGES.into_iter().chain(app.pages.iter().copied())
+    COMMON_PAGES.into_iter().chain(app.pages.iter().copied())
 }
 
 /// Paths of all pages.
@@ -43,7 +43,7 @@ pub fn page_text(app: &App, name: &str) -> Option<&'static str> {
 
 /// Headings that contain all words of a term, and table rows about functions and rules of that name.
 pub fn search_pages(app: &App, term: &str) -> Vec<Call> {
-    let searched = |(path, _): &PageText| *path != REFERENCE && path.ends_with(".md");
+    let searched = |(path, _): &PageText| *path != REFERENCE_PAGE && path.ends_with(".md");
     all_pages(app).filter(searched).flat_map(|page| search_page(page, term)).collect()
 }
 
@@ -77,7 +77,7 @@ fn search_page((path, text): PageText, term: &str) -> Vec<Call> {
             if is_about(term, heading) {
                 let about = first.filter(|line| !line.starts_with(['#', '|', '`', '!', '[']));
                 let mut call = call(heading, about, heading);
-                if heading == RULES {
+                if heading == RULES_HEADING {
                     let rows = lines.clone().take_while(|line| !line.starts_with('#'));
                     call.details = rows.filter(|line| line.starts_with("| `")).map(rule_row_text).collect();
                 }
@@ -85,7 +85,7 @@ fn search_page((path, text): PageText, term: &str) -> Vec<Call> {
             }
         } else if let Some((usage, rest)) = line.strip_prefix("| `").and_then(|row| row.split_once('`'))
             && usage.split('(').next() == Some(term.trim_end_matches("()"))
-            && (usage.contains('(') || heading == RULES)
+            && (usage.contains('(') || heading == RULES_HEADING)
         {
             found.push(call(usage, rest.trim_start_matches([' ', '|']).split(" |").next(), heading));
         }
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn scripts_stand_in_the_pages_that_include_them() {
+    fn included_scripts_are_inserted_into_pages() {
         let pages = vec![("g/scenes/a.rhai", "let x = 1;\n")];
         let app = App { pages, ..App::new("choreo", "1", Registry::default()) };
         let page = with_scripts(&app, "# a\n{{#include ../../scenes/a.rhai}}\n{{#include b.rhai}}\n");
@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn headings_and_functions_are_found() {
         let app = app();
-        let rules = format!("# c\n\n## {RULES}\n\n| `gap` | nothing plays |\n");
+        let rules = format!("# c\n\n## {RULES_HEADING}\n\n| `gap` | nothing plays |\n");
         let app = App { pages: vec![("core/cli/README.md", rules.leak())], ..app };
         let found = |term: &str| {
             search_pages(&app, term).into_iter().map(|call| (call.usage, call.page)).collect::<Vec<_>>()
@@ -143,8 +143,11 @@ mod tests {
         let depth = "depth_at(at: vec2<i32>) -> f32".to_string();
         assert_eq!(found("depth_at"), [(depth, inputs.clone())]);
         assert_eq!(found("effects inputs"), [("Inputs of effects on images".to_string(), inputs)]);
-        assert_eq!(found("gap"), [("gap".to_string(), format!("core/cli/README.md, \"{RULES}\""))]);
-        assert_eq!(found("allow"), [(RULES.to_string(), format!("core/cli/README.md, \"{RULES}\""))]);
+        assert_eq!(found("gap"), [("gap".to_string(), format!("core/cli/README.md, \"{RULES_HEADING}\""))]);
+        assert_eq!(
+            found("allow"),
+            [(RULES_HEADING.to_string(), format!("core/cli/README.md, \"{RULES_HEADING}\""))]
+        );
         assert_eq!(search_pages(&app, "allow")[0].details, ["gap: nothing plays"]);
         let passes = "Passes with textures of their own".to_string();
         let page = format!("core/wgsl_effect/README.md, \"{passes}\"");

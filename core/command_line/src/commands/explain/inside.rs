@@ -8,7 +8,7 @@ use choreo_stage::{Stage, Subject};
 use serde_json::{Value, json};
 
 /// Largest number of names per part; further ones are only counted.
-const MAX_NAMES: usize = 3;
+const MAX_NAMES_PER_PART: usize = 3;
 
 pub struct FrameContent<'a> {
     pub stage: &'a Stage,
@@ -77,7 +77,7 @@ impl FrameContent<'_> {
                 let actor = self.stage.actors.get(*index as usize).map_or("", |a| a.name.as_str());
                 format!("{actor}{}", self.place_suffix(Subject::Actor(*index as usize)))
             };
-            let names: Vec<String> = by.actors.iter().take(MAX_NAMES).map(name).collect();
+            let names: Vec<String> = by.actors.iter().take(MAX_NAMES_PER_PART).map(name).collect();
             words.push(names.join(", ") + more(by.actors.len() - names.len()).as_str());
         }
         if !by.materials.is_empty() {
@@ -86,8 +86,8 @@ impl FrameContent<'_> {
                 by.materials.iter().map(|m| format!("\"{}\"", self.material_name(*m))).collect();
             names.sort();
             names.dedup();
-            let left = names.len().saturating_sub(MAX_NAMES);
-            names.truncate(MAX_NAMES);
+            let left = names.len().saturating_sub(MAX_NAMES_PER_PART);
+            names.truncate(MAX_NAMES_PER_PART);
             let plural = if names.len() == 1 { "material" } else { "materials" };
             words.push(format!("{plural} {}", names.join(", ")) + more(left).as_str());
         }

@@ -26,7 +26,7 @@ use choreo_files::write_whole_beneath;
 use choreo_plugin::VideoInfo;
 use chunks::{FilmCost, chunks_of_equal_cost, chunks_of_length, nearest_multiple_of_piece};
 use clap::FromArgMatches;
-use job::{FarmJob, Film, JOB, OUTPUT, ROWS, SCENE, SEGMENTS};
+use job::{FarmJob, Film, JOB_FILE, OUTPUT_FOLDER, ROWS_FILE, SCENE_FILE, SEGMENTS_FOLDER};
 use pack_rows::RowFailure;
 use serde_json::json;
 use std::ffi::OsString;
@@ -58,7 +58,7 @@ impl<'a> JobRequest<'a> {
     fn pack_args(&self) -> PackArgs {
         PackArgs {
             scene: self.args.scene.clone(),
-            output: self.job_folder.join(SCENE),
+            output: self.job_folder.join(SCENE_FILE),
             quiet: true,
             json: false,
         }
@@ -73,7 +73,7 @@ pub fn status(folder: &Path, args: &FarmArgs) -> Result<(), Failure> {
 /// Writes a job. `options`: text of the project's `choreo.toml`.
 pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
     let request = JobRequest::new(args)?;
-    let segments = request.job_folder.join(SEGMENTS);
+    let segments = request.job_folder.join(SEGMENTS_FOLDER);
     if segments.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
         let (to, segments) = (request.job_folder.display(), segments.display());
         let what = format!(
@@ -84,7 +84,7 @@ pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
     }
     let outputs = request.rows.as_deref().map(|rows| rows::output_paths(rows, request.output)).transpose()?;
     let failed = |e: std::io::Error| output_failure(&request.job_folder.display().to_string(), &e);
-    for folder in [SEGMENTS, OUTPUT] {
+    for folder in [SEGMENTS_FOLDER, OUTPUT_FOLDER] {
         std::fs::create_dir_all(request.job_folder.join(folder)).map_err(failed)?;
     }
     let mut failures = match &request.rows {
@@ -101,8 +101,8 @@ pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
         Engine::Slurm => slurm::job_files(&farm_job)?,
     };
     let pretty = |value: &serde_json::Value| crate::terminal::json::pretty(value) + "\n";
-    files.extend(request.rows.iter().map(|rows| (ROWS, pretty(&rows::to_json(rows)))));
-    files.push((JOB, pretty(&farm_job.json())));
+    files.extend(request.rows.iter().map(|rows| (ROWS_FILE, pretty(&rows::to_json(rows)))));
+    files.push((JOB_FILE, pretty(&farm_job.json())));
     for (name, text) in &files {
         let shown = request.job_folder.join(name).display().to_string();
         write_whole_beneath(request.job_folder, Path::new(name), text.as_bytes())
@@ -252,7 +252,7 @@ fn check_film_path(output: &str) -> Result<(), Failure> {
     let plain = |part: Component| matches!(part, Component::Normal(_));
     if Target::parse(output)? == Target::Stdout || !Path::new(output).components().all(plain) {
         let what = format!(
-            "-o {output}: the film is written to the folder {OUTPUT} of the job; write a name, as film.mp4"
+            "-o {output}: the film is written to the folder {OUTPUT_FOLDER} of the job; write a name, as film.mp4"
         );
         return Err(Failure::Usage(what));
     }
@@ -261,7 +261,7 @@ fn check_film_path(output: &str) -> Result<(), Failure> {
 
 /// Arguments of a render of the packed scene, which is unpacked in the same way as on a machine of the farm.
 fn render_args(request: &JobRequest, options: &[String], app: &App) -> Result<RenderArgs, Failure> {
-    let scene: PathBuf = request.job_folder.join(SCENE);
+    let scene: PathBuf = request.job_folder.join(SCENE_FILE);
     let mut words: Vec<OsString> = vec![app.name.into(), "render".into(), scene.into(), "-o".into()];
     words.push(request.output.into());
     words.extend(options.iter().map(OsString::from));
@@ -285,7 +285,7 @@ fn open_job(
 ) -> Result<render::Job, Failure> {
     let registry = scene::registry_with_plugin_files(&args.scene, &app.registry)?;
     // The job makes the folder of a film of numbered images.
-    render::prepare(args, Target::parse(&args.output)?, &registry, reopen_state)
+    render::prepare_job(args, Target::parse(&args.output)?, &registry, reopen_state)
 }
 
 impl FarmArgs {
@@ -324,7 +324,7 @@ fn report_job(
         return print_json(&json!({
             "ok": failures.is_empty(),
             "folder": to.to_string(),
-            "files": files.iter().map(|(name, _)| *name).chain([SCENE]).collect::<Vec<_>>(),
+            "files": files.iter().map(|(name, _)| *name).chain([SCENE_FILE]).collect::<Vec<_>>(),
             "frames": frames,
             "chunks": job.films.last().map(|film| &film.chunks),
             "films": job.films.iter().map(film).collect::<Vec<_>>(),

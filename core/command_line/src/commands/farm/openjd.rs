@@ -1,6 +1,6 @@
 //! The job as a template of Open Job Description (2023-09) with the extension for chunks of tasks, as JSON.
 
-use super::job::{FarmJob, Film, OUTPUT, ROWS, SCENE, SEGMENTS};
+use super::job::{FarmJob, Film, OUTPUT_FOLDER, ROWS_FILE, SCENE_FILE, SEGMENTS_FOLDER};
 use super::preview;
 use crate::failure::Failure;
 use choreo_test_runner::collect::quoted;
@@ -42,15 +42,15 @@ pub(crate) fn run_command(folder: &Path, job: &FarmJob) -> String {
 fn template(job: &FarmJob) -> Value {
     let path = |name: &str, kind: &str, flow: &str, default: &str, about: &str| json!({ "name": name, "type": "PATH", "objectType": kind, "dataFlow": flow, "default": default, "description": about });
     let mut parameters = vec![
-        path("Scene", "FILE", "IN", SCENE, "The packed scene"),
+        path("Scene", "FILE", "IN", SCENE_FILE, "The packed scene"),
         path(
             "Segments",
             "DIRECTORY",
             "INOUT",
-            SEGMENTS,
+            SEGMENTS_FOLDER,
             "Folder for the frames; all machines must be able to write to it",
         ),
-        path("Output", "DIRECTORY", "OUT", OUTPUT, "Folder for the film"),
+        path("Output", "DIRECTORY", "OUT", OUTPUT_FOLDER, "Folder for the film"),
         json!({ "name": "Choreo", "type": "STRING", "default": "choreo", "description": "Program choreo on the machines: name or path" }),
     ];
     let name = job.films.last().map_or("", |film| film.output.as_str());
@@ -58,7 +58,7 @@ fn template(job: &FarmJob) -> Value {
         job.pattern.as_deref().unwrap_or(name).chars().filter(|c| !c.is_control()).take(64).collect();
     let steps = match &job.pattern {
         Some(pattern) => {
-            parameters.push(path("Rows", "FILE", "IN", ROWS, "The parameters of each film"));
+            parameters.push(path("Rows", "FILE", "IN", ROWS_FILE, "The parameters of each film"));
             steps_of_rows(job, pattern)
         }
         None => {

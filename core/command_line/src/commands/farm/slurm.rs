@@ -1,7 +1,7 @@
 //! The job as scripts for Slurm. Each film, the preview first, is an array of renders with one chunk per task, and a join that depends on
 //! all of them. The films of a batch share one array.
 
-use super::job::{FarmJob, Film, OUTPUT, ROWS, SCENE};
+use super::job::{FarmJob, Film, OUTPUT_FOLDER, ROWS_FILE, SCENE_FILE};
 use crate::failure::Failure;
 use choreo_test_runner::collect::quoted;
 use std::path::Path;
@@ -132,7 +132,7 @@ fn film_render_script(array: &ArrayJob, film: &Film) -> String {
     let (head, output, segments) = (render_head(array), quoted(&film.output), film.folder());
     let options = quoted_words(&film.options);
     format!(
-        "{head}exec \"${{CHOREO:-choreo}}\" render {SCENE} -o {output} --frames \"$line\" --segment {segments} --resume --quiet{options}\n"
+        "{head}exec \"${{CHOREO:-choreo}}\" render {SCENE_FILE} -o {output} --frames \"$line\" --segment {segments} --resume --quiet{options}\n"
     )
 }
 
@@ -140,7 +140,7 @@ fn row_render_script(pattern: &str, options: &[String]) -> String {
     let (head, pattern, options) = (render_head(&FILM_ARRAY), quoted(pattern), quoted_words(options));
     format!(
         "{head}row=${{line%% *}}
-exec \"${{CHOREO:-choreo}}\" render {SCENE} --set-from {ROWS} --row \"$row\" -o {pattern} --frames \"${{line#* }}\" \
+exec \"${{CHOREO:-choreo}}\" render {SCENE_FILE} --set-from {ROWS_FILE} --row \"$row\" -o {pattern} --frames \"${{line#* }}\" \
          --segment \"segments/$row\" --resume --quiet{options}
 "
     )
@@ -152,7 +152,7 @@ const WAIT_OPTION: &str = "--wait 60";
 fn film_join_script(film: &Film) -> String {
     let stem = if film.segments.is_empty() { "join" } else { "preview_join" };
     let (head, segments, output) =
-        (script_head("join", stem, ""), film.folder(), quoted(&format!("{OUTPUT}/{}", film.output)));
+        (script_head("join", stem, ""), film.folder(), quoted(&format!("{OUTPUT_FOLDER}/{}", film.output)));
     format!("{head}exec \"${{CHOREO:-choreo}}\" join {segments} -o {output} {WAIT_OPTION}\n")
 }
 
@@ -162,7 +162,7 @@ fn rows_join_script() -> String {
         "{head}# A film that lacks frames is named; the others are joined.
 failed=0
 while IFS= read -r line; do
-    \"${{CHOREO:-choreo}}\" join \"segments/${{line%% *}}\" -o \"{OUTPUT}/${{line#* }}\" {WAIT_OPTION} < /dev/null || failed=1
+    \"${{CHOREO:-choreo}}\" join \"segments/${{line%% *}}\" -o \"{OUTPUT_FOLDER}/${{line#* }}\" {WAIT_OPTION} < /dev/null || failed=1
 done < {FILMS_FILE}
 exit $failed
 "

@@ -2,7 +2,7 @@
 //! durations that the workers measured.
 
 use super::chunks::Chunk;
-use super::job::{FarmJob, Film, JOB, OUTPUT};
+use super::job::{FarmJob, Film, JOB_FILE, OUTPUT_FOLDER};
 use crate::commands::render::sheet;
 use crate::failure::{Failure, print, print_json, write_failure};
 use crate::output::segment::{
@@ -48,8 +48,8 @@ impl ChunkStatus {
 
 /// Prints the progress of a job. `folder`: folder of the job. `sheet_file`: path of the contact sheet.
 pub(super) fn run(folder: &Path, sheet_file: Option<&Path>, as_json: bool) -> Result<(), Failure> {
-    let shown = folder.join(JOB).display().to_string();
-    let text = choreo_files::read(&folder.join(JOB), MAX_JOB_BYTES).map_err(|e| {
+    let shown = folder.join(JOB_FILE).display().to_string();
+    let text = choreo_files::read(&folder.join(JOB_FILE), MAX_JOB_BYTES).map_err(|e| {
         Failure::input(format!(
             "{shown}: cannot read: {e}\n    hint: choreo farm writes it into the folder --to"
         ))
@@ -151,7 +151,7 @@ impl JobProgress {
             running.filter_map(|chunk| chunk.report.as_ref()).filter(|report| report.made > 0)
         };
         let rate = reports().map(|report| report.made as f64 / report.seconds.max(1e-3)).sum::<f64>();
-        let film_path = |film: &Film| folder.join(OUTPUT).join(&film.output);
+        let film_path = |film: &Film| folder.join(OUTPUT_FOLDER).join(&film.output);
         JobProgress {
             counts,
             frames: job.films.iter().map(|film| film.frames).sum(),

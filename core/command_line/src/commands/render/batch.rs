@@ -95,7 +95,7 @@ struct Batch {
 impl Batch {
     fn render_row(&mut self, args: &RenderArgs) -> Result<(u64, DrawResult), Failure> {
         let target = Target::parse(&args.output)?;
-        let job = super::prepare(args, target, &self.registry, Some(&self.reopen_state))?;
+        let job = super::prepare_job(args, target, &self.registry, Some(&self.reopen_state))?;
         if self.creates_folders {
             create_folder(&job.target)?;
         }

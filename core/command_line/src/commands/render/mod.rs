@@ -63,7 +63,7 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     // The driver takes as long to start as the script and its assets: both happen at the same time.
     let starting = device::start_renderer(device_request(&args), registry.effects());
-    let prepared = prepare(&args, target, &registry, None);
+    let prepared = prepare_job(&args, target, &registry, None);
     let started = starting.wait();
     let job = prepared?;
     let drawn = draw::draw_job(&args, &job, started?, jobs)?;
@@ -91,7 +91,7 @@ fn device_request(args: &RenderArgs) -> device::DeviceRequest {
 }
 
 /// Opens the scene and checks everything that can be refused before drawing. `reopen_state`: state of earlier renders of the same input.
-pub fn prepare(
+pub fn prepare_job(
     args: &RenderArgs,
     target: Target,
     registry: &Registry,

@@ -20,7 +20,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Captions of the stages; the last stage is the frame itself and has no caption.
-const CAPTIONS: [&str; 5] = [
+const STAGE_CAPTIONS: [&str; 5] = [
     "model: each mesh as its file has it, around its own origin",
     "view: the whole scene from above; the camera is at the bottom, its field of view between the gray lines",
     "clip: projected and divided by w; the white frame marks the edges of the image",
@@ -80,7 +80,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let target = Target::parse(&last.to_string_lossy())?;
     let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let args = RenderArgs { at: args.at.clone().or_else(|| Some("0".into())), ..args.clone() };
-    let job = render::prepare(&args, target, &registry, None)?;
+    let job = render::prepare_job(&args, target, &registry, None)?;
     for (number, name) in (1..).zip(STAGES) {
         job.scene.inputs.check_output(&file(number, name))?;
     }
@@ -97,7 +97,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         .map_err(|e| Failure::input(e.to_string()))?;
     renderer.load(resources).map_err(render_failure)?;
     let mut images = renderer.stages(&plan).map_err(render_failure)?;
-    let captioned = images.iter_mut().zip(CAPTIONS).enumerate();
+    let captioned = images.iter_mut().zip(STAGE_CAPTIONS).enumerate();
     captioned.for_each(|(i, (image, text))| draw_caption(image, &format!("{}  {text}", i + 1)));
     std::fs::create_dir_all(folder).map_err(|e| output_failure(&args.output, &e))?;
     let info = VideoInfo {

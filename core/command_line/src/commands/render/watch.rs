@@ -38,7 +38,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         let start = Instant::now();
         let render_once = || {
             let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
-            let job = super::prepare(args, target.clone(), &registry, Some(&reopen_state))?;
+            let job = super::prepare_job(args, target.clone(), &registry, Some(&reopen_state))?;
             renderer.begin_render().map_err(render_failure)?;
             let started = device::StartedRenderer {
                 renderer: Box::new(renderer.clone()),

@@ -3,7 +3,7 @@
 use crate::drawing::pipeline::Pixels;
 use crate::failure::Failure;
 use crate::output::segment::{SegmentState, WorkerReport, downscale_to_thumbnail, encode_png, report_name};
-use crate::process::machine::host;
+use crate::process::machine::host_name;
 use choreo_files::write_whole;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -36,7 +36,7 @@ pub(crate) fn begin_segment(folder: &Path, first: u64, last: u64) {
         done: 0,
         made: 0,
         seconds: 0.0,
-        host: host(),
+        host: host_name(),
         message: String::new(),
         thumbnail: Vec::new(),
     };

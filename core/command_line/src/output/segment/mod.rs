@@ -31,7 +31,7 @@ use serde_json::{Value, json};
 const MAGIC: &[u8] = b"choreo segment 1\n";
 
 /// File extension of segments.
-pub(crate) const EXTENSION: &str = "segment";
+pub(crate) const SEGMENT_EXTENSION: &str = "segment";
 
 /// The film that a segment is a part of: everything that an exporter needs to make it. Equal in all segments of one film.
 #[derive(Clone, Debug, PartialEq)]

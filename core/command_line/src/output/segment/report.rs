@@ -3,7 +3,7 @@
 //! A report is a line of JSON with its hash, as in a segment, and the bytes of a thumbnail. Seconds are measured by the worker's own timer,
 //! so that the clocks of machines may differ.
 
-use super::{EXTENSION, encode_line, parse_line};
+use super::{SEGMENT_EXTENSION, encode_line, parse_line};
 use choreo_plugin::Frame;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -78,7 +78,7 @@ pub(crate) fn file_stem(first: u64, last: u64) -> String {
 }
 
 pub(crate) fn segment_name(first: u64, last: u64) -> String {
-    format!("{}.{EXTENSION}", file_stem(first, last))
+    format!("{}.{SEGMENT_EXTENSION}", file_stem(first, last))
 }
 
 pub(crate) fn report_name(first: u64, last: u64) -> String {
@@ -91,8 +91,9 @@ pub(crate) fn parse_frame_range(name: &str) -> Option<(u64, u64)> {
     let (file_stem, ending) = name.split_once('.')?;
     let (first, last) = file_stem.split_once('-')?;
     let frames = (first.parse().ok()?, last.parse().ok()?);
-    let is_complete = [EXTENSION, REPORT_EXTENSION].contains(&ending);
-    let is_part_folder = ending.strip_prefix(EXTENSION).is_some_and(|rest| rest.ends_with(PART_EXTENSION));
+    let is_complete = [SEGMENT_EXTENSION, REPORT_EXTENSION].contains(&ending);
+    let is_part_folder =
+        ending.strip_prefix(SEGMENT_EXTENSION).is_some_and(|rest| rest.ends_with(PART_EXTENSION));
     ((is_complete || is_part_folder) && frames.0 <= frames.1).then_some(frames)
 }
 

@@ -1,7 +1,7 @@
 //! Packed scenes: a script or model with all files that it reads, in one archive. `choreo pack` writes the archive, and commands that open
 //! a scene once take it in place of the script.
 //!
-//! The archive is an uncompressed tar file, so that the unpacked files are never larger than the archive. Its first entry is [`MANIFEST`]:
+//! The archive is an uncompressed tar file, so that the unpacked files are never larger than the archive. Its first entry is [`MANIFEST_FILE`]:
 //! input and arguments of the scene, and the hash of every file. The files follow in the order of the manifest. They lie beneath
 //! `files/N/`, with one number N for each folder that the script could read.
 
@@ -19,10 +19,10 @@ use serde_json::{Value, json};
 use std::path::{Component, Path};
 
 /// Extension of the archives.
-pub(crate) const EXTENSION: &str = "choreo";
+pub(crate) const PACK_EXTENSION: &str = "choreo";
 
 /// Name of the first entry, which describes the packed scene.
-const MANIFEST: &str = "choreo.json";
+const MANIFEST_FILE: &str = "choreo.json";
 
 /// The description of a packed scene: the contents of its first entry.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

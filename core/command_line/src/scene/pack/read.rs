@@ -1,7 +1,7 @@
 //! Unpacking an archive that is not trusted: regular files with the names of the manifest are written to a new folder, each with the stated
 //! length and hash. Links, `..` and all other entries are refused.
 
-use super::{EXTENSION, MANIFEST, Manifest, PackedFile};
+use super::{MANIFEST_FILE, Manifest, PACK_EXTENSION, PackedFile};
 use crate::args::values;
 use crate::args::{PackedStage, SceneArgs};
 use crate::failure::Failure;
@@ -17,7 +17,8 @@ const MAX_FILES: usize = 100_000;
 
 /// Whether the input of a command is an archive, or an unpacked archive in a folder.
 pub(crate) fn is_packed(input: &Path) -> bool {
-    input.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION)) || input.join(MANIFEST).is_file()
+    input.extension().is_some_and(|e| e.eq_ignore_ascii_case(PACK_EXTENSION))
+        || input.join(MANIFEST_FILE).is_file()
 }
 
 /// Text of the `choreo.toml` in an archive; `None` if it cannot be read, which is reported when the archive is opened.
@@ -190,14 +191,15 @@ fn not_a_pack_failure(shown: &str, what: &str) -> Failure {
 
 /// Reads the manifest of an archive in folder form.
 fn read_manifest_file(folder: &Folder) -> Result<Manifest, &'static str> {
-    let text = folder.read(Path::new(MANIFEST), MAX_MANIFEST_BYTES).map_err(|_| "it has no choreo.json")?;
+    let text =
+        folder.read(Path::new(MANIFEST_FILE), MAX_MANIFEST_BYTES).map_err(|_| "it has no choreo.json")?;
     parse_manifest(&text)
 }
 
 /// Reads the manifest, which is the first entry.
 fn read_manifest_entry<R: Read>(entries: &mut tar::Entries<'_, R>) -> Result<Manifest, &'static str> {
     let mut entry = entries.next().and_then(Result::ok).ok_or("it is not a tar archive")?;
-    if !is_regular_file_named(&entry, MANIFEST) || entry.size() > MAX_MANIFEST_BYTES {
+    if !is_regular_file_named(&entry, MANIFEST_FILE) || entry.size() > MAX_MANIFEST_BYTES {
         return Err("it does not begin with choreo.json");
     }
     let mut text = Vec::new();

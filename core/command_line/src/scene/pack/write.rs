@@ -1,6 +1,6 @@
 //! Writing the archive: each file that the scene read, beneath the folder in which it was found.
 
-use super::{MANIFEST, Manifest, PackedFile, hash_hex};
+use super::{MANIFEST_FILE, Manifest, PackedFile, hash_hex};
 use crate::args::SceneArgs;
 use crate::failure::Failure;
 use crate::scene::OpenedScene;
@@ -56,7 +56,7 @@ pub(crate) fn write_archive<W: Write>(
     let failed = |e: std::io::Error| {
         Failure::Output(format!("the archive: cannot write: {}", choreo_files::describe_error(&e)))
     };
-    append_file(&mut archive, MANIFEST, text.as_bytes()).map_err(failed)?;
+    append_file(&mut archive, MANIFEST_FILE, text.as_bytes()).map_err(failed)?;
     for (file, bytes) in manifest.files.iter().zip(contents) {
         append_file(&mut archive, &file.path, &bytes).map_err(failed)?;
     }
