@@ -10,7 +10,7 @@ pub use choreo_command_line::{App, command, run};
 /// Describes the program `choreo`.
 pub fn app() -> App {
     // Must be called before the plugins allocate memory.
-    choreo_command_line::exit_code_of_abort();
+    choreo_command_line::set_exit_code_of_abort();
     let mut app = App::new("choreo", env!("CARGO_PKG_VERSION"), registry());
     app.pages = pages::pages();
     app

@@ -94,7 +94,7 @@ fn invalid_options_are_errors_that_state_the_allowed_values() {
         ),
         (
             &["render", "tri.gltf", "-o", "%04d.mp4"],
-            "-o %04d.mp4: a mp4 holds all frames, so its name needs no number",
+            "-o %04d.mp4: one mp4 file holds all frames, so its name needs no number",
         ),
         (
             &["render", "tri.gltf", "-o", "%s.png"],
@@ -115,7 +115,7 @@ fn invalid_options_are_errors_that_state_the_allowed_values() {
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--fps", "0"],
-            "--fps 0: write frames a second from 0.001 to 1000 with up to 6 decimal places, as 30, 29.97 or 30000/1001",
+            "--fps 0: write frames per second from 0.001 to 1000 with up to 6 decimal places, as 30, 29.97 or 30000/1001",
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--samples", "2"],
@@ -136,7 +136,7 @@ fn invalid_options_are_errors_that_state_the_allowed_values() {
         (&["render", "s.rhai", "-o", "o.mp4", "--set", "x"], "--set x: write NAME=VALUE"),
         (
             &["render", "s.rhai", "-o", "o.mp4", "--clip", "Walk"],
-            "--clip is for model files; a script says what is played",
+            "--clip is for model files; in a script, actor.play(…) chooses the clip",
         ),
         (
             &["render", "s.rhai", "-o", "o.png"],
@@ -174,14 +174,14 @@ fn outputs_that_cannot_be_written_are_errors_with_the_reason() {
     let dir = folder();
     let d = dir.path();
     for (output, expected) in [
-        ("no/o.mp4", "no/o.mp4: cannot write: the folder no does not exist; make it: mkdir -p no"),
+        ("no/o.mp4", "no/o.mp4: cannot write: the folder no does not exist; create it: mkdir -p no"),
         ("tri.gltf/o.mp4", "tri.gltf/o.mp4: cannot write: a part of the path is a file, not a folder"),
-        ("tri.gltf/%04d.png", "tri.gltf: cannot make the folder: it exists already and is not a folder"),
+        ("tri.gltf/%04d.png", "tri.gltf: cannot create the folder: it already exists and is not a folder"),
     ] {
         let (code, line) = failed_run(d, &["render", "tri.gltf", "-o", output, "--device", "cpu", "--quiet"]);
         assert_eq!((code, line.as_str()), (3, expected));
     }
-    let missing = "the folder no/such does not exist; make it: mkdir -p no/such";
+    let missing = "the folder no/such does not exist; create it: mkdir -p no/such";
     for args in [
         &["export", "tri.gltf", "-o", "no/such/o.glb"][..],
         &["check", "tri.gltf", "--plot", "no/such/o.svg"],

@@ -326,7 +326,7 @@ fn sections_are_listed_filtered_and_sharded() {
         (&["--shard", "0/2"], "write I/N with I from 1 to N"),
         (&["--shard", "4/9"], "there are only 3 sections"),
         (&["--jobs", "0"], "--jobs"),
-        (&["--device", "auto"], "say cpu or vulkan"),
+        (&["--device", "auto"], "write cpu or vulkan"),
         (&["suite/box.txt"], "no such file"),
     ] {
         let run = run_tests(d, &[&["suite"], args].concat());

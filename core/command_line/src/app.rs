@@ -42,10 +42,10 @@ impl App {
 
     /// Name and version: "choreo 0.1.0", or for another program "studio 2.0 (choreo 0.1.0)".
     pub fn software(&self) -> String {
-        let own = format!("choreo {}", env!("CARGO_PKG_VERSION"));
+        let choreo = format!("choreo {}", env!("CARGO_PKG_VERSION"));
         match format!("{} {}", self.name, self.version) {
-            same if same == own => own,
-            other => format!("{other} ({own})"),
+            program if program == choreo => choreo,
+            program => format!("{program} ({choreo})"),
         }
     }
 }

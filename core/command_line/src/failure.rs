@@ -1,7 +1,7 @@
 //! Reasons why a command ends without a result, and the exit code of each.
 
 use choreo_files::WriteError;
-pub use choreo_files::describe_error as reason;
+pub use choreo_files::describe_error;
 use choreo_script::{Diagnostic, Severity, printable, steers_terminal};
 use serde_json::json;
 
@@ -32,7 +32,7 @@ pub enum Failure {
 /// An error of an input.
 #[derive(Debug, PartialEq)]
 pub enum Problem {
-    /// A text that includes its place.
+    /// A text that names the file or option itself.
     Text(String),
     Script(Diagnostic),
 }
@@ -77,7 +77,7 @@ impl Failure {
         Failure::Input(vec![Problem::Text(text.into())])
     }
 
-    pub fn code(&self) -> u8 {
+    pub fn exit_code(&self) -> u8 {
         match self {
             Failure::Input(_) | Failure::Tests(_) | Failure::Rows(_) => 1,
             Failure::Usage(_) => 2,
@@ -93,7 +93,7 @@ impl Failure {
     }
 
     /// Lines to print on standard error.
-    pub fn lines(&self) -> Vec<String> {
+    pub fn message_lines(&self) -> Vec<String> {
         match self {
             Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),
             Failure::Usage(text) => vec![format!("{text}\n    see choreo --help")],
@@ -102,7 +102,7 @@ impl Failure {
             }
             Failure::Machine(text) => vec![text.clone()],
             Failure::Internal(text) => vec![format!(
-                "internal error: {text}\n    hint: this is a fault of choreo, whatever the input; please report it with the command and its files"
+                "internal error: {text}\n    hint: this is a bug in choreo, whatever the input; please report it with the command and its files"
             )],
             Failure::Interrupted => vec!["interrupted".to_string()],
             Failure::ClosedPipe | Failure::AlreadyReported(_) => Vec::new(),
@@ -125,9 +125,9 @@ impl Failure {
         };
         let errors: Vec<serde_json::Value> = match self {
             Failure::Input(problems) => problems.iter().map(Problem::json).collect(),
-            other => other.lines().into_iter().map(|l| Problem::Text(l).json()).collect(),
+            other => other.message_lines().into_iter().map(|l| Problem::Text(l).json()).collect(),
         };
-        json!({ "ok": false, "kind": kind, "exit_code": self.code(), "errors": errors })
+        json!({ "ok": false, "kind": kind, "exit_code": self.exit_code(), "errors": errors })
     }
 }
 
@@ -138,7 +138,7 @@ pub fn print(text: &str) -> Result<(), Failure> {
     let shown = printable(text);
     out.write_all(shown.as_bytes())
         .and_then(|()| out.flush())
-        .map_err(|e| output_error("standard output", &e))
+        .map_err(|e| output_failure("standard output", &e))
 }
 
 /// Writes one message to standard error, without characters that would control a terminal. Its further lines are indented, so that no name
@@ -149,12 +149,12 @@ pub(crate) fn print_message(message: impl std::fmt::Display) {
 }
 
 pub(crate) fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
-    print(&format!("{}\n", escaped(&crate::terminal::json::pretty(value))))
+    print(&format!("{}\n", escape_terminal_controls(&crate::terminal::json::pretty(value))))
 }
 
 /// JSON on one line on standard error, for programs that write their result to standard output.
 pub(crate) fn print_json_message(value: &serde_json::Value) {
-    write_error(&escaped(&value.to_string()));
+    write_error(&escape_terminal_controls(&value.to_string()));
 }
 
 /// Writes a line to standard error. If standard error is closed or full, the exit code is the only report left.
@@ -165,7 +165,7 @@ fn write_error(line: &str) {
 
 /// Writes characters that would control a terminal as \uXXXX: serde_json escapes only the control characters of ASCII. They occur only
 /// inside strings, where the escape means the same.
-fn escaped(json: &str) -> String {
+fn escape_terminal_controls(json: &str) -> String {
     let escape = |c: char| match steers_terminal(c) && c != '\n' {
         true => format!("\\u{:04x}", c as u32),
         false => c.to_string(),
@@ -173,17 +173,17 @@ fn escaped(json: &str) -> String {
     json.chars().map(escape).collect()
 }
 
-pub(crate) fn output_error(place: &str, error: &std::io::Error) -> Failure {
+pub(crate) fn output_failure(place: &str, error: &std::io::Error) -> Failure {
     match error.kind() {
         std::io::ErrorKind::BrokenPipe => Failure::ClosedPipe,
-        _ => Failure::Output(format!("{place}: cannot write: {}", reason(error))),
+        _ => Failure::Output(format!("{place}: cannot write: {}", describe_error(error))),
     }
 }
 
 /// Failure for an output that was not written. `shown`: the output's name in messages.
 pub(crate) fn write_failure(shown: &str, error: WriteError) -> Failure {
     match error {
-        WriteError::Io(e) => output_error(shown, &e),
+        WriteError::Io(e) => output_failure(shown, &e),
         WriteError::Busy => Failure::Output(format!(
             "{shown}: cannot write: another choreo is rendering to it; wait until it is done, or give -o another name"
         )),
@@ -191,11 +191,11 @@ pub(crate) fn write_failure(shown: &str, error: WriteError) -> Failure {
     }
 }
 
-/// Fails if a count is above its limit.
-pub(crate) fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
+/// Fails if a count is above its limit. `name`: plural of what is counted, which is also the name of the limit.
+pub(crate) fn check_limit(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
     if count <= limit {
         return Ok(());
     }
     let hint = choreo_script::raise_hint(name, limit);
-    Err(Failure::input(format!("too many {name} for one render: {count}\n    hint: {hint}")))
+    Err(Failure::input(format!("too many {name}: {count}\n    hint: {hint}")))
 }

@@ -17,7 +17,7 @@ pub use app::App;
 pub use args::Device;
 pub use commands::check::{SceneToSurvey, survey};
 pub use drawing::device::{cache_dir, slower_than_the_cpu};
-pub use process::panics::exit_code_of_abort;
+pub use process::panics::set_exit_code_of_abort;
 
 use args::{Cli, Command, PluginsAction, PluginsArgs, RenderArgs, values};
 use clap::FromArgMatches;
@@ -36,22 +36,22 @@ use std::process::ExitCode;
 /// Runs the program once. `args`: as in `std::env::args_os()`, with the program's name first. Writes to the standard streams, and handles
 /// Ctrl-C and panics until the process ends.
 pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
-    let args = help::as_flag(args.into_iter().collect());
+    let args = help::rewrite_help_as_flag(args.into_iter().collect());
     let extended = match project_file::with_project_options(&args, app) {
         Ok(extended) => extended,
         Err(failure) => return report_failure(&failure, args.iter().any(|a| a == "--json"), &args),
     };
-    let parsed = help::command(&args, app).try_get_matches_from(&extended);
+    let parsed = help::command_with_plugin_options(&args, app).try_get_matches_from(&extended);
     let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
-        Err(error) => return unread(&args, &error),
+        Err(error) => return report_parse_error(&args, &error),
     };
     panics::install();
     interrupt::install();
-    let json = cli.command.json();
-    let result = panics::guarded(|| start(cli, &args, app));
-    worker::end(result.as_ref().err());
-    scratch::remove();
+    let json = cli.command.prints_json();
+    let result = panics::catch_panics(|| run_command(cli, &args, app));
+    worker::write_final_report(result.as_ref().err());
+    scratch::remove_folder();
     let Err(failure) = result else { return ExitCode::SUCCESS };
     report_failure(&failure, json, &args)
 }
@@ -66,33 +66,34 @@ pub struct ProjectFileError(String);
 /// # Errors
 /// The `choreo.toml` of the project is wrong.
 pub fn project_folders(input: &Path, app: &App) -> Result<Vec<OsString>, ProjectFileError> {
-    project_file::folders(input, app).map_err(|failure| ProjectFileError(failure.lines().join("\n")))
+    project_file::viewer_folder_options(input, app)
+        .map_err(|failure| ProjectFileError(failure.message_lines().join("\n")))
 }
 
 /// The command line of a program, for completions and manual pages.
 pub fn command(app: &App) -> clap::Command {
-    help::command(&[], app)
+    help::command_with_plugin_options(&[], app)
 }
 
 fn report_failure(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
-    failure.lines().iter().for_each(print_message);
+    failure.message_lines().iter().for_each(print_message);
     // The report of failed tests or rows contains it already.
     if json && !matches!(failure, Failure::Tests(_) | Failure::Rows(_)) {
         write_json(failure, writes_video_to_stdout(args));
     }
-    ExitCode::from(failure.code())
+    ExitCode::from(failure.exit_code())
 }
 
-fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
+fn run_command(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
     let Cli { mut command, no_project_file } = cli;
     match &command {
         Command::Render(given) => {
-            let jobs = given.jobs.as_deref().map(values::jobs).transpose()?;
+            let jobs = given.jobs.as_deref().map(values::parse_jobs).transpose()?;
             jobs.into_iter().for_each(choreo_render::vulkan::limit_software_threads);
-            threads::start(jobs)?;
+            threads::start_pool(jobs)?;
         }
         Command::Plugins(PluginsArgs { action: Some(PluginsAction::Test { .. }), .. }) => {
-            threads::start(None)?
+            threads::start_pool(None)?
         }
         Command::New(_)
         | Command::View(_)
@@ -100,17 +101,17 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
         | Command::Plugins(_)
         | Command::Help(_)
         | Command::Format(_) => {}
-        _ => threads::start(None)?,
+        _ => threads::start_pool(None)?,
     }
     let packs = matches!(command, Command::Pack(_) | Command::Farm(_));
-    if let Some(scene) = command.scene() {
+    if let Some(scene) = command.scene_args_mut() {
         scene.software = app.software();
-        scratch::keep(if packs { None } else { Unpacked::in_place(scene)? });
+        scratch::keep_until_exit(if packs { None } else { Unpacked::replace_input(scene)? });
     }
     let plugins = &app.registry;
     match command {
         Command::Render(given) => {
-            render::run(RenderArgs { resume_command: interrupt::command_to_resume(args), ..given }, plugins)
+            render::run(RenderArgs { resume_command: interrupt::resume_command(args), ..given }, plugins)
         }
         Command::Join(args) => join::run(&args, plugins, &app.software()),
         Command::Check(args) => check::run(args, no_project_file, plugins),
@@ -121,9 +122,11 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
         Command::Export(args) => export::run(&args, plugins),
         Command::Farm(given) => match &given.status {
             Some(folder) => farm::status(folder, &given),
-            None => farm::run(&given, app, project_file::text_for(args, &given.scene.input)?),
+            None => farm::run(&given, app, project_file::project_file_text(args, &given.scene.input)?),
         },
-        Command::Pack(given) => pack::run(&given, plugins, project_file::text_for(args, &given.scene.input)?),
+        Command::Pack(given) => {
+            pack::run(&given, plugins, project_file::project_file_text(args, &given.scene.input)?)
+        }
         Command::View(args) => view::run(args, no_project_file, app),
         Command::Test(args) => test::run(args, no_project_file, plugins),
         Command::Plugins(args) => plugins_command::run(args, app),
@@ -134,9 +137,9 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
     }
 }
 
-/// Answers a command line that asks for help or the version, or that is wrong. With `--json` anywhere in it, an error is printed as JSON
-/// too.
-fn unread(args: &[OsString], error: &clap::Error) -> ExitCode {
+/// Prints the answer to a command line that asks for help or the version, or the error of one that is wrong. With `--json` anywhere in it,
+/// an error is printed as JSON too.
+fn report_parse_error(args: &[OsString], error: &clap::Error) -> ExitCode {
     // Help and version are answers, not errors; clap knows the stream and the exit code.
     let _ = error.print();
     if error.use_stderr() && args.iter().skip(1).take_while(|a| *a != "--").any(|a| a == "--json") {

@@ -15,13 +15,13 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-const NAME: &str = "choreo.toml";
+const FILE_NAME: &str = "choreo.toml";
 
 /// Size limit of the file in bytes.
-const LARGEST: u64 = 64 << 10;
+const MAX_FILE_BYTES: u64 = 64 << 10;
 
 /// Options that may have a default. Options that write files, loosen limits or belong to one scene are allowed only on the command line.
-const OPTIONS: [&str; 15] = [
+const OPTIONS_WITH_DEFAULTS: [&str; 15] = [
     "size",
     "fps",
     "samples",
@@ -41,33 +41,38 @@ const OPTIONS: [&str; 15] = [
 
 /// Adds default options to the command line: first those of the input's `choreo.toml`, then those of the program.
 pub fn with_project_options(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> {
-    let args = with_options(args, |name, given| match given.get_flag("no_project_file") {
+    let args = with_options_of_file(args, |name, given| match given.get_flag("no_project_file") {
         true => Ok(None),
-        false if packed(given).is_some() => Ok(packed(given).and_then(ProjectFile::of_pack)),
-        false => start_folder(name, given).and_then(|start| find(&start)).map(ProjectFile::read).transpose(),
+        false if packed_input(given).is_some() => {
+            Ok(packed_input(given).and_then(ProjectFile::from_packed_scene))
+        }
+        false => search_start_folder(name, given)
+            .and_then(|start| find_project_file(&start))
+            .map(ProjectFile::read)
+            .transpose(),
     })?;
-    let args = with_options(&args, |_, _| Ok(ProjectFile::of_app(app)))?;
-    with_folders(args, app)
+    let args = with_options_of_file(&args, |_, _| Ok(ProjectFile::from_app_defaults(app)))?;
+    with_app_folders(args, app)
 }
 
 /// The input of a command, if it is a packed scene.
-fn packed(given: &ArgMatches) -> Option<&Path> {
+fn packed_input(given: &ArgMatches) -> Option<&Path> {
     let input = given.try_get_one::<PathBuf>("input").ok()?;
     input.map(PathBuf::as_path).filter(|input| pack::is_packed(input))
 }
 
 /// Text of the `choreo.toml` that applies to an input, to be packed with it; empty if there is none.
-pub(crate) fn text_for(args: &[OsString], input: &Path) -> Result<String, Failure> {
+pub(crate) fn project_file_text(args: &[OsString], input: &Path) -> Result<String, Failure> {
     if args.iter().any(|arg| arg == "--no-project-file") {
         return Ok(String::new());
     }
     let folder = input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let found = folder.canonicalize().ok().and_then(|start| find(&start)).map(ProjectFile::read);
+    let found = folder.canonicalize().ok().and_then(|start| find_project_file(&start)).map(ProjectFile::read);
     Ok(found.transpose()?.map(|file| file.text).unwrap_or_default())
 }
 
-/// Adds the options of a project file, which `file` chooses by the command's name and arguments.
-fn with_options(
+/// Adds the options of the project file that `file` returns for the command's name and arguments.
+fn with_options_of_file(
     args: &[OsString],
     file: impl FnOnce(&str, &ArgMatches) -> Result<Option<ProjectFile>, Failure>,
 ) -> Result<Vec<OsString>, Failure> {
@@ -81,7 +86,7 @@ fn with_options(
     let Some(file) = file(name, given)? else { return Ok(args.to_vec()) };
     let cli = Cli::command();
     let Some(command) = cli.find_subcommand(name) else { return Ok(args.to_vec()) };
-    Ok(insert_options(args, file.options(&cli, command, given)?))
+    Ok(insert_options(args, file.command_options(&cli, command, given)?))
 }
 
 /// Inserts options before `--`: words after it are not options.
@@ -93,7 +98,7 @@ fn insert_options(args: &[OsString], options: Vec<OsString>) -> Vec<OsString> {
 }
 
 /// Adds the search and plugin folders of the program, if the command takes them. The viewer gets them from its own program.
-fn with_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure> {
+fn with_app_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure> {
     let Ok(matches) = Cli::command().try_get_matches_from(&args) else { return Ok(args) };
     if matches.subcommand().is_some_and(|(_, given)| given.subcommand_name().is_some()) {
         return Ok(args);
@@ -104,7 +109,7 @@ fn with_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure
     };
     let mut options: Vec<OsString> = Vec::new();
     for (name, folders) in [("search", &app.search), ("plugins", &app.plugins)] {
-        if argument(command, name).is_some() {
+        if find_argument(command, name).is_some() {
             let flag = OsString::from(format!("--{name}"));
             options.extend(folders.iter().flat_map(|folder| [flag.clone(), folder.clone().into()]));
         }
@@ -112,8 +117,8 @@ fn with_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure
     Ok(insert_options(&args, options))
 }
 
-/// Folder in which the search for the file begins. `None` for the viewer, which looks for the file itself ([`folders`]).
-fn start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
+/// Folder in which the search for the file begins. `None` for the viewer, which looks for the file itself ([`viewer_folder_options`]).
+fn search_start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
     let input = match command {
         "plugins" => return std::env::current_dir().ok(),
         "test" => match given.get_many::<PathBuf>("paths").and_then(|mut paths| paths.next()) {
@@ -126,11 +131,11 @@ fn start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
         }
         _ => return None,
     };
-    folder_of(input)
+    containing_folder(input)
 }
 
-/// The folder of a file; a folder is its own.
-fn folder_of(input: &Path) -> Option<PathBuf> {
+/// Folder that contains a file; for a folder, the folder itself.
+fn containing_folder(input: &Path) -> Option<PathBuf> {
     if input.is_dir() {
         return input.canonicalize().ok();
     }
@@ -139,23 +144,26 @@ fn folder_of(input: &Path) -> Option<PathBuf> {
 }
 
 /// The folder of the project that a script or folder belongs to: the nearest one with a `choreo.toml`.
-pub(crate) fn root_of(input: &Path) -> Option<PathBuf> {
-    find(&folder_of(input)?)?.parent().map(Path::to_path_buf)
+pub(crate) fn project_root(input: &Path) -> Option<PathBuf> {
+    find_project_file(&containing_folder(input)?)?.parent().map(Path::to_path_buf)
 }
 
 /// Folders in the input's `choreo.toml`, as options of the viewer.
-pub fn folders(input: &Path, app: &App) -> Result<Vec<OsString>, Failure> {
-    let Some(path) = folder_of(input).and_then(|start| find(&start)) else { return Ok(Vec::new()) };
+pub fn viewer_folder_options(input: &Path, app: &App) -> Result<Vec<OsString>, Failure> {
+    let Some(path) = containing_folder(input).and_then(|start| find_project_file(&start)) else {
+        return Ok(Vec::new());
+    };
     let words = [OsString::from(app.name), "view".into(), input.into()];
-    Ok(with_options(&words, |_, _| ProjectFile::read(path).map(Some))?.split_off(words.len()))
+    Ok(with_options_of_file(&words, |_, _| ProjectFile::read(path).map(Some))?.split_off(words.len()))
 }
 
-/// Finds the nearest file, up to the root of a repository. Outside repositories, a file in a folder above `start` must have the same owner
+/// Finds the nearest `choreo.toml`, in `start` or above it, up to the root of a repository. Outside repositories, a file in a folder above
+/// `start` must have the same owner
 /// as `start`, since others may write to `/tmp`.
-fn find(start: &Path) -> Option<PathBuf> {
+fn find_project_file(start: &Path) -> Option<PathBuf> {
     let repository = start.ancestors().position(|folder| folder.join(".git").exists());
     let folders = start.ancestors().take(repository.map_or(usize::MAX, |at| at + 1));
-    let mut files = folders.map(|folder| folder.join(NAME));
+    let mut files = folders.map(|folder| folder.join(FILE_NAME));
     files.find(|file| {
         let trusted = repository.is_some() || file.parent() == Some(start) || same_owner(start, file);
         trusted && file.symlink_metadata().is_ok()
@@ -177,12 +185,12 @@ fn same_owner(_: &Path, _: &Path) -> bool {
 struct ProjectFile {
     path: PathBuf,
     text: String,
-    of: FileOf,
+    origin: OptionsOrigin,
 }
 
-/// Origin of the options.
+/// Origin of a table of default options.
 #[derive(Clone, Copy, PartialEq)]
-enum FileOf {
+enum OptionsOrigin {
     Project,
     /// Defaults of a program, whose folders are fields of [`App`].
     App,
@@ -196,26 +204,31 @@ impl ProjectFile {
         if path.symlink_metadata().is_ok_and(|m| m.is_symlink()) {
             return Err(failed("it is a symbolic link, which is not followed".into()));
         }
-        let bytes = choreo_files::read(&path, LARGEST).map_err(|e| failed(format!("cannot read: {e}")))?;
+        let bytes =
+            choreo_files::read(&path, MAX_FILE_BYTES).map_err(|e| failed(format!("cannot read: {e}")))?;
         let text = String::from_utf8(bytes).map_err(|_| failed("it is not UTF-8 text".into()))?;
         let text = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
-        Ok(ProjectFile { path, text, of: FileOf::Project })
+        Ok(ProjectFile { path, text, origin: OptionsOrigin::Project })
     }
 
-    /// Defaults of the program; messages call them "defaults of NAME".
-    fn of_app(app: &App) -> Option<ProjectFile> {
+    /// Default options of the program; messages call them "defaults of NAME".
+    fn from_app_defaults(app: &App) -> Option<ProjectFile> {
         let path = PathBuf::from(format!("defaults of {}", app.name));
-        (!app.defaults.is_empty()).then(|| ProjectFile { path, text: app.defaults.clone(), of: FileOf::App })
+        (!app.defaults.is_empty()).then(|| ProjectFile {
+            path,
+            text: app.defaults.clone(),
+            origin: OptionsOrigin::App,
+        })
     }
 
     /// The project file of a packed scene.
-    fn of_pack(input: &Path) -> Option<ProjectFile> {
-        let text = pack::options_of(input).filter(|text| !text.is_empty())?;
-        Some(ProjectFile { path: input.join(NAME), text, of: FileOf::Pack })
+    fn from_packed_scene(input: &Path) -> Option<ProjectFile> {
+        let text = pack::read_project_file_text(input).filter(|text| !text.is_empty())?;
+        Some(ProjectFile { path: input.join(FILE_NAME), text, origin: OptionsOrigin::Pack })
     }
 
     /// Failure for an error at a place in the file.
-    fn wrong(&self, span: Range<usize>, what: impl std::fmt::Display) -> Failure {
+    fn error_at(&self, span: Range<usize>, what: impl std::fmt::Display) -> Failure {
         let before = &self.text[..span.start.min(self.text.len())];
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
@@ -223,7 +236,7 @@ impl ProjectFile {
     }
 
     /// Options of the file that apply to the command, as command-line words.
-    fn options(
+    fn command_options(
         &self,
         cli: &clap::Command,
         command: &clap::Command,
@@ -231,70 +244,71 @@ impl ProjectFile {
     ) -> Result<Vec<OsString>, Failure> {
         let table = DeTable::parse(&self.text).map_err(|e| {
             let what = e.message().lines().collect::<Vec<_>>().join(", ");
-            self.wrong(e.span().unwrap_or(0..0), what)
+            self.error_at(e.span().unwrap_or(0..0), what)
         })?;
         let mut words = Vec::new();
         for (key, value) in table.get_ref() {
             let name = key.get_ref().as_ref();
-            let of_command = cli.find_subcommand(name).filter(|of| !defaults(of).is_empty());
+            let of_command = cli.find_subcommand(name).filter(|of| !options_with_defaults(of).is_empty());
             match (name, value.get_ref(), of_command) {
-                ("search" | "plugins", _, _) if self.of == FileOf::Pack => {}
-                ("search" | "plugins", _, _) if self.of == FileOf::App => {
-                    return Err(self.wrong(key.span(), format!("{name} is a field of the App")));
+                ("search" | "plugins", _, _) if self.origin == OptionsOrigin::Pack => {}
+                ("search" | "plugins", _, _) if self.origin == OptionsOrigin::App => {
+                    return Err(self.error_at(key.span(), format!("{name} is a field of App; set it there")));
                 }
                 ("search" | "plugins", _, _) => {
-                    let folders = self.folders(name, value)?;
-                    let takes = command.get_name() == "view" || argument(command, name).is_some();
+                    let folders = self.folder_options(name, value)?;
+                    let takes = command.get_name() == "view" || find_argument(command, name).is_some();
                     words.extend(folders.into_iter().filter(|_| takes));
                 }
                 (_, DeValue::Table(options), Some(of)) => {
-                    let own = self.defaults(of, options, given)?;
+                    let own = self.default_options(of, options, given)?;
                     words.extend(own.into_iter().filter(|_| of.get_name() == command.get_name()));
                 }
                 (_, _, Some(_)) => {
                     return Err(
-                        self.wrong(value.span(), format!("{name} must be a table of options: [{name}]"))
+                        self.error_at(value.span(), format!("{name} must be a table of options: [{name}]"))
                     );
                 }
                 _ => {
-                    let commands = cli.get_subcommands().filter(|c| !defaults(c).is_empty());
+                    let commands = cli.get_subcommands().filter(|c| !options_with_defaults(c).is_empty());
                     let known: Vec<&str> = ["search", "plugins"]
                         .into_iter()
                         .chain(commands.map(clap::Command::get_name))
                         .collect();
-                    return Err(self.unknown(key, "key", &known));
+                    return Err(self.unknown_key_error(key, "key", &known));
                 }
             }
         }
         Ok(words)
     }
 
-    fn unknown(&self, key: &Spanned<impl AsRef<str>>, what: &str, known: &[&str]) -> Failure {
+    fn unknown_key_error(&self, key: &Spanned<impl AsRef<str>>, what: &str, known: &[&str]) -> Failure {
         let name = key.get_ref().as_ref();
         let meant = did_you_mean(name, known.iter().copied());
         let known = list(known.iter().copied(), 30);
-        self.wrong(key.span(), format!("unknown {what} \"{name}\"{meant}\n    hint: known: {known}"))
+        self.error_at(key.span(), format!("unknown {what} \"{name}\"{meant}\n    hint: known: {known}"))
     }
 
     /// Reads a list of folders. They must lie beneath the folder of the file: an untrusted project must not reach files outside it.
-    fn folders(&self, name: &str, value: &Spanned<DeValue>) -> Result<Vec<OsString>, Failure> {
-        let must = || self.wrong(value.span(), format!("{name} must be an array of folders, [\"assets\"]"));
-        let DeValue::Array(folders) = value.get_ref() else { return Err(must()) };
+    fn folder_options(&self, name: &str, value: &Spanned<DeValue>) -> Result<Vec<OsString>, Failure> {
+        let type_error =
+            || self.error_at(value.span(), format!("{name} must be an array of folders, [\"assets\"]"));
+        let DeValue::Array(folders) = value.get_ref() else { return Err(type_error()) };
         let root = self.path.parent().unwrap_or(Path::new("."));
         let mut words = Vec::new();
         for folder in folders.iter() {
-            let DeValue::String(text) = folder.get_ref() else { return Err(must()) };
+            let DeValue::String(text) = folder.get_ref() else { return Err(type_error()) };
             let shown = root.join(text.as_ref());
             let found = shown.canonicalize().ok().filter(|path| path.is_dir());
             let Some(found) = found else {
-                return Err(self.wrong(folder.span(), format!("{name}: there is no folder \"{text}\"")));
+                return Err(self.error_at(folder.span(), format!("{name}: there is no folder \"{text}\"")));
             };
             if !root.canonicalize().is_ok_and(|root| found.starts_with(root)) {
                 let what = format!(
-                    "{name}: \"{text}\" leads out of the folder of {NAME}\n    hint: type --{name} {} to allow it",
+                    "{name}: \"{text}\" leads out of the folder of {FILE_NAME}\n    hint: type --{name} {} to allow it",
                     found.display()
                 );
-                return Err(self.wrong(folder.span(), what));
+                return Err(self.error_at(folder.span(), what));
             }
             words.push(OsString::from(format!("--{name}")));
             words.push(found.into_os_string());
@@ -303,36 +317,48 @@ impl ProjectFile {
     }
 
     /// Default options of a command, without those that the command line gives or that conflict with given ones.
-    fn defaults(
+    fn default_options(
         &self,
         command: &clap::Command,
         options: &DeTable,
         given: &ArgMatches,
     ) -> Result<Vec<OsString>, Failure> {
-        let known = defaults(command);
+        let known = options_with_defaults(command);
         let mut words = Vec::new();
         for (key, value) in options.iter() {
             let name = key.get_ref().as_ref();
             let Some(argument) = known.iter().find(|arg| arg.get_long() == Some(name)) else {
-                if argument(command, name).is_some() {
-                    return Err(self.wrong(key.span(), format!("--{name} is for the command line alone")));
+                if find_argument(command, name).is_some() {
+                    return Err(self.error_at(
+                        key.span(),
+                        format!("--{name} cannot have a default; give it on the command line"),
+                    ));
                 }
                 let names: Vec<&str> = known.iter().filter_map(|arg| arg.get_long()).collect();
-                return Err(self.unknown(key, &format!("option of {}", command.get_name()), &names));
+                return Err(self.unknown_key_error(
+                    key,
+                    &format!("option of {}", command.get_name()),
+                    &names,
+                ));
             };
-            let typed = |arg: &Arg| {
+            let is_typed = |arg: &Arg| {
                 let id = arg.get_id().as_str();
                 let source = given.try_contains_id(id).ok().and_then(|_| given.value_source(id));
                 source == Some(ValueSource::CommandLine)
             };
-            if !typed(argument) && !command.get_arg_conflicts_with(argument).into_iter().any(typed) {
-                words.extend(self.words(name, argument, value)?);
+            if !is_typed(argument) && !command.get_arg_conflicts_with(argument).into_iter().any(is_typed) {
+                words.extend(self.option_words(name, argument, value)?);
             }
         }
         Ok(words)
     }
 
-    fn words(&self, name: &str, argument: &Arg, value: &Spanned<DeValue>) -> Result<Vec<OsString>, Failure> {
+    fn option_words(
+        &self,
+        name: &str,
+        argument: &Arg,
+        value: &Spanned<DeValue>,
+    ) -> Result<Vec<OsString>, Failure> {
         let flag = matches!(argument.get_action(), ArgAction::SetTrue);
         let repeated = matches!(argument.get_action(), ArgAction::Append);
         let text = |value: &Spanned<DeValue>| match value.get_ref() {
@@ -350,7 +376,7 @@ impl ProjectFile {
             _ if flag => None,
             _ => text(value).map(|text| vec![text]),
         };
-        let must = match (flag, repeated) {
+        let expected = match (flag, repeated) {
             (true, _) => "true or false".to_string(),
             (_, true) => "an array of texts".to_string(),
             _ => {
@@ -359,21 +385,21 @@ impl ProjectFile {
                 format!("a text or a number{form}")
             }
         };
-        let texts = texts.ok_or_else(|| self.wrong(value.span(), format!("{name} must be {must}")))?;
+        let texts = texts.ok_or_else(|| self.error_at(value.span(), format!("{name} must be {expected}")))?;
         for text in &texts {
-            if let Err(Failure::Usage(what)) = values::check(name, text) {
-                return Err(self.wrong(value.span(), what));
+            if let Err(Failure::Usage(what)) = values::check_option_value(name, text) {
+                return Err(self.error_at(value.span(), what));
             }
         }
         Ok(texts.into_iter().map(word).collect())
     }
 }
 
-fn argument<'c>(command: &'c clap::Command, name: &str) -> Option<&'c Arg> {
+fn find_argument<'c>(command: &'c clap::Command, name: &str) -> Option<&'c Arg> {
     command.get_arguments().find(|arg| arg.get_long() == Some(name))
 }
 
 /// Options of a command that may have defaults.
-fn defaults(command: &clap::Command) -> Vec<&Arg> {
-    OPTIONS.iter().filter_map(|name| argument(command, name)).collect()
+fn options_with_defaults(command: &clap::Command) -> Vec<&Arg> {
+    OPTIONS_WITH_DEFAULTS.iter().filter_map(|name| find_argument(command, name)).collect()
 }

@@ -11,7 +11,7 @@ fuzz_target!(|bytes: &[u8]| {
         // A byte that is no text is shown by three.
         assert!(told <= 3 * bytes.len() + 100 && !media.format.is_empty());
     }
-    let whole = choreo_command_line::output::media::whole_png(bytes);
+    let whole = choreo_command_line::output::media::read_complete_image(bytes);
     assert!(whole.is_none() || whole == media);
     match decode(bytes) {
         Ok(stored) => {

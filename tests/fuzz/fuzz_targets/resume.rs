@@ -2,7 +2,7 @@
 //! their own states (the same file as without the stop) or from any bytes.
 #![no_main]
 
-use choreo_command_line::output::journal::{self, Changes, Identity, Kept, Record, Span};
+use choreo_command_line::output::journal::{self, FrameDelta, Identity, KeptFrame, Record, Span};
 use choreo_motion::FrameRate;
 use choreo_plugin::{Exporter, Frame, FrameSink, Mark, VideoInfo};
 use export_gif::GifExporter;
@@ -16,14 +16,14 @@ use std::sync::{Arc, Mutex};
 /// A journal that is read is exactly the one that would be written.
 fn any_journal(bytes: &[u8]) {
     let Some(found) = journal::read(bytes) else { return };
-    let mut again = journal::head(&found.identity);
+    let mut again = journal::encode_head(&found.identity);
     assert!(found.head == again.len() as u64);
     for (record, end) in &found.records {
         journal::append(&mut again, record).expect("writing to a vector cannot fail");
         assert!(*end == again.len() as u64);
     }
     assert!(bytes.starts_with(&again));
-    assert!(found.settled(bytes) <= found.records.len());
+    assert!(found.settled_count(bytes) <= found.records.len());
 }
 
 fn text(u: &mut Unstructured) -> Result<String> {
@@ -35,13 +35,13 @@ fn record(u: &mut Unstructured) -> Result<Record> {
     let kept = match u.arbitrary()? {
         true => {
             let length = u.int_in_range(0..=40)?;
-            Kept::Settled(u.bytes(length)?.to_vec())
+            KeptFrame::Settled(u.bytes(length)?.to_vec())
         }
-        false => Kept::Open(Span {
-            at: u.arbitrary()?,
+        false => KeptFrame::Open(Span {
+            offset: u.arbitrary()?,
             length: u.arbitrary()?,
             crc: u.arbitrary()?,
-            parts: u.arbitrary()?,
+            part_lengths: u.arbitrary()?,
         }),
     };
     Ok(Record { body: u.arbitrary()?, crc: u.arbitrary()?, kept })
@@ -53,7 +53,7 @@ fn damaged_journal(u: &mut Unstructured) -> Result<()> {
     let identity = (0..pairs).map(|_| Ok((text(u)?, text(u)?))).collect::<Result<Identity>>()?;
     let count = u.int_in_range(0..=5)?;
     let records = (0..count).map(|_| record(u)).collect::<Result<Vec<_>>>()?;
-    let mut bytes = journal::head(&identity);
+    let mut bytes = journal::encode_head(&identity);
     let mut ends = vec![bytes.len()];
     for record in &records {
         journal::append(&mut bytes, record).expect("writing to a vector cannot fail");
@@ -80,7 +80,7 @@ fn damaged_journal(u: &mut Unstructured) -> Result<()> {
 fn kept_frames(u: &mut Unstructured) -> Result<()> {
     let lengths = [u.int_in_range(0..=1000u32)?, u.int_in_range(0..=600)?, u.int_in_range(0..=600)?];
     let total: usize = lengths.iter().map(|l| *l as usize).sum();
-    let (mut to, mut from, mut out) = (Changes::default(), Changes::default(), Vec::new());
+    let (mut to, mut from, mut out) = (FrameDelta::default(), FrameDelta::default(), Vec::new());
     let mut frame = vec![0u8; total];
     for _ in 0..u.int_in_range(1..=4)? {
         for _ in 0..u.int_in_range(0..=3)? {

@@ -166,8 +166,14 @@ fn errors_of_the_project_file_state_line_and_column() {
         message("[render]\nsiez = \"8x8\"\n")
             .starts_with("2:1: unknown option of render \"siez\"; did you mean \"size\"?")
     );
-    assert_eq!(message("[render]\n\noutput = \"a.mp4\"\n"), "3:1: --output is for the command line alone\n");
-    assert_eq!(message("[check]\nlimit = [\"frames=1\"]\n"), "2:1: --limit is for the command line alone\n");
+    assert_eq!(
+        message("[render]\n\noutput = \"a.mp4\"\n"),
+        "3:1: --output cannot have a default; give it on the command line\n"
+    );
+    assert_eq!(
+        message("[check]\nlimit = [\"frames=1\"]\n"),
+        "2:1: --limit cannot have a default; give it on the command line\n"
+    );
     assert_eq!(message("search = \"assets\"\n"), "1:10: search must be an array of folders, [\"assets\"]\n");
     assert_eq!(message("search = [\"assets\", \"asets\"]\n"), "1:21: search: there is no folder \"asets\"\n");
     assert!(

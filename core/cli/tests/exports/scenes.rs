@@ -37,7 +37,7 @@ fn csv_export_has_the_keyed_joint_positions() {
     // A range of frames, another frame rate, and an option.
     let some = ["export", "a.rhai", "-o", "b.csv", "--frames", "3", "--fps", "8", "--export", "digits=2"];
     let run = choreo(d, &some);
-    assert!(run.code == 0 && run.err.contains("1 frames in"), "{}", run.err);
+    assert!(run.code == 0 && run.err.contains("1 frame in"), "{}", run.err);
     assert!(text(d, "b.csv").ends_with("0.375000,t,Slider,0.75,0.50,0.00\n"), "{}", text(d, "b.csv"));
     // A model can be exported without a script.
     let run = choreo(d, &["export", "tri.gltf", "-o", "m.csv", "--quiet"]);

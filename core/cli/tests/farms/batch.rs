@@ -121,7 +121,11 @@ fn output_names_from_rows_cannot_leave_their_folder() {
     }
     std::fs::write(d.join("rows.csv"), "name\nZoe\nzoe\n").unwrap();
     let run = render_batch(d, &["-o", "deep/out/{name}.mp4"]);
-    assert!(run.code == 1 && run.err.contains("rows 1 and 2 would both be deep/out/zoe.mp4"), "{}", run.err);
+    assert!(
+        run.code == 1 && run.err.contains("rows 1 and 2 would both be written to deep/out/zoe.mp4"),
+        "{}",
+        run.err
+    );
     // An existing symbolic link is not followed.
     #[cfg(unix)]
     {
@@ -154,7 +158,7 @@ fn invalid_tables_are_refused() {
     let unknown = error_for(("a.csv", "name,colour\nZoe,#202020\n"), &[]);
     assert!(unknown.contains("no parameter \"colour\"; did you mean \"color\"?"), "{unknown}");
     assert!(
-        unknown.ends_with("    hint: a column that only -o needs has a name that begins with _\n"),
+        unknown.ends_with("    hint: a column that only -o needs must have a name that begins with _\n"),
         "{unknown}"
     );
     assert!(error_for(("a.csv", "name\nZoe\n"), &["--row", "2"]).contains("--row 2: a.csv has rows 1 to 1"));

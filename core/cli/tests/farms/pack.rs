@@ -341,11 +341,7 @@ fn an_archive_that_gives_another_scene_is_refused() {
     std::fs::write(d.join("s.choreo"), archive).unwrap();
     let run = choreo(d, &render);
     assert_eq!(run.code, 1);
-    assert!(
-        run.err.contains("s.rhai: it is a different scene here than where it was packed\n"),
-        "{}",
-        run.err
-    );
+    assert!(run.err.contains("s.rhai: the scene differs from the one that was packed\n"), "{}", run.err);
 }
 
 #[test]

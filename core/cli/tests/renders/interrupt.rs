@@ -53,7 +53,7 @@ fn signals_leave_finished_frames_and_the_old_file() {
         assert_eq!(read(d, "o.mp4"), b"old");
         let discarded = more.contains(&"--discard");
         assert_eq!(part_files(d).is_empty(), discarded, "{name} {more:?}");
-        let kept = "frames are kept in o.mp4.part; to go on with them: ";
+        let kept = "frames are kept in o.mp4.part; to resume the render: ";
         let command = run.err.lines().find_map(|line| line.split_once(kept).map(|(_, command)| command));
         assert_eq!(command.is_none(), discarded, "{}", run.err);
         assert!(

@@ -317,7 +317,7 @@ fn an_interrupted_render_prints_the_command_that_resumes_it() {
         let Some(run) = interrupt_render(d, name, more) else { continue };
         ended += 1;
         let finished = finished_frames(d, "o.mp4");
-        let prefix = format!("{finished} frames are kept in o.mp4.part; to go on with them: ");
+        let prefix = format!("{finished} frames are kept in o.mp4.part; to resume the render: ");
         let line = run.err.lines().find_map(|line| line.strip_prefix(&prefix));
         let command = line.unwrap_or_else(|| panic!("{name}: no \"{prefix}\" in {}", run.err));
         assert!(command.contains("choreo render --resume s.rhai -o o.mp4 --jobs 1"), "{command}");
@@ -361,16 +361,17 @@ fn a_resumable_render_is_discarded_only_with_the_option() {
     std::fs::write(d.join("s.rhai"), format!("{script}\n// edited")).unwrap();
     let run = choreo(d, &plain);
     let expected = format!(
-        "o.mp4: starts anew; {finished} frames of a render that was stopped are deleted, because these \
-         differ: script"
+        "o.mp4: starts again from the first frame; {finished} frames of a stopped render are deleted, because these \
+         settings differ: script"
     );
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
     assert!(d.join("o.mp4").exists() && part_files(d).is_empty());
     // With --discard they are deleted.
     let finished = kill_render_midway(d, "o.mp4");
     let run = choreo(d, &[&plain[..], &["--discard"]].concat());
-    let expected =
-        format!("o.mp4: starts anew; {finished} frames of a render that was stopped are deleted\n");
+    let expected = format!(
+        "o.mp4: starts again from the first frame; {finished} frames of a stopped render are deleted\n"
+    );
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
     assert!(d.join("o.mp4").exists() && part_files(d).is_empty());
     let run = choreo(d, &[&plain[..], &["--discard", "--resume"]].concat());

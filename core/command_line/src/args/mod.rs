@@ -6,7 +6,7 @@ use clap::builder::ArgPredicate;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-pub(crate) const EXIT_CODES: &str = "\
+pub(crate) const EXIT_CODES_HELP: &str = "\
 Exit codes:
   0    done
   1    the script, model or another input is wrong, or a test failed
@@ -18,19 +18,19 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP)
   141  the reader of standard output has gone
 
-A result appears whole or not at all: files are written beside their place as NAME.part and renamed when complete.
-A video's finished frames stay in the folder NAME.part when its render is stopped, by Ctrl-C too, and --resume goes on with
-them. An output path that is a symbolic link or an input is refused.";
+Outputs are complete or absent: a file is written as NAME.part in the same folder, and renamed when complete.
+When the render of a video is stopped, also by Ctrl-C, its finished frames stay in the folder NAME.part, and --resume continues
+after them. An output path that is a symbolic link or an input is refused.";
 
 /// Text after the options in `--help`; `-h` shows only the exit codes.
 fn limits_help() -> String {
     let table = choreo_script::Limits::table();
-    format!("Limits, set with --limit NAME=NUMBER:\n{table}\n{EXIT_CODES}")
+    format!("Limits, set with --limit NAME=NUMBER:\n{table}\n{EXIT_CODES_HELP}")
 }
 
 /// Turns a script and a folder of ready-made characters and clips into an animated scene.
 #[derive(Parser, Debug)]
-#[command(name = "choreo", version, after_help = EXIT_CODES, disable_help_subcommand = true)]
+#[command(name = "choreo", version, after_help = EXIT_CODES_HELP, disable_help_subcommand = true)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub command: Command,
@@ -42,58 +42,58 @@ pub(crate) struct Cli {
 #[derive(Subcommand, Debug)]
 pub enum Command {
     /// Render a script, or a model file as it is, to video or images
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Render(RenderArgs),
     /// Write a job that renders a film on many machines, for an existing engine: Open Job Description or Slurm
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help(), mut_arg("input", |input| {
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help(), mut_arg("input", |input| {
         // Not needed with --status, which names the folder of a job.
         input.required(false).required_unless_present("status").default_value_if("status", ArgPredicate::IsPresent, ".")
     }))]
     Farm(FarmArgs),
     /// Join the segments of several machines, made with render --segment, into the file that one machine would have written
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Join(JoinArgs),
     /// Pack a script and every file that it reads into one archive, which renders to the same images on another machine
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Pack(PackArgs),
     /// Write the scene for another program: skeletons, animation and cameras, as far as the format can hold them
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Export(ExportArgs),
     /// Open a window that shows a script or a model, and updates it after every save
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     View(ViewArgs),
     /// Check a scene without drawing: the script, its assets, its callbacks at every frame, and its tests
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Check(CheckArgs),
     /// Describe a model file, or how an image or video was made
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Info(InfoArgs),
     /// Explain one frame of a scene: the parts that it needs, what requested them, and the parts that were left out
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Explain(ExplainArgs),
     /// Measure error against run time for each numerical method that the scene could use
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Measure(MeasureArgs),
     /// Print the joints of every actor in world space at one time
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Pose(PoseArgs),
     /// Run tests that are written as scripts: sections with assertions and reference images
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Test(TestArgs),
     /// List the importers, effects and exporters of this program; install, list, remove or test packages of plugins
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Plugins(PluginsArgs),
     /// Create a project for your own videos, or a plugin: a crate, or a single file with --single
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     New(NewArgs),
     /// Format scripts: spaces, indentation and blank lines. Line breaks, comments and strings are kept
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Format(FormatArgs),
     /// Run the language server for editors (Language Server Protocol) on standard input and output: diagnostics, completion and more
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Lsp(LspArgs),
     /// Look up a term of animation and rendering, or print the help of a command
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES_HELP)]
     Help(HelpArgs),
 }
 
@@ -236,11 +236,11 @@ pub(crate) struct RenderArgs {
 }
 
 impl RenderArgs {
-    /// Options of the format, including those that have their own argument.
-    pub fn given(&self) -> Vec<String> {
-        let mut given = self.export.clone();
-        given.extend(self.passes.iter().map(|passes| format!("passes={passes}")));
-        given
+    /// Options of the output format: those of `--export`, and those that have an argument of their own.
+    pub fn export_options(&self) -> Vec<String> {
+        let mut options = self.export.clone();
+        options.extend(self.passes.iter().map(|passes| format!("passes={passes}")));
+        options
     }
 }
 
@@ -375,13 +375,13 @@ pub(crate) struct ExportArgs {
 }
 
 impl ExportArgs {
-    /// Options of the format, including those that have their own argument.
-    pub fn given(&self) -> Vec<String> {
-        let mut given = self.export.clone();
-        given.extend(self.tolerance.iter().map(|metres| format!("tolerance={metres}")));
-        given.extend(self.split.iter().map(|what| format!("animations={what}")));
-        given.extend(self.clips.then(|| "animations=clips".to_string()));
-        given
+    /// Options of the output format: those of `--export`, and those that have an argument of their own.
+    pub fn export_options(&self) -> Vec<String> {
+        let mut options = self.export.clone();
+        options.extend(self.tolerance.iter().map(|metres| format!("tolerance={metres}")));
+        options.extend(self.split.iter().map(|what| format!("animations={what}")));
+        options.extend(self.clips.then(|| "animations=clips".to_string()));
+        options
     }
 }
 
@@ -399,7 +399,7 @@ pub(crate) struct ViewArgs {
     pub input: Option<PathBuf>,
     /// Options of the viewer: see choreo-view --help
     #[arg(value_name = "OPTION", trailing_var_arg = true, allow_hyphen_values = true)]
-    pub rest: Vec<std::ffi::OsString>,
+    pub viewer_options: Vec<std::ffi::OsString>,
 }
 
 #[derive(Args, Debug)]
@@ -415,6 +415,7 @@ pub(crate) struct CheckArgs {
     /// Also write a chart of the cues over time, with the findings, as an image
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+    /// Print JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
 }
@@ -456,6 +457,7 @@ pub(crate) struct ExplainArgs {
     /// Width and height in pixels, as 1280x720
     #[arg(long, value_name = "WxH")]
     pub size: Option<String>,
+    /// Samples per pixel for antialiasing (default: the script's setting, else 4)
     #[arg(long, value_name = "1|4")]
     pub samples: Option<String>,
     /// Also explain the passes of an OpenEXR image, as color,depth,id
@@ -464,6 +466,7 @@ pub(crate) struct ExplainArgs {
     /// Also write a chart of the memory that the frame takes on the device, as an image
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+    /// Print JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
 }
@@ -488,6 +491,7 @@ pub(crate) struct MeasureArgs {
     /// Also write plots of error against run time, one below the other, as an image
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+    /// Print JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
 }
@@ -502,6 +506,7 @@ pub(crate) struct PoseArgs {
     /// Also write the posed meshes, skinned and morphed, with vertices in the order of the file
     #[arg(long, value_name = "FILE.obj")]
     pub mesh: Option<PathBuf>,
+    /// Print JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
 }
@@ -617,6 +622,7 @@ pub(crate) enum PluginsAction {
 
 #[derive(Args, Debug)]
 pub(crate) struct NewArgs {
+    /// A project, or the kind of plugin to create
     #[arg(value_enum)]
     pub kind: NewKind,
     /// Name of the plugin, with lower-case letters, digits and _, as my_format; for a project also with capitals and -, as my-film
@@ -650,7 +656,7 @@ pub(crate) struct FormatArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct LspArgs {
-    /// Given by editors; the server knows no other transport
+    /// Passed by editors; the server has no other transport than standard input and output
     #[arg(long, hide = true)]
     pub stdio: bool,
 }
@@ -703,8 +709,8 @@ pub(crate) enum HookArg {
 }
 
 impl Command {
-    /// Scene arguments of a command that opens a scene.
-    pub fn scene(&mut self) -> Option<&mut SceneArgs> {
+    /// Scene arguments; `None` for a command that opens no scene.
+    pub fn scene_args_mut(&mut self) -> Option<&mut SceneArgs> {
         match self {
             Command::Render(a) => Some(&mut a.scene),
             Command::Export(a) => Some(&mut a.scene),
@@ -718,7 +724,8 @@ impl Command {
         }
     }
 
-    pub fn json(&self) -> bool {
+    /// Whether results and errors are printed as JSON.
+    pub fn prints_json(&self) -> bool {
         match self {
             Command::Render(a) => a.json,
             Command::Join(a) => a.json,

@@ -6,30 +6,30 @@ use choreo_script::Limits;
 use std::ops::Range;
 
 /// Largest number of frames in one run, 92 hours at 30 frames per second; a larger number is a typing error.
-pub const MOST_FRAMES: i64 = 10_000_000;
+pub const MAX_FRAMES: i64 = 10_000_000;
 
-fn usage<T>(text: String) -> Result<T, Failure> {
+fn usage_error<T>(text: String) -> Result<T, Failure> {
     Err(Failure::Usage(text))
 }
 
 /// Fails if the command would refuse the value of this option. Options that take any text always pass.
-pub fn check(option: &str, text: &str) -> Result<(), Failure> {
+pub fn check_option_value(option: &str, text: &str) -> Result<(), Failure> {
     match option {
-        "size" => size(text).map(drop),
-        "fps" => fps(text).map(drop),
-        "samples" => samples(text).map(drop),
-        "jobs" => jobs(text).map(drop),
-        "timeout" => timeout(text).map(drop),
+        "size" => parse_size(text).map(drop),
+        "fps" => parse_fps(text).map(drop),
+        "samples" => parse_samples(text).map(drop),
+        "jobs" => parse_jobs(text).map(drop),
+        "timeout" => parse_timeout(text).map(drop),
         _ => Ok(()),
     }
 }
 
 /// Parses frame numbers within the `total` of the scene; the result is sorted, each number once. Forms: `0..120`, `0..=119`, `30..`,
 /// `..60`, `7`, every 24th frame of a range as `0..240:24`, and lists of these, `0,5,9..20`.
-pub fn frames(text: &str, total: i64) -> Result<Vec<i64>, Failure> {
+pub fn parse_frames(text: &str, total: i64) -> Result<Vec<i64>, Failure> {
     let mut frames = Vec::new();
     for part in text.split(',') {
-        let (range, step) = some_frames(text, part, total)?;
+        let (range, step) = parse_frame_range(text, part, total)?;
         frames.extend(range.step_by(step));
     }
     frames.sort_unstable();
@@ -37,13 +37,13 @@ pub fn frames(text: &str, total: i64) -> Result<Vec<i64>, Failure> {
     Ok(frames)
 }
 
-/// Parses one item of the list: a range, and the step between its frames.
-fn some_frames(text: &str, part: &str, total: i64) -> Result<(Range<i64>, usize), Failure> {
+/// Parses `part`, one item of the list `text`: a frame or a range, and the step between its frames.
+fn parse_frame_range(text: &str, part: &str, total: i64) -> Result<(Range<i64>, usize), Failure> {
     let number = |part: &str| -> Result<i64, Failure> {
         match part.trim().parse::<i64>() {
-            Ok(n) if (0..=MOST_FRAMES).contains(&n) => Ok(n),
-            _ => usage(format!(
-                "--frames {text}: \"{part}\" is not a frame number from 0 to {MOST_FRAMES}; \
+            Ok(n) if (0..=MAX_FRAMES).contains(&n) => Ok(n),
+            _ => usage_error(format!(
+                "--frames {text}: \"{part}\" is not a frame number from 0 to {MAX_FRAMES}; \
                  write 0..120, 0..=119, 30.., 7, 0..240:24 or 0,5,9..20"
             )),
         }
@@ -52,9 +52,13 @@ fn some_frames(text: &str, part: &str, total: i64) -> Result<(Range<i64>, usize)
     let (part, step) = match part.split_once(':') {
         None => (part, 1),
         Some((range, step)) => match number(step)? {
-            0 => return usage(format!("--frames {text}: the step after : must be at least 1")),
+            0 => return usage_error(format!("--frames {text}: the step after : must be at least 1")),
             step if range.contains("..") || range.contains('-') => (range, step),
-            _ => return usage(format!("--frames {text}: a step is written after a range, as 0..240:24")),
+            _ => {
+                return usage_error(format!(
+                    "--frames {text}: a step is written after a range, as 0..240:24"
+                ));
+            }
         },
     };
     let range = match part.split_once("..") {
@@ -74,26 +78,32 @@ fn some_frames(text: &str, part: &str, total: i64) -> Result<(Range<i64>, usize)
         }
     };
     if range.is_empty() && range.start < total {
-        return usage(format!("--frames {text}: no frame is in that range; the end is not included"));
+        return usage_error(format!("--frames {text}: no frame is in that range; the end is not included"));
     }
     if range.start >= total || range.end > total {
-        return usage(format!("--frames {text}: the scene has {total} frames, 0..{total}"));
+        return usage_error(format!("--frames {text}: the scene has {total} frames, 0..{total}"));
     }
     Ok((range, step as usize))
 }
 
-pub fn size(text: &str) -> Result<[u32; 2], Failure> {
+/// `--size`: width and height in pixels.
+pub fn parse_size(text: &str) -> Result<[u32; 2], Failure> {
     let parsed = text.split_once(['x', 'X', '×']).and_then(|(w, h)| {
         Some([w.trim().parse::<u32>().ok()?, h.trim().parse::<u32>().ok()?])
             .filter(|s| s.iter().all(|n| (1..=16384).contains(n)))
     });
     parsed.map_or_else(
-        || usage(format!("--size {text}: write WIDTHxHEIGHT, each from 1 to 16384 pixels, as 1280x720")),
+        || {
+            usage_error(format!(
+                "--size {text}: write WIDTHxHEIGHT, each from 1 to 16384 pixels, as 1280x720"
+            ))
+        },
         Ok,
     )
 }
 
-pub fn fps(text: &str) -> Result<FrameRate, Failure> {
+/// `--fps`: frames per second, as a decimal number or a fraction.
+pub fn parse_fps(text: &str) -> Result<FrameRate, Failure> {
     let rate = match text.split_once('/') {
         Some((num, den)) => match (num.parse::<u32>(), den.parse::<u32>()) {
             (Ok(num), Ok(den))
@@ -107,53 +117,56 @@ pub fn fps(text: &str) -> Result<FrameRate, Failure> {
     };
     rate.map_or_else(
         || {
-            usage(format!(
-                "--fps {text}: write frames a second from 0.001 to 1000 with up to 6 decimal places, as 30, 29.97 or 30000/1001"
+            usage_error(format!(
+                "--fps {text}: write frames per second from 0.001 to 1000 with up to 6 decimal places, as 30, 29.97 or 30000/1001"
             ))
         },
         Ok,
     )
 }
 
-pub fn samples(text: &str) -> Result<u32, Failure> {
+/// `--samples`: samples per pixel.
+pub fn parse_samples(text: &str) -> Result<u32, Failure> {
     match text {
         "1" => Ok(1),
         "4" => Ok(4),
-        _ => usage(format!("--samples {text}: 1 (fast) or 4 (smooth edges)")),
+        _ => usage_error(format!("--samples {text}: 1 (fast) or 4 (smooth edges)")),
     }
 }
 
-pub fn at(text: &str) -> Result<Time, Failure> {
+/// `--at`: seconds.
+pub fn parse_at(text: &str) -> Result<Time, Failure> {
     match text.parse::<f64>() {
         // 100 hours on either side of zero.
         Ok(secs) if secs.abs() <= 360_000.0 => Ok(Time::from_secs(secs)),
-        _ => usage(format!("--at {text}: write seconds from -360000 to 360000, as 1.5")),
+        _ => usage_error(format!("--at {text}: write seconds from -360000 to 360000, as 1.5")),
     }
 }
 
 /// `--length`: seconds, above 0.
-pub fn length(text: &str) -> Result<Time, Failure> {
+pub fn parse_length(text: &str) -> Result<Time, Failure> {
     match text.parse::<f64>() {
         Ok(secs) if secs > 0.0 && secs <= 360_000.0 => Ok(Time::from_secs(secs)),
-        _ => usage(format!("--length {text}: write seconds above 0, to 360000, as 4 or 2.5")),
+        _ => usage_error(format!("--length {text}: write seconds above 0, to 360000, as 4 or 2.5")),
     }
 }
 
 /// `--timeout`: seconds, above 0.
-pub fn timeout(text: &str) -> Result<f64, Failure> {
+pub fn parse_timeout(text: &str) -> Result<f64, Failure> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
     seconds.ok_or_else(|| Failure::Usage(format!("--timeout {text}: write seconds above 0, as 60 or 0.5")))
 }
 
-pub fn jobs(text: &str) -> Result<usize, Failure> {
+/// `--jobs`: number of threads.
+pub fn parse_jobs(text: &str) -> Result<usize, Failure> {
     match text.parse::<usize>() {
         Ok(n) if (1..=1024).contains(&n) => Ok(n),
-        _ => usage(format!("--jobs {text}: a number of threads from 1 to 1024")),
+        _ => usage_error(format!("--jobs {text}: a number of threads from 1 to 1024")),
     }
 }
 
-/// Limits of scripts, changed by each `--limit NAME=NUMBER`.
-pub fn limits(given: &[String]) -> Result<Limits, Failure> {
+/// Default limits of scripts, changed by each `--limit NAME=NUMBER`.
+pub fn parse_limits(given: &[String]) -> Result<Limits, Failure> {
     let mut limits = Limits::default();
     for limit in given {
         limits.set(limit).map_err(|e| Failure::Usage(format!("--limit {limit}: {e}")))?;
@@ -162,10 +175,10 @@ pub fn limits(given: &[String]) -> Result<Limits, Failure> {
 }
 
 /// Splits NAME=VALUE. `flag`: name of the option, for messages.
-pub(crate) fn name_value<'a>(flag: &str, text: &'a str) -> Result<(&'a str, &'a str), Failure> {
+pub(crate) fn split_name_value<'a>(flag: &str, text: &'a str) -> Result<(&'a str, &'a str), Failure> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim(), value)),
-        _ => usage(format!("{flag} {text}: write NAME=VALUE")),
+        _ => usage_error(format!("{flag} {text}: write NAME=VALUE")),
     }
 }
 
@@ -174,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frame_ranges_in_all_their_forms() {
+    fn frame_ranges_are_parsed_in_every_form() {
         for (text, expected) in [
             ("0..120", 0..120),
             ("0..=119", 0..120),
@@ -184,7 +197,7 @@ mod tests {
             ("7", 7..8),
             ("..", 0..120),
         ] {
-            assert_eq!(frames(text, 120).unwrap(), expected.collect::<Vec<_>>(), "{text}");
+            assert_eq!(parse_frames(text, 120).unwrap(), expected.collect::<Vec<_>>(), "{text}");
         }
         for (text, expected) in [
             ("0..100:24", &[0, 24, 48, 72, 96][..]),
@@ -194,12 +207,12 @@ mod tests {
             ("0, 5,9..12", &[0, 5, 9, 10, 11]),
             ("11,3..6:2,3", &[3, 5, 11]),
         ] {
-            assert_eq!(frames(text, 120).unwrap(), expected, "{text}");
+            assert_eq!(parse_frames(text, 120).unwrap(), expected, "{text}");
         }
     }
 
     #[test]
-    fn bad_frame_ranges_say_what_to_type() {
+    fn messages_about_bad_frame_ranges_show_valid_forms() {
         for (text, expected) in [
             (
                 "a..b",
@@ -219,28 +232,28 @@ mod tests {
                  0..240:24 or 0,5,9..20",
             ),
         ] {
-            let Err(Failure::Usage(message)) = frames(text, 120) else { panic!("{text} was accepted") };
+            let Err(Failure::Usage(message)) = parse_frames(text, 120) else { panic!("{text} was accepted") };
             assert_eq!(message, expected);
         }
-        assert!(frames("99999999999999999999", 120).is_err());
+        assert!(parse_frames("99999999999999999999", 120).is_err());
     }
 
     #[test]
-    fn sizes_rates_and_times() {
-        assert_eq!(size("1280x720").unwrap(), [1280, 720]);
+    fn sizes_rates_and_times_are_parsed_and_checked() {
+        assert_eq!(parse_size("1280x720").unwrap(), [1280, 720]);
         for bad in ["1280", "0x5", "x", "99999x1", "1280x720x3", "-4x4"] {
-            assert!(size(bad).is_err(), "{bad}");
+            assert!(parse_size(bad).is_err(), "{bad}");
         }
-        assert_eq!(length("2.5").unwrap(), Time::from_secs(2.5));
+        assert_eq!(parse_length("2.5").unwrap(), Time::from_secs(2.5));
         for bad in ["0", "-1", "nan", "inf", "1e6", "4s"] {
-            assert!(length(bad).is_err(), "{bad}");
+            assert!(parse_length(bad).is_err(), "{bad}");
         }
-        assert_eq!(fps("29.97").unwrap(), FrameRate { num: 30000, den: 1001 });
-        assert_eq!(fps("24000/1001").unwrap(), FrameRate { num: 24000, den: 1001 });
+        assert_eq!(parse_fps("29.97").unwrap(), FrameRate { num: 30000, den: 1001 });
+        assert_eq!(parse_fps("24000/1001").unwrap(), FrameRate { num: 24000, den: 1001 });
         for bad in ["0", "nan", "1/0", "inf", "-30", "4000000000/1"] {
-            assert!(fps(bad).is_err(), "{bad}");
+            assert!(parse_fps(bad).is_err(), "{bad}");
         }
-        assert_eq!(at("1.5").unwrap(), Time::from_secs(1.5));
-        assert!(at("nan").is_err() && at("inf").is_err() && at("1e9").is_err());
+        assert_eq!(parse_at("1.5").unwrap(), Time::from_secs(1.5));
+        assert!(parse_at("nan").is_err() && parse_at("inf").is_err() && parse_at("1e9").is_err());
     }
 }

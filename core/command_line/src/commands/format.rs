@@ -1,7 +1,7 @@
 //! `choreo format`: formats scripts in one style.
 
 use crate::args::FormatArgs;
-use crate::failure::{Failure, Problem, print, reason, write_failure};
+use crate::failure::{Failure, Problem, describe_error, print, write_failure};
 use choreo_files::write_whole;
 use choreo_script::Diagnostic;
 use choreo_script::format::{FormatError, formatted};
@@ -10,17 +10,17 @@ use std::io::{Read, Write, stdin, stdout};
 use std::path::{Path, PathBuf};
 
 /// Largest script in bytes.
-const LARGEST: u64 = 4 << 20;
+const MAX_SCRIPT_BYTES: u64 = 4 << 20;
 /// Largest number of scripts; more are a mistake, such as `choreo format` in a home folder.
-const MOST_FILES: usize = 20_000;
+const MAX_SCRIPTS: usize = 20_000;
 
 pub fn run(args: &FormatArgs) -> Result<(), Failure> {
     if args.paths == [Path::new("-")] {
-        return from_pipe(args.check);
+        return format_stdin(args.check);
     }
     let (mut problems, mut changed) = (Vec::new(), Vec::new());
-    for path in scripts(&args.paths)? {
-        match one(&path) {
+    for path in find_scripts(&args.paths)? {
+        match format_script(&path) {
             Ok(None) => {}
             Ok(Some(_)) if args.check => changed.push(path),
             Ok(Some(text)) => {
@@ -44,13 +44,13 @@ pub fn run(args: &FormatArgs) -> Result<(), Failure> {
 }
 
 /// Formats standard input to standard output, for editors.
-fn from_pipe(check: bool) -> Result<(), Failure> {
+fn format_stdin(check: bool) -> Result<(), Failure> {
     let mut bytes = Vec::new();
-    let read = stdin().lock().take(LARGEST + 1).read_to_end(&mut bytes);
-    read.map_err(|e| Failure::input(format!("standard input: {}", reason(&e))))?;
-    let text = script("standard input", bytes).map_err(|problem| Failure::Input(vec![problem]))?;
+    let read = stdin().lock().take(MAX_SCRIPT_BYTES + 1).read_to_end(&mut bytes);
+    read.map_err(|e| Failure::input(format!("standard input: {}", describe_error(&e))))?;
+    let text = script_text("standard input", bytes).map_err(|problem| Failure::Input(vec![problem]))?;
     let new = formatted(&text).map_err(|error| {
-        Failure::Input(vec![Problem::Script(diagnostic("standard input", &text, &error))])
+        Failure::Input(vec![Problem::Script(format_diagnostic("standard input", &text, &error))])
     })?;
     if check {
         return if new == text { Ok(()) } else { Err(Failure::input("standard input: is not formatted")) };
@@ -61,25 +61,25 @@ fn from_pipe(check: bool) -> Result<(), Failure> {
 }
 
 /// Formatted text of a script; `None` if it is formatted already.
-fn one(path: &Path) -> Result<Option<String>, Problem> {
+fn format_script(path: &Path) -> Result<Option<String>, Problem> {
     let name = shown(path);
-    let bytes =
-        choreo_files::read(path, LARGEST).map_err(|e| Problem::Text(format!("{name}: cannot read: {e}")))?;
-    let text = script(&name, bytes)?;
+    let bytes = choreo_files::read(path, MAX_SCRIPT_BYTES)
+        .map_err(|e| Problem::Text(format!("{name}: cannot read: {e}")))?;
+    let text = script_text(&name, bytes)?;
     match formatted(&text) {
         Ok(new) => Ok((new != text).then_some(new)),
-        Err(error) => Err(Problem::Script(diagnostic(&name, &text, &error))),
+        Err(error) => Err(Problem::Script(format_diagnostic(&name, &text, &error))),
     }
 }
 
-fn script(name: &str, bytes: Vec<u8>) -> Result<String, Problem> {
-    if bytes.len() as u64 > LARGEST {
-        return Err(Problem::Text(format!("{name}: a script may have at most {LARGEST} bytes")));
+fn script_text(name: &str, bytes: Vec<u8>) -> Result<String, Problem> {
+    if bytes.len() as u64 > MAX_SCRIPT_BYTES {
+        return Err(Problem::Text(format!("{name}: a script may have at most {MAX_SCRIPT_BYTES} bytes")));
     }
     String::from_utf8(bytes).map_err(|_| Problem::Text(format!("{name}: is not a text file in UTF-8")))
 }
 
-fn diagnostic(name: &str, text: &str, error: &FormatError) -> Diagnostic {
+fn format_diagnostic(name: &str, text: &str, error: &FormatError) -> Diagnostic {
     let source_line = text.lines().nth(error.line.saturating_sub(1)).unwrap_or_default().to_string();
     let message = format!("not formatted: {}", error.message);
     let hint = Some(format!("choreo check {} says what is wrong", quoted(name)));
@@ -88,13 +88,13 @@ fn diagnostic(name: &str, text: &str, error: &FormatError) -> Diagnostic {
 }
 
 /// Scripts that were named, and all scripts in folders that were named, including modules and plugins in Rhai.
-fn scripts(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+fn find_scripts(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let here = [PathBuf::from(".")];
     let paths = if paths.is_empty() { &here } else { paths };
     let mut found = Vec::new();
     for path in paths {
         if path.is_dir() {
-            walk(path, &mut found)?;
+            collect_scripts(path, &mut found)?;
         } else if path.is_file() {
             found.push(path.clone());
         } else {
@@ -104,18 +104,18 @@ fn scripts(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(found)
 }
 
-fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
-    let failed = |e: std::io::Error| Failure::input(format!("{}: {}", shown(folder), reason(&e)));
+fn collect_scripts(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
+    let failed = |e: std::io::Error| Failure::input(format!("{}: {}", shown(folder), describe_error(&e)));
     for (name, kind) in choreo_files::entries(folder).map_err(failed)? {
         let (path, name) = (folder.join(&name), name.to_string_lossy());
-        let is_passed_over = name.starts_with('.') || matches!(&*name, "target" | "node_modules");
+        let is_skipped = name.starts_with('.') || matches!(&*name, "target" | "node_modules");
         // Links are not followed: the scripts that they lead to are found at their own paths.
-        if kind.is_dir() && !is_passed_over {
-            walk(&path, found)?;
-        } else if kind.is_file() && !is_passed_over && name.to_lowercase().ends_with(".rhai") {
-            if found.len() >= MOST_FILES {
+        if kind.is_dir() && !is_skipped {
+            collect_scripts(&path, found)?;
+        } else if kind.is_file() && !is_skipped && name.to_lowercase().ends_with(".rhai") {
+            if found.len() >= MAX_SCRIPTS {
                 return Err(Failure::Usage(format!(
-                    "more than {MOST_FILES} scripts below {}; name a folder",
+                    "more than {MAX_SCRIPTS} scripts below {}; name a folder",
                     shown(folder)
                 )));
             }

@@ -16,11 +16,11 @@ use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// Largest number of calls printed for a term that is not a known one.
-const MOST_MENTIONS: usize = 8;
+/// Largest number of search results printed for a term that has no entry of its own.
+const MAX_SEARCH_RESULTS: usize = 8;
 
 /// Rewrites `help` and `help COMMAND` as `--help` and `COMMAND --help`.
-pub(crate) fn as_flag(args: Vec<OsString>) -> Vec<OsString> {
+pub(crate) fn rewrite_help_as_flag(args: Vec<OsString>) -> Vec<OsString> {
     let is_command = |name: &OsString| Cli::command().find_subcommand(name).is_some();
     match args.as_slice() {
         [program, help] if help == "help" => vec![program.clone(), "--help".into()],
@@ -38,15 +38,15 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
         return print_page(app, &term);
     }
     let mut answer = answer(&term);
-    let mut of_pages = pages::find(app, &term);
+    let mut page_entries = pages::search_pages(app, &term);
     // A function in a table of a page is a complete answer; a heading is one answer among several.
-    let is_function = of_pages.iter().any(|call| call.usage.contains('('));
+    let is_function = page_entries.iter().any(|call| call.usage.contains('('));
     if answer.calls.is_empty() && !is_function {
         answer = search(&term);
-        answer.calls.truncate(MOST_MENTIONS);
+        answer.calls.truncate(MAX_SEARCH_RESULTS);
     }
-    answer.calls.append(&mut of_pages);
-    if let Some(command) = of_command(&term) {
+    answer.calls.append(&mut page_entries);
+    if let Some(command) = command_entry(&term) {
         answer.calls.retain(|call| call.usage != command.usage);
         answer.calls.insert(0, command);
     }
@@ -63,22 +63,26 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
         call.about = call.about.take().or_else(|| about_command(&call.usage));
         describe_effect(call, &term, app);
     }
-    if args.json { print_json(&answer_json(&term, &answer)) } else { print(page(&term, &answer).as_str()) }
+    if args.json {
+        print_json(&answer_json(&term, &answer))
+    } else {
+        print(answer_page(&term, &answer).as_str())
+    }
 }
 
 fn print_page(app: &App, name: &str) -> Result<(), Failure> {
     // References may include a heading: core/script/API.md, "Cues".
     let path = name.split(',').next().unwrap_or_default().trim();
-    let text = pages::text(app, path).ok_or_else(|| {
+    let text = pages::page_text(app, path).ok_or_else(|| {
         let hint = match path.split_once("reference/") {
             Some((_, entry)) => format!(
                 "choreo help {} prints one entry of the reference; choreo help --page API.md prints all of \
                  it",
                 entry.rsplit(['#', '/']).next().unwrap_or_default().trim_end_matches(".md")
             ),
-            None => format!("pages: {}", list(pages::names(app), 60)),
+            None => format!("pages: {}", list(pages::page_paths(app), 60)),
         };
-        let meant = did_you_mean(path, pages::names(app));
+        let meant = did_you_mean(path, pages::page_paths(app));
         Failure::Usage(format!("help: there is no page \"{path}\"{meant}\n    hint: {hint}"))
     })?;
     print(&pages::with_scripts(app, text))
@@ -95,12 +99,12 @@ fn describe_effect(call: &mut Call, term: &str, app: &App) {
         call.details = option_rows(manifest).lines().map(|row| row.trim().to_string()).collect();
     }
     let page = format!("plugins/effects/{name}/README.md");
-    if pages::text(app, &page).is_some() {
+    if pages::page_text(app, &page).is_some() {
         call.page = page;
     }
 }
 
-fn page(term: &str, answer: &Answer) -> Page {
+fn answer_page(term: &str, answer: &Answer) -> Page {
     let mut page = Page::default();
     page.line(format_args!("{term}"));
     for Call { usage, about, details, page: from } in &answer.calls {
@@ -121,8 +125,8 @@ fn answer_json(term: &str, answer: &Answer) -> Value {
     })
 }
 
-/// Call for a term that is a command with further words: "new project", "render --frames", "choreo check".
-fn of_command(term: &str) -> Option<Call> {
+/// Entry for a term that is a command with further words: "new project", "render --frames", "choreo check".
+fn command_entry(term: &str) -> Option<Call> {
     let words: Vec<&str> = term.split_whitespace().skip_while(|word| *word == "choreo").collect();
     let cli = Cli::command();
     let command = cli.find_subcommand(words.first()?)?;
@@ -156,10 +160,12 @@ fn about_command(usage: &str) -> Option<String> {
     found?.get_help().map(ToString::to_string)
 }
 
-const READ_MODELS: [&str; 7] = ["render", "export", "check", "info", "explain", "measure", "pose"];
+/// Commands whose `--help` lists the options of importers.
+const COMMANDS_WITH_IMPORTERS: [&str; 7] =
+    ["render", "export", "check", "info", "explain", "measure", "pose"];
 
 /// Command line of the program, with the options of the plugins in `--help`.
-pub fn command(args: &[OsString], app: &App) -> clap::Command {
+pub fn command_with_plugin_options(args: &[OsString], app: &App) -> clap::Command {
     let plugins = &app.registry;
     let command = Cli::command().name(app.name).version(app.version);
     if !args.iter().any(|a| a == "--help") {
@@ -172,10 +178,10 @@ pub fn command(args: &[OsString], app: &App) -> clap::Command {
     let named: Vec<PathBuf> = after(&"--plugins".into()).into_iter().filter(|f| f.is_dir()).collect();
     let found = plugin_files::list(plugins, &named, &here, None).map(|listing| listing.registry);
     let registry = found.as_ref().unwrap_or(plugins);
-    let importers = rows(registry.importers().iter().map(|i| i.manifest()));
-    let exporters = rows(registry.exporters().iter().map(|e| e.manifest()));
-    let scene_exporters = rows(registry.scene_exporters().iter().map(|e| e.manifest()));
-    READ_MODELS.into_iter().fold(command, |command, name| {
+    let importers = plugin_option_rows(registry.importers().iter().map(|i| i.manifest()));
+    let exporters = plugin_option_rows(registry.exporters().iter().map(|e| e.manifest()));
+    let scene_exporters = plugin_option_rows(registry.scene_exporters().iter().map(|e| e.manifest()));
+    COMMANDS_WITH_IMPORTERS.into_iter().fold(command, |command, name| {
         command.mut_subcommand(name, |sub| {
             let mut text = format!(
                 "Options of importers, set with --import NAME=VALUE, in a script by load(FILE, #{{ NAME: VALUE }}):\n{importers}"
@@ -194,7 +200,7 @@ pub fn command(args: &[OsString], app: &App) -> clap::Command {
     })
 }
 
-fn rows<'m>(manifests: impl Iterator<Item = &'m Manifest>) -> String {
+fn plugin_option_rows<'m>(manifests: impl Iterator<Item = &'m Manifest>) -> String {
     let with_options = manifests.filter(|m| !m.options.is_empty());
     with_options.map(|m| format!("  {}\n{}", m.name, option_rows(m))).collect()
 }

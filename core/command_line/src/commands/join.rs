@@ -3,17 +3,18 @@
 use crate::args::JoinArgs;
 use crate::args::values;
 use crate::commands::export;
-use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
+use crate::failure::{Failure, output_failure, print_json, print_message, write_failure};
 use crate::output::budget::Budget;
-use crate::output::image_files::Claim;
+use crate::output::image_files::FrameRangeClaim;
 use crate::output::provenance;
 use crate::output::segment::{
-    EXTENSION, FilmWriter, Gap, JoinError, JoinedFrames, Segment, Source, cover, ranges,
+    CoverageError, FilmWriter, JoinError, JoinedFrames, RecordAddress, SEGMENT_EXTENSION, Segment,
+    format_ranges, select_records,
 };
 use crate::output::target::{Target, export_failure};
 use crate::process::machine;
 use crate::scene::inputs::Inputs;
-use crate::terminal::progress::Progress;
+use crate::terminal::{counted, progress::Progress};
 use choreo_files::PartFile;
 use choreo_plugin::{Exporter, Registry, VideoInfo};
 use serde_json::json;
@@ -23,10 +24,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Time between two scans of the folder.
-const PAUSE: Duration = Duration::from_millis(500);
+const SCAN_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Largest number of names read from one folder.
-const MOST_NAMES: usize = 1_000_000;
+const MAX_NAMES_PER_FOLDER: usize = 1_000_000;
 
 pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Failure> {
     let start = Instant::now();
@@ -35,28 +36,28 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
         return Err(Failure::Usage("join writes files; name one with -o".into()));
     }
     let exporter = target.exporter(plugins)?;
-    let limits = values::limits(&args.limit)?;
-    let Gathered { segments, damaged, sources, info, files } =
-        gather_with_wait(args, &target, exporter.as_ref(), software)?;
+    let limits = values::parse_limits(&args.limit)?;
+    let GatheredFilm { segments, damaged, record_addresses, info, files } =
+        gather_film_with_wait(args, &target, exporter.as_ref(), software)?;
     let inputs = Inputs::new(files.iter().cloned());
-    let joining = Joining {
+    let joining = FilmJoin {
         target: &target,
         exporter: exporter.as_ref(),
         info: &info,
         segments: &segments,
-        sources: &sources,
+        record_addresses: &record_addresses,
         inputs: &inputs,
         budget: Budget::new(limits.output),
-        progress: Progress::new(sources.len() as u64, args.quiet || args.json),
+        progress: Progress::new(record_addresses.len() as u64, args.quiet || args.json),
     };
-    let joined = if exporter.one_frame_per_file() { joining.images() } else { joining.film() };
+    let joined = if exporter.one_frame_per_file() { joining.write_images() } else { joining.write_film() };
     joining.progress.clear();
     let JoinedFrames { copied, encoded } = joined?;
     let secs = start.elapsed().as_secs_f64();
     if args.json {
         return print_json(&json!({
             "ok": true,
-            "output": target.shown(),
+            "output": target.display_name(),
             "frames": info.frames,
             "segments": segments.len(),
             "copied": copied,
@@ -67,26 +68,26 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
         }));
     }
     if !args.quiet {
-        let (frames, count) = (info.frames, segments.len());
+        let (frames, count) = (counted(info.frames, "frame"), counted(segments.len() as u64, "segment"));
         print_message(format_args!(
-            "{frames} frames of {count} segments joined in {secs:.1} s, {copied} copied and {encoded} encoded: {}",
-            target.shown()
+            "{frames} of {count} joined in {secs:.1} s, {copied} copied and {encoded} encoded: {}",
+            target.display_name()
         ));
     }
     Ok(())
 }
 
-/// Everything that is needed to write the film.
-struct Gathered {
+/// Segments of one film, after the check that they hold all of its frames.
+struct GatheredFilm {
     segments: Vec<Segment>,
     /// Descriptions of the damage found in segments; each includes the segment's name.
     damaged: Vec<String>,
-    sources: Vec<Source>,
+    record_addresses: Vec<RecordAddress>,
     info: VideoInfo,
     files: Vec<PathBuf>,
 }
 
-/// Reason why a film cannot be made.
+/// Reason why the film cannot be gathered.
 enum GatherError {
     /// Frames are missing or damaged: on a shared file system they may still arrive.
     Missing(Failure),
@@ -100,37 +101,39 @@ impl From<Failure> for GatherError {
 }
 
 /// Gathers the film from its segments, and waits up to `--wait` seconds for missing frames, measured by this process alone.
-fn gather_with_wait(
+fn gather_film_with_wait(
     args: &JoinArgs,
     target: &Target,
     exporter: &dyn Exporter,
     software: &str,
-) -> Result<Gathered, Failure> {
-    let (start, patience) = (Instant::now(), Duration::from_secs(args.wait.into()));
+) -> Result<GatheredFilm, Failure> {
+    let (start, max_wait) = (Instant::now(), Duration::from_secs(args.wait.into()));
     loop {
-        let seen = lengths(&args.segments);
+        let lengths_before = segment_file_lengths(&args.segments);
         let mut damaged = Vec::new();
-        let lack = match gather(args, target, exporter, software, &mut damaged) {
-            Err(GatherError::Missing(lack)) if start.elapsed() < patience => lack,
+        let failure = match gather_film(args, target, exporter, software, &mut damaged) {
+            Err(GatherError::Missing(failure)) if start.elapsed() < max_wait => failure,
             result => {
                 // Printed even with --quiet: a machine or a disk may be failing.
                 damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
-                return result.map(|gathered| Gathered { damaged, ..gathered }).map_err(|lack| match lack {
-                    GatherError::Missing(failure) | GatherError::Failure(failure) => failure,
-                });
+                return result.map(|gathered| GatheredFilm { damaged, ..gathered }).map_err(
+                    |error| match error {
+                        GatherError::Missing(failure) | GatherError::Failure(failure) => failure,
+                    },
+                );
             }
         };
-        drop(lack);
+        drop(failure);
         // Segments that have not changed are not read again.
-        while lengths(&args.segments) == seen && start.elapsed() < patience {
-            std::thread::sleep(PAUSE);
+        while segment_file_lengths(&args.segments) == lengths_before && start.elapsed() < max_wait {
+            std::thread::sleep(SCAN_INTERVAL);
         }
     }
 }
 
-/// Segment files with their lengths.
-fn lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
-    let files = files(given).unwrap_or_default();
+/// Segment files with their lengths in bytes.
+fn segment_file_lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
+    let files = segment_files(given).unwrap_or_default();
     files
         .into_iter()
         .map(|file| (file.metadata().map_or(0, |metadata| metadata.len()), file))
@@ -138,36 +141,38 @@ fn lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
         .collect()
 }
 
-fn gather(
+fn gather_film(
     args: &JoinArgs,
     target: &Target,
     exporter: &dyn Exporter,
     software: &str,
     damaged: &mut Vec<String>,
-) -> Result<Gathered, GatherError> {
-    let files = files(&args.segments).map_err(GatherError::Missing)?;
+) -> Result<GatheredFilm, GatherError> {
+    let files = segment_files(&args.segments).map_err(GatherError::Missing)?;
     let segments = open_segments(&files, args.quiet, damaged).map_err(GatherError::Missing)?;
-    let film = same_film(&segments, damaged, exporter, software)?;
-    let options = export::options(&film.film.options, exporter.manifest())?;
+    let film = check_same_film(&segments, damaged, exporter, software)?;
+    let options = export::parse_export_options(&film.film.options, exporter.manifest())?;
     let info = film.film.info(options);
     if exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. }) && info.frames > 1 {
         let what = format!(
             "{} holds one image, but the film has {} frames; write frames/%04d.png",
-            target.shown(),
+            target.display_name(),
             info.frames
         );
         return Err(Failure::Usage(what).into());
     }
     let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
-    let sources = cover(&segments, piece).map_err(|gap| match gap {
-        Gap::Missing(_) => GatherError::Missing(gap_failure(gap, &segments, damaged, target)),
-        _ => GatherError::Failure(gap_failure(gap, &segments, damaged, target)),
+    let record_addresses = select_records(&segments, piece).map_err(|error| match error {
+        CoverageError::Missing(_) => {
+            GatherError::Missing(coverage_failure(error, &segments, damaged, target))
+        }
+        _ => GatherError::Failure(coverage_failure(error, &segments, damaged, target)),
     })?;
-    Ok(Gathered { segments, damaged: Vec::new(), sources, info, files })
+    Ok(GatheredFilm { segments, damaged: Vec::new(), record_addresses, info, files })
 }
 
 /// Segment files: those that the arguments name, and those in folders that the arguments name.
-fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+fn segment_files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     for path in given {
         let failed = |e: std::io::Error| {
@@ -177,13 +182,14 @@ fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
             files.push(path.clone());
             continue;
         }
-        let names = choreo_files::Folder::open(path).and_then(|f| f.names(MOST_NAMES)).map_err(failed)?;
+        let names =
+            choreo_files::Folder::open(path).and_then(|f| f.names(MAX_NAMES_PER_FOLDER)).map_err(failed)?;
         let found = names.iter().map(|name| path.join(name));
-        files.extend(found.filter(|file| file.extension().is_some_and(|e| e == EXTENSION)));
+        files.extend(found.filter(|file| file.extension().is_some_and(|e| e == SEGMENT_EXTENSION)));
     }
     if files.is_empty() {
         let named: Vec<String> = given.iter().map(|path| path.display().to_string()).collect();
-        return Err(Failure::input(format!("{}: there is no .{EXTENSION} file", named.join(", "))));
+        return Err(Failure::input(format!("{}: there is no .{SEGMENT_EXTENSION} file", named.join(", "))));
     }
     Ok(files)
 }
@@ -211,7 +217,7 @@ fn open_segments(files: &[PathBuf], quiet: bool, damaged: &mut Vec<String>) -> R
 }
 
 /// First segment, after checking that all belong to the same film and that this program can finish it.
-fn same_film<'s>(
+fn check_same_film<'s>(
     segments: &'s [Segment],
     damaged: &[String],
     exporter: &dyn Exporter,
@@ -223,8 +229,9 @@ fn same_film<'s>(
     for other in &segments[1..] {
         let differences = provenance::differences(&identity, &other.film.identity());
         if !differences.is_empty() {
-            let lines =
-                differences.iter().map(|(keyword, was, is)| format!("\n    {keyword}: {is}, there {was}"));
+            let lines = differences
+                .iter()
+                .map(|(keyword, there, here)| format!("\n    {keyword}: {here}, there {there}"));
             let lines: String = lines.collect();
             let (path, there) = (other.path.display(), first.path.display());
             faults.push(format!("{path}: it belongs to another film than {there}{lines}"));
@@ -251,43 +258,56 @@ fn same_film<'s>(
     }
 }
 
-fn gap_failure(gap: Gap, segments: &[Segment], damaged: &[String], target: &Target) -> Failure {
+fn coverage_failure(
+    error: CoverageError,
+    segments: &[Segment],
+    damaged: &[String],
+    target: &Target,
+) -> Failure {
     let path = |segment: usize| segments[segment].path.display();
-    let shown = target.shown();
-    Failure::input(match gap {
-        Gap::Missing(missing) => {
+    let shown = target.display_name();
+    Failure::input(match error {
+        CoverageError::Missing(missing) => {
             let frames = segments.first().map_or(0, |segment| segment.film.frames);
             let hint = match damaged.is_empty() {
                 true => "render them with choreo render --segment --frames",
                 false => "render again what is damaged, or add segments that hold these frames",
             };
-            format!("{shown}: of {frames} frames these are missing: {}\n    hint: {hint}", ranges(&missing))
+            format!(
+                "{shown}: of {frames} frames these are missing: {}\n    hint: {hint}",
+                format_ranges(&missing)
+            )
         }
-        Gap::Differ { frame, segments: [a, b] } => format!(
+        CoverageError::Differ { frame, segments: [a, b] } => format!(
             "{shown}: frame {frame} differs between {} and {}\n    hint: one of the machines renders \
              differently; render the frames again on one that is trusted, and join without the other segment",
             path(a),
             path(b)
         ),
-        Gap::Misplaced { segment, frame } => {
-            format!("{}: frame {frame} begins a group of frames where the format has none", path(segment))
+        CoverageError::Misplaced { segment, frame } => {
+            format!(
+                "{}: the piece that begins at frame {frame} does not fit the pieces of the film's format\n    \
+                 hint: render this segment again",
+                path(segment)
+            )
         }
     })
 }
 
-struct Joining<'a> {
+/// One film that is being joined: its parts, and where it is written.
+struct FilmJoin<'a> {
     target: &'a Target,
     exporter: &'a dyn Exporter,
     info: &'a VideoInfo,
     segments: &'a [Segment],
-    sources: &'a [Source],
+    record_addresses: &'a [RecordAddress],
     inputs: &'a Inputs,
     budget: Budget,
     progress: Progress,
 }
 
-impl Joining<'_> {
-    fn failure(&self, shown: &str, error: JoinError) -> Failure {
+impl FilmJoin<'_> {
+    fn join_failure(&self, shown: &str, error: JoinError) -> Failure {
         match error {
             JoinError::Export(error) => export_failure(shown, error),
             JoinError::Segment(number, fault) => {
@@ -297,11 +317,11 @@ impl Joining<'_> {
     }
 
     /// Writes the film to one file.
-    fn film(&self) -> Result<JoinedFrames, Failure> {
-        let path = self.target.file(0);
+    fn write_film(&self) -> Result<JoinedFrames, Failure> {
+        let path = self.target.frame_path(0);
         self.inputs.check_output(&path)?;
         let shown = path.display().to_string();
-        let failed = |e: std::io::Error| output_error(&shown, &e);
+        let failed = |e: std::io::Error| output_failure(&shown, &e);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // The folder may not exist yet: the job of a farm starts with nothing but its segments.
         std::fs::create_dir_all(folder).map_err(failed)?;
@@ -317,12 +337,12 @@ impl Joining<'_> {
             }
             None => Box::new(part.writer().map_err(failed)?),
         };
-        let join_failed = |error| self.failure(&shown, error);
-        let mut film =
-            FilmWriter::begin(self.exporter, self.info, self.budget.count(out)).map_err(join_failed)?;
-        for &(segment, place) in self.sources {
+        let join_failed = |error| self.join_failure(&shown, error);
+        let mut film = FilmWriter::begin(self.exporter, self.info, self.budget.counting_writer(out))
+            .map_err(join_failed)?;
+        for &(segment, place) in self.record_addresses {
             let opened = &self.segments[segment];
-            film.add(segment, opened, &opened.records[place]).map_err(join_failed)?;
+            film.add_record(segment, opened, &opened.records[place]).map_err(join_failed)?;
             self.progress.step();
         }
         let (head, counts) = film.finish().map_err(join_failed)?;
@@ -340,22 +360,23 @@ impl Joining<'_> {
     }
 
     /// Writes the film as one image per file.
-    fn images(&self) -> Result<JoinedFrames, Failure> {
+    fn write_images(&self) -> Result<JoinedFrames, Failure> {
         let last = i64::try_from(self.info.frames).unwrap_or(i64::MAX) - 1;
-        let names = (0..=last).map(|number| self.target.file(number));
+        let names = (0..=last).map(|number| self.target.frame_path(number));
         names.clone().try_for_each(|name| self.inputs.check_output(&name))?;
-        self.target.prepare()?;
-        let _claim = Claim::take(self.target, 0, last)?;
-        for (&(segment, place), name) in self.sources.iter().zip(names) {
+        self.target.check_and_create_folders()?;
+        let _claim = FrameRangeClaim::take(self.target, 0, last)?;
+        for (&(segment, place), name) in self.record_addresses.iter().zip(names) {
             let shown = name.display().to_string();
             let opened = &self.segments[segment];
-            let bytes = opened.bytes(&opened.records[place]);
-            let bytes = bytes.map_err(|fault| self.failure(&shown, JoinError::Segment(segment, fault)))?;
+            let bytes = opened.read_bytes(&opened.records[place]);
+            let bytes =
+                bytes.map_err(|fault| self.join_failure(&shown, JoinError::Segment(segment, fault)))?;
             let part =
                 PartFile::create_shared(&name, &machine::id()).map_err(|e| write_failure(&shown, e))?;
-            let out = part.writer().map_err(|e| output_error(&shown, &e))?;
-            let mut out = self.budget.count(Box::new(out));
-            out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| output_error(&shown, &e))?;
+            let out = part.writer().map_err(|e| output_failure(&shown, &e))?;
+            let mut out = self.budget.counting_writer(Box::new(out));
+            out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| output_failure(&shown, &e))?;
             drop(out);
             part.commit().map_err(|e| write_failure(&shown, e))?;
             self.progress.step();

@@ -18,18 +18,18 @@ use std::process;
 use std::sync::Arc;
 
 pub fn run(app: &App) -> Result<(), Failure> {
-    let host = Arc::new(Program { app: app.clone() });
+    let host = Arc::new(ProgramHost { app: app.clone() });
     match serve(BufReader::new(stdin()), stdout(), host) {
         SessionEnd::Exit => Ok(()),
         SessionEnd::Abruptly => Err(Failure::ClosedPipe),
     }
 }
 
-struct Program {
+struct ProgramHost {
     app: App,
 }
 
-impl Host for Program {
+impl Host for ProgramHost {
     fn program(&self) -> (String, String) {
         (self.app.name.to_string(), self.app.version.to_string())
     }
@@ -38,14 +38,14 @@ impl Host for Program {
     fn project(&self, script: &Path) -> Result<Project, HostError> {
         let words = [OsString::from(self.app.name), "check".into(), script.into()];
         let words =
-            project_file::with_project_options(&words, &self.app).map_err(|e| HostError(in_words(&e)))?;
+            project_file::with_project_options(&words, &self.app).map_err(|e| HostError(failure_text(&e)))?;
         let cli = Cli::try_parse_from(words).map_err(|e| HostError(e.to_string()))?;
         let Command::Check(args) = cli.command else {
             return Err(HostError("choreo.toml names another command".into()));
         };
-        let registry =
-            scene::plugins(&args.scene, &self.app.registry).map_err(|e| HostError(in_words(&e)))?;
-        let root = project_file::root_of(script);
+        let registry = scene::registry_with_plugin_files(&args.scene, &self.app.registry)
+            .map_err(|e| HostError(failure_text(&e)))?;
+        let root = project_file::project_root(script);
         Ok(Project { registry, search: args.scene.search, root, limits: Limits::default() })
     }
 
@@ -67,27 +67,31 @@ impl Host for Program {
                     .arg(script)
                     .args(["--quiet", "--at", &secs.to_string(), "-o"])
                     .arg(output);
-                command.current_dir(folder(script));
+                command.current_dir(containing_folder(script));
             }
             Task::Test { script, section, root } => {
                 let beneath = script.strip_prefix(root).ok();
                 let name = shown(beneath.unwrap_or(script));
-                command.current_dir(if beneath.is_some() { root } else { folder(script) });
+                command.current_dir(if beneath.is_some() { root } else { containing_folder(script) });
                 command.args(["test", &name, "--json"]);
                 command.args(section.map(|section| format!("--filter={name} > {section}")));
             }
             Task::View { script, secs } => {
-                command.arg("view").arg(script).args(["--at", &secs.to_string()]).current_dir(folder(script));
+                command
+                    .arg("view")
+                    .arg(script)
+                    .args(["--at", &secs.to_string()])
+                    .current_dir(containing_folder(script));
             }
         }
         Ok(command)
     }
 }
 
-fn folder(script: &Path) -> &Path {
+fn containing_folder(script: &Path) -> &Path {
     script.parent().unwrap_or(Path::new("."))
 }
 
-fn in_words(failure: &Failure) -> String {
-    failure.lines().join("\n")
+fn failure_text(failure: &Failure) -> String {
+    failure.message_lines().join("\n")
 }

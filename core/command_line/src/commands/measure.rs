@@ -5,7 +5,7 @@ use crate::args::{Device, MeasureArgs};
 use crate::drawing::device;
 use crate::failure::{Failure, print, print_json, print_message};
 use crate::output::svg;
-use crate::scene::{self, opening::Opening};
+use crate::scene::{self, opening::OpenOptions};
 use choreo_bench::plots::{Choice, stacked};
 use choreo_bench::scene::{KEYS, MeasuredScene, measure};
 use choreo_motion::Time;
@@ -15,25 +15,25 @@ use choreo_script::did_you_mean;
 use serde_json::{Value, json};
 
 /// Seconds spent on the timings of one choice.
-const DEFAULT_BUDGET: f64 = 1.0;
+const SECS_PER_CHOICE: f64 = 1.0;
 
 pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
-    svg::check(args.plot.as_deref())?;
-    let keys = keys(&args.only)?;
-    let at = args.at.as_deref().map(values::at).transpose()?;
-    let size = args.size.as_deref().map(values::size).transpose()?;
-    let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_DRAW)?;
+    svg::check_plot_path(args.plot.as_deref())?;
+    let keys = requested_keys(&args.only)?;
+    let at = args.at.as_deref().map(values::parse_at).transpose()?;
+    let size = args.size.as_deref().map(values::parse_size).transpose()?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, OpenOptions::TO_DRAW)?;
     args.plot.as_deref().map_or(Ok(()), |path| scene.inputs.check_output(path))?;
     let (stage, registry) = (&scene.stage, &scene.registry);
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
     let mut note = None;
     if args.device != Device::Cpu && keys.contains(&"renderer") {
         // Vulkan is compared even if `auto` would not choose it.
-        match device::start(Device::Vulkan, registry.effects()).wait() {
+        match device::start_renderer(Device::Vulkan, registry.effects()).wait() {
             Ok(started) => renderers.push(started.renderer),
             Err(failure) if args.device == Device::Vulkan => return Err(failure),
-            Err(failure) => note = Some(failure.lines().join("\n")),
+            Err(failure) => note = Some(failure.message_lines().join("\n")),
         }
     }
     let middle = Time(stage.settings.length.0 / 2);
@@ -44,7 +44,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
         size: size.unwrap_or(stage.settings.size),
         renderers,
         asks_for_vulkan: args.device == Device::Vulkan,
-        budget_secs: DEFAULT_BUDGET,
+        budget_secs: SECS_PER_CHOICE,
     };
     let mut choices: Vec<Choice> = Vec::new();
     let mut left_out: Vec<(&'static str, String)> = Vec::new();
@@ -69,7 +69,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     if let Some(path) = &args.plot {
         let plots: Vec<String> = choices.iter().filter_map(choreo_bench::plots::plot).collect();
-        svg::write(path, &stacked(&plots), &scene.inputs)?;
+        svg::write_plot(path, &stacked(&plots), &scene.inputs)?;
     }
     if args.json {
         let left: Vec<Value> =
@@ -88,7 +88,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// Keys of all choices, or of those requested.
-fn keys(only: &[String]) -> Result<Vec<&'static str>, Failure> {
+fn requested_keys(only: &[String]) -> Result<Vec<&'static str>, Failure> {
     if only.is_empty() {
         return Ok(KEYS.to_vec());
     }

@@ -2,9 +2,9 @@
 //! verified by running it again.
 
 use crate::args::PackArgs;
-use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
-use crate::scene::pack::{self, EXTENSION, Manifest, Unpacked};
-use crate::scene::{self, OpenedScene, opening::Opening};
+use crate::failure::{Failure, output_failure, print_json, print_message, write_failure};
+use crate::scene::pack::{self, Manifest, PACK_EXTENSION, Unpacked};
+use crate::scene::{self, OpenedScene, opening::OpenOptions};
 use choreo_files::PartFile;
 use choreo_plugin::Registry;
 use serde_json::json;
@@ -13,47 +13,53 @@ use std::path::Path;
 
 /// Writes and reports the archive. `options`: text of the project's `choreo.toml`.
 pub fn run(args: &PackArgs, plugins: &Registry, options: String) -> Result<(), Failure> {
-    let Packed { manifest, bytes, warnings } = write(args, plugins, options)?;
-    report(args, &manifest, bytes, &warnings)
+    let PackResult { manifest, bytes, warnings } = write_pack(args, plugins, options)?;
+    report_pack(args, &manifest, bytes, &warnings)
 }
 
-/// An archive that was written.
-pub(crate) struct Packed {
+/// Description of an archive that was written.
+pub(crate) struct PackResult {
     pub manifest: Manifest,
     pub bytes: u64,
     pub warnings: Vec<String>,
 }
 
 /// Writes the archive, and verifies it.
-pub(crate) fn write(args: &PackArgs, plugins: &Registry, options: String) -> Result<Packed, Failure> {
+pub(crate) fn write_pack(
+    args: &PackArgs,
+    plugins: &Registry,
+    options: String,
+) -> Result<PackResult, Failure> {
     let shown = args.output.display().to_string();
-    if !is_folder(&args.output) && !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION))
+    if !is_folder(&args.output)
+        && !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(PACK_EXTENSION))
     {
         // A typing error must not replace a script or a model.
         return Err(Failure::Usage(format!(
-            "-o {shown}: write a name that ends in .{EXTENSION}, or in / for a folder"
+            "-o {shown}: write a name that ends in .{PACK_EXTENSION}, or in / for a folder"
         )));
     }
     if pack::is_packed(&args.scene.input) {
         return Err(Failure::Usage(format!("{}: it is packed already", args.scene.input.display())));
     }
-    let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening { quiet: args.quiet, ..Opening::TO_DRAW })?;
-    write_open(args, scene, options, |unpacked| prove(args, plugins, unpacked))
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
+    let scene =
+        scene::open(&args.scene, &registry, OpenOptions { quiet: args.quiet, ..OpenOptions::TO_DRAW })?;
+    write_pack_of_scene(args, scene, options, |unpacked| verify_pack(args, plugins, unpacked))
 }
 
-/// Writes the archive of an open scene. `prove` verifies the unpacked archive before it is moved to its place.
-pub(crate) fn write_open(
+/// Writes the archive of an open scene. `verify` verifies the unpacked archive before it is moved to its place.
+pub(crate) fn write_pack_of_scene(
     args: &PackArgs,
     scene: OpenedScene,
     options: String,
-    prove: impl FnOnce(Unpacked) -> Result<(), Failure>,
-) -> Result<Packed, Failure> {
+    verify: impl FnOnce(Unpacked) -> Result<(), Failure>,
+) -> Result<PackResult, Failure> {
     let shown = args.output.display().to_string();
     scene.inputs.check_output(&args.output)?;
-    let failed = |e: std::io::Error| output_error(&shown, &e);
+    let failed = |e: std::io::Error| output_failure(&shown, &e);
     if is_folder(&args.output) {
-        // The folder appears complete: it is made under a temporary name beside its place.
+        // The folder is created under a temporary name beside its destination, so that it is never incomplete.
         let place = args.output.components().as_path();
         let beside = place.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if place.symlink_metadata().is_ok() {
@@ -62,25 +68,25 @@ pub(crate) fn write_open(
             )));
         }
         let mut archive = tempfile::tempfile_in(beside).map_err(failed)?;
-        let (manifest, _) = pack::write(&scene, &args.scene, options, &archive)?;
+        let (manifest, _) = pack::write_archive(&scene, &args.scene, options, &archive)?;
         let bytes = archive.stream_position().map_err(failed)?;
         let mut rewound = || archive.rewind().and_then(|()| archive.try_clone()).map_err(failed);
-        prove(Unpacked::new(rewound()?, &shown, scene.limits.file)?)?;
+        verify(Unpacked::from_archive(rewound()?, &shown, scene.limits.file)?)?;
         let folder = tempfile::tempdir_in(beside).map_err(failed)?;
         pack::write_folder(rewound()?, folder.path()).map_err(|e| write_failure(&shown, e))?;
         std::fs::rename(folder.path(), place).map_err(failed)?;
-        open_to_others(place).map_err(failed)?;
-        return Ok(Packed { manifest, bytes, warnings: scene.warnings });
+        set_default_permissions(place).map_err(failed)?;
+        return Ok(PackResult { manifest, bytes, warnings: scene.warnings });
     }
     let part = PartFile::create(&args.output).map_err(|e| write_failure(&shown, e))?;
     let out = part.writer().map_err(failed)?;
-    let (manifest, out) = pack::write(&scene, &args.scene, options, out)?;
+    let (manifest, out) = pack::write_archive(&scene, &args.scene, options, out)?;
     let mut written = out.into_inner().map_err(|e| failed(e.into_error()))?;
     let bytes = written.seek(SeekFrom::End(0)).map_err(failed)?;
     written.rewind().map_err(failed)?;
-    prove(Unpacked::new(written, &shown, scene.limits.file)?)?;
+    verify(Unpacked::from_archive(written, &shown, scene.limits.file)?)?;
     part.commit().map_err(|e| write_failure(&shown, e))?;
-    Ok(Packed { manifest, bytes, warnings: scene.warnings })
+    Ok(PackResult { manifest, bytes, warnings: scene.warnings })
 }
 
 /// Whether the output is a folder: it exists as one, or its name ends in a slash.
@@ -90,28 +96,28 @@ fn is_folder(output: &Path) -> bool {
 
 /// Gives a folder the permissions of a normal new folder, since temporary folders are private.
 #[cfg(unix)]
-fn open_to_others(folder: &Path) -> std::io::Result<()> {
+fn set_default_permissions(folder: &Path) -> std::io::Result<()> {
     std::fs::set_permissions(folder, folder.join("files").metadata()?.permissions())
 }
 
 #[cfg(not(unix))]
-fn open_to_others(_: &Path) -> std::io::Result<()> {
+fn set_default_permissions(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
 /// Opens the packed scene, and fails if it differs from the original.
-fn prove(args: &PackArgs, plugins: &Registry, unpacked: Unpacked) -> Result<(), Failure> {
+fn verify_pack(args: &PackArgs, plugins: &Registry, unpacked: Unpacked) -> Result<(), Failure> {
     let mut packed = args.scene.clone();
     (packed.search, packed.import.plugins) = (Vec::new(), Vec::new());
     (packed.set, packed.import.import) = (Vec::new(), Vec::new());
     (packed.clip, packed.import.importer) = (None, None);
-    unpacked.arguments(&mut packed);
-    let registry = scene::plugins(&packed, plugins)?;
-    scene::open(&packed, &registry, Opening { quiet: true, ..Opening::TO_DRAW })?;
+    unpacked.merge_arguments(&mut packed);
+    let registry = scene::registry_with_plugin_files(&packed, plugins)?;
+    scene::open(&packed, &registry, OpenOptions { quiet: true, ..OpenOptions::TO_DRAW })?;
     Ok(())
 }
 
-fn report(args: &PackArgs, manifest: &Manifest, bytes: u64, warnings: &[String]) -> Result<(), Failure> {
+fn report_pack(args: &PackArgs, manifest: &Manifest, bytes: u64, warnings: &[String]) -> Result<(), Failure> {
     if args.json {
         return print_json(&json!({
             "ok": true,

@@ -2,8 +2,8 @@
 
 use crate::args::PoseArgs;
 use crate::args::values;
-use crate::failure::{Failure, output_error, print, print_json, write_failure};
-use crate::scene::{self, opening::Opening};
+use crate::failure::{Failure, output_failure, print, print_json, write_failure};
+use crate::scene::{self, opening::OpenOptions};
 use crate::terminal::page::Page;
 use choreo_asset::{Asset, Topology};
 use choreo_files::PartFile;
@@ -14,15 +14,15 @@ use serde_json::{Value, json};
 use std::io::Write;
 
 pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
-    let at = values::at(&args.at)?;
+    let at = values::parse_at(&args.at)?;
     if let Some(path) = &args.mesh
         && !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))
     {
         // A typing error must not replace a script or a model.
         return Err(Failure::Usage(format!("--mesh {}: write a name that ends in .obj", path.display())));
     }
-    let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_INSPECT)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, OpenOptions::TO_INSPECT)?;
     let snapshot = Evaluator::new(scene.stage.clone())
         .posing_hidden()
         .at(at)
@@ -32,10 +32,10 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
         let shown = path.display().to_string();
         let failed = |e| write_failure(&shown, e);
         let part = PartFile::create(path).map_err(failed)?;
-        let mut out = part.writer().map_err(|e| output_error(&shown, &e))?;
+        let mut out = part.writer().map_err(|e| output_failure(&shown, &e))?;
         write_obj(&scene.stage, &snapshot, &mut out)
             .and_then(|()| out.flush())
-            .map_err(|e| output_error(&shown, &e))?;
+            .map_err(|e| output_failure(&shown, &e))?;
         drop(out);
         part.commit().map_err(failed)?;
     }
@@ -45,7 +45,7 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
     }
 }
 
-fn numbers(m: DAffine3) -> Vec<f64> {
+fn matrix_numbers(m: DAffine3) -> Vec<f64> {
     DMat4::from(m).to_cols_array().to_vec()
 }
 
@@ -62,7 +62,7 @@ fn pose_json(name: &str, stage: &Stage, snapshot: &Snapshot) -> Value {
                 .zip(skeleton.parents())
                 .enumerate()
                 .filter_map(|(joint, (name, parent))| {
-                    let matrix = numbers(state.world_from_joint(joint)?);
+                    let matrix = matrix_numbers(state.world_from_joint(joint)?);
                     Some(json!({ "name": name, "parent": parent, "world_from_joint": matrix }))
                 })
                 .collect();
@@ -70,7 +70,7 @@ fn pose_json(name: &str, stage: &Stage, snapshot: &Snapshot) -> Value {
                 "name": actor.name,
                 "asset": actor.asset.name,
                 "visible": state.visible,
-                "world_from_model": numbers(state.world_from_model),
+                "world_from_model": matrix_numbers(state.world_from_model),
                 "joints": joints,
                 "morph_weights": state.morph_weights,
             })
@@ -84,27 +84,27 @@ fn pose_json(name: &str, stage: &Stage, snapshot: &Snapshot) -> Value {
         "actors": actors,
         "camera": {
             "name": camera.camera.and_then(|c| stage.cameras.get(c)).map(|c| c.name.clone()),
-            "world_from_view": numbers(camera.world_from_view),
+            "world_from_view": matrix_numbers(camera.world_from_view),
         },
     })
 }
 
 /// Text for people: positions only.
 fn pose_text(stage: &Stage, snapshot: &Snapshot) -> Page {
-    let mut t = Page::default();
+    let mut page = Page::default();
     for (actor, state) in stage.actors.iter().zip(&snapshot.actors) {
         let hidden = if state.visible { "" } else { ", invisible" };
         let p = state.world_from_model.translation;
-        t.line(format_args!(
+        page.line(format_args!(
             "{} ({}{hidden}) at {:.4} {:.4} {:.4}",
             actor.name, actor.asset.name, p.x, p.y, p.z
         ));
         for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
             let Some(p) = state.world_from_joint(joint).map(|m| m.translation) else { continue };
-            t.line(format_args!("  {name:<32} {:9.4} {:9.4} {:9.4}", p.x, p.y, p.z));
+            page.line(format_args!("  {name:<32} {:9.4} {:9.4} {:9.4}", p.x, p.y, p.z));
         }
     }
-    t
+    page
 }
 
 /// Writes Wavefront OBJ: one object per primitive, vertices in the order of the file, so that vertex k of a primitive has number k plus the
@@ -118,8 +118,14 @@ fn write_obj(stage: &Stage, snapshot: &Snapshot, out: &mut dyn Write) -> std::io
             let asset: &Asset = &actor.asset;
             let mesh = &asset.meshes[asset.instances[posed.instance].mesh as usize];
             for (i, (primitive, shape)) in mesh.primitives.iter().zip(&posed.primitives).enumerate() {
-                let words = |s: &str| s.split_whitespace().collect::<Vec<_>>().join("_");
-                writeln!(out, "o {}/{}/{}/{i}", words(&actor.name), posed.instance, words(&mesh.name))?;
+                let join_words = |s: &str| s.split_whitespace().collect::<Vec<_>>().join("_");
+                writeln!(
+                    out,
+                    "o {}/{}/{}/{i}",
+                    join_words(&actor.name),
+                    posed.instance,
+                    join_words(&mesh.name)
+                )?;
                 for p in &shape.positions {
                     writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
                 }

@@ -16,15 +16,15 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
     let here = env::current_exe()
         .map_err(|e| Failure::Output(format!("cannot find the path of {}: {e}", app.name)))?;
     let viewer = here.with_file_name(format!("{}-view{}", app.name, env::consts::EXE_SUFFIX));
-    let ours = app.name == "choreo";
+    let is_choreo = app.name == "choreo";
     // `cargo run` sets these variables: the viewer is then built too, so that it is not older than this program.
-    if ours && let (Some(cargo), Some(_)) = (env::var_os("CARGO"), env::var_os("CARGO_MANIFEST_DIR")) {
-        build(Path::new(&cargo), &here, &viewer)?;
+    if is_choreo && let (Some(cargo), Some(_)) = (env::var_os("CARGO"), env::var_os("CARGO_MANIFEST_DIR")) {
+        build_viewer(Path::new(&cargo), &here, &viewer)?;
     }
     if !viewer.is_file() {
-        let how = match ours {
+        let how = match is_choreo {
             true => {
-                "; it is in the archive and in the Debian package of choreo, and cargo build --release -p choreo-viewer makes it"
+                "; it is in the archive and in the Debian package of choreo, and cargo build --release -p choreo-viewer builds it"
             }
             false => "",
         };
@@ -37,10 +37,12 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
     let own = no_project_file.then_some("--no-project-file");
     let mut command = Command::new(&viewer);
     match &args.input {
-        Some(input) if pack::is_packed(input) => command.args(unpacked(input, &args.rest)?),
+        Some(input) if pack::is_packed(input) => {
+            command.args(packed_scene_arguments(input, &args.viewer_options)?)
+        }
         input => command.args(input).args(own),
     };
-    let status = wait(command.args(&args.rest))
+    let status = run_until_exit(command.args(&args.viewer_options))
         .map_err(|e| Failure::Device(format!("{}: cannot be started: {e}", viewer.display())))?;
     let Some(status) = status else { return Err(Failure::Interrupted) };
     match status.code() {
@@ -52,7 +54,7 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
 }
 
 /// Arguments that show a packed scene. The archive stays unpacked until the viewer ends.
-fn unpacked(input: &Path, rest: &[OsString]) -> Result<Vec<OsString>, Failure> {
+fn packed_scene_arguments(input: &Path, viewer_options: &[OsString]) -> Result<Vec<OsString>, Failure> {
     let limits = choreo_script::Limits::default();
     let unpacked = Unpacked::open(input, limits.file)?;
     let manifest = &unpacked.manifest;
@@ -61,46 +63,47 @@ fn unpacked(input: &Path, rest: &[OsString]) -> Result<Vec<OsString>, Failure> {
         return Err(Failure::Usage(what));
     }
     // Options of the command line override packed ones.
-    let given: Vec<&str> = rest
+    let given: Vec<&str> = viewer_options
         .iter()
         .filter_map(|word| word.to_str()?.trim_start_matches("--set=").split_once('='))
         .map(|(name, _)| name)
         .collect();
     let name = |text: &String| text.split('=').next().unwrap_or_default().trim().to_string();
-    let mut words = vec![unpacked.place(&manifest.input).into_os_string(), "--no-project-file".into()];
+    let mut words =
+        vec![unpacked.unpacked_path(&manifest.input).into_os_string(), "--no-project-file".into()];
     let mut option = |flag: &str, value: OsString| words.extend([flag.into(), value]);
-    manifest.search.iter().for_each(|folder| option("--search", unpacked.place(folder).into()));
-    manifest.plugins.iter().for_each(|folder| option("--plugins", unpacked.place(folder).into()));
+    manifest.search.iter().for_each(|folder| option("--search", unpacked.unpacked_path(folder).into()));
+    manifest.plugins.iter().for_each(|folder| option("--plugins", unpacked.unpacked_path(folder).into()));
     let set = manifest.set.iter().filter(|text| !given.contains(&name(text).as_str()));
     set.for_each(|text| option("--set", text.into()));
-    if !rest.iter().any(|word| word == "--clip") {
+    if !viewer_options.iter().any(|word| word == "--clip") {
         manifest.clip.iter().for_each(|clip| option("--clip", clip.into()));
     }
-    scratch::keep(Some(unpacked));
+    scratch::keep_until_exit(Some(unpacked));
     Ok(words)
 }
 
-/// Waits for the exit status; `None` if a signal ended this program. The viewer is ended too, since nothing else would end it.
-fn wait(command: &mut Command) -> io::Result<Option<ExitStatus>> {
-    interrupt::watch(true);
+/// Runs the viewer; `None` if a signal ended this program, which ends the viewer too.
+fn run_until_exit(command: &mut Command) -> io::Result<Option<ExitStatus>> {
+    interrupt::set_polled(true);
     let mut viewer = command.spawn()?;
     let ended = loop {
         if let Some(status) = viewer.try_wait()? {
             break Some(status);
         }
-        if interrupt::interrupted() {
+        if interrupt::is_interrupted() {
             viewer.kill()?;
             viewer.wait()?;
             break None;
         }
         std::thread::sleep(Duration::from_millis(100));
     };
-    interrupt::watch(false);
+    interrupt::set_polled(false);
     Ok(ended)
 }
 
 /// Builds the viewer with the profile of this program, which is the name of the folder that contains it.
-fn build(cargo: &Path, here: &Path, viewer: &Path) -> Result<(), Failure> {
+fn build_viewer(cargo: &Path, here: &Path, viewer: &Path) -> Result<(), Failure> {
     let folder = here.parent().and_then(Path::file_name).map(|n| n.to_string_lossy().into_owned());
     let profile = match folder.as_deref() {
         None | Some("debug") => "dev".to_string(),

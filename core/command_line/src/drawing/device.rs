@@ -5,7 +5,7 @@
 use crate::args::Device;
 use crate::drawing::pipeline::render_failure;
 use crate::failure::Failure;
-use crate::process::threads::{room_for_a_driver, too_few};
+use crate::process::threads::{enough_threads_for_a_driver, too_few_threads};
 use choreo_plugin::Effect;
 use choreo_render::cpu::{CpuRenderer, StageTimes};
 use choreo_render::vulkan::{DeviceTime, GpuOptions, RecoveringRenderer, chosen_device};
@@ -32,6 +32,7 @@ impl From<Device> for DeviceRequest {
     }
 }
 
+/// A renderer that is ready, with the reasons for its choice.
 pub struct StartedRenderer {
     pub renderer: Box<dyn Renderer>,
     /// The device's time, if it was requested and the device has a clock.
@@ -51,58 +52,61 @@ pub(crate) enum PendingRenderer {
     OnWait(DeviceRequest, Vec<Effect>),
 }
 
-pub fn start(wanted: impl Into<DeviceRequest>, effects: &[Effect]) -> PendingRenderer {
-    let (wanted, effects) = (wanted.into(), effects.to_vec());
-    let (its_wanted, its_effects) = (wanted.clone(), effects.clone());
-    let thread =
-        std::thread::Builder::new().name("device".into()).spawn(move || open(its_wanted, its_effects));
+/// Starts the renderer of the requested device on a thread of its own.
+pub fn start_renderer(request: impl Into<DeviceRequest>, effects: &[Effect]) -> PendingRenderer {
+    let (request, effects) = (request.into(), effects.to_vec());
+    let (request_of_thread, effects_of_thread) = (request.clone(), effects.clone());
+    let thread = std::thread::Builder::new()
+        .name("device".into())
+        .spawn(move || create_renderer(request_of_thread, effects_of_thread));
     match thread {
         Ok(thread) => PendingRenderer::OnThread(thread),
-        Err(_) => PendingRenderer::OnWait(wanted, effects),
+        Err(_) => PendingRenderer::OnWait(request, effects),
     }
 }
 
 impl PendingRenderer {
     pub fn wait(self) -> Result<StartedRenderer, Failure> {
-        let failed = |_| Err(Failure::Device("the renderer failed to start".into()));
+        let failed =
+            |_| Err(Failure::Device("the thread that starts the renderer failed; try --device cpu".into()));
         match self {
             PendingRenderer::OnThread(thread) => thread.join().unwrap_or_else(failed),
-            PendingRenderer::OnWait(wanted, effects) => open(wanted, effects),
+            PendingRenderer::OnWait(request, effects) => create_renderer(request, effects),
         }
     }
 }
 
-fn open(wanted: DeviceRequest, effects: Vec<Effect>) -> Result<StartedRenderer, Failure> {
-    let device = wanted.device;
+fn create_renderer(request: DeviceRequest, effects: Vec<Effect>) -> Result<StartedRenderer, Failure> {
+    let device = request.device;
     let cpu = |note, reason| {
         let renderer = CpuRenderer::new(&effects);
-        let stages = wanted.timings.then(|| renderer.stage_times());
+        let stages = request.timings.then(|| renderer.stage_times());
         Ok(StartedRenderer { renderer: Box::new(renderer), time: None, stages, note, reason })
     };
     if device == Device::Cpu {
         return cpu(None, None);
     }
-    if !room_for_a_driver() {
-        return match device == Device::Vulkan || wanted.gpu.is_some() {
-            true => Err(too_few("a Vulkan driver needs more of them; --device cpu needs fewer")),
+    if !enough_threads_for_a_driver() {
+        return match device == Device::Vulkan || request.gpu.is_some() {
+            true => Err(too_few_threads("a Vulkan driver needs more of them; --device cpu needs fewer")),
             false => {
                 let why = "rendering on the CPU: too few threads, or too little memory, for a Vulkan driver";
                 cpu(Some(why.into()), None)
             }
         };
     }
-    let auto = device == Device::Auto && wanted.gpu.is_none();
+    let auto = device == Device::Auto && request.gpu.is_none();
     let found = auto.then(chosen_device).and_then(Result::ok);
     if let Some(found) = found.as_ref().filter(|found| found.kind == DeviceKind::VulkanCpu) {
         return cpu(None, Some(slower_than_the_cpu(&found.name)));
     }
-    let time = wanted.timings.then(Arc::<DeviceTime>::default);
+    let time = request.timings.then(Arc::<DeviceTime>::default);
     let options = GpuOptions {
         cache_dir: cache_dir(),
         effects: effects.clone(),
-        device: wanted.gpu.clone(),
+        device: request.gpu.clone(),
         device_time: time.clone(),
-        anisotropy: wanted.anisotropy.map(f32::from),
+        anisotropy: request.anisotropy.map(f32::from),
         ..GpuOptions::default()
     };
     match RecoveringRenderer::new(options) {
@@ -111,9 +115,9 @@ fn open(wanted: DeviceRequest, effects: Vec<Effect>) -> Result<StartedRenderer, 
             Ok(StartedRenderer { renderer: Box::new(renderer), time, stages: None, note: None, reason })
         }
         // A device that is named must be used: there is no fallback to the CPU.
-        Err(error) if device == Device::Vulkan || wanted.gpu.is_some() => Err(render_failure(error)),
-        Err(RenderError::NoVulkan { why }) => cpu(Some(on_the_cpu(&why)), None),
-        Err(error) => cpu(Some(on_the_cpu(&error.to_string())), None),
+        Err(error) if device == Device::Vulkan || request.gpu.is_some() => Err(render_failure(error)),
+        Err(RenderError::NoVulkan { why }) => cpu(Some(cpu_fallback_note(&why)), None),
+        Err(error) => cpu(Some(cpu_fallback_note(&error.to_string())), None),
     }
 }
 
@@ -124,7 +128,7 @@ pub fn slower_than_the_cpu(name: &str) -> String {
 }
 
 /// Note that rendering happens on the CPU: the reason, and the packages to install for a faster device.
-fn on_the_cpu(why: &str) -> String {
+fn cpu_fallback_note(why: &str) -> String {
     let why = why.lines().next().unwrap_or_default();
     let packages = match why.contains("mesa-vulkan-drivers") {
         true => "",
@@ -138,8 +142,8 @@ pub fn cache_dir() -> Option<PathBuf> {
     Some(choreo_files::user_folder("XDG_CACHE_HOME", ".cache")?.join("choreo"))
 }
 
-/// Four, for smooth edges, on every device: even the CPU renderer then draws one Knight at 1280×720 at nine frames a second
-/// on two busy cores (21 with one sample), and stairs on edges are the first thing that people see.
+/// Default samples per pixel: four on every device, since aliased edges are the first defect that people see. With four samples the CPU renderer
+/// draws one Knight at 1280×720 at nine frames per second on two busy cores; with one sample, at 21.
 pub(crate) fn default_samples(device: &DeviceInfo) -> u32 {
     match device.kind {
         DeviceKind::VulkanGpu | DeviceKind::VulkanCpu | DeviceKind::CpuReference => 4,

@@ -11,16 +11,16 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Largest total size of kept frames in bytes, compressed.
-const MOST_BYTES: usize = 512 << 20;
+const MAX_CACHED_BYTES: usize = 512 << 20;
 
-/// Clones share one renderer and one memory.
+/// A renderer with a cache of its frames. Clones share one renderer and one cache.
 #[derive(Clone)]
 pub(crate) struct CachingRenderer {
-    shared: Arc<Mutex<Shared>>,
+    shared: Arc<Mutex<SharedCache>>,
     device: DeviceInfo,
 }
 
-struct Shared {
+struct SharedCache {
     renderer: Box<dyn Renderer>,
     resources: Arc<SceneResources>,
     effects: Vec<Effect>,
@@ -28,7 +28,7 @@ struct Shared {
     keeps_frames: bool,
     frames: BTreeMap<Key, CachedFrame>,
     bytes: usize,
-    /// Frames submitted and not yet collected, and whether the renderer draws them.
+    /// Frames submitted and not yet collected: the key, and whether the renderer draws the frame.
     queue: VecDeque<(Key, bool)>,
     /// Number of the current render.
     render_number: u64,
@@ -44,7 +44,7 @@ struct CachedFrame {
 impl CachingRenderer {
     pub fn new(renderer: Box<dyn Renderer>) -> CachingRenderer {
         let device = renderer.device().clone();
-        let shared = Shared {
+        let shared = SharedCache {
             renderer,
             resources: Arc::default(),
             effects: Vec::new(),
@@ -59,14 +59,14 @@ impl CachingRenderer {
     }
 
     /// Creates a renderer that is shared by renders of different films; their frames are not kept.
-    pub(crate) fn shared_only(renderer: Box<dyn Renderer>) -> CachingRenderer {
-        let shared = CachingRenderer::new(renderer);
-        shared.shared().keeps_frames = false;
-        shared
+    pub(crate) fn without_cache(renderer: Box<dyn Renderer>) -> CachingRenderer {
+        let caching = CachingRenderer::new(renderer);
+        caching.shared().keeps_frames = false;
+        caching
     }
 
     /// Begins a new render: no frame is in flight, and none has been reused.
-    pub fn begin(&self) -> Result<(), RenderError> {
+    pub fn begin_render(&self) -> Result<(), RenderError> {
         let mut shared = self.shared();
         shared.render_number += 1;
         shared.reused = 0;
@@ -79,12 +79,12 @@ impl CachingRenderer {
         Ok(())
     }
 
-    /// Number of frames of this render that were drawn before.
-    pub fn reused(&self) -> u64 {
+    /// Number of frames of this render that were taken from the cache.
+    pub fn reused_frames(&self) -> u64 {
         self.shared().reused
     }
 
-    fn shared(&self) -> MutexGuard<'_, Shared> {
+    fn shared(&self) -> MutexGuard<'_, SharedCache> {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -114,8 +114,8 @@ impl Renderer for CachingRenderer {
         }
         let key = frame_key(&plan, &shared.resources, &shared.effects);
         // A frame that is still being drawn counts as known: it will be stored before this one is collected.
-        let coming = shared.queue.iter().any(|(k, _)| *k == key);
-        let drawn = !coming && !shared.frames.contains_key(&key);
+        let is_in_flight = shared.queue.iter().any(|(k, _)| *k == key);
+        let drawn = !is_in_flight && !shared.frames.contains_key(&key);
         if drawn {
             shared.renderer.submit(plan)?;
         }
@@ -138,13 +138,13 @@ impl Renderer for CachingRenderer {
         if drawn {
             let frame = shared.renderer.collect(reuse)?;
             if shared.keeps_frames {
-                shared.keep(key, &frame);
+                shared.cache_frame(key, &frame);
             }
             return Ok(frame);
         }
         shared.reused += 1;
-        let frame = shared.frames.get(&key).and_then(|known| read(&known.png));
-        frame.ok_or_else(|| RenderError::Usage("a remembered frame has gone".into()))
+        let frame = shared.frames.get(&key).and_then(|known| decode_png(&known.png));
+        frame.ok_or_else(|| RenderError::Usage("a cached frame was dropped before it was collected".into()))
     }
 
     fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
@@ -175,10 +175,10 @@ impl Renderer for CachingRenderer {
     }
 }
 
-impl Shared {
-    fn keep(&mut self, key: Key, frame: &Frame) {
-        let Some(png) = write(frame) else { return };
-        if self.bytes + png.len() > MOST_BYTES {
+impl SharedCache {
+    fn cache_frame(&mut self, key: Key, frame: &Frame) {
+        let Some(png) = encode_png(frame) else { return };
+        if self.bytes + png.len() > MAX_CACHED_BYTES {
             // Frames of earlier versions go first.
             let render_number = self.render_number;
             self.frames.retain(|_, known| known.render_number == render_number);
@@ -187,15 +187,15 @@ impl Shared {
         // The frames of this render will be drawn again in the same order: the first ones are kept, and the rest is drawn each time. Frames
         // that are waited for belong to this render, and are never dropped.
         let waited_for = self.queue.iter().any(|(k, _)| *k == key);
-        if self.bytes + png.len() <= MOST_BYTES || waited_for {
+        if self.bytes + png.len() <= MAX_CACHED_BYTES || waited_for {
             self.bytes += png.len();
             self.frames.insert(key, CachedFrame { png, render_number: self.render_number });
         }
     }
 }
 
-/// Encodes a frame losslessly and fast: it is read again within this process.
-fn write(frame: &Frame) -> Option<Vec<u8>> {
+/// Encodes a frame losslessly. Speed matters more than size: the PNG never leaves this process.
+fn encode_png(frame: &Frame) -> Option<Vec<u8>> {
     let mut png = Vec::new();
     let mut encoder = png::Encoder::new(&mut png, frame.width, frame.height);
     encoder.set_color(png::ColorType::Rgba);
@@ -206,7 +206,7 @@ fn write(frame: &Frame) -> Option<Vec<u8>> {
     Some(png)
 }
 
-fn read(png: &[u8]) -> Option<Frame> {
+fn decode_png(png: &[u8]) -> Option<Frame> {
     let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().ok()?;
     let mut rgba = vec![0; reader.output_buffer_size()?];
     let info = reader.next_frame(&mut rgba).ok()?;

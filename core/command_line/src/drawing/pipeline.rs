@@ -6,8 +6,8 @@
 
 use crate::failure::Failure;
 use crate::process::interrupt;
-use crate::process::panics::plugin_failures;
-use crate::process::threads::too_few;
+use crate::process::panics::catch_plugin_panics;
+use crate::process::threads::too_few_threads;
 use crate::terminal::progress::Progress;
 use choreo_motion::Time;
 use choreo_plugin::{ExportError, FloatFrame, Frame, FrameSink, FrameWish};
@@ -22,14 +22,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Plans waiting for the renderer.
 const PLANS_AHEAD: usize = 2;
 
-/// Gives the plan for a time.
+/// Function that returns the plan for a time.
 pub(crate) type PlanAt<'a> = Box<dyn FnMut(Time) -> Result<Plan, Failure> + Send + 'a>;
 
-/// Gives the key of a plan without the 2D layers in front of the scene.
+/// Function that returns the key of a plan without the 2D layers in front of the scene.
 pub(crate) type SceneKey<'a> = Box<dyn Fn(&Plan) -> Key + Send + 'a>;
 
-/// Takes a finished frame with its number and time, and whether the frame before had the same pixels.
-pub(crate) type Encode<'a> = Box<dyn FnMut((i64, Time), &Picture, bool) -> Result<(), Failure> + Send + 'a>;
+/// Function that encodes a finished frame, given its number and time, its image, and whether the previous frame had the same pixels.
+pub(crate) type Encode<'a> =
+    Box<dyn FnMut((i64, Time), &FrameImage, bool) -> Result<(), Failure> + Send + 'a>;
 
 /// Pixels of a frame, in the format that the exporter asked for.
 #[derive(Clone)]
@@ -50,16 +51,16 @@ impl Pixels {
     }
 }
 
-/// Pixels that one frame, or several consecutive frames, show.
-pub(crate) struct Picture {
+/// Image of one frame, or of several consecutive frames with the same pixels.
+pub(crate) struct FrameImage {
     pub pixels: Pixels,
     /// The encoded file, for formats with one image per file.
     pub file: Mutex<Option<Vec<u8>>>,
 }
 
-/// Numbers of frames that were drawn, and of frames reused from the previous one.
+/// Numbers of frames that were drawn, and of frames that reuse the previous one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Counts {
+pub(crate) struct FrameCounts {
     pub drawn: u64,
     /// Frames equal to the previous frame.
     pub repeated: u64,
@@ -67,15 +68,16 @@ pub(crate) struct Counts {
     pub recomposed: u64,
 }
 
-/// A planned frame.
-enum Work {
-    Draw(Box<Plan>, Layers),
-    Recompose(Layers),
+/// Task of the renderer for a planned frame.
+enum PlannedFrame {
+    Draw(Box<Plan>, FrontLayers),
+    Recompose(FrontLayers),
     Repeat,
 }
 
-type Layers = Option<Arc<LayerImage>>;
+type FrontLayers = Option<Arc<LayerImage>>;
 
+/// Plans, draws and encodes frames on several threads.
 pub struct Pipeline<'a> {
     /// Frame numbers and times, in the order in which they are needed.
     pub frames: Vec<(i64, Time)>,
@@ -88,7 +90,7 @@ pub struct Pipeline<'a> {
 }
 
 /// State that the threads share.
-struct Shared {
+struct PipelineState {
     stop: AtomicBool,
     /// Failure of the smallest frame number, so that the same script always fails with the same message.
     failure: Mutex<Option<(i64, Failure)>>,
@@ -99,8 +101,8 @@ struct Shared {
     recomposed: AtomicU64,
 }
 
-impl Shared {
-    fn fail(&self, frame: i64, failure: Failure) {
+impl PipelineState {
+    fn record_failure(&self, frame: i64, failure: Failure) {
         self.stop.store(true, Ordering::SeqCst);
         let mut slot = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         if slot.as_ref().is_none_or(|(f, _)| frame < *f) {
@@ -109,7 +111,7 @@ impl Shared {
     }
 
     /// Takes an image whose buffer can be reused.
-    fn spare(&self) -> Option<Frame> {
+    fn take_spare_frame(&self) -> Option<Frame> {
         self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop()
     }
 
@@ -120,25 +122,25 @@ impl Shared {
     }
 
     /// Takes back the buffer of an image that nothing else uses.
-    fn release(&self, picture: Arc<Picture>) {
-        Arc::into_inner(picture).into_iter().for_each(|picture| self.recycle(picture.pixels));
+    fn recycle_unshared(&self, image: Arc<FrameImage>) {
+        Arc::into_inner(image).into_iter().for_each(|image| self.recycle(image.pixels));
     }
 
     /// Whether a frame must still be encoded. After a failure this holds for earlier frames only, since the earliest failure is the one to
     /// report.
-    fn wants(&self, frame: i64) -> bool {
+    fn must_encode(&self, frame: i64) -> bool {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
-        failure.as_ref().is_none_or(|(failed, _)| frame < *failed) && !interrupt::interrupted()
+        failure.as_ref().is_none_or(|(failed, _)| frame < *failed) && !interrupt::is_interrupted()
     }
 
-    fn stopped(&self) -> bool {
-        self.stop.load(Ordering::SeqCst) || interrupt::interrupted()
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::SeqCst) || interrupt::is_interrupted()
     }
 }
 
 impl Pipeline<'_> {
-    pub fn run(self) -> Result<Counts, Failure> {
-        let shared = Shared {
+    pub fn run(self) -> Result<FrameCounts, Failure> {
+        let shared = PipelineState {
             stop: AtomicBool::new(false),
             failure: Mutex::new(None),
             spare: Mutex::new(Vec::new()),
@@ -147,33 +149,35 @@ impl Pipeline<'_> {
             recomposed: AtomicU64::new(0),
         };
         let Pipeline { frames, plan, scene_key, renderer, encoders, progress } = self;
-        let (plan_to, plans) = sync_channel(PLANS_AHEAD);
+        let (plan_sender, plans) = sync_channel(PLANS_AHEAD);
         // The channel has no buffer: while the encoders work, one image waits here and others are in flight.
-        let (frame_to, pictures) = sync_channel(0);
+        let (frame_sender, frame_receiver) = sync_channel(0);
         // Only the encoders hold the receiver: once all of them have ended, the renderer stops waiting.
-        let pictures = Arc::new(Mutex::new(pictures));
+        let frame_receiver = Arc::new(Mutex::new(frame_receiver));
         std::thread::scope(|scope| {
             let thread = |name: &str| std::thread::Builder::new().name(name.into());
-            let planner =
-                thread("plan").spawn_scoped(scope, || make_plans(&shared, frames, plan, scene_key, plan_to));
+            let planner = thread("plan")
+                .spawn_scoped(scope, || make_plans(&shared, frames, plan, scene_key, plan_sender));
             // Encoders that cannot be started are left out; one is enough.
             let started = encoders.into_iter().map(|encode| {
-                let (shared, pictures) = (&shared, pictures.clone());
+                let (shared, frame_receiver) = (&shared, frame_receiver.clone());
                 thread("encode")
-                    .spawn_scoped(scope, move || encode_pictures(shared, &pictures, encode, progress))
+                    .spawn_scoped(scope, move || encode_frames(shared, &frame_receiver, encode, progress))
             });
             let encoding = started.filter(Result::is_ok).count();
-            drop(pictures);
+            drop(frame_receiver);
             match planner {
-                Ok(_) if encoding > 0 => draw(&shared, renderer, plans, frame_to),
-                _ => shared.fail(0, too_few("none can be started to plan and encode frames")),
+                Ok(_) if encoding > 0 => draw_frames(&shared, renderer, plans, frame_sender),
+                _ => {
+                    shared.record_failure(0, too_few_threads("none can be started to plan and encode frames"))
+                }
             }
         });
-        if interrupt::interrupted() {
+        if interrupt::is_interrupted() {
             return Err(Failure::Interrupted);
         }
         let failure = shared.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let counts = Counts {
+        let counts = FrameCounts {
             drawn: shared.drawn.into_inner(),
             repeated: shared.repeated.into_inner(),
             recomposed: shared.recomposed.into_inner(),
@@ -183,55 +187,55 @@ impl Pipeline<'_> {
 }
 
 fn make_plans(
-    shared: &Shared,
+    shared: &PipelineState,
     frames: Vec<(i64, Time)>,
     mut plan: PlanAt<'_>,
     scene_key: SceneKey<'_>,
-    to: SyncSender<((i64, Time), Work)>,
+    to: SyncSender<((i64, Time), PlannedFrame)>,
 ) {
     // Keys of the scene and of the layers of the previous frame.
-    let mut before: Option<(Key, Option<Key>)> = None;
+    let mut previous_keys: Option<(Key, Option<Key>)> = None;
     for (frame, time) in frames {
-        if shared.stopped() {
+        if shared.is_stopped() {
             return;
         }
         // An effect may fail while it describes what it draws.
-        let mut plan = match plugin_failures(|| plan(time)) {
+        let mut plan = match catch_plugin_panics(|| plan(time)) {
             Ok(plan) => plan,
-            Err(failure) => return shared.fail(frame, failure),
+            Err(failure) => return shared.record_failure(frame, failure),
         };
         // 2D layers of a float frame are drawn together with the frame.
         let bytes = plan.wish == FrameWish::Bytes;
         let layers = bytes.then(|| plan.layers_in_front.take()).flatten();
         let keys = (scene_key(&plan), layers.as_ref().map(|layers| layers.hash));
-        let work = match before {
-            Some(before) if before == keys => Work::Repeat,
-            Some((scene, _)) if scene == keys.0 => Work::Recompose(layers),
-            _ => Work::Draw(Box::new(plan), layers),
+        let work = match previous_keys {
+            Some(previous) if previous == keys => PlannedFrame::Repeat,
+            Some((scene, _)) if scene == keys.0 => PlannedFrame::Recompose(layers),
+            _ => PlannedFrame::Draw(Box::new(plan), layers),
         };
-        before = Some(keys);
+        previous_keys = Some(keys);
         if to.send(((frame, time), work)).is_err() {
             return;
         }
     }
 }
 
-/// Composes finished frames from drawn scenes and 2D layers.
+/// Composes frames from drawn scenes and the 2D layers in front of them.
 #[derive(Default)]
-struct Finished {
+struct FrameComposer {
     /// The scene drawn last, if layers lie over it in `last`.
     scene: Option<Pixels>,
-    last: Option<Arc<Picture>>,
+    last: Option<Arc<FrameImage>>,
 }
 
-impl Finished {
-    /// Gives the next frame. `drawn`: the image of the renderer, if it drew one.
-    fn next(
+impl FrameComposer {
+    /// Returns the next frame. `drawn`: the image of the renderer, if it drew one. Without `layers`, the frame repeats the previous one.
+    fn compose_next(
         &mut self,
-        shared: &Shared,
+        shared: &PipelineState,
         drawn: Option<Pixels>,
-        layers: Option<Layers>,
-    ) -> Option<Arc<Picture>> {
+        layers: Option<FrontLayers>,
+    ) -> Option<Arc<FrameImage>> {
         let Some(layers) = layers else {
             shared.repeated.fetch_add(1, Ordering::Relaxed);
             return self.last.clone();
@@ -246,12 +250,13 @@ impl Finished {
             // The previous frame had no layers: it is the scene itself.
             self.scene = last.as_ref().map(|last| last.pixels.clone());
         }
-        last.into_iter().for_each(|last| shared.release(last));
+        last.into_iter().for_each(|last| shared.recycle_unshared(last));
         let pixels = match &layers {
             None => self.scene.take()?,
             Some(layers) => {
                 let Some(Pixels::Bytes(scene)) = &self.scene else { return None };
-                let mut frame = shared.spare().unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
+                let mut frame =
+                    shared.take_spare_frame().unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
                 (frame.width, frame.height) = (scene.width, scene.height);
                 frame.rgba.clear();
                 frame.rgba.extend_from_slice(&scene.rgba);
@@ -259,83 +264,85 @@ impl Finished {
                 Pixels::Bytes(frame)
             }
         };
-        self.last = Some(Arc::new(Picture { pixels, file: Mutex::default() }));
+        self.last = Some(Arc::new(FrameImage { pixels, file: Mutex::default() }));
         self.last.clone()
     }
 }
 
 /// A frame in flight: number and time, the pixel format that the renderer draws, and its layers. Without layers it repeats the previous
 /// frame.
-type QueuedFrame = ((i64, Time), Option<FrameWish>, Option<Layers>);
+type QueuedFrame = ((i64, Time), Option<FrameWish>, Option<FrontLayers>);
 
-fn draw(
-    shared: &Shared,
+fn draw_frames(
+    shared: &PipelineState,
     renderer: &mut dyn Renderer,
-    plans: Receiver<((i64, Time), Work)>,
+    plans: Receiver<((i64, Time), PlannedFrame)>,
     to: SyncSender<DrawnFrame>,
 ) {
     let depth = renderer.frames_in_flight().max(1);
-    let mut flying: VecDeque<QueuedFrame> = VecDeque::with_capacity(depth);
-    let mut finished = Finished::default();
+    let mut in_flight: VecDeque<QueuedFrame> = VecDeque::with_capacity(depth);
+    let mut composer = FrameComposer::default();
     let mut more = true;
-    while !shared.stopped() && (more || !flying.is_empty()) {
-        while more && flying.len() < depth {
+    while !shared.is_stopped() && (more || !in_flight.is_empty()) {
+        while more && in_flight.len() < depth {
             // If nothing is in flight, the thread waits for a plan.
-            let next = match flying.is_empty() {
+            let next = match in_flight.is_empty() {
                 true => plans.recv().map_err(|_| TryRecvError::Disconnected),
                 false => plans.try_recv(),
             };
             match next {
-                Ok((frame, Work::Draw(plan, layers))) => {
+                Ok((frame, PlannedFrame::Draw(plan, layers))) => {
                     let wish = plan.wish;
                     match renderer.submit(*plan) {
-                        Ok(()) => flying.push_back((frame, Some(wish), Some(layers))),
-                        Err(error) => return shared.fail(frame.0, render_failure(error)),
+                        Ok(()) => in_flight.push_back((frame, Some(wish), Some(layers))),
+                        Err(error) => return shared.record_failure(frame.0, render_failure(error)),
                     }
                 }
-                Ok((frame, Work::Recompose(layers))) => flying.push_back((frame, None, Some(layers))),
-                Ok((frame, Work::Repeat)) => flying.push_back((frame, None, None)),
+                Ok((frame, PlannedFrame::Recompose(layers))) => {
+                    in_flight.push_back((frame, None, Some(layers)))
+                }
+                Ok((frame, PlannedFrame::Repeat)) => in_flight.push_back((frame, None, None)),
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => more = false,
             }
         }
-        let Some((frame, drawn, layers)) = flying.pop_front() else { continue };
+        let Some((frame, drawn, layers)) = in_flight.pop_front() else { continue };
         let collect = |wish| match wish {
-            FrameWish::Bytes => renderer.collect(shared.spare()).map(Pixels::Bytes),
+            FrameWish::Bytes => renderer.collect(shared.take_spare_frame()).map(Pixels::Bytes),
             _ => renderer.collect_floats().map(Pixels::Floats),
         };
         let drawn = match drawn.map(collect).transpose() {
             Ok(drawn) => drawn,
-            Err(error) => return shared.fail(frame.0, render_failure(error)),
+            Err(error) => return shared.record_failure(frame.0, render_failure(error)),
         };
         let repeated = layers.is_none();
-        let Some(picture) = finished.next(shared, drawn, layers) else { return };
-        if to.send((frame, picture, repeated)).is_err() {
+        let Some(image) = composer.compose_next(shared, drawn, layers) else { return };
+        if to.send((frame, image, repeated)).is_err() {
             return;
         }
     }
 }
 
 /// Number and time of a frame, its image, and whether it repeats the previous image.
-type DrawnFrame = ((i64, Time), Arc<Picture>, bool);
+type DrawnFrame = ((i64, Time), Arc<FrameImage>, bool);
 
-fn encode_pictures(
-    shared: &Shared,
-    pictures: &Mutex<Receiver<DrawnFrame>>,
+fn encode_frames(
+    shared: &PipelineState,
+    frame_receiver: &Mutex<Receiver<DrawnFrame>>,
     mut encode: Encode<'_>,
     progress: &Progress,
 ) {
     loop {
-        let next = pictures.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok((frame, picture, repeated)) = next else { return };
+        let next = frame_receiver.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let Ok((frame, image, repeated)) = next else { return };
         // The queue is still emptied after a failure, so that the renderer does not wait for a free place in it.
-        if shared.wants(frame.0) {
-            match encode(frame, &picture, repeated) {
+        if shared.must_encode(frame.0) {
+            match encode(frame, &image, repeated) {
                 Ok(()) => progress.step(),
-                Err(failure) => shared.fail(frame.0, failure),
+                Err(failure) => shared.record_failure(frame.0, failure),
             }
         }
-        shared.release(picture);
+        shared.recycle_unshared(image);
     }
 }
 
@@ -364,10 +371,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_device_that_failed_twice_says_what_to_lower() {
+    fn hint_after_a_device_failure_names_settings_to_lower() {
         let lost = || Box::new(RenderError::DeviceLost { object: "frame 7".into() });
         let full = || Box::new(RenderError::OutOfMemory { object: "memory of depth".into() });
-        let text = |error| render_failure(error).lines().concat();
+        let text = |error| render_failure(error).message_lines().concat();
         assert_eq!(
             text(RenderError::FailedTwice { first: lost(), second: full() }),
             "Vulkan: memory of depth: out of memory; this was the second attempt, the first failed with: \

@@ -6,7 +6,7 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Bytes that may still be written, shared by all files of an output.
+/// Limit on the bytes of an output, and the bytes written so far by all of its files.
 #[derive(Clone, Debug)]
 pub(crate) struct Budget {
     limit: u64,
@@ -18,27 +18,27 @@ impl Budget {
         Budget { limit, written: Arc::default() }
     }
 
-    /// Wraps a writer, so that its bytes are counted.
-    pub fn count(&self, inner: Box<dyn Write + Send>) -> Box<dyn Write + Send> {
+    /// Wraps a writer: its bytes count against the limit, and a write beyond it fails.
+    pub fn counting_writer(&self, inner: Box<dyn Write + Send>) -> Box<dyn Write + Send> {
         Box::new(CountedWriter { budget: self.clone(), inner })
     }
 }
 
 /// Wraps an exporter, so that its bytes are counted; more bytes than the limit are an error.
-pub(crate) struct Budgeted {
+pub(crate) struct BudgetedExporter {
     inner: Arc<dyn Exporter>,
     budget: Budget,
 }
 
-impl Budgeted {
-    pub fn new(inner: Arc<dyn Exporter>, limit: u64) -> Budgeted {
-        Budgeted { inner, budget: Budget::new(limit) }
+impl BudgetedExporter {
+    pub fn new(inner: Arc<dyn Exporter>, limit: u64) -> BudgetedExporter {
+        BudgetedExporter { inner, budget: Budget::new(limit) }
     }
 }
 
 type BeginResult = Result<Box<dyn FrameSink>, ExportError>;
 
-impl Exporter for Budgeted {
+impl Exporter for BudgetedExporter {
     fn manifest(&self) -> &Manifest {
         self.inner.manifest()
     }
@@ -55,7 +55,7 @@ impl Exporter for Budgeted {
         self.inner.head_comes_last()
     }
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> BeginResult {
-        self.inner.begin(info, self.budget.count(out))
+        self.inner.begin(info, self.budget.counting_writer(out))
     }
     fn with_provenance(
         &self,
@@ -63,7 +63,7 @@ impl Exporter for Budgeted {
         made: &[u8],
         out: Box<dyn Write + Send>,
     ) -> Result<bool, ExportError> {
-        self.inner.with_provenance(info, made, self.budget.count(out))
+        self.inner.with_provenance(info, made, self.budget.counting_writer(out))
     }
     fn piece(&self, info: &VideoInfo) -> Option<NonZeroU64> {
         self.inner.piece(info)
@@ -75,7 +75,7 @@ impl Exporter for Budgeted {
         so_far: &mut dyn Read,
         out: Box<dyn Write + Send>,
     ) -> BeginResult {
-        self.inner.resume(info, states, so_far, self.budget.count(out))
+        self.inner.resume(info, states, so_far, self.budget.counting_writer(out))
     }
 }
 
@@ -108,10 +108,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_files_share_one_budget() {
+    fn two_files_together_may_not_exceed_one_budget() {
         let budget = Budget::new(10);
-        let mut a = budget.count(Box::new(Vec::new()));
-        let mut b = budget.count(Box::new(Vec::new()));
+        let mut a = budget.counting_writer(Box::new(Vec::new()));
+        let mut b = budget.counting_writer(Box::new(Vec::new()));
         a.write_all(&[0; 6]).unwrap();
         b.write_all(&[0; 4]).unwrap();
         let error = b.write_all(&[0]).unwrap_err().to_string();

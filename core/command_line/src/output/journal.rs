@@ -1,6 +1,6 @@
 //! The journal of a video's finished frames in its part folder, from which a killed render resumes.
 //!
-//! The file `journal` is a line of magic followed by records: length, CRC-32 and bytes. The first record holds the identity of the render;
+//! The file `journal` is a magic line followed by records: length, CRC-32 and bytes. The first record holds the identity of the render;
 //! each further one stands for a finished frame, and is written after all data that it refers to. Checksums find records that are truncated
 //! or corrupt, and only the records before them are used.
 
@@ -11,28 +11,31 @@ pub(crate) const MAGIC: &[u8] = b"choreo journal 1\n";
 /// One finished frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// Length of the body with this frame.
+    /// Length of the body in bytes, up to the end of this frame.
     pub body: u64,
     /// CRC-32 of the bytes added to the body since the previous record.
     pub crc: u32,
     pub kept: KeptFrame,
 }
 
+/// Form in which a finished frame is kept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum KeptFrame {
-    /// State of the exporter, from `Mark::Settled`.
+    /// The frame is complete in the body; state of the exporter after it, from `Mark::Settled`.
     Settled(Vec<u8>),
     /// Frame that the encoder still holds (`Mark::Open`): place of its bytes in the file `frames`.
     Open(Span),
 }
 
+/// Place of a delta-encoded frame in the file `frames`, and its checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    pub at: u64,
+    /// Offset in the file `frames`, and length in bytes.
+    pub offset: u64,
     pub length: u32,
     pub crc: u32,
-    /// Lengths of the frame's parts.
-    pub parts: [u32; 3],
+    /// Lengths in bytes of the three parts of the decoded frame.
+    pub part_lengths: [u32; 3],
 }
 
 impl Record {
@@ -46,8 +49,8 @@ impl Record {
             }
             KeptFrame::Open(span) => {
                 bytes.push(b'O');
-                bytes.extend(span.at.to_le_bytes());
-                for number in [span.length, span.crc].iter().chain(&span.parts) {
+                bytes.extend(span.offset.to_le_bytes());
+                for number in [span.length, span.crc].iter().chain(&span.part_lengths) {
                     bytes.extend(number.to_le_bytes());
                 }
             }
@@ -67,10 +70,10 @@ impl Record {
                 let mut numbers = numbers.as_chunks::<4>().0.iter().map(|n| u32::from_le_bytes(*n));
                 let mut next = || numbers.next();
                 KeptFrame::Open(Span {
-                    at: u64::from_le_bytes(*at),
+                    offset: u64::from_le_bytes(*at),
                     length: next()?,
                     crc: next()?,
-                    parts: [next()?, next()?, next()?],
+                    part_lengths: [next()?, next()?, next()?],
                 })
             }
             _ => return None,
@@ -82,8 +85,8 @@ impl Record {
 /// Identity of a render, as (keyword, text). Two renders may share a journal if their identities are equal.
 pub type Identity = Vec<(String, String)>;
 
-/// The magic and the first record.
-pub fn head(identity: &Identity) -> Vec<u8> {
+/// Encodes the start of a journal: the magic and the first record, which holds the identity.
+pub fn encode_head(identity: &Identity) -> Vec<u8> {
     let mut text = Vec::new();
     for (keyword, value) in identity {
         for part in [keyword, value] {
@@ -91,7 +94,7 @@ pub fn head(identity: &Identity) -> Vec<u8> {
             text.extend(part.as_bytes());
         }
     }
-    [MAGIC, &framed(&text)].concat()
+    [MAGIC, &with_length_and_crc(&text)].concat()
 }
 
 fn read_identity(mut bytes: &[u8]) -> Option<Identity> {
@@ -108,10 +111,11 @@ fn read_identity(mut bytes: &[u8]) -> Option<Identity> {
 
 /// Appends a frame in one write, so that a kill leaves the record complete or truncated, never mixed with another.
 pub fn append(out: &mut impl Write, record: &Record) -> io::Result<()> {
-    out.write_all(&framed(&record.bytes()))
+    out.write_all(&with_length_and_crc(&record.bytes()))
 }
 
-fn framed(bytes: &[u8]) -> Vec<u8> {
+/// Encodes one record: length, CRC-32 and bytes.
+fn with_length_and_crc(bytes: &[u8]) -> Vec<u8> {
     let mut all = (bytes.len() as u32).to_le_bytes().to_vec();
     all.extend(crc32fast::hash(bytes).to_le_bytes());
     all.extend(bytes);
@@ -124,18 +128,18 @@ pub struct Journal {
     pub identity: Identity,
     /// Records, each with the length of the journal up to its end.
     pub records: Vec<(Record, u64)>,
-    /// Length of the head.
+    /// Length of the head in bytes.
     pub head: u64,
 }
 
 impl Journal {
     /// Number of records up to the last settled one whose lengths and checksums match the body.
-    pub fn settled(&self, body: impl Read) -> usize {
+    pub fn settled_count(&self, body: impl Read) -> usize {
         let mut body = BufReader::with_capacity(1 << 16, body);
         let (mut at, mut settled) = (0, 0);
         for (i, (record, _)) in self.records.iter().enumerate() {
             let Some(gained) = record.body.checked_sub(at) else { break };
-            let mut crc = Crc(crc32fast::Hasher::new());
+            let mut crc = CrcWriter(crc32fast::Hasher::new());
             match io::copy(&mut body.by_ref().take(gained), &mut crc) {
                 Ok(n) if n == gained && crc.0.finalize() == record.crc => {}
                 _ => break,
@@ -149,9 +153,10 @@ impl Journal {
     }
 }
 
-struct Crc(crc32fast::Hasher);
+/// A writer that only updates a checksum.
+struct CrcWriter(crc32fast::Hasher);
 
-impl Write for Crc {
+impl Write for CrcWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.update(bytes);
         Ok(bytes.len())
@@ -192,17 +197,17 @@ pub fn read(mut from: impl Read) -> Option<Journal> {
     Some(Journal { identity, records, head })
 }
 
-/// Delta encoding of the frames that an encoder still holds: bits that say which blocks of 256 bytes differ from the previous frame, then
-/// those blocks. With a static camera only the moving parts take space.
+/// Delta encoder and decoder of the frames that an encoder still holds. A frame is stored as one bit for each block of 256 bytes, which is set
+/// if the block differs from the previous frame, and then the blocks that differ. With a static camera only the moving parts take space.
 #[derive(Default)]
-pub struct Changes {
+pub struct FrameDelta {
     last: Vec<u8>,
 }
 
-const BLOCK: usize = 256;
+const BLOCK_BYTES: usize = 256;
 
-impl Changes {
-    /// Makes the next frame independent of the previous one.
+impl FrameDelta {
+    /// Forgets the previous frame, so that the next one is stored whole.
     pub fn restart(&mut self) {
         self.last.clear();
     }
@@ -211,11 +216,11 @@ impl Changes {
     pub fn encode(&mut self, parts: &[&[u8]; 3], out: &mut Vec<u8>) {
         let length = parts.iter().map(|p| p.len()).sum();
         self.last.resize(length, 0);
-        let blocks: usize = parts.iter().map(|p| p.len().div_ceil(BLOCK)).sum();
+        let blocks: usize = parts.iter().map(|p| p.len().div_ceil(BLOCK_BYTES)).sum();
         out.clear();
         out.resize(blocks.div_ceil(8), 0);
         let (mut at, mut block) = (0, 0);
-        for bytes in parts.iter().flat_map(|p| p.chunks(BLOCK)) {
+        for bytes in parts.iter().flat_map(|p| p.chunks(BLOCK_BYTES)) {
             let last = &mut self.last[at..at + bytes.len()];
             if last != bytes {
                 last.copy_from_slice(bytes);
@@ -226,20 +231,20 @@ impl Changes {
         }
     }
 
-    /// Decodes the next frame. `lengths`: lengths of its parts, in total at most `most`. `None` if the bytes do not fit.
-    pub fn decode(&mut self, bytes: &[u8], lengths: &[u32; 3], most: u64) -> Option<&[u8]> {
-        if lengths.iter().map(|l| u64::from(*l)).sum::<u64>() > most {
+    /// Decodes the next frame. `lengths`: lengths of its parts, in total at most `max_bytes`. `None` if the bytes do not fit.
+    pub fn decode(&mut self, bytes: &[u8], lengths: &[u32; 3], max_bytes: u64) -> Option<&[u8]> {
+        if lengths.iter().map(|l| u64::from(*l)).sum::<u64>() > max_bytes {
             return None;
         }
         let lengths = lengths.map(|l| l as usize);
-        let blocks: usize = lengths.iter().map(|l| l.div_ceil(BLOCK)).sum();
+        let blocks: usize = lengths.iter().map(|l| l.div_ceil(BLOCK_BYTES)).sum();
         let (bits, mut rest) = bytes.split_at_checked(blocks.div_ceil(8))?;
         self.last.resize(lengths.iter().sum(), 0);
         let (mut at, mut block) = (0, 0);
         for length in lengths {
             let end = at + length;
             while at < end {
-                let size = BLOCK.min(end - at);
+                let size = BLOCK_BYTES.min(end - at);
                 if bits[block / 8] & (1 << (block % 8)) != 0 {
                     let (bytes, more) = rest.split_at_checked(size)?;
                     self.last[at..at + size].copy_from_slice(bytes);
@@ -258,19 +263,19 @@ mod tests {
 
     fn sample() -> (Vec<u8>, Vec<Record>) {
         let identity = vec![("a".to_string(), "b".to_string()), (String::new(), "ü\n".to_string())];
-        let span = Span { at: 7, length: 9, crc: 11, parts: [1, 2, 3] };
+        let span = Span { offset: 7, length: 9, crc: 11, part_lengths: [1, 2, 3] };
         let records = vec![
             Record { body: 10, crc: 1, kept: KeptFrame::Settled(vec![]) },
             Record { body: 20, crc: 2, kept: KeptFrame::Open(span) },
             Record { body: 1 << 40, crc: 3, kept: KeptFrame::Settled((0..200).collect()) },
         ];
-        let mut bytes = head(&identity);
+        let mut bytes = encode_head(&identity);
         records.iter().for_each(|r| append(&mut bytes, r).unwrap());
         (bytes, records)
     }
 
     #[test]
-    fn a_journal_comes_back() {
+    fn an_appended_journal_is_read_back_equal() {
         let (bytes, records) = sample();
         let journal = read(&bytes[..]).unwrap();
         assert_eq!(journal.identity[1].1, "ü\n");
@@ -280,7 +285,7 @@ mod tests {
 
     /// A journal that is truncated or corrupt at any byte gives the intact records before it.
     #[test]
-    fn damage_leaves_what_lies_before_it() {
+    fn records_before_a_damaged_byte_are_read() {
         let (bytes, records) = sample();
         let whole = read(&bytes[..]).unwrap();
         let ends: Vec<u64> = whole.records.iter().map(|(_, end)| *end).collect();
@@ -300,12 +305,12 @@ mod tests {
     }
 
     #[test]
-    fn changes_give_the_frames_back() {
+    fn delta_encoded_frames_decode_to_the_same_bytes() {
         let lengths = [1000u32, 256, 10];
         let frame = |n: usize| -> Vec<u8> {
             (0..1266).map(|i| if i / 250 == n % 5 { (i * n) as u8 } else { 7 }).collect()
         };
-        let (mut to, mut from, mut out) = (Changes::default(), Changes::default(), Vec::new());
+        let (mut to, mut from, mut out) = (FrameDelta::default(), FrameDelta::default(), Vec::new());
         let mut sizes = Vec::new();
         for n in [1, 1, 2, 3, 7] {
             let f = frame(n);
@@ -313,10 +318,10 @@ mod tests {
             assert_eq!(from.decode(&out, &lengths, 1266).unwrap(), f);
             sizes.push(out.len());
             for cut in 0..out.len() {
-                assert!(Changes::default().decode(&out[..cut], &lengths, 1266).is_none());
+                assert!(FrameDelta::default().decode(&out[..cut], &lengths, 1266).is_none());
             }
         }
-        assert!(from.decode(&out, &lengths, 1265).is_none(), "more than a frame can be");
+        assert!(from.decode(&out, &lengths, 1265).is_none(), "the frame is larger than `max_bytes`");
         assert_eq!(sizes[1], 1, "nothing changed");
         assert!(sizes[2] < 1100);
         to.restart();

@@ -1,7 +1,7 @@
 //! Metadata of an image or video, for `choreo info` and for `--resume`.
 
-/// Keyword of a number that identifies the whole provenance, for formats without room for it.
-pub(crate) const ID: &str = "choreo:id";
+/// Keyword of a hash of the whole provenance, for formats without room for all of it.
+pub(crate) const ID_KEYWORD: &str = "choreo:id";
 
 /// Metadata that the header of an image or video contains.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -18,7 +18,7 @@ pub fn read(bytes: &[u8]) -> Option<Media> {
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
         return Some(read_png(bytes.get(8..)?));
     }
-    if bytes.starts_with(EXR) {
+    if bytes.starts_with(EXR_MAGIC) {
         return Some(read_exr(bytes).0);
     }
     if bytes.starts_with(b"GIF87a") || bytes.starts_with(b"GIF89a") {
@@ -70,15 +70,15 @@ fn read_png(mut rest: &[u8]) -> Media {
     media
 }
 
-/// Provenance of a complete image: all bytes are there, and all checksums are right where the format has any. Else `None`.
-pub(crate) fn whole_image(bytes: &[u8]) -> Option<Media> {
-    match bytes.starts_with(EXR) {
-        true => whole_exr(bytes),
-        false => whole_png(bytes),
+/// Reads the metadata of a PNG or OpenEXR image; `None` if bytes are missing or a checksum is wrong.
+pub fn read_complete_image(bytes: &[u8]) -> Option<Media> {
+    match bytes.starts_with(EXR_MAGIC) {
+        true => read_complete_exr(bytes),
+        false => read_complete_png(bytes),
     }
 }
 
-fn whole_png(bytes: &[u8]) -> Option<Media> {
+fn read_complete_png(bytes: &[u8]) -> Option<Media> {
     let mut rest = bytes.strip_prefix(b"\x89PNG\r\n\x1a\n")?;
     loop {
         let length = be32(rest, 0)? as usize;
@@ -94,7 +94,7 @@ fn whole_png(bytes: &[u8]) -> Option<Media> {
 }
 
 /// Splits the lines `key: text` that the comments of MP4 and GIF contain.
-fn comment(text: &[u8]) -> Vec<(String, String)> {
+fn parse_comment_lines(text: &[u8]) -> Vec<(String, String)> {
     let text = String::from_utf8_lossy(text);
     let lines = text.lines().filter_map(|line| line.split_once(": "));
     lines.map(|(key, text)| (key.to_string(), text.to_string())).collect()
@@ -122,7 +122,7 @@ fn read_gif(bytes: &[u8]) -> Media {
             }
         }
         if *label == 0xfe {
-            media.provenance.extend(comment(&text));
+            media.provenance.extend(parse_comment_lines(&text));
         }
     }
     media
@@ -135,7 +135,7 @@ fn read_y4m(bytes: &[u8]) -> Media {
     let line = String::from_utf8_lossy(&line[..line.len().min(4096)]).into_owned();
     for word in line.split(' ').skip(1) {
         if let Some(id) = word.strip_prefix("XCHOREO=") {
-            media.provenance.push((ID.to_string(), id.to_string()));
+            media.provenance.push((ID_KEYWORD.to_string(), id.to_string()));
         } else if let Some(width) = word.strip_prefix('W') {
             media.width = width.parse().unwrap_or(0);
         } else if let Some(height) = word.strip_prefix('H') {
@@ -163,7 +163,7 @@ fn read_mp4(bytes: &[u8]) -> Media {
         .and_then(|l| first_box(l, b"\xa9cmt"))
         .and_then(|c| first_box(c, b"data"))
         .and_then(|d| d.get(8..));
-    media.provenance = comment(data.unwrap_or_default());
+    media.provenance = parse_comment_lines(data.unwrap_or_default());
     media
 }
 
@@ -183,24 +183,24 @@ fn read_webp(bytes: &[u8]) -> Media {
             let lines = text.split_once("x-default\">").and_then(|(_, text)| text.split_once("</rdf:li>"));
             let lines = lines.map_or("", |(lines, _)| lines);
             let lines = lines.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
-            media.provenance = comment(lines.as_bytes());
+            media.provenance = parse_comment_lines(lines.as_bytes());
         }
         rest = rest.get(8 + (length as usize).next_multiple_of(2)..).unwrap_or(&[]);
     }
     media
 }
 
-/// The magic number of OpenEXR, and the version of files with scan lines of one part.
-const EXR: &[u8] = b"\x76\x2f\x31\x01";
+/// Magic number of OpenEXR files.
+const EXR_MAGIC: &[u8] = b"\x76\x2f\x31\x01";
 
 fn le32(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(bytes.get(at..at.checked_add(4)?)?.try_into().ok()?))
 }
 
-/// End of the header of an OpenEXR file, and number of rows in each chunk.
+/// Offset of the chunk table of an OpenEXR file, where the header ends, and number of rows in each chunk.
 struct ExrBody {
-    at: usize,
-    rows: u32,
+    offset: usize,
+    rows_per_chunk: u32,
 }
 
 /// Reads the attributes of the header. The body is `None` if the header has no end.
@@ -215,7 +215,7 @@ fn read_exr(bytes: &[u8]) -> (Media, Option<ExrBody>) {
         };
         let Some((name, kind_at)) = text(at) else { return (media, None) };
         if name.is_empty() {
-            return (media, Some(ExrBody { at: kind_at, rows }));
+            return (media, Some(ExrBody { offset: kind_at, rows_per_chunk: rows }));
         }
         let Some((kind, length_at)) = text(kind_at) else { return (media, None) };
         let value = le32(bytes, length_at).and_then(|length| {
@@ -242,13 +242,13 @@ fn read_exr(bytes: &[u8]) -> (Media, Option<ExrBody>) {
 }
 
 /// Checks an OpenEXR image. The format has no checksums, so the chunks must follow each other without a gap up to the end.
-fn whole_exr(bytes: &[u8]) -> Option<Media> {
+fn read_complete_exr(bytes: &[u8]) -> Option<Media> {
     let (media, body) = read_exr(bytes);
-    let ExrBody { at, rows } = body?;
-    let chunks = media.height.div_ceil(rows) as usize;
-    let mut next = at.checked_add(chunks.checked_mul(8)?)?;
+    let ExrBody { offset: table, rows_per_chunk } = body?;
+    let chunks = media.height.div_ceil(rows_per_chunk) as usize;
+    let mut next = table.checked_add(chunks.checked_mul(8)?)?;
     for chunk in 0..chunks {
-        let offset = at + 8 * chunk;
+        let offset = table + 8 * chunk;
         let offset = u64::from_le_bytes(bytes.get(offset..offset + 8)?.try_into().ok()?);
         if offset != next as u64 {
             return None;
@@ -276,7 +276,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cut_or_lying_files_give_what_is_there() {
+    fn readable_fields_of_truncated_or_corrupt_files_are_returned() {
         let png =
             b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x05\0\0\0\x07\x08\x02\0\0\0crc!\xff\xff\xff\xfftEXtab";
         let media = read(png).unwrap();

@@ -2,7 +2,7 @@
 //! `--resume` requires it to be equal.
 
 use crate::failure::Failure;
-use crate::output::media::ID;
+use crate::output::media::ID_KEYWORD;
 use crate::scene::OpenedScene;
 use choreo_motion::{FrameRate, Time};
 use choreo_plugin::{ExportOptions, Manifest, OptionValue};
@@ -11,12 +11,12 @@ use choreo_stage::Settings;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Keyword of the time of a single image: seconds on the scene's clock.
-pub const TIME: &str = "choreo:time";
+/// Keyword of the time of a single image: seconds of the scene's timeline.
+pub const TIME_KEYWORD: &str = "choreo:time";
 
 /// Provenance of an image or video. It does not depend on the range of frames, the time or the machine: the halves of a video have the
 /// provenance of the whole.
-pub fn of(
+pub fn of_render(
     scene: &OpenedScene,
     settings: &Settings,
     samples: u32,
@@ -24,23 +24,23 @@ pub fn of(
     device: &DeviceInfo,
 ) -> Vec<(String, String)> {
     let [w, h] = settings.size;
-    let arguments = format!("--size {w}x{h} --fps {} --samples {samples}", fps(settings.fps));
-    of_scene(scene, arguments, options, Some(device))
+    let arguments = format!("--size {w}x{h} --fps {} --samples {samples}", format_fps(settings.fps));
+    scene_provenance(scene, arguments, options, Some(device))
 }
 
 /// Provenance of a scene that is exported; includes name and version of the exporter.
-pub(crate) fn of_export(
+pub(crate) fn of_scene_export(
     scene: &OpenedScene,
     rate: FrameRate,
     options: &ExportOptions,
     exporter: &Manifest,
 ) -> Vec<(String, String)> {
-    let mut all = of_scene(scene, format!("--fps {}", fps(rate)), options, None);
+    let mut all = scene_provenance(scene, format!("--fps {}", format_fps(rate)), options, None);
     all.push(("choreo:exporter".to_string(), exporter.to_string()));
     all
 }
 
-fn of_scene(
+fn scene_provenance(
     scene: &OpenedScene,
     mut arguments: String,
     options: &ExportOptions,
@@ -71,9 +71,9 @@ fn of_scene(
     let mut all = vec![
         entry("Software", scene.software.clone()),
         entry("choreo:source", scene.name.clone()),
-        entry(if scene.is_script { "choreo:script" } else { "choreo:model" }, hex(&scene.input_hash)),
-        entry("choreo:stage", hex(&scene.stage.content_hash())),
-        entry("choreo:plugins", plugins(scene)),
+        entry(if scene.is_script { "choreo:script" } else { "choreo:model" }, short_hex(&scene.input_hash)),
+        entry("choreo:stage", short_hex(&scene.stage.content_hash())),
+        entry("choreo:plugins", plugin_list(scene)),
         entry("choreo:arguments", arguments),
     ];
     all.extend(device.map(|d| entry("choreo:device", format!("{} ({})", d.name, d.driver))));
@@ -81,12 +81,12 @@ fn of_scene(
     for text in all.iter().flat_map(|(k, v)| [k, v]) {
         hasher.update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());
     }
-    all.push(entry(ID, hex(hasher.finalize().as_bytes())[..16].to_string()));
+    all.push(entry(ID_KEYWORD, short_hex(hasher.finalize().as_bytes())[..16].to_string()));
     all
 }
 
 /// Names and versions of the importers and effects that made the scene, each once.
-fn plugins(scene: &OpenedScene) -> String {
+fn plugin_list(scene: &OpenedScene) -> String {
     let importers = scene.stage.actors.iter().map(|actor| actor.asset.origin.importer.clone());
     let effect = |name: &str| scene.registry.effect(name).map(|effect| effect.manifest().to_string());
     let effects = scene.stage.effects.iter().filter_map(|used| effect(&used.plugin));
@@ -95,18 +95,18 @@ fn plugins(scene: &OpenedScene) -> String {
 }
 
 /// The provenance of one image, with its time.
-pub fn at(provenance: &[(String, String)], time: Time) -> Vec<(String, String)> {
+pub fn with_time(provenance: &[(String, String)], time: Time) -> Vec<(String, String)> {
     let mut all = provenance.to_vec();
-    all.push((TIME.to_string(), time.as_secs().to_string()));
+    all.push((TIME_KEYWORD.to_string(), time.as_secs().to_string()));
     all
 }
 
-/// Half of a hash: enough to tell any two inputs apart.
-fn hex(hash: &[u8; 32]) -> String {
+/// First half of a hash in hexadecimal digits: enough to tell any two inputs apart.
+fn short_hex(hash: &[u8; 32]) -> String {
     hash[..16].iter().map(|b| format!("{b:02x}")).collect()
 }
 
-fn fps(rate: FrameRate) -> String {
+fn format_fps(rate: FrameRate) -> String {
     match rate.den {
         1 => rate.num.to_string(),
         den => format!("{}/{den}", rate.num),
@@ -114,34 +114,35 @@ fn fps(rate: FrameRate) -> String {
 }
 
 /// The differences between two renders: keyword, old value, new value.
-pub fn differences(was: &[(String, String)], is: &[(String, String)]) -> Vec<(String, String, String)> {
+pub fn differences(before: &[(String, String)], now: &[(String, String)]) -> Vec<(String, String, String)> {
     let value = |list: &[(String, String)], keyword: &str| -> String {
         let found = list.iter().find(|(k, _)| k == keyword);
         found.map_or("not known".to_string(), |(_, v)| v.clone())
     };
     let mut found: Vec<(String, String, String)> = Vec::new();
-    for (keyword, _) in was.iter().chain(is).filter(|(k, _)| k != ID) {
-        let (was, is) = (value(was, keyword), value(is, keyword));
+    for (keyword, _) in before.iter().chain(now).filter(|(k, _)| k != ID_KEYWORD) {
+        let (before, now) = (value(before, keyword), value(now, keyword));
         let keyword = keyword.trim_start_matches("choreo:");
-        if was != is && found.iter().all(|(known, ..)| known != keyword) {
-            found.push((keyword.to_string(), was, is));
+        if before != now && found.iter().all(|(known, ..)| known != keyword) {
+            found.push((keyword.to_string(), before, now));
         }
     }
     found
 }
 
-/// Refuses to resume a render with other options, and names the difference.
-pub fn same(
+/// Refuses to resume a render that was made with other settings, and names the differences. `shown`: the output in messages;
+/// `part`: the file or folder of the stopped render.
+pub fn check_same_settings(
     shown: &str,
     part: &Path,
-    was: &[(String, String)],
-    is: &[(String, String)],
+    before: &[(String, String)],
+    now: &[(String, String)],
 ) -> Result<(), Failure> {
-    let found = differences(was, is);
+    let found = differences(before, now);
     if found.is_empty() {
         return Ok(());
     }
-    let lines = found.iter().map(|(keyword, was, is)| format!("\n    {keyword}: {was}, now {is}"));
+    let lines = found.iter().map(|(keyword, before, now)| format!("\n    {keyword}: {before}, now {now}"));
     Err(Failure::Output(format!(
         "{shown}: --resume cannot go on with {}: it was made with other settings{}\n    hint: give the same \
          settings again, or leave --resume out to render everything again",

@@ -1,6 +1,6 @@
 //! Destination of a result: one file, a numbered set of files, or standard output.
 
-use crate::failure::{Failure, output_error, reason};
+use crate::failure::{Failure, describe_error, output_failure};
 use choreo_plugin::{ExportError, Exporter, Registry};
 use choreo_test_runner::collect::quoted;
 use std::io::{ErrorKind, IsTerminal};
@@ -21,11 +21,11 @@ pub enum Target {
 }
 
 /// Refuses an output whose folder does not exist, so that a typing error does not create folders.
-pub(crate) fn in_folder(path: &Path) -> Result<(), Failure> {
+pub(crate) fn check_folder_exists(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let Some(folder) = folder.filter(|folder| !folder.exists()) else { return Ok(()) };
     Err(Failure::Output(format!(
-        "{}: cannot write: the folder {} does not exist; make it: mkdir -p {}",
+        "{}: cannot write: the folder {} does not exist; create it: mkdir -p {}",
         path.display(),
         folder.display(),
         quoted(&folder.display().to_string())
@@ -65,7 +65,7 @@ impl Target {
     }
 
     /// Name of the target in messages.
-    pub fn shown(&self) -> String {
+    pub fn display_name(&self) -> String {
         match self {
             Target::Stdout => "standard output".into(),
             Target::File(path) => path.display().to_string(),
@@ -75,7 +75,7 @@ impl Target {
         }
     }
 
-    /// The exporter for the file's extension, checked against the kind of target.
+    /// Finds the exporter for the file extension, and refuses numbered files for a format that holds all frames in one file.
     pub fn exporter<'r>(&self, registry: &'r Registry) -> Result<&'r Arc<dyn Exporter>, Failure> {
         let name = match self {
             Target::Stdout => ".y4m".to_string(),
@@ -86,7 +86,7 @@ impl Target {
             if registry.scene_exporter_for(&name).is_some() {
                 return Err(Failure::Usage(format!(
                     "-o {}: use choreo export to write a scene in this format",
-                    self.shown()
+                    self.display_name()
                 )));
             }
             let known: Vec<String> = registry
@@ -96,30 +96,29 @@ impl Target {
                 .collect();
             return Err(Failure::Usage(format!(
                 "-o {}: the file extension selects the format; known: {}",
-                self.shown(),
+                self.display_name(),
                 known.join(", ")
             )));
         };
         if matches!(self, Target::Numbered { .. }) && !exporter.one_frame_per_file() {
             return Err(Failure::Usage(format!(
-                "-o {}: a {} holds all frames, so its name needs no number",
-                self.shown(),
+                "-o {}: one {} file holds all frames, so its name needs no number",
+                self.display_name(),
                 exporter.manifest().name
             )));
         }
         Ok(exporter)
     }
 
-    /// Reports every error that can be found before the first frame. Creates missing folders of numbered sets, and returns them, innermost
-    /// last.
-    pub fn prepare(&self) -> Result<Vec<PathBuf>, Failure> {
+    /// Fails if no output can be written there. Creates the missing folders of numbered images, and returns them, innermost last.
+    pub fn check_and_create_folders(&self) -> Result<Vec<PathBuf>, Failure> {
         match self {
             Target::Stdout if std::io::stdout().is_terminal() => Err(Failure::Usage(
                 "-o - writes video to standard output, which is a terminal; pipe it: … -o - | ffmpeg -i - out.mkv"
                     .into(),
             )),
             Target::Stdout => Ok(Vec::new()),
-            Target::File(path) => in_folder(path).map(|()| Vec::new()),
+            Target::File(path) => check_folder_exists(path).map(|()| Vec::new()),
             Target::Numbered { folder, .. } => {
                 let missing: Vec<PathBuf> = folder
                     .ancestors()
@@ -130,10 +129,10 @@ impl Target {
                 if !folder.as_os_str().is_empty() {
                     std::fs::create_dir_all(folder).map_err(|e| {
                         let why = match e.kind() {
-                            ErrorKind::AlreadyExists => "it exists already and is not a folder".to_string(),
-                            _ => reason(&e),
+                            ErrorKind::AlreadyExists => "it already exists and is not a folder".to_string(),
+                            _ => describe_error(&e),
                         };
-                        Failure::Output(format!("{}: cannot make the folder: {why}", folder.display()))
+                        Failure::Output(format!("{}: cannot create the folder: {why}", folder.display()))
                     })?;
                 }
                 Ok(made)
@@ -142,7 +141,7 @@ impl Target {
     }
 
     /// Path of the file for one frame.
-    pub fn file(&self, frame: i64) -> PathBuf {
+    pub fn frame_path(&self, frame: i64) -> PathBuf {
         match self {
             Target::Stdout => PathBuf::from("-"),
             Target::File(path) => path.clone(),
@@ -153,9 +152,10 @@ impl Target {
     }
 }
 
+/// Failure for an error of an exporter. `shown`: the output in messages.
 pub(crate) fn export_failure(shown: &str, error: ExportError) -> Failure {
     match error {
-        ExportError::Io(e) => output_error(shown, &e),
+        ExportError::Io(e) => output_failure(shown, &e),
         ExportError::Stage(e) => Failure::input(e.to_string()),
         other => Failure::Output(format!("{shown}: {other}")),
     }

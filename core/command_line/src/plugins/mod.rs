@@ -6,10 +6,13 @@ use choreo_plugin::{Manifest, OptionKind, OptionSpec, OptionValue};
 
 /// One line for each option of a plugin.
 pub(crate) fn option_rows(m: &Manifest) -> String {
-    m.options.iter().map(|o| format!("      {:<14} {} ({})\n", o.name, o.about, range(o))).collect()
+    m.options
+        .iter()
+        .map(|o| format!("      {:<14} {} ({})\n", o.name, o.about, value_range_and_default(o)))
+        .collect()
 }
 
-fn range(option: &OptionSpec) -> String {
+fn value_range_and_default(option: &OptionSpec) -> String {
     let default = option.default();
     match (&option.kind, &default) {
         (OptionKind::Number { min, max, .. }, _) => {
@@ -20,7 +23,7 @@ fn range(option: &OptionSpec) -> String {
             format!("{}, default {default}", one_of.join(" | "))
         }
         (OptionKind::Color { default }, _) => {
-            format!("{}, default {}", option.allowed(), color(*default))
+            format!("{}, default {}", option.allowed(), format_color(*default))
         }
         (OptionKind::Curve { default, .. }, _) => {
             let keys: Vec<String> = default.iter().map(|[x, y]| format!("[{x}, {y}]")).collect();
@@ -31,7 +34,7 @@ fn range(option: &OptionSpec) -> String {
 }
 
 /// A color as authors write it: sRGB in hexadecimal with its CSS name, or linear numbers that eight bits do not hold.
-fn color(linear: [f64; 3]) -> String {
+fn format_color(linear: [f64; 3]) -> String {
     match choreo_plugin::color::hex(linear) {
         Some((hex, Some(name))) => format!("{hex} ({name})"),
         Some((hex, None)) => hex,

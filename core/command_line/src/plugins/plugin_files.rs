@@ -6,11 +6,15 @@ use choreo_session::plugin_files::{FolderError, Listing, list};
 use std::path::{Path, PathBuf};
 
 /// Registry with the given plugins and those of plugin files. Files that nothing uses are not compiled.
-pub fn registry(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Registry, Failure> {
+pub fn registry_with_files(
+    plugins: &Registry,
+    named: &[PathBuf],
+    inputs: &[&Path],
+) -> Result<Registry, Failure> {
     listing(plugins, named, inputs).map(|listing| listing.registry)
 }
 
-/// Like [`registry`], with the errors of the files. Prints a note for each plugin that replaces another one of the same name.
+/// Like [`registry_with_files`], with the errors of the files. Prints a note for each plugin that replaces another one of the same name.
 pub fn listing(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Listing, Failure> {
     let listing = list(plugins, named, inputs, None).map_err(|error| match error {
         FolderError::Missing { .. } => Failure::Usage(error.to_string()),

@@ -9,40 +9,41 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-/// Whether a command polls `INTERRUPTED` and will end the program itself.
-static WATCHED: AtomicBool = AtomicBool::new(false);
+/// Whether a command polls `INTERRUPTED`, and will end the program itself.
+static IS_POLLED: AtomicBool = AtomicBool::new(false);
 
 /// Time that a render has to finish its frame before the program is ended anyway.
-const PATIENCE: Duration = Duration::from_secs(3);
+const MAX_WAIT: Duration = Duration::from_secs(3);
 
+/// Installs the handler of signals for the rest of the process.
 pub fn install() {
     // Fails only if a handler is installed already. Without a handler, the default action of the system ends the program.
     let _ = ctrlc::set_handler(|| {
         INTERRUPTED.store(true, Ordering::SeqCst);
         let start = Instant::now();
-        while WATCHED.load(Ordering::SeqCst) && start.elapsed() < PATIENCE {
+        while IS_POLLED.load(Ordering::SeqCst) && start.elapsed() < MAX_WAIT {
             std::thread::sleep(Duration::from_millis(20));
         }
         choreo_files::remove_unfinished();
-        scratch::remove();
+        scratch::remove_folder();
         kept_frames::take_message().iter().for_each(print_message);
         print_message("interrupted");
-        std::process::exit(i32::from(Failure::Interrupted.code()));
+        std::process::exit(i32::from(Failure::Interrupted.exit_code()));
     });
 }
 
-/// States whether a render polls [`interrupted`] between frames.
-pub fn watch(on: bool) {
-    WATCHED.store(on, Ordering::SeqCst);
+/// States whether a render polls [`is_interrupted`] between frames.
+pub fn set_polled(on: bool) {
+    IS_POLLED.store(on, Ordering::SeqCst);
 }
 
-pub fn interrupted() -> bool {
+pub fn is_interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
 }
 
-/// The command line `choreo render …` with `--resume`, quoted for a shell. `--resume` follows "render" directly, where no option can take
-/// it for its value.
-pub(crate) fn command_to_resume(args: &[OsString]) -> String {
+/// Command line that resumes a render: `choreo render …` with `--resume`, quoted for a shell. `--resume` follows "render" directly, where no
+/// option can take it for its value.
+pub(crate) fn resume_command(args: &[OsString]) -> String {
     let mut words: Vec<String> = args.iter().map(|a| a.to_string_lossy().into_owned()).collect();
     words.retain(|w| !matches!(w.as_str(), "--resume" | "--discard" | "--watch"));
     words.insert(words.len().min(2), "--resume".into());
@@ -51,11 +52,11 @@ pub(crate) fn command_to_resume(args: &[OsString]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::command_to_resume;
+    use super::resume_command;
 
     #[test]
-    fn the_command_that_resumes_can_be_typed() {
-        let command = |line: &[&str]| command_to_resume(&line.iter().map(Into::into).collect::<Vec<_>>());
+    fn resume_command_is_quoted_for_a_shell() {
+        let command = |line: &[&str]| resume_command(&line.iter().map(Into::into).collect::<Vec<_>>());
         for (line, expected) in [
             (
                 &["choreo", "render", "a b.rhai", "-o", "o.mp4"][..],

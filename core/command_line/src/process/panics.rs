@@ -7,28 +7,28 @@ use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, s
 use std::sync::{Mutex, PoisonError};
 
 /// The latest panic.
-static LATEST: Mutex<Option<String>> = Mutex::new(None);
+static LATEST_PANIC: Mutex<Option<String>> = Mutex::new(None);
 
 /// The panic text of a thread scope after one of its threads has panicked; it does not name the cause.
-const CONSEQUENCE: &str = "a scoped thread panicked";
+const SCOPE_PANIC_TEXT: &str = "a scoped thread panicked";
 
 /// Records panics instead of printing them. With RUST_BACKTRACE they are also printed.
 pub fn install() {
-    exit_code_of_abort();
-    let wanted = std::env::var_os("RUST_BACKTRACE").is_some_and(|value| value != "0");
-    let before = wanted.then(take_hook);
+    set_exit_code_of_abort();
+    let is_backtrace_wanted = std::env::var_os("RUST_BACKTRACE").is_some_and(|value| value != "0");
+    let previous_hook = is_backtrace_wanted.then(take_hook);
     set_hook(Box::new(move |panic| {
-        if panic.payload_as_str() != Some(CONSEQUENCE) {
-            *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = Some(describe(panic));
+        if panic.payload_as_str() != Some(SCOPE_PANIC_TEXT) {
+            *LATEST_PANIC.lock().unwrap_or_else(PoisonError::into_inner) = Some(describe_panic(panic));
         }
-        before.iter().for_each(|before| before(panic));
+        previous_hook.iter().for_each(|previous_hook| previous_hook(panic));
     }));
 }
 
 /// Makes an abort end the process with a documented exit code. Rust raises SIGABRT if an allocation fails ("memory allocation of 4096 bytes
 /// failed") or a stack overflows. If the address space has a limit, memory is assumed to be the cause; without one, the system ends
 /// programs that need too much memory by SIGKILL. [`crate::run`] calls this too; call it earlier if plugins are created before.
-pub fn exit_code_of_abort() {
+pub fn set_exit_code_of_abort() {
     #[cfg(unix)]
     static ONCE: std::sync::Once = std::sync::Once::new();
     #[cfg(unix)]
@@ -40,13 +40,13 @@ pub fn exit_code_of_abort() {
         // Fails only for signals that no program may handle.
         let _ = signal_hook::flag::register_conditional_shutdown(
             signal_hook::consts::SIGABRT,
-            i32::from(why.code()),
+            i32::from(why.exit_code()),
             always,
         );
     });
 }
 
-fn describe(panic: &PanicHookInfo<'_>) -> String {
+fn describe_panic(panic: &PanicHookInfo<'_>) -> String {
     let text = panic.payload_as_str().unwrap_or("no message");
     match panic.location() {
         Some(at) => format!("{text} ({}:{})", at.file(), at.line()),
@@ -55,7 +55,7 @@ fn describe(panic: &PanicHookInfo<'_>) -> String {
 }
 
 /// Runs the work, and turns the panic of a plugin into a failure. Other panics are passed on.
-pub(crate) fn plugin_failures<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
+pub(crate) fn catch_plugin_panics<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| match payload.downcast::<PluginPanic>() {
         Ok(panic) => Err(Failure::input(panic.to_string())),
         Err(payload) => resume_unwind(payload),
@@ -63,9 +63,9 @@ pub(crate) fn plugin_failures<T>(work: impl FnOnce() -> Result<T, Failure>) -> R
 }
 
 /// Runs the work, and turns any panic into a failure.
-pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
-    catch_unwind(AssertUnwindSafe(|| plugin_failures(work))).unwrap_or_else(|_| {
-        let latest = LATEST.lock().unwrap_or_else(PoisonError::into_inner).take();
+pub(crate) fn catch_panics(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+    catch_unwind(AssertUnwindSafe(|| catch_plugin_panics(work))).unwrap_or_else(|_| {
+        let latest = LATEST_PANIC.lock().unwrap_or_else(PoisonError::into_inner).take();
         Err(Failure::Internal(latest.unwrap_or_else(|| "no message".into())))
     })
 }

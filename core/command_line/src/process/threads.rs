@@ -6,36 +6,41 @@ use std::sync::OnceLock;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-/// Stack in bytes of the thread that runs the script, and number of threads that a command starts later: the script's, one that plans
-/// frames, one that encodes them, and two that watch the memory.
-const STACK: usize = 64 << 20;
-const LATER: usize = 5;
+/// Stack in bytes of the thread that runs the script.
+const SCRIPT_STACK_BYTES: usize = 64 << 20;
+/// Threads that a command starts after the pool: the script's, one that plans frames, one that encodes them, and two that watch the memory.
+const RESERVED_THREADS: usize = 5;
 /// Threads that a Vulkan driver starts in addition to one per core.
-const DRIVER: usize = 4;
+const DRIVER_THREADS: usize = 4;
 static THREADS_FOR_A_DRIVER: OnceLock<bool> = OnceLock::new();
 
+/// Number of threads that run at the same time on this machine.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts the threads of the pool for all parallel work: `wanted`, or as many as the system allows. Room is left for the threads that are
+/// Starts the threads of the pool for all parallel work: `requested`, or as many as the system allows. Room is left for the threads that are
 /// started later.
-pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
-    let wanted = wanted.unwrap_or_else(cores).max(1);
-    let held: Vec<HeldThread> =
-        (0..LATER).map_while(|i| hold_thread(if i == 0 { STACK } else { 2 << 20 })).collect();
-    let mut workers: Vec<Sender<ThreadBuilder>> = (0..wanted).map_while(|_| worker()).collect();
+pub fn start_pool(requested: Option<usize>) -> Result<(), Failure> {
+    let requested = requested.unwrap_or_else(cores).max(1);
+    let held: Vec<HeldThread> = (0..RESERVED_THREADS)
+        .map_while(|i| hold_thread(if i == 0 { SCRIPT_STACK_BYTES } else { 2 << 20 }))
+        .collect();
+    let mut workers: Vec<Sender<ThreadBuilder>> = (0..requested).map_while(|_| start_worker()).collect();
     let started = held.len() + workers.len();
     // Tested while no other threads start, because they would be refused during the test.
-    let driver: Vec<HeldThread> = (0..cores() + DRIVER).map_while(|_| hold_thread(2 << 20)).collect();
-    let _ = THREADS_FOR_A_DRIVER.set(driver.len() == cores() + DRIVER);
+    let driver: Vec<HeldThread> = (0..cores() + DRIVER_THREADS).map_while(|_| hold_thread(2 << 20)).collect();
+    let _ = THREADS_FOR_A_DRIVER.set(driver.len() == cores() + DRIVER_THREADS);
     for (end, thread) in held.into_iter().chain(driver) {
         drop(end);
         // The thread cannot panic. It is joined because the system counts it until it has ended.
         let _ = thread.join();
     }
-    if started <= LATER {
-        return Err(too_few(&format!("{started} threads can be started and {} are needed", LATER + 1)));
+    if started <= RESERVED_THREADS {
+        return Err(too_few_threads(&format!(
+            "{started} threads can be started and {} are needed",
+            RESERVED_THREADS + 1
+        )));
     }
     let pool = ThreadPoolBuilder::new().num_threads(workers.len()).spawn_handler(|thread| {
         let sent = workers.pop().map(|to| to.send(thread));
@@ -48,7 +53,7 @@ pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
 
 /// Whether the system allows the threads and the address space that a Vulkan driver needs. A driver that runs on the CPU waits forever for
 /// a thread that it cannot start, and aborts the program if an allocation fails: lavapipe with its compiler needs over 1 GB.
-pub(crate) fn room_for_a_driver() -> bool {
+pub(crate) fn enough_threads_for_a_driver() -> bool {
     #[cfg(unix)]
     if rustix::process::getrlimit(rustix::process::Resource::As).current.is_some_and(|bytes| bytes < 2 << 30)
     {
@@ -67,8 +72,8 @@ fn hold_thread(stack: usize) -> Option<HeldThread> {
 
 type HeldThread = (Sender<()>, JoinHandle<()>);
 
-/// Starts a thread that becomes one of rayon's when it receives its builder.
-fn worker() -> Option<Sender<ThreadBuilder>> {
+/// Starts a thread that becomes a worker of rayon's pool when it receives its builder.
+fn start_worker() -> Option<Sender<ThreadBuilder>> {
     let (to, work) = channel::<ThreadBuilder>();
     let run = move || work.recv().into_iter().for_each(ThreadBuilder::run);
     let thread = std::thread::Builder::new().name("worker".into()).spawn(run);
@@ -76,7 +81,7 @@ fn worker() -> Option<Sender<ThreadBuilder>> {
 }
 
 /// Failure for too few threads, or too little memory for their stacks. `what`: the need that was not met.
-pub(crate) fn too_few(what: &str) -> Failure {
+pub(crate) fn too_few_threads(what: &str) -> Failure {
     Failure::Machine(format!(
         "too few threads: {what}\n    hint: end other programs, or raise the limits of processes and of address space (ulimit -u, ulimit -v)"
     ))

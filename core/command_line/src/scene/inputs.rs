@@ -5,35 +5,36 @@ use choreo_files::{Identity, part_name};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// Input files of a scene, by identity.
 #[derive(Debug, Default)]
 pub struct Inputs {
     /// Input files by device and inode, so that symbolic links, hard links and other spellings of a path make no difference.
     files: BTreeMap<Identity, PathBuf>,
     /// The folder of the script or model, canonical.
-    folder: Option<PathBuf>,
+    scene_folder: Option<PathBuf>,
 }
 
 impl Inputs {
     /// `files`: the script or model, and all files read for it, including those of used plugins.
     pub fn new(files: impl IntoIterator<Item = PathBuf>) -> Inputs {
         let files = files.into_iter().filter_map(|path| Some((Identity::of(&path)?, path))).collect();
-        Inputs { files, folder: None }
+        Inputs { files, scene_folder: None }
     }
 
     /// Adds the folder of `input`, the script or model: its content is not trusted, so symbolic links in it are checked.
-    pub(crate) fn in_folder_of(self, input: &Path) -> Inputs {
+    pub(crate) fn with_scene_folder(self, input: &Path) -> Inputs {
         let folder = input.parent().map(|f| if f.as_os_str().is_empty() { Path::new(".") } else { f });
-        Inputs { folder: folder.and_then(|f| f.canonicalize().ok()), ..self }
+        Inputs { scene_folder: folder.and_then(|f| f.canonicalize().ok()), ..self }
     }
 
     /// Refuses an output that is an input, whose temporary file is an input, or whose path leaves the scene's folder through a symbolic
     /// link.
     pub fn check_output(&self, output: &Path) -> Result<(), Failure> {
-        if let Some(link) = self.folder.as_deref().and_then(|folder| escaping_link(output, folder)) {
+        if let Some(link) = self.scene_folder.as_deref().and_then(|folder| escaping_link(output, folder)) {
             return Err(Failure::Output(format!(
                 "{}: cannot write: {} is a symbolic link that leads out of the scene's folder; remove it, or name the folder it leads to",
                 output.display(),
-                shown(&link)
+                relative_to_current_folder(&link)
             )));
         }
         for place in [output.to_path_buf(), part_name(output)] {
@@ -44,7 +45,7 @@ impl Inputs {
             return Err(Failure::Output(format!(
                 "{}: cannot write: {what} is the input {}; give the output another name",
                 output.display(),
-                shown(input)
+                relative_to_current_folder(input)
             )));
         }
         Ok(())
@@ -65,8 +66,8 @@ fn escaping_link(output: &Path, folder: &Path) -> Option<PathBuf> {
     None
 }
 
-/// The path relative to the current folder if it lies beneath it, else unchanged.
-fn shown(path: &Path) -> String {
+/// Formats a path for messages: relative to the current folder if it lies beneath it, else unchanged.
+fn relative_to_current_folder(path: &Path) -> String {
     let here = std::env::current_dir().and_then(|d| d.canonicalize()).unwrap_or_default();
     path.strip_prefix(&here).unwrap_or(path).display().to_string()
 }

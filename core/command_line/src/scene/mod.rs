@@ -11,8 +11,8 @@ use crate::args::values;
 use crate::failure::{Failure, Problem};
 use crate::plugins::plugin_files;
 use crate::process::memory;
-use crate::process::threads::too_few;
-use crate::terminal::import_bar::Bar;
+use crate::process::threads::too_few_threads;
+use crate::terminal::import_bar::ImportBar;
 use choreo_plugin::{ImportScope, Registry};
 use choreo_script::{
     Diagnostic, ImportChoice, Limits, NO_THREAD, Places, PlayedClips, ScriptOptions, Severity, Touched,
@@ -20,13 +20,14 @@ use choreo_script::{
 };
 use choreo_stage::Stage;
 use inputs::Inputs;
-use opening::Opening;
+use opening::OpenOptions;
 use std::path::Path;
 use std::sync::Arc;
 
 /// Text of the warning about a model without clips; the name of the model comes before it.
-pub(crate) const ONE_FRAME: &str = "no clips: one frame";
+pub(crate) const NO_CLIPS_WARNING: &str = "no clips: one frame";
 
+/// A scene that is ready to be evaluated, with its warnings and the files that it was made from.
 pub struct OpenedScene {
     /// File name without folders.
     pub name: String,
@@ -56,15 +57,15 @@ pub struct OpenedScene {
 }
 
 /// Registry with the given plugins, and those of plugin files beside the input or in folders named on the command line.
-pub fn plugins(args: &SceneArgs, plugins: &Registry) -> Result<Registry, Failure> {
-    plugin_files::registry(plugins, &args.import.plugins, &[&args.input])
+pub fn registry_with_plugin_files(args: &SceneArgs, plugins: &Registry) -> Result<Registry, Failure> {
+    plugin_files::registry_with_files(plugins, &args.import.plugins, &[&args.input])
 }
 
 /// Opens the script, or the model, of the command line.
-pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<OpenedScene, Failure> {
-    let limits = values::limits(&args.limit)?;
-    memory::guard(limits.memory);
-    let set = args.set.iter().map(|text| values::name_value("--set", text));
+pub fn open(args: &SceneArgs, registry: &Registry, opening: OpenOptions) -> Result<OpenedScene, Failure> {
+    let limits = values::parse_limits(&args.limit)?;
+    memory::start_guard(limits.memory);
+    let set = args.set.iter().map(|text| values::split_name_value("--set", text));
     let set: Vec<(&str, &str)> = set.collect::<Result<_, _>>()?;
     let opened = if args.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
         open_script(args, &set, limits, registry, opening)
@@ -74,7 +75,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<O
     let mut scene = opened?;
     // The scene that is drawn must equal the one that was packed. Commands that draw nothing read fewer parts, and cannot compare.
     if let Some(packed) = args.packed_stage.as_ref().filter(|_| opening.needs == ImportScope::ALL) {
-        scene.warnings.extend(pack::differs(packed, &scene)?);
+        scene.warnings.extend(pack::check_packed_stage(packed, &scene)?);
     }
     Ok(scene)
 }
@@ -84,39 +85,42 @@ fn open_script(
     set: &[(&str, &str)],
     limits: Limits,
     registry: &Registry,
-    opening: Opening,
+    opening: OpenOptions,
 ) -> Result<OpenedScene, Failure> {
     if args.clip.is_some() {
-        return Err(Failure::Usage("--clip is for model files; a script says what is played".into()));
+        return Err(Failure::Usage(
+            "--clip is for model files; in a script, actor.play(…) chooses the clip".into(),
+        ));
     }
     if args.import.importer.is_some() || !args.import.import.is_empty() {
-        let what = "--importer and --import are for model files; a script says load(…, #{ importer: …, … })";
+        let what =
+            "--importer and --import are for model files; in a script, write load(…, #{ importer: …, … })";
         return Err(Failure::Usage(what.into()));
     }
-    model::must_be_file(&args.input)?;
+    model::check_is_file(&args.input)?;
     let options = ScriptOptions {
-        assets: opening.keep.map(|keep| keep.assets.clone()).unwrap_or_default(),
+        assets: opening.reopen_state.map(|reopen_state| reopen_state.assets.clone()).unwrap_or_default(),
         set: set.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect(),
         search_paths: args.search.clone(),
         limits: limits.clone(),
         needs: opening.needs,
         root: opening.root.map(Path::to_path_buf),
         // A scene that is opened repeatedly may play another clip the next time.
-        played_clips_only: opening.keep.is_none(),
+        played_clips_only: opening.reopen_state.is_none(),
         ..ScriptOptions::default()
     };
-    let bar = Bar::for_imports(&options.imports, opening.quiet);
+    let bar = ImportBar::for_imports(&options.imports, opening.quiet);
     let (script, touched) = run_file_touching(&args.input, registry, &options);
     drop(bar);
-    let inputs = Inputs::new(touched.read.keys().cloned()).in_folder_of(&args.input);
-    if let Some(keep) = opening.keep {
-        keep.set_touched(touched.clone());
+    let inputs = Inputs::new(touched.read.keys().cloned()).with_scene_folder(&args.input);
+    if let Some(reopen_state) = opening.reopen_state {
+        reopen_state.set_touched(touched.clone());
     }
-    let script = script.map_err(failure)?;
+    let script = script.map_err(script_failure)?;
     let asset_warnings = asset_warnings(&script.stage);
     let warnings = script.warnings.iter().map(ToString::to_string);
     Ok(OpenedScene {
-        name: name(args),
+        name: input_name(args),
         registry: registry.settled_for([&script.stage]),
         stage: Arc::new(script.stage),
         is_script: true,
@@ -138,29 +142,29 @@ fn open_model(
     args: &SceneArgs,
     limits: Limits,
     registry: &Registry,
-    opening: Opening,
+    opening: OpenOptions,
 ) -> Result<OpenedScene, Failure> {
     let shown = args.input.display();
     if let Some(text) = args.set.first() {
         return Err(Failure::Usage(format!("--set {text} is for scripts; {shown} is a model")));
     }
     let clips = match &args.clip {
-        _ if opening.keep.is_some() => PlayedClips::All,
+        _ if opening.reopen_state.is_some() => PlayedClips::All,
         Some(name) => PlayedClips::One(name.clone()),
         None => PlayedClips::First,
     };
-    let choice = ImportChoice { clips, ..model::choice(&args.import)? };
+    let choice = ImportChoice { clips, ..model::import_choice(&args.import)? };
     let imported = model::import(&args.input, &args.search, &choice, registry, &limits, opening)?;
-    let stage = model::stage(imported.asset, args.clip.as_deref())?;
+    let stage = model::stage_with_model(imported.asset, args.clip.as_deref())?;
     let mut warnings = asset_warnings(&stage);
     if stage.actors.iter().all(|a| a.asset.clips.is_empty()) {
-        warnings.push(format!("{shown}: {ONE_FRAME}"));
+        warnings.push(format!("{shown}: {NO_CLIPS_WARNING}"));
     }
     let importer = args.import.importer.iter().map(|i| format!("--importer {i}"));
     let options = args.import.import.iter().map(|i| format!("--import {i}"));
     let clip = args.clip.iter().map(|c| format!("--clip {c}"));
     Ok(OpenedScene {
-        name: name(args),
+        name: input_name(args),
         stage: Arc::new(stage),
         registry: registry.settled(),
         is_script: false,
@@ -173,26 +177,27 @@ fn open_model(
         software: args.software.clone(),
         arguments: importer.chain(options).chain(clip).collect(),
         input_hash: imported.hash,
-        inputs: Inputs::new(imported.touched.read.keys().cloned()).in_folder_of(&args.input),
+        inputs: Inputs::new(imported.touched.read.keys().cloned()).with_scene_folder(&args.input),
         touched: imported.touched,
     })
 }
 
 /// File name of the input, without folders.
-fn name(args: &SceneArgs) -> String {
+fn input_name(args: &SceneArgs) -> String {
     args.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// Turns the diagnostics of a script into a failure: an error of the script, or too few threads.
-fn failure(diagnostics: Vec<Diagnostic>) -> Failure {
+fn script_failure(diagnostics: Vec<Diagnostic>) -> Failure {
     match diagnostics.iter().find_map(|d| d.message.strip_prefix(NO_THREAD)) {
-        Some(why) => too_few(&format!("none can be started for the script ({why})")),
-        None => Failure::Input(errors(diagnostics)),
+        Some(why) => too_few_threads(&format!("none can be started for the script ({why})")),
+        None => Failure::Input(sorted_problems(diagnostics)),
     }
 }
 
-fn errors(mut diagnostics: Vec<Diagnostic>) -> Vec<Problem> {
-    // Errors last, next to the prompt.
+/// Converts diagnostics to problems, errors after warnings.
+fn sorted_problems(mut diagnostics: Vec<Diagnostic>) -> Vec<Problem> {
+    // Errors come last, so that they are just above the prompt.
     diagnostics.sort_by_key(|d| d.severity == Severity::Error);
     diagnostics.into_iter().map(Problem::Script).collect()
 }
@@ -206,12 +211,13 @@ fn asset_warnings(stage: &Stage) -> Vec<String> {
             continue;
         }
         seen.push(actor.asset.clone());
-        warnings.extend(texts(&actor.asset));
+        warnings.extend(warning_texts(&actor.asset));
     }
     warnings
 }
 
-pub fn texts(asset: &choreo_asset::Asset) -> Vec<String> {
+/// Warnings of an asset as text, each with the place that it concerns.
+pub fn warning_texts(asset: &choreo_asset::Asset) -> Vec<String> {
     let text = |w: &choreo_asset::Warning| match w.place.is_empty() {
         true => format!("{}: warning: {}", asset.name, w.text),
         false => format!("{}: {}: warning: {}", asset.name, w.place, w.text),

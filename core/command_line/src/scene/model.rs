@@ -3,8 +3,8 @@
 use crate::args::ImportArgs;
 use crate::args::values;
 use crate::failure::Failure;
-use crate::scene::opening::Opening;
-use crate::terminal::import_bar::Bar;
+use crate::scene::opening::OpenOptions;
+use crate::terminal::import_bar::ImportBar;
 use choreo_asset::Asset;
 use choreo_files::FileError;
 use choreo_plugin::Registry;
@@ -16,17 +16,18 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Fails if the file does not exist or is a folder, with the same message for scripts and models.
-pub(crate) fn must_be_file(path: &Path) -> Result<(), Failure> {
+pub(crate) fn check_is_file(path: &Path) -> Result<(), Failure> {
     let shown = path.display();
     if is_built_in(path) {
         return Ok(());
     }
     match std::fs::metadata(path) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(Failure::input(missing(path))),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(Failure::input(missing_file_message(path))),
         Err(e) => Err(Failure::input(format!("{shown}: cannot read: {}", FileError::Io(e)))),
-        Ok(m) if m.is_dir() => {
-            Err(Failure::input(format!("{shown}: cannot read: it is a folder, not a file{}", contents(path))))
-        }
+        Ok(m) if m.is_dir() => Err(Failure::input(format!(
+            "{shown}: cannot read: it is a folder, not a file{}",
+            folder_contents_hint(path)
+        ))),
         Ok(m) if !m.is_file() => {
             Err(Failure::input(format!("{shown}: cannot read: it is not a regular file")))
         }
@@ -34,29 +35,29 @@ pub(crate) fn must_be_file(path: &Path) -> Result<(), Failure> {
     }
 }
 
-fn folder_of(path: &Path) -> &Path {
+fn containing_folder(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-fn missing(path: &Path) -> String {
-    let folder = folder_of(path);
+fn missing_file_message(path: &Path) -> String {
+    let folder = containing_folder(path);
     if !folder.is_dir() {
         return format!("{}: no such file; the folder {} does not exist", path.display(), folder.display());
     }
-    let names = names(folder);
+    let names = sorted_file_names(folder);
     let wanted = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
     let near = did_you_mean(wanted, names.iter().map(String::as_str));
     format!("{}: no such file{near}", path.display())
 }
 
-fn contents(folder: &Path) -> String {
-    match names(folder) {
+fn folder_contents_hint(folder: &Path) -> String {
+    match sorted_file_names(folder) {
         names if names.is_empty() => String::new(),
         names => format!("; it holds {}", list(names.iter().map(String::as_str), 8)),
     }
 }
 
-fn names(folder: &Path) -> Vec<String> {
+fn sorted_file_names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut names: Vec<String> =
         entries.filter_map(|e| e.file_name().into_string().ok()).take(10_000).collect();
@@ -65,7 +66,7 @@ fn names(folder: &Path) -> Vec<String> {
 }
 
 /// Reads the first bytes of the file: enough for its importer to recognize it, and for the index of a video.
-pub fn head(path: &Path) -> Result<Vec<u8>, Failure> {
+pub fn read_first_bytes(path: &Path) -> Result<Vec<u8>, Failure> {
     let mut head = Vec::new();
     if is_built_in(path) {
         return Ok(head);
@@ -85,10 +86,10 @@ pub(crate) struct Imported {
 }
 
 /// Options of an import from the command line.
-pub(crate) fn choice(args: &ImportArgs) -> Result<ImportChoice, Failure> {
+pub(crate) fn import_choice(args: &ImportArgs) -> Result<ImportChoice, Failure> {
     let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
     for text in &args.import {
-        let (name, value) = values::name_value("--import", text)?;
+        let (name, value) = values::split_name_value("--import", text)?;
         choice.texts.push((name.to_string(), value.to_string()));
     }
     Ok(choice)
@@ -101,9 +102,9 @@ pub fn import(
     choice: &ImportChoice,
     registry: &Registry,
     limits: &Limits,
-    opening: Opening,
+    opening: OpenOptions,
 ) -> Result<Imported, Failure> {
-    must_be_file(path)?;
+    check_is_file(path)?;
     // The loader knows the file by its name; messages use the path that the user typed.
     let name = match path.to_str() {
         Some(built_in) if is_built_in(path) => built_in,
@@ -121,16 +122,16 @@ pub fn import(
     let base = if is_built_in(path) { Path::new("choreo.rhai") } else { path };
     let loader = Loader::for_file(base, search, registry, opening.needs, limits.file).map_err(problem)?;
     let imports = Imports::default();
-    let loader = match opening.keep {
-        Some(keep) => loader.with_cache(&keep.assets),
+    let loader = match opening.reopen_state {
+        Some(reopen_state) => loader.with_cache(&reopen_state.assets),
         None => loader,
     };
     let loader = Arc::new(loader.watched_by(&imports));
-    let _bar = Bar::for_imports(&imports, opening.quiet);
+    let _bar = ImportBar::for_imports(&imports, opening.quiet);
     let asset = loader.load(name, choice);
     let touched = Touched::by(&loader);
-    if let Some(keep) = opening.keep {
-        keep.set_touched(touched.clone());
+    if let Some(reopen_state) = opening.reopen_state {
+        reopen_state.set_touched(touched.clone());
     }
     let asset = asset.map_err(problem)?;
     let mut hashes: Vec<[u8; 32]> = touched.read.values().copied().collect();
@@ -138,7 +139,7 @@ pub fn import(
     Ok(Imported { asset, hash: *blake3::hash(hashes.as_flattened()).as_bytes(), touched })
 }
 
-/// [`choreo_session::model::stage`].
-pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, Failure> {
+/// Places a model on a stage of its own, as [`choreo_session::model::stage`] does.
+pub fn stage_with_model(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, Failure> {
     choreo_session::model::stage(asset, clip).map_err(|e| Failure::input(e.to_string()))
 }

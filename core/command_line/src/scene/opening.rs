@@ -6,25 +6,28 @@ use choreo_script::{AssetCache, Touched};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-/// Options for opening a scene: the parts of its assets that are needed, and whether progress is shown.
+/// Options for opening a scene.
 #[derive(Clone, Copy, Debug)]
-pub struct Opening<'a> {
+pub struct OpenOptions<'a> {
+    /// Parts of assets that the command needs.
     pub needs: ImportScope,
+    /// Whether no progress is shown.
     pub quiet: bool,
-    pub keep: Option<&'a ReopenState>,
+    /// State that a second opening of the same input reuses.
+    pub reopen_state: Option<&'a ReopenState>,
     /// A folder around the script; the script may read everything in it.
     pub root: Option<&'a Path>,
 }
 
-impl Opening<'_> {
-    pub(crate) const TO_DRAW: Opening<'static> =
-        Opening { needs: ImportScope::ALL, quiet: false, keep: None, root: None };
+impl OpenOptions<'_> {
+    pub(crate) const TO_DRAW: OpenOptions<'static> =
+        OpenOptions { needs: ImportScope::ALL, quiet: false, reopen_state: None, root: None };
     /// Images keep the files that they were decoded from.
-    pub(crate) const TO_EXPORT: Opening<'static> =
-        Opening { needs: ImportScope::WITH_IMAGE_FILES, quiet: false, keep: None, root: None };
+    pub(crate) const TO_EXPORT: OpenOptions<'static> =
+        OpenOptions { needs: ImportScope::WITH_IMAGE_FILES, quiet: false, reopen_state: None, root: None };
     /// Images are not decoded.
-    pub(crate) const TO_INSPECT: Opening<'static> =
-        Opening { needs: ImportScope::NO_PIXELS, quiet: false, keep: None, root: None };
+    pub(crate) const TO_INSPECT: OpenOptions<'static> =
+        OpenOptions { needs: ImportScope::NO_PIXELS, quiet: false, reopen_state: None, root: None };
 }
 
 /// State kept between openings of the same input: the assets, and the files that the last opening read, even if it failed.
@@ -41,7 +44,7 @@ impl ReopenState {
 
     /// Releases the assets that no open scene uses, once the program holds a quarter of the memory that it may use. Until then a later
     /// scene can reuse them.
-    pub(crate) fn release(&self, limit: u64) {
+    pub(crate) fn release_unused_assets(&self, limit: u64) {
         let held = in_use();
         // The value is 0 if the system does not report it.
         if held == 0 || held > limit / 4 {

@@ -7,42 +7,42 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Shortest work that shows a bar.
-const MOMENT: Duration = Duration::from_millis(300);
-const EVERY: Duration = Duration::from_millis(100);
+/// Time after which a bar is shown.
+const SHOW_DELAY: Duration = Duration::from_millis(300);
+const UPDATE_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Shows the bar while this value lives, and clears its line on drop.
-pub struct Bar(Option<(Sender<()>, JoinHandle<()>)>);
+pub struct ImportBar(Option<(Sender<()>, JoinHandle<()>)>);
 
-impl Bar {
-    pub fn for_imports(imports: &Imports, quiet: bool) -> Bar {
+impl ImportBar {
+    pub fn for_imports(imports: &Imports, quiet: bool) -> ImportBar {
         if quiet || !std::io::stderr().is_terminal() {
-            return Bar(None);
+            return ImportBar(None);
         }
         let (end, ended) = channel();
         let imports = imports.clone();
         let watcher = std::thread::Builder::new().name("progress".into()).spawn(move || {
             let mut shown: Option<ProgressBar> = None;
-            let mut wait = MOMENT;
+            let mut wait = SHOW_DELAY;
             while ended.recv_timeout(wait) == Err(RecvTimeoutError::Timeout) {
-                wait = EVERY;
+                wait = UPDATE_INTERVAL;
                 let now = imports.progress();
                 if now.done == now.files {
                     continue;
                 }
                 let target = || ProgressDrawTarget::stderr_with_hz(10);
-                show(shown.get_or_insert_with(|| bar(target())), &now);
+                update_bar(shown.get_or_insert_with(|| new_bar(target())), &now);
             }
             if let Some(bar) = shown {
                 bar.finish_and_clear();
             }
         });
         // If the thread cannot be started, no bar is shown.
-        Bar(watcher.ok().map(|watcher| (end, watcher)))
+        ImportBar(watcher.ok().map(|watcher| (end, watcher)))
     }
 }
 
-fn show(bar: &ProgressBar, now: &ImportProgress) {
+fn update_bar(bar: &ProgressBar, now: &ImportProgress) {
     let names = choreo_plugin::suggest::list(now.names.iter().map(String::as_str), 2);
     bar.set_message(printable_line(&format!("{} of {} files: {names}", now.done, now.files)));
     bar.set_length(now.bytes.max(1));
@@ -50,7 +50,7 @@ fn show(bar: &ProgressBar, now: &ImportProgress) {
 }
 
 /// A bar that fits on one line at any width: names that do not fit are truncated.
-fn bar(target: ProgressDrawTarget) -> ProgressBar {
+fn new_bar(target: ProgressDrawTarget) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(1), target);
     if let Ok(style) = ProgressStyle::with_template("{bar:24} importing {bytes} of {total_bytes}, {wide_msg}")
     {
@@ -59,7 +59,7 @@ fn bar(target: ProgressDrawTarget) -> ProgressBar {
     bar
 }
 
-impl Drop for Bar {
+impl Drop for ImportBar {
     fn drop(&mut self) {
         if let Some((end, watcher)) = self.0.take() {
             drop(end);
@@ -77,9 +77,9 @@ mod tests {
 
     /// A terminal of one line that keeps what is written.
     #[derive(Clone, Debug, Default)]
-    struct Line(Arc<Mutex<String>>);
+    struct OneLineTerminal(Arc<Mutex<String>>);
 
-    impl TermLike for Line {
+    impl TermLike for OneLineTerminal {
         fn width(&self) -> u16 {
             100
         }
@@ -112,17 +112,17 @@ mod tests {
     }
 
     #[test]
-    fn half_of_two_files() {
-        let line = Line::default();
-        let drawn = bar(ProgressDrawTarget::term_like(Box::new(line.clone())));
+    fn bar_shows_the_bytes_and_files_read() {
+        let line = OneLineTerminal::default();
+        let drawn = new_bar(ProgressDrawTarget::term_like(Box::new(line.clone())));
         let names = vec!["knight.glb".to_string()];
-        show(&drawn, &ImportProgress { files: 2, done: 1, bytes: 4 << 20, bytes_done: 2 << 20, names });
+        update_bar(&drawn, &ImportProgress { files: 2, done: 1, bytes: 4 << 20, bytes_done: 2 << 20, names });
         drawn.force_draw();
         let text = line.0.lock().unwrap().clone();
         let wanted = "████████████▌··········· ";
         assert!(text.contains(wanted), "{text}");
         assert!(text.contains("importing 2.00 MiB of 4.00 MiB, 1 of 2 files: knight.glb"), "{text}");
         drawn.finish_and_clear();
-        assert_eq!(line.0.lock().unwrap().trim(), "", "its line is clean again");
+        assert_eq!(line.0.lock().unwrap().trim(), "", "the line is cleared at the end");
     }
 }

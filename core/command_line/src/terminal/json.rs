@@ -2,14 +2,15 @@
 
 use serde_json::Value;
 
+/// Formats a value as indented JSON.
 pub(crate) fn pretty(value: &Value) -> String {
     let mut out = String::new();
-    write(value, 0, &mut out);
+    write_value(value, 0, &mut out);
     out
 }
 
-fn write(value: &Value, depth: usize, out: &mut String) {
-    let line = |out: &mut String, depth: usize| {
+fn write_value(value: &Value, depth: usize, out: &mut String) {
+    let new_line = |out: &mut String, depth: usize| {
         out.push('\n');
         out.push_str(&"  ".repeat(depth));
     };
@@ -22,21 +23,21 @@ fn write(value: &Value, depth: usize, out: &mut String) {
             out.push('[');
             for (index, item) in items.iter().enumerate() {
                 out.push_str(if index > 0 { "," } else { "" });
-                line(out, depth + 1);
-                write(item, depth + 1, out);
+                new_line(out, depth + 1);
+                write_value(item, depth + 1, out);
             }
-            line(out, depth);
+            new_line(out, depth);
             out.push(']');
         }
         Value::Object(members) if !members.is_empty() => {
             out.push('{');
             for (index, (name, member)) in members.iter().enumerate() {
                 out.push_str(if index > 0 { "," } else { "" });
-                line(out, depth + 1);
+                new_line(out, depth + 1);
                 out.push_str(&format!("{}: ", Value::from(name.as_str())));
-                write(member, depth + 1, out);
+                write_value(member, depth + 1, out);
             }
-            line(out, depth);
+            new_line(out, depth);
             out.push('}');
         }
         plain => out.push_str(&plain.to_string()),
@@ -49,7 +50,7 @@ mod tests {
     use serde_json::{Value, json};
 
     #[test]
-    fn a_matrix_takes_one_line() {
+    fn lists_of_numbers_are_written_on_one_line() {
         let value =
             json!({ "a\"b": [], "m": [1.0, 0.5, -2], "n": { "o": {}, "s": ["x", [1, 2]] }, "z": null });
         let text = pretty(&value);

@@ -5,17 +5,18 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::io::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-pub struct Progress(Option<ProgressBar>, Option<Lines>);
+/// Progress of a render, as a bar or as lines of JSON.
+pub struct Progress(Option<ProgressBar>, Option<JsonLines>);
 
-struct Lines {
+struct JsonLines {
     frames: u64,
     done: AtomicU64,
 }
 
 impl Progress {
     /// Writes a line such as `{"done":1,"frames":90}` to standard error for each frame.
-    pub fn lines(frames: u64) -> Progress {
-        Progress(None, Some(Lines { frames, done: AtomicU64::new(0) }))
+    pub fn json_lines(frames: u64) -> Progress {
+        Progress(None, Some(JsonLines { frames, done: AtomicU64::new(0) }))
     }
 
     pub fn new(frames: u64, quiet: bool) -> Progress {
@@ -38,7 +39,7 @@ impl Progress {
         if let Some(bar) = &self.0 {
             bar.inc(1);
         }
-        if let Some(Lines { frames, done }) = &self.1 {
+        if let Some(JsonLines { frames, done }) = &self.1 {
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
             // If the reader has gone, the render continues.
             let _ = writeln!(std::io::stderr(), "{{\"done\":{done},\"frames\":{frames}}}");

@@ -2,17 +2,17 @@
 
 /// Columns of the terminal on standard output, or the number in `COLUMNS`; no limit for files and pipes.
 pub(crate) fn columns() -> usize {
-    let named = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
-    named.or_else(of_terminal).filter(|columns| *columns > 0).unwrap_or(usize::MAX)
+    let from_environment = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
+    from_environment.or_else(terminal_columns).filter(|columns| *columns > 0).unwrap_or(usize::MAX)
 }
 
 #[cfg(unix)]
-fn of_terminal() -> Option<usize> {
+fn terminal_columns() -> Option<usize> {
     rustix::termios::tcgetwinsize(std::io::stdout()).ok().map(|size| size.ws_col.into())
 }
 
 #[cfg(not(unix))]
-fn of_terminal() -> Option<usize> {
+fn terminal_columns() -> Option<usize> {
     use std::io::IsTerminal;
     // Width of a new console window.
     std::io::stdout().is_terminal().then_some(120)

@@ -47,7 +47,7 @@ pub struct Tile {
 /// multiples of 16 pixels, or of four, if the limit allows: dithering repeats after 16 pixels, and derivatives are computed in
 /// quads of two by two.
 pub fn tiles(size: [u32; 2], limit: u32) -> Vec<Tile> {
-    let step = [crate::dither::SIDE as u32, 4, 1].into_iter().find(|step| *step <= limit).unwrap_or(1);
+    let step = [crate::dither::TABLE_SIDE as u32, 4, 1].into_iter().find(|step| *step <= limit).unwrap_or(1);
     let limit = (limit / step * step).max(1);
     let side = size.map(|s| s.div_ceil(s.div_ceil(limit).max(1)).next_multiple_of(step).min(limit));
     let along = move |i: usize| (0..size[i].div_ceil(side[i])).map(move |n| n * side[i]);

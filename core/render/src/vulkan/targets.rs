@@ -8,7 +8,7 @@ use super::scene_color_copy::scene_color_image;
 use super::shadow::{HeldMap, shadow_maps};
 use super::sky::SkyImages;
 use crate::commands::{Command, Recording, Target};
-use crate::dither::{self, dithered};
+use crate::dither::{self, dither_to_codes};
 use crate::error::RenderError;
 use crate::scene_resources::mipmap::linear_to_srgb8;
 use ash::vk;
@@ -283,8 +283,8 @@ impl Targets {
             let t = (y as f32 + 0.5) / height as f32;
             let color = top * (1.0 - t) + bottom * t;
             // Gradients are dithered, with a pattern that repeats along a row.
-            let pixels: [[u8; 4]; dither::SIDE] = std::array::from_fn(|x| {
-                let shown = if top == bottom { color } else { dithered(color, x, y) };
+            let pixels: [[u8; 4]; dither::TABLE_SIDE] = std::array::from_fn(|x| {
+                let shown = if top == bottom { color } else { dither_to_codes(color, x, y) };
                 let [r, g, b] = shown.truncate().to_array().map(linear_to_srgb8);
                 [r, g, b, (color.w.clamp(0.0, 1.0) * 255.0 + 0.5) as u8]
             });

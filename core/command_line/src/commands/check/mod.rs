@@ -11,7 +11,8 @@ use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json, print_message};
 use crate::output::svg;
 use crate::project_file;
-use crate::scene::{self, OpenedScene, opening::Opening};
+use crate::scene::{self, OpenedScene, opening::OpenOptions};
+use crate::terminal::counted;
 use choreo_plugin::{Effect, Registry, SurfaceSample};
 use choreo_render::plan::light_clusters::MAX_LIGHTS;
 use choreo_script::testing::{TestOptions, has_sections, section_errors};
@@ -24,12 +25,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
-    svg::check(args.plot.as_deref())?;
-    let registry = scene::plugins(&args.scene, plugins)?;
+    svg::check_plot_path(args.plot.as_deref())?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let text = std::fs::read_to_string(&args.scene.input).unwrap_or_default();
-    let root = has_sections(&text).then(|| root(&args.scene.input, no_project_file)).flatten();
-    let scene =
-        scene::open(&args.scene, &registry, Opening { root: root.as_deref(), ..Opening::TO_INSPECT })?;
+    let root = has_sections(&text).then(|| tests_root(&args.scene.input, no_project_file)).flatten();
+    let scene = scene::open(
+        &args.scene,
+        &registry,
+        OpenOptions { root: root.as_deref(), ..OpenOptions::TO_INSPECT },
+    )?;
     if !args.json {
         scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
     }
@@ -39,21 +43,21 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
         let script = ScriptOptions {
             search_paths: args.scene.search.clone(),
             limits: scene.limits.clone(),
-            needs: Opening::TO_INSPECT.needs,
+            needs: OpenOptions::TO_INSPECT.needs,
             ..ScriptOptions::default()
         };
-        problems.extend(of_sections(&args.scene.input, root, script, &registry, &|| true));
+        problems.extend(section_problems(&args.scene.input, root, script, &registry, &|| true));
     }
     let findings = scene.places.findings(&on_stage);
     if let Some(path) = &args.plot {
-        let sheet = sheet::sheet(&scene.name, &scene.stage, &scene.places.marks(&on_stage));
-        svg::write(path, &sheet.svg(), &scene.inputs)?;
+        let sheet = sheet::cue_sheet(&scene.name, &scene.stage, &scene.places.marks(&on_stage));
+        svg::write_plot(path, &sheet.svg(), &scene.inputs)?;
     }
     let count = |severity| findings.iter().filter(|f| f.severity == severity).count();
     let (warnings, notes) = (scene.warnings.len() + count(Severity::Warning), count(Severity::Note));
     let shown = |d: &&Diagnostic| args.notes || d.severity != Severity::Note;
     if !problems.is_empty() || (args.strict && warnings > 0) {
-        return Err(Failure::Input(failures(
+        return Err(Failure::Input(all_problems(
             &args,
             &scene,
             problems,
@@ -72,26 +76,27 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
     }
     scene.warnings.iter().for_each(print_message);
     findings.iter().filter(shown).for_each(print_message);
-    let many = |n: usize, one: &str| if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") };
-    let warned = if warnings == 0 { "no warnings".to_string() } else { many(warnings, "warning") };
+    let warned = if warnings == 0 { "no warnings".to_string() } else { counted(warnings as u64, "warning") };
     let noted = match (notes, args.notes) {
         (0, _) => String::new(),
-        (n, true) => format!(", {}", many(n, "note")),
-        (n, false) => format!(", {} (--notes shows {})", many(n, "note"), if n == 1 { "it" } else { "them" }),
+        (n, true) => format!(", {}", counted(n as u64, "note")),
+        (n, false) => {
+            format!(", {} (--notes shows {})", counted(n as u64, "note"), if n == 1 { "it" } else { "them" })
+        }
     };
-    let frames = many(frames as usize, "frame");
+    let frames = counted(frames.unsigned_abs(), "frame");
     print(&format!("{}: good, {frames}, {warned}{noted}\n", args.scene.input.display()))
 }
 
 /// Folder in which the tests of a file may read, by the rules of `choreo test`.
-fn root(input: &Path, no_project_file: bool) -> Option<PathBuf> {
-    let project = project_file::root_of(input).filter(|_| !no_project_file);
+fn tests_root(input: &Path, no_project_file: bool) -> Option<PathBuf> {
+    let project = project_file::project_root(input).filter(|_| !no_project_file);
     let here = || std::env::current_dir().ok().filter(|here| collect::contains_file(here, input));
     project.or_else(here)
 }
 
 /// Errors in the sections of a file with tests.
-fn of_sections(
+fn section_problems(
     input: &Path,
     root: Option<PathBuf>,
     script: ScriptOptions,
@@ -113,7 +118,7 @@ pub fn check_stage(
 ) -> (Vec<Problem>, Vec<Finding>) {
     let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     problems.extend(unknown_effects(stage, registry));
-    problems.extend(callbacks::failures(stage, limits, should_continue));
+    problems.extend(callbacks::callback_problems(stage, limits, should_continue));
     let mut on_stage = Vec::new();
     if !problems.is_empty() {
         // Findings about a stage with errors would mislead, and would take the time of its callbacks.
@@ -123,7 +128,7 @@ pub fn check_stage(
         Ok(found) => on_stage = found,
         Err(error) => problems.push(Problem::Text(error.to_string())),
     }
-    if let Some(finding) = too_many_lights(stage) {
+    if let Some(finding) = too_many_lights_finding(stage) {
         let found = places.findings(&[finding]).into_iter();
         problems.extend(found.map(|d| Problem::Script(Diagnostic { severity: Severity::Error, ..d })));
     }
@@ -161,25 +166,23 @@ pub fn check_stage(
     (problems, on_stage)
 }
 
-fn failures<'a>(
+fn all_problems<'a>(
     args: &CheckArgs,
     scene: &'a OpenedScene,
     problems: Vec<Problem>,
     findings: impl Iterator<Item = &'a Diagnostic>,
     warnings: usize,
 ) -> Vec<Problem> {
-    let wrong = problems.len();
+    let error_count = problems.len();
     let warned = scene.asset_warnings.iter().cloned().map(Problem::Text);
     let mut all: Vec<Problem> = warned.collect();
     all.extend(scene.script_warnings.iter().chain(findings).cloned().map(Problem::Script));
-    // Errors last, next to the prompt.
+    // Errors come last, so that they are just above the prompt.
     all.extend(problems);
-    if wrong == 0 {
-        let plural = if warnings == 1 { "warning" } else { "warnings" };
-        all.push(Problem::Text(format!(
-            "{}: {warnings} {plural}, and --strict allows none",
-            args.scene.input.display()
-        )));
+    if error_count == 0 {
+        let count = counted(warnings as u64, "warning");
+        let input = args.scene.input.display();
+        all.push(Problem::Text(format!("{input}: {count}, and --strict allows none")));
     }
     all
 }
@@ -196,7 +199,7 @@ fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
 }
 
 /// Finding that more lights are on than can be drawn, at the first of 32 times from 0 on at which that happens.
-fn too_many_lights(stage: &Stage) -> Option<Finding> {
+fn too_many_lights_finding(stage: &Stage) -> Option<Finding> {
     /// Number of times at which lights are counted; takes a few milliseconds.
     const TIMES: i64 = 32;
     if stage.lights.len() <= MAX_LIGHTS {

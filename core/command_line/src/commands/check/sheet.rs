@@ -5,11 +5,11 @@ use choreo_motion::Time;
 use choreo_stage::{Cue, Layer, Stage, Subject};
 
 /// Largest number of actors in the chart: a crowd would make it too tall.
-const MOST_ACTORS: usize = 60;
+const MAX_ACTORS: usize = 60;
 const COLORS: [&str; 8] =
     ["#2b6cb0", "#2f855a", "#b7791f", "#6b46c1", "#b83280", "#2c7a7b", "#c05621", "#4a5568"];
 
-pub fn sheet(name: &str, stage: &Stage, marks: &[(Subject, Time, &'static str)]) -> Timeline {
+pub fn cue_sheet(name: &str, stage: &Stage, marks: &[(Subject, Time, &'static str)]) -> Timeline {
     let length = stage.settings.length;
     let marks_of = |wanted: &dyn Fn(&Subject) -> bool| -> Vec<Mark> {
         let found = marks.iter().filter(|(subject, ..)| wanted(subject));
@@ -17,7 +17,7 @@ pub fn sheet(name: &str, stage: &Stage, marks: &[(Subject, Time, &'static str)])
     };
     let mut tracks = vec![Track {
         name: "camera".into(),
-        bars: cameras(stage),
+        bars: camera_bars(stage),
         marks: marks_of(&|s| matches!(s, Subject::Camera(_) | Subject::Cut(_) | Subject::Stage)),
     }];
     let mut clips: Vec<&str> = Vec::new();
@@ -29,13 +29,13 @@ pub fn sheet(name: &str, stage: &Stage, marks: &[(Subject, Time, &'static str)])
         });
         let plays = actor.layers.iter().any(|l| !l.cues.is_empty());
         // Props without cues would hide actors with cues.
-        if tracks.len() > MOST_ACTORS || (!plays && marks.is_empty()) {
+        if tracks.len() > MAX_ACTORS || (!plays && marks.is_empty()) {
             continue;
         }
         let mut marks = Some(marks);
         for (number, layer) in actor.layers.iter().enumerate() {
             let name = if number == 0 { actor.name.clone() } else { format!("{} +{number}", actor.name) };
-            let bars = cues(layer, length, &mut clips);
+            let bars = cue_bars(layer, length, &mut clips);
             tracks.push(Track { name, bars, marks: marks.take().unwrap_or_default() });
         }
         if let Some(marks) = marks {
@@ -60,7 +60,7 @@ pub fn sheet(name: &str, stage: &Stage, marks: &[(Subject, Time, &'static str)])
     Timeline { title: name.to_string(), length: length.as_secs(), tracks }
 }
 
-fn cameras(stage: &Stage) -> Vec<Bar> {
+fn camera_bars(stage: &Stage) -> Vec<Bar> {
     let starts = std::iter::once((Time::ZERO, 0)).chain(stage.cuts.iter().map(|c| (c.at, c.camera)));
     let ends = stage.cuts.iter().map(|c| c.at).chain([stage.settings.length]);
     let bar = |((start, camera), end): ((Time, usize), Time)| Bar {
@@ -74,7 +74,7 @@ fn cameras(stage: &Stage) -> Vec<Bar> {
 }
 
 /// Bars of the cues of a layer. Each clip has its own color, the same on every track.
-fn cues<'a>(layer: &'a Layer, length: Time, clips: &mut Vec<&'a str>) -> Vec<Bar> {
+fn cue_bars<'a>(layer: &'a Layer, length: Time, clips: &mut Vec<&'a str>) -> Vec<Bar> {
     let bar = |(index, cue): (usize, &'a Cue)| {
         let next = layer.cues.get(index + 1).map(|n| n.start);
         let end = cue.end.unwrap_or(length).min(next.unwrap_or(length));

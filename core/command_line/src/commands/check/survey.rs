@@ -1,6 +1,6 @@
 //! Messages of `check` about a scene that another program has already opened, such as the viewer.
 
-use super::{check_stage, of_sections, root};
+use super::{check_stage, section_problems, tests_root};
 use choreo_plugin::Registry;
 use choreo_script::testing::has_sections;
 use choreo_script::{Diagnostic, Places, ScriptOptions};
@@ -30,7 +30,13 @@ pub fn survey(
     let (mut problems, on_stage) = check_stage(stage, registry, places, &options.limits, should_continue);
     let text = places.sources.get(&places.main);
     if should_continue() && text.is_some_and(|text| has_sections(text)) {
-        problems.extend(of_sections(input, root(input, false), options, all_plugins, should_continue));
+        problems.extend(section_problems(
+            input,
+            tests_root(input, false),
+            options,
+            all_plugins,
+            should_continue,
+        ));
     }
     let findings = places.findings(&on_stage).into_iter();
     should_continue().then(|| findings.chain(problems.into_iter().map(Diagnostic::from)).collect())

@@ -8,16 +8,16 @@ use choreo_stage::{Stage, Subject};
 use serde_json::{Value, json};
 
 /// Largest number of names per part; further ones are only counted.
-const MOST_NAMES: usize = 3;
+const MAX_NAMES_PER_PART: usize = 3;
 
-pub struct Inside<'a> {
+pub struct FrameContent<'a> {
     pub stage: &'a Stage,
     pub resources: &'a SceneResources,
     pub places: &'a Places,
     pub parts: Vec<Cost>,
 }
 
-impl Inside<'_> {
+impl FrameContent<'_> {
     pub fn table(&self) -> Table {
         let columns = [("", "kind"), ("included", "what"), (">size", "bytes"), ("requested by", "asked_by")];
         let mut table = Table::new("", &columns);
@@ -26,7 +26,7 @@ impl Inside<'_> {
                 Cell::text(part.kind.word()),
                 Cell::text(&part.what),
                 part.bytes.map_or_else(Cell::empty, |b| Cell::number(bytes(b as f64), b as f64)),
-                Cell::text(self.words(&part.requested_by)),
+                Cell::text(self.requested_by_text(&part.requested_by)),
             ]);
         }
         table
@@ -36,7 +36,7 @@ impl Inside<'_> {
         let part = |part: &Cost| {
             let by = &part.requested_by;
             let actors: Vec<Value> = by.actors.iter().map(|a| self.actor_json(*a as usize)).collect();
-            let materials: Vec<&str> = by.materials.iter().map(|m| self.material(*m)).collect();
+            let materials: Vec<&str> = by.materials.iter().map(|m| self.material_name(*m)).collect();
             json!({
                 "kind": part.kind.word(), "what": part.what, "bytes": part.bytes,
                 "asked_by": { "actors": actors, "materials": materials, "effects": by.effects, "other": by.other },
@@ -46,12 +46,12 @@ impl Inside<'_> {
     }
 
     /// Bytes of each part, for the chart.
-    pub fn amounts(&self) -> Vec<(String, u64)> {
+    pub fn bytes_by_part(&self) -> Vec<(String, u64)> {
         let named = |p: &Cost| Some((format!("{} {}", p.kind.word(), p.what), p.bytes?));
         self.parts.iter().filter_map(named).collect()
     }
 
-    fn material(&self, index: u32) -> &str {
+    fn material_name(&self, index: u32) -> &str {
         self.resources.materials.get(index as usize).map_or("", |m| m.material.name.as_str())
     }
 
@@ -64,30 +64,30 @@ impl Inside<'_> {
         }
     }
 
-    fn words(&self, by: &RequestedBy) -> String {
+    fn requested_by_text(&self, by: &RequestedBy) -> String {
         let mut words: Vec<String> = by.other.iter().map(|w| w.to_string()).collect();
         for effect in &by.effects {
             let used = self.stage.effects.iter().position(|e| e.drawn_by() == *effect);
-            let place = used.map(|e| self.place(Subject::Effect(e))).unwrap_or_default();
+            let place = used.map(|e| self.place_suffix(Subject::Effect(e))).unwrap_or_default();
             words.push(format!("effect {effect}{place}"));
         }
         let more = |left: usize| if left > 0 { format!(" and {left} more") } else { String::new() };
         if !by.actors.is_empty() {
             let name = |index: &u32| {
                 let actor = self.stage.actors.get(*index as usize).map_or("", |a| a.name.as_str());
-                format!("{actor}{}", self.place(Subject::Actor(*index as usize)))
+                format!("{actor}{}", self.place_suffix(Subject::Actor(*index as usize)))
             };
-            let names: Vec<String> = by.actors.iter().take(MOST_NAMES).map(name).collect();
+            let names: Vec<String> = by.actors.iter().take(MAX_NAMES_PER_PART).map(name).collect();
             words.push(names.join(", ") + more(by.actors.len() - names.len()).as_str());
         }
         if !by.materials.is_empty() {
             // Several materials of a file may have the same name.
             let mut names: Vec<String> =
-                by.materials.iter().map(|m| format!("\"{}\"", self.material(*m))).collect();
+                by.materials.iter().map(|m| format!("\"{}\"", self.material_name(*m))).collect();
             names.sort();
             names.dedup();
-            let left = names.len().saturating_sub(MOST_NAMES);
-            names.truncate(MOST_NAMES);
+            let left = names.len().saturating_sub(MAX_NAMES_PER_PART);
+            names.truncate(MAX_NAMES_PER_PART);
             let plural = if names.len() == 1 { "material" } else { "materials" };
             words.push(format!("{plural} {}", names.join(", ")) + more(left).as_str());
         }
@@ -95,7 +95,7 @@ impl Inside<'_> {
     }
 
     /// Place in the script as ` (line 7)`, with the file if it is a module.
-    fn place(&self, subject: Subject) -> String {
+    fn place_suffix(&self, subject: Subject) -> String {
         let place = self.places.of(subject);
         match place.line {
             0 => String::new(),

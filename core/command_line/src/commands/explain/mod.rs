@@ -8,7 +8,7 @@ use crate::args::values;
 use crate::commands::compressed;
 use crate::failure::{Failure, print, print_json};
 use crate::output::svg;
-use crate::scene::{self, opening::Opening};
+use crate::scene::{self, opening::OpenOptions};
 use crate::terminal::width::columns;
 use choreo_bench::plots::{Cell, Table, byte_bars};
 use choreo_plugin::{FrameWish, Passes, Registry};
@@ -19,23 +19,23 @@ use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{Plan, PlanOptions, SceneResources};
 use choreo_script::Places;
 use choreo_stage::{Evaluator, Stage};
-use inside::Inside;
-use reuse::Reuses;
+use inside::FrameContent;
+use reuse::ReuseCounter;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
 pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
-    svg::check(args.plot.as_deref())?;
-    let at = values::at(&args.at)?;
-    let size = args.size.as_deref().map(values::size).transpose()?;
-    let samples = args.samples.as_deref().map(values::samples).transpose()?;
+    svg::check_plot_path(args.plot.as_deref())?;
+    let at = values::parse_at(&args.at)?;
+    let size = args.size.as_deref().map(values::parse_size).transpose()?;
+    let samples = args.samples.as_deref().map(values::parse_samples).transpose()?;
     let wish = match args.passes.as_deref().map(Passes::parse).transpose() {
         Ok(passes) => passes.map_or(FrameWish::Bytes, FrameWish::Scene),
         Err(unknown) => return Err(Failure::Usage(format!("--passes: {unknown}"))),
     };
-    let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_INSPECT)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, OpenOptions::TO_INSPECT)?;
     let stage = &scene.stage;
     let size = size.unwrap_or(stage.settings.size);
     let samples = samples.or(stage.settings.samples).unwrap_or(4);
@@ -50,10 +50,11 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         let plan = plan_at(&resources, &mut evaluator, at, &options, None);
         plan.map(|(_, plan)| plan).map_err(|e| Failure::input(e.to_string()))
     };
-    let mut reuses = Reuses { plan: planned, scene_key: |plan: &Plan| scene_key(plan, &resources, effects) };
+    let mut reuses =
+        ReuseCounter { plan: planned, scene_key: |plan: &Plan| scene_key(plan, &resources, effects) };
     let mut plan = (reuses.plan)(at)?;
-    let reuse = reuses.at(&plan, at, &stage.settings)?;
-    let frames = reuses.count(&stage.settings)?;
+    let reuse = reuses.reuse_at(&plan, at, &stage.settings)?;
+    let frames = reuses.count_frames(&stage.settings)?;
     let sub_frames = std::mem::take(&mut plan.subframes).len();
     let cpu = json!({
         "poses": costs.poses,
@@ -63,37 +64,37 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         "sub_frames_why": plan.shutter_motion.map(|motion| motion.to_string()),
         "earlier_frames": std::mem::take(&mut plan.history).len(),
         "cameras": 1 + u8::from(plan.dissolve.take().is_some()),
-        "reuse": reuse.word(),
+        "reuse": reuse.name(),
         "reuses": frames.json(),
     });
     let mut plan = plan.first_drawn();
     let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     let parts = choreo_render::explain::explain(&resources, &plan, &recording);
-    let inside = Inside { stage, resources: &resources, places: &scene.places, parts };
+    let content = FrameContent { stage, resources: &resources, places: &scene.places, parts };
     if let Some(path) = &args.plot {
         let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
-        svg::write(path, &byte_bars(&title, &inside.amounts()), &scene.inputs)?;
+        svg::write_plot(path, &byte_bars(&title, &content.bytes_by_part()), &scene.inputs)?;
     }
     plan.left_out.extend(recording.preskinning_left_out(&plan));
-    plan.left_out.extend(unread(&scene.places));
-    let mut facts = facts(stage, &resources, &plan, at.as_secs());
+    plan.left_out.extend(unread_meshes_and_images(&scene.places));
+    let mut facts = frame_facts(stage, &resources, &plan, at.as_secs());
     facts["cpu"] = cpu;
     if args.json {
-        facts["in"] = inside.json();
+        facts["in"] = content.json();
         return print_json(&facts);
     }
     let (frames, width) = (frames.text(), columns());
     print(&format!(
         "{}frames     {frames}\n\n{}\n{}",
-        text(&facts),
-        inside.table().text_within(width),
+        facts_text(&facts),
+        content.table().text_within(width),
         left_out_table(&plan).text_within(width)
     ))
 }
 
 /// Parts of the script's files that were not even read.
-fn unread(places: &Places) -> impl Iterator<Item = LeftOut> {
+fn unread_meshes_and_images(places: &Places) -> impl Iterator<Item = LeftOut> {
     places.clips_only.iter().map(|(file, place)| {
         let what = format!("meshes and images of {file}");
         let file = if places.is_main(&place.file) { String::new() } else { format!("{}:", place.file) };
@@ -101,7 +102,7 @@ fn unread(places: &Places) -> impl Iterator<Item = LeftOut> {
     })
 }
 
-fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Value {
+fn frame_facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Value {
     let primitives = || resources.primitives.iter().map(|p| p.primitive());
     let drawn: usize = plan
         .draws
@@ -132,7 +133,7 @@ fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Val
             "assets": resources.assets.len(),
             "frames": stage.settings.fps.frames_in(stage.settings.length),
         },
-        "clips": compressed::on_stage(stage),
+        "clips": compressed::compression_totals_json(stage),
         "shared": {
             "primitives": resources.primitives.len(),
             "vertices": primitives().map(|p| p.positions.len()).sum::<usize>(),
@@ -155,7 +156,7 @@ fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Val
 }
 
 /// Formats a number with its noun: "1 actor", "2 actors".
-fn many(number: &Value, one: &str) -> String {
+fn counted_value(number: &Value, one: &str) -> String {
     let plural = match (number.as_u64() == Some(1), one) {
         (true, _) => one.to_string(),
         (_, "vertex") => "vertices".to_string(),
@@ -166,49 +167,49 @@ fn many(number: &Value, one: &str) -> String {
     format!("{number} {plural}")
 }
 
-fn text(f: &Value) -> String {
+fn facts_text(f: &Value) -> String {
     let mut t = String::new();
     let (stage, shared, frame) = (&f["stage"], &f["shared"], &f["frame"]);
     let _ = writeln!(t, "at {} s, {}×{}, {} samples", f["seconds"], f["size"][0], f["size"][1], f["samples"]);
     let _ = writeln!(
         t,
         "stage      {} from {}, {}",
-        many(&stage["actors"], "actor"),
-        many(&stage["assets"], "asset"),
-        many(&stage["frames"], "frame")
+        counted_value(&stage["actors"], "actor"),
+        counted_value(&stage["assets"], "asset"),
+        counted_value(&stage["frames"], "frame")
     );
     let _ = writeln!(
         t,
         "uploaded   {} with {}, {}, {} ({:.1} MB), each once",
-        many(&shared["primitives"], "primitive"),
-        many(&shared["vertices"], "vertex"),
-        many(&shared["materials"], "material"),
-        many(&shared["textures"], "texture"),
+        counted_value(&shared["primitives"], "primitive"),
+        counted_value(&shared["vertices"], "vertex"),
+        counted_value(&shared["materials"], "material"),
+        counted_value(&shared["textures"], "texture"),
         shared["texture_bytes"].as_f64().unwrap_or(0.0) / 1e6
     );
     let _ = writeln!(
         t,
         "drawn      {} of {}, {}, {}",
-        many(&frame["draws"], "draw"),
-        many(&frame["copies"], "copy"),
-        many(&frame["primitives_drawn"], "triangle"),
-        many(&frame["pipelines"], "pipeline")
+        counted_value(&frame["draws"], "draw"),
+        counted_value(&frame["copies"], "copy"),
+        counted_value(&frame["primitives_drawn"], "triangle"),
+        counted_value(&frame["pipelines"], "pipeline")
     );
     let _ = writeln!(
         t,
         "for them   {}, {}, {}",
-        many(&frame["joint_matrices"], "joint matrix"),
-        many(&frame["active_morphs"], "active morph target"),
-        many(&frame["lights"], "light")
+        counted_value(&frame["joint_matrices"], "joint matrix"),
+        counted_value(&frame["active_morphs"], "active morph target"),
+        counted_value(&frame["lights"], "light")
     );
     let cpu = &f["cpu"];
     let _ = writeln!(
         t,
         "processor  {}, {}, {}, {}",
-        many(&cpu["poses"], "pose"),
-        many(&cpu["constraints"], "constraint"),
-        many(&cpu["spring_bones"], "spring bone"),
-        many(&cpu["sub_frames"], "sub-frame")
+        counted_value(&cpu["poses"], "pose"),
+        counted_value(&cpu["constraints"], "constraint"),
+        counted_value(&cpu["spring_bones"], "spring bone"),
+        counted_value(&cpu["sub_frames"], "sub-frame")
     );
     if let Some(why) = cpu["sub_frames_why"].as_str() {
         let plural = if cpu["sub_frames"] == 1 { "" } else { "s" };

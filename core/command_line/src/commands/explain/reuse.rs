@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
 /// Time limit for planning. Only the first frames of a scene are counted if it has more than can be planned in this time.
-const LONGEST: Duration = Duration::from_secs(2);
+const MAX_PLANNING_TIME: Duration = Duration::from_secs(2);
 
 /// The part of the previous frame that is reused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,18 +21,18 @@ pub enum Reuse {
 }
 
 /// Keys of a frame's scene and of the 2D layers in front of it.
-type Keys = (Key, Option<Key>);
+type FrameKeys = (Key, Option<Key>);
 
 impl Reuse {
-    fn of(before: Option<&Keys>, now: &Keys) -> Reuse {
-        match before {
-            Some(before) if before == now => Reuse::Frame,
+    fn of(previous: Option<&FrameKeys>, now: &FrameKeys) -> Reuse {
+        match previous {
+            Some(previous) if previous == now => Reuse::Frame,
             Some((scene, _)) if *scene == now.0 => Reuse::Scene,
             _ => Reuse::Nothing,
         }
     }
 
-    pub fn word(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Reuse::Nothing => "nothing",
             Reuse::Scene => "scene",
@@ -43,18 +43,19 @@ impl Reuse {
 
 /// Numbers of frames, counted from the first one on, in the terms of `choreo render --json`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FrameCounts {
+pub struct ReuseCounts {
     /// Number of frames of the scene.
     pub frames: u64,
+    /// Number of frames that were planned and compared.
     pub looked_at: u64,
     pub drawn: u64,
     pub repeated: u64,
     pub recomposed: u64,
 }
 
-impl FrameCounts {
+impl ReuseCounts {
     pub fn json(self) -> Value {
-        let FrameCounts { frames, looked_at, drawn, repeated, recomposed } = self;
+        let ReuseCounts { frames, looked_at, drawn, repeated, recomposed } = self;
         json!({
             "frames": frames, "looked_at": looked_at, "drawn": drawn, "reused": repeated + recomposed, "repeated": repeated,
             "recomposed": recomposed,
@@ -62,7 +63,7 @@ impl FrameCounts {
     }
 
     pub fn text(self) -> String {
-        let FrameCounts { frames, looked_at, drawn, repeated, recomposed } = self;
+        let ReuseCounts { frames, looked_at, drawn, repeated, recomposed } = self;
         let of = if looked_at < frames { format!("the first {looked_at} of ") } else { String::new() };
         format!(
             "{drawn} of {of}{frames} frames are drawn, {repeated} repeat the one before, {recomposed} reuse \
@@ -72,38 +73,38 @@ impl FrameCounts {
 }
 
 /// Plans frames and compares them.
-pub struct Reuses<P, K> {
+pub struct ReuseCounter<P, K> {
     pub plan: P,
     /// Hash of a plan without the 2D layers in front of the scene.
     pub scene_key: K,
 }
 
-impl<P: FnMut(Time) -> Result<Plan, Failure>, K: Fn(&Plan) -> Key> Reuses<P, K> {
-    fn keys(&self, plan: &Plan) -> Keys {
+impl<P: FnMut(Time) -> Result<Plan, Failure>, K: Fn(&Plan) -> Key> ReuseCounter<P, K> {
+    fn frame_keys(&self, plan: &Plan) -> FrameKeys {
         ((self.scene_key)(plan), plan.layers_in_front.as_ref().map(|layers| layers.hash))
     }
 
     /// Compares a frame, whose plan is given, with the previous frame.
-    pub fn at(&mut self, plan: &Plan, at: Time, settings: &Settings) -> Result<Reuse, Failure> {
+    pub fn reuse_at(&mut self, plan: &Plan, at: Time, settings: &Settings) -> Result<Reuse, Failure> {
         let before = at - settings.fps.time_of(1);
         if before < Time::ZERO {
             return Ok(Reuse::Nothing);
         }
         let before = (self.plan)(before)?;
-        Ok(Reuse::of(Some(&self.keys(&before)), &self.keys(plan)))
+        Ok(Reuse::of(Some(&self.frame_keys(&before)), &self.frame_keys(plan)))
     }
 
     /// Counts the frames of the scene.
-    pub fn count(&mut self, settings: &Settings) -> Result<FrameCounts, Failure> {
+    pub fn count_frames(&mut self, settings: &Settings) -> Result<ReuseCounts, Failure> {
         let frames = settings.fps.frames_in(settings.length).max(1);
-        let mut counts = FrameCounts { frames: frames.unsigned_abs(), ..FrameCounts::default() };
+        let mut counts = ReuseCounts { frames: frames.unsigned_abs(), ..ReuseCounts::default() };
         let (begun, mut before) = (Instant::now(), None);
         for frame in 0..frames {
-            if begun.elapsed() > LONGEST {
+            if begun.elapsed() > MAX_PLANNING_TIME {
                 break;
             }
             let plan = (self.plan)(settings.fps.time_of(frame))?;
-            let now = self.keys(&plan);
+            let now = self.frame_keys(&plan);
             match Reuse::of(before.as_ref(), &now) {
                 Reuse::Nothing => counts.drawn += 1,
                 Reuse::Scene => counts.recomposed += 1,

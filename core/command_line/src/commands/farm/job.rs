@@ -6,11 +6,11 @@ use serde_json::{Value, json};
 use std::path::{Component, Path};
 
 /// Names of files and folders in the job's folder.
-pub(crate) const SCENE: &str = "film.choreo";
-pub(crate) const SEGMENTS: &str = "segments";
-pub(crate) const OUTPUT: &str = "output";
-pub(crate) const JOB: &str = "job.json";
-pub(crate) const ROWS: &str = "rows.json";
+pub(crate) const SCENE_FILE: &str = "film.choreo";
+pub(crate) const SEGMENTS_FOLDER: &str = "segments";
+pub(crate) const OUTPUT_FOLDER: &str = "output";
+pub(crate) const JOB_FILE: &str = "job.json";
+pub(crate) const ROWS_FILE: &str = "rows.json";
 
 /// A render job, independent of the engine.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -24,9 +24,9 @@ pub(crate) struct FarmJob {
 /// A film of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Film {
-    /// Path of the film below [`OUTPUT`], with slashes.
+    /// Path of the film below [`OUTPUT_FOLDER`], with slashes.
     pub output: String,
-    /// Folder of the film's segments below [`SEGMENTS`]; empty if it is [`SEGMENTS`] itself.
+    /// Folder of the film's segments below [`SEGMENTS_FOLDER`]; empty if it is [`SEGMENTS_FOLDER`] itself.
     pub segments: String,
     /// Row of the batch that gives the film its parameters.
     pub row: Option<usize>,
@@ -41,8 +41,8 @@ impl Film {
     /// Folder of the film's segments, in the job's folder.
     pub fn folder(&self) -> String {
         match self.segments.as_str() {
-            "" => SEGMENTS.to_string(),
-            below => format!("{SEGMENTS}/{below}"),
+            "" => SEGMENTS_FOLDER.to_string(),
+            below => format!("{SEGMENTS_FOLDER}/{below}"),
         }
     }
 }
@@ -58,11 +58,11 @@ impl FarmJob {
         let job = FarmJob::deserialize(value).ok()?;
         let is_inside =
             |path: &str| Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
-        let is_sound = |film: &Film| {
+        let is_valid = |film: &Film| {
             let in_order = film.chunks.iter().all(|(first, last)| first <= last);
             is_inside(&film.output) && is_inside(&film.segments) && film.frames > 0 && in_order
         };
-        job.films.iter().all(is_sound).then_some(job)
+        job.films.iter().all(is_valid).then_some(job)
     }
 }
 
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_job_comes_back_and_leads_nowhere_else() {
+    fn a_job_is_read_back_equal_and_refused_with_paths_outside_its_folder() {
         let film = |segments: &str| Film {
             output: "a/film.mp4".into(),
             segments: segments.into(),

@@ -1,12 +1,12 @@
 //! `--preview 1/N`: a film of every Nth frame at half the size, which machines render first. It has the length of the film and 1/N of its
 //! frame rate, so that its frame k is frame N·k of the film.
 
-use super::chunks::Cost;
+use super::chunks::FilmCost;
 use crate::commands::render::Job;
 use crate::failure::Failure;
 
 /// Name of the folder of the preview's segments, and of the folder of its film.
-pub(super) const FOLDER: &str = "preview";
+pub(super) const PREVIEW_FOLDER: &str = "preview";
 
 /// Parses N from 1/N.
 pub(super) fn parse_every(text: &str) -> Result<u32, Failure> {
@@ -17,7 +17,7 @@ pub(super) fn parse_every(text: &str) -> Result<u32, Failure> {
 }
 
 /// Options of the preview's render: those of the film, with another size and rate.
-pub(super) fn options(options: &[String], job: &Job, every: u32) -> Vec<String> {
+pub(super) fn preview_options(options: &[String], job: &Job, every: u32) -> Vec<String> {
     let other = |option: &&String| !option.starts_with("--size=") && !option.starts_with("--fps=");
     let mut words: Vec<String> = options.iter().filter(other).cloned().collect();
     let [width, height] = job.settings.size.map(|side| (side / 2).max(1));
@@ -28,8 +28,8 @@ pub(super) fn options(options: &[String], job: &Job, every: u32) -> Vec<String> 
 }
 
 /// Cost of the preview, derived from that of the film: a quarter of the pixels.
-pub(super) fn cost(cost: &Cost, every: u32) -> Cost {
+pub(super) fn preview_cost(cost: &FilmCost, every: u32) -> FilmCost {
     let frames =
         cost.frames.iter().map(|(frame, seconds)| (frame / u64::from(every), seconds / 4.0)).collect();
-    Cost { start: cost.start, frames }
+    FilmCost { start_secs: cost.start_secs, frames }
 }

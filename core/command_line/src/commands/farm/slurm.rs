@@ -1,23 +1,23 @@
 //! The job as scripts for Slurm. Each film, the preview first, is an array of renders with one chunk per task, and a join that depends on
 //! all of them. The films of a batch share one array.
 
-use super::job::{FarmJob, Film, OUTPUT, ROWS, SCENE};
+use super::job::{FarmJob, Film, OUTPUT_FOLDER, ROWS_FILE, SCENE_FILE};
 use crate::failure::Failure;
 use choreo_test_runner::collect::quoted;
 use std::path::Path;
 
 /// Largest number of tasks in an array: the default of Slurm's MaxArraySize is 1001.
-pub(crate) const MOST_TASKS: u64 = 1000;
+pub(crate) const MAX_ARRAY_TASKS: u64 = 1000;
 
-const SUBMIT: &str = "submit.sh";
+const SUBMIT_FILE: &str = "submit.sh";
 
 /// The command that submits the job.
-pub(crate) fn command(folder: &Path) -> String {
-    format!("sh {}", quoted(&folder.join(SUBMIT).display().to_string()))
+pub(crate) fn submit_command(folder: &Path) -> String {
+    format!("sh {}", quoted(&folder.join(SUBMIT_FILE).display().to_string()))
 }
 
 /// An array of renders, and the join that follows it.
-struct Array {
+struct ArrayJob {
     /// Names of the files.
     chunks: &'static str,
     render: &'static str,
@@ -26,8 +26,9 @@ struct Array {
     name: &'static str,
 }
 
-const FILM: Array = Array { chunks: "chunks.txt", render: "render.sh", join: "join.sh", name: "" };
-const PREVIEW: Array = Array {
+const FILM_ARRAY: ArrayJob =
+    ArrayJob { chunks: "chunks.txt", render: "render.sh", join: "join.sh", name: "" };
+const PREVIEW_ARRAY: ArrayJob = ArrayJob {
     chunks: "preview_chunks.txt",
     render: "preview_render.sh",
     join: "preview_join.sh",
@@ -35,20 +36,20 @@ const PREVIEW: Array = Array {
 };
 
 /// File with the films of a batch: row and path.
-const FILMS: &str = "films.txt";
+const FILMS_FILE: &str = "films.txt";
 
-pub(crate) fn files(job: &FarmJob) -> Result<Vec<(&'static str, String)>, Failure> {
+pub(crate) fn job_files(job: &FarmJob) -> Result<Vec<(&'static str, String)>, Failure> {
     let tasks: usize = job.films.iter().map(|film| film.chunks.len()).sum();
-    if tasks as u64 > MOST_TASKS && job.pattern.is_some() {
+    if tasks as u64 > MAX_ARRAY_TASKS && job.pattern.is_some() {
         return Err(Failure::Usage(format!(
-            "--set-from: {tasks} chunks are more than the {MOST_TASKS} of an array; make longer ones with --chunk, or a job for each \
+            "--set-from: {tasks} chunks are more than the {MAX_ARRAY_TASKS} of an array; make longer ones with --chunk, or a job for each \
              part of the table"
         )));
     }
     let mut files = Vec::new();
     let mut submit = format!(
         "#!/bin/sh
-# Submits the job. All nodes see this folder. Options for sbatch are passed on: sh {SUBMIT} --partition=long
+# Submits the job. All nodes see this folder. Options for sbatch are passed on: sh {SUBMIT_FILE} --partition=long
 # CHOREO names the program on the nodes, where it is not on their PATH.
 set -e
 cd \"$(dirname \"$0\")\"
@@ -60,29 +61,29 @@ mkdir -p logs
         let line =
             |(film, (first, last)): (&Film, &(u64, u64))| format!("{} {first}-{last}\n", film.segments);
         let films = job.films.iter().map(|film| format!("{} {}\n", film.segments, film.output));
-        files.push((FILM.chunks, chunks.map(line).collect()));
-        files.push((FILMS, films.collect()));
+        files.push((FILM_ARRAY.chunks, chunks.map(line).collect()));
+        files.push((FILMS_FILE, films.collect()));
         let options = job.films.first().map_or(&[][..], |film| &film.options);
-        files.push((FILM.render, render_of_row(pattern, options)));
-        files.push((FILM.join, join_rows()));
-        submit += &submission(&FILM, tasks, "afterany");
+        files.push((FILM_ARRAY.render, row_render_script(pattern, options)));
+        files.push((FILM_ARRAY.join, rows_join_script()));
+        submit += &submit_lines(&FILM_ARRAY, tasks, "afterany");
     } else {
         for film in &job.films {
-            let array = if film.segments.is_empty() { &FILM } else { &PREVIEW };
+            let array = if film.segments.is_empty() { &FILM_ARRAY } else { &PREVIEW_ARRAY };
             let chunks = film.chunks.iter().map(|(first, last)| format!("{first}-{last}\n")).collect();
             files.push((array.chunks, chunks));
-            files.push((array.render, render_of_film(array, film)));
-            files.push((array.join, join(film)));
-            submit += &submission(array, film.chunks.len(), "afterok");
+            files.push((array.render, film_render_script(array, film)));
+            files.push((array.join, film_join_script(film)));
+            submit += &submit_lines(array, film.chunks.len(), "afterok");
         }
     }
-    files.push((SUBMIT, submit));
+    files.push((SUBMIT_FILE, submit));
     Ok(files)
 }
 
 /// Lines that submit an array and its join. In a batch, the join makes every film whose segments exist, even if other rows failed.
-fn submission(array: &Array, tasks: usize, dependency: &str) -> String {
-    let Array { render, join, name, .. } = array;
+fn submit_lines(array: &ArrayJob, tasks: usize, dependency: &str) -> String {
+    let ArrayJob { render, join, name, .. } = array;
     let last = tasks - 1;
     format!(
         "render=$(sbatch --parsable --array=0-{last} \"$@\" {render})
@@ -95,7 +96,7 @@ echo \"{name}render: job $render, {tasks} tasks; {name}join: job ${{join%%;*}}\"
 }
 
 /// Head of a script. `more`: further options of the script.
-fn head(job: &str, log: &str, more: &str) -> String {
+fn script_head(job: &str, log: &str, more: &str) -> String {
     format!(
         "#!/bin/sh
 #SBATCH --job-name=choreo-{job}
@@ -108,13 +109,13 @@ fn head(job: &str, log: &str, more: &str) -> String {
 }
 
 /// Head of a script that renders, up to the variable `line`: the line of the list of chunks for this task.
-fn render_head(array: &Array) -> String {
+fn render_head(array: &ArrayJob) -> String {
     let stem = array.render.trim_end_matches(".sh");
     let more = "#SBATCH --requeue
 # A render that gets a signal to stop ends its frame and keeps what is finished; a task that runs again goes on with it.
 #SBATCH --signal=B:TERM@60
 ";
-    let head = head("render", &format!("{stem}-%a"), more);
+    let head = script_head("render", &format!("{stem}-%a"), more);
     let chunks = array.chunks;
     format!(
         "{head}# One chunk: the line of {chunks} with the number of the task.
@@ -123,46 +124,46 @@ line=$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" {chunks})
     )
 }
 
-fn words(options: &[String]) -> String {
+fn quoted_words(options: &[String]) -> String {
     options.iter().map(|option| format!(" {}", quoted(option))).collect()
 }
 
-fn render_of_film(array: &Array, film: &Film) -> String {
+fn film_render_script(array: &ArrayJob, film: &Film) -> String {
     let (head, output, segments) = (render_head(array), quoted(&film.output), film.folder());
-    let options = words(&film.options);
+    let options = quoted_words(&film.options);
     format!(
-        "{head}exec \"${{CHOREO:-choreo}}\" render {SCENE} -o {output} --frames \"$line\" --segment {segments} --resume --quiet{options}\n"
+        "{head}exec \"${{CHOREO:-choreo}}\" render {SCENE_FILE} -o {output} --frames \"$line\" --segment {segments} --resume --quiet{options}\n"
     )
 }
 
-fn render_of_row(pattern: &str, options: &[String]) -> String {
-    let (head, pattern, options) = (render_head(&FILM), quoted(pattern), words(options));
+fn row_render_script(pattern: &str, options: &[String]) -> String {
+    let (head, pattern, options) = (render_head(&FILM_ARRAY), quoted(pattern), quoted_words(options));
     format!(
         "{head}row=${{line%% *}}
-exec \"${{CHOREO:-choreo}}\" render {SCENE} --set-from {ROWS} --row \"$row\" -o {pattern} --frames \"${{line#* }}\" \
+exec \"${{CHOREO:-choreo}}\" render {SCENE_FILE} --set-from {ROWS_FILE} --row \"$row\" -o {pattern} --frames \"${{line#* }}\" \
          --segment \"segments/$row\" --resume --quiet{options}
 "
     )
 }
 
 /// Option of the join: segments may become visible only after the task that wrote them has ended.
-const WAIT: &str = "--wait 60";
+const WAIT_OPTION: &str = "--wait 60";
 
-fn join(film: &Film) -> String {
+fn film_join_script(film: &Film) -> String {
     let stem = if film.segments.is_empty() { "join" } else { "preview_join" };
     let (head, segments, output) =
-        (head("join", stem, ""), film.folder(), quoted(&format!("{OUTPUT}/{}", film.output)));
-    format!("{head}exec \"${{CHOREO:-choreo}}\" join {segments} -o {output} {WAIT}\n")
+        (script_head("join", stem, ""), film.folder(), quoted(&format!("{OUTPUT_FOLDER}/{}", film.output)));
+    format!("{head}exec \"${{CHOREO:-choreo}}\" join {segments} -o {output} {WAIT_OPTION}\n")
 }
 
-fn join_rows() -> String {
-    let head = head("join", "join", "");
+fn rows_join_script() -> String {
+    let head = script_head("join", "join", "");
     format!(
         "{head}# A film that lacks frames is named; the others are joined.
 failed=0
 while IFS= read -r line; do
-    \"${{CHOREO:-choreo}}\" join \"segments/${{line%% *}}\" -o \"{OUTPUT}/${{line#* }}\" {WAIT} < /dev/null || failed=1
-done < {FILMS}
+    \"${{CHOREO:-choreo}}\" join \"segments/${{line%% *}}\" -o \"{OUTPUT_FOLDER}/${{line#* }}\" {WAIT_OPTION} < /dev/null || failed=1
+done < {FILMS_FILE}
 exit $failed
 "
     )

@@ -2,13 +2,15 @@
 //! durations that the workers measured.
 
 use super::chunks::Chunk;
-use super::job::{FarmJob, Film, JOB, OUTPUT};
+use super::job::{FarmJob, Film, JOB_FILE, OUTPUT_FOLDER};
 use crate::commands::render::sheet;
 use crate::failure::{Failure, print, print_json, write_failure};
-use crate::output::segment::{PART, Report, SegmentState, frames_of, png, report_name, segment_name};
+use crate::output::segment::{
+    PART_EXTENSION, SegmentState, WorkerReport, encode_png, parse_frame_range, report_name, segment_name,
+};
 use crate::output::target::export_failure;
 use crate::output::video::is_being_made;
-use crate::terminal::page::Page;
+use crate::terminal::{counted, page::Page};
 use choreo_files::{Folder, write_whole};
 use choreo_plugin::Frame;
 use serde_json::json;
@@ -16,14 +18,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
 use std::path::Path;
 
-/// Largest number of names read from one folder, and largest sizes in bytes of a report and of the job's description.
-const MOST_NAMES: usize = 1_000_000;
-const MOST_REPORT: u64 = 1 << 20;
-const MOST_JOB: u64 = 64 << 20;
+/// Largest number of names read from one folder.
+const MAX_NAMES_PER_FOLDER: usize = 1_000_000;
+/// Size limits in bytes of a report, and of the job's description.
+const MAX_REPORT_BYTES: u64 = 1 << 20;
+const MAX_JOB_BYTES: u64 = 64 << 20;
 /// Largest number of chunks on the contact sheet.
-const MOST_CELLS: usize = 48;
-/// Largest number of films that get a line each.
-const MOST_LINES: usize = 12;
+const MAX_SHEET_CELLS: usize = 48;
+/// Largest number of films that are listed one per line.
+const MAX_FILM_LINES: usize = 12;
 
 /// State of a chunk; `None` if no machine has begun it.
 type ChunkState = Option<SegmentState>;
@@ -34,19 +37,19 @@ struct ChunkStatus {
     state: ChunkState,
     /// Number of finished frames.
     done: u64,
-    report: Option<Report>,
+    report: Option<WorkerReport>,
 }
 
 impl ChunkStatus {
-    fn word(&self) -> &'static str {
-        self.state.map_or("waiting", SegmentState::word)
+    fn state_name(&self) -> &'static str {
+        self.state.map_or("waiting", SegmentState::name)
     }
 }
 
 /// Prints the progress of a job. `folder`: folder of the job. `sheet_file`: path of the contact sheet.
 pub(super) fn run(folder: &Path, sheet_file: Option<&Path>, as_json: bool) -> Result<(), Failure> {
-    let shown = folder.join(JOB).display().to_string();
-    let text = choreo_files::read(&folder.join(JOB), MOST_JOB).map_err(|e| {
+    let shown = folder.join(JOB_FILE).display().to_string();
+    let text = choreo_files::read(&folder.join(JOB_FILE), MAX_JOB_BYTES).map_err(|e| {
         Failure::input(format!(
             "{shown}: cannot read: {e}\n    hint: choreo farm writes it into the folder --to"
         ))
@@ -56,9 +59,9 @@ pub(super) fn run(folder: &Path, sheet_file: Option<&Path>, as_json: bool) -> Re
         job.ok_or_else(|| Failure::input(format!("{shown}: it is not a job that choreo farm has written")))?;
     let mut chunks = Vec::new();
     for (number, film) in job.films.iter().enumerate() {
-        chunks.extend(chunks_of(folder, number, film)?);
+        chunks.extend(chunk_statuses(folder, number, film)?);
     }
-    let progress = Progress::of(&job, &chunks, folder);
+    let progress = JobProgress::of(&job, &chunks, folder);
     if let Some(file) = sheet_file {
         write_sheet(file, &chunks)?;
     }
@@ -69,12 +72,12 @@ pub(super) fn run(folder: &Path, sheet_file: Option<&Path>, as_json: bool) -> Re
 }
 
 /// Chunks that have files, and planned chunks that overlap none of these: engines may choose other chunks than planned.
-fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatus>, Failure> {
+fn chunk_statuses(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatus>, Failure> {
     let path = folder.join(film.folder());
     let opened = Folder::open(&path);
     let names = match &opened {
-        Ok(opened) => opened.names(MOST_NAMES),
-        // The folder is made by the first worker of the row.
+        Ok(opened) => opened.names(MAX_NAMES_PER_FOLDER),
+        // The first worker of the row creates the folder.
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
         Err(e) => Err(e.kind().into()),
     };
@@ -82,23 +85,23 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
         Failure::input(format!("{}: cannot read: {}", path.display(), choreo_files::describe_error(&e)))
     })?;
     let names: Vec<&str> = names.iter().filter_map(|name| name.to_str()).collect();
-    let whole: BTreeSet<&str> = names.iter().copied().collect();
+    let file_names: BTreeSet<&str> = names.iter().copied().collect();
     let mut found: BTreeMap<Chunk, Vec<&str>> = BTreeMap::new();
     for name in &names {
-        if let Some(frames) = frames_of(name) {
-            found.entry(frames).or_default().extend(name.ends_with(PART).then_some(*name));
+        if let Some(frames) = parse_frame_range(name) {
+            found.entry(frames).or_default().extend(name.ends_with(PART_EXTENSION).then_some(*name));
         }
     }
     let status = |(frames, parts): (&Chunk, &Vec<&str>)| {
         let frames = *frames;
         let (first, last) = frames;
         let name = segment_name(first, last);
-        let report = choreo_files::read(&path.join(report_name(first, last)), MOST_REPORT).ok();
-        let report = report.and_then(|bytes| Report::read(&bytes));
+        let report = choreo_files::read(&path.join(report_name(first, last)), MAX_REPORT_BYTES).ok();
+        let report = report.and_then(|bytes| WorkerReport::read(&bytes));
         let is_held = |folder| parts.iter().any(|part| is_being_made(folder, Path::new(part)));
         let held = || opened.as_ref().is_ok_and(is_held);
         let state = match report.as_ref().map(|report| report.state) {
-            _ if whole.contains(name.as_str()) => Some(SegmentState::Done),
+            _ if file_names.contains(name.as_str()) => Some(SegmentState::Done),
             _ if held() => Some(SegmentState::Running),
             Some(SegmentState::Failed) => Some(SegmentState::Failed),
             // The segment is not visible yet, or was removed.
@@ -114,8 +117,8 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
         };
         ChunkStatus { film: number, frames, state, done, report }
     };
-    let touched = |(first, last): &Chunk| found.keys().any(|(a, b)| a <= last && b >= first);
-    let waiting = film.chunks.iter().copied().filter(|chunk| !touched(chunk));
+    let is_begun = |(first, last): &Chunk| found.keys().any(|(a, b)| a <= last && b >= first);
+    let waiting = film.chunks.iter().copied().filter(|chunk| !is_begun(chunk));
     let waiting =
         waiting.map(|frames| ChunkStatus { film: number, frames, state: None, done: 0, report: None });
     let mut chunks: Vec<ChunkStatus> = found.iter().map(status).chain(waiting).collect();
@@ -123,7 +126,7 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
     Ok(chunks)
 }
 
-struct Progress {
+struct JobProgress {
     /// Numbers of chunks by state.
     counts: BTreeMap<&'static str, usize>,
     frames: u64,
@@ -134,10 +137,10 @@ struct Progress {
     films: Vec<bool>,
 }
 
-impl Progress {
-    fn of(job: &FarmJob, chunks: &[ChunkStatus], folder: &Path) -> Progress {
+impl JobProgress {
+    fn of(job: &FarmJob, chunks: &[ChunkStatus], folder: &Path) -> JobProgress {
         let mut counts = BTreeMap::new();
-        chunks.iter().for_each(|chunk| *counts.entry(chunk.word()).or_default() += 1);
+        chunks.iter().for_each(|chunk| *counts.entry(chunk.state_name()).or_default() += 1);
         let done_of = |number: usize, film: &Film| {
             let own = chunks.iter().filter(|chunk| chunk.film == number);
             // Chunks may overlap.
@@ -148,17 +151,17 @@ impl Progress {
             running.filter_map(|chunk| chunk.report.as_ref()).filter(|report| report.made > 0)
         };
         let rate = reports().map(|report| report.made as f64 / report.seconds.max(1e-3)).sum::<f64>();
-        let there = |film: &Film| folder.join(OUTPUT).join(&film.output);
-        Progress {
+        let film_path = |film: &Film| folder.join(OUTPUT_FOLDER).join(&film.output);
+        JobProgress {
             counts,
             frames: job.films.iter().map(|film| film.frames).sum(),
             done: job.films.iter().enumerate().map(|(number, film)| done_of(number, film)).sum(),
             rate: (rate > 0.0).then_some(rate),
-            films: job.films.iter().map(|film| is_film_in_place(&there(film))).collect(),
+            films: job.films.iter().map(|film| is_film_in_place(&film_path(film))).collect(),
         }
     }
 
-    fn left(&self) -> Option<f64> {
+    fn seconds_left(&self) -> Option<f64> {
         Some((self.frames - self.done) as f64 / self.rate?)
     }
 
@@ -166,7 +169,7 @@ impl Progress {
         let chunk = |chunk: &ChunkStatus| {
             let report = chunk.report.as_ref();
             json!({
-                "film": job.films[chunk.film].output, "frames": chunk.frames, "state": chunk.word(), "done": chunk.done,
+                "film": job.films[chunk.film].output, "frames": chunk.frames, "state": chunk.state_name(), "done": chunk.done,
                 "host": report.map(|report| &report.host), "seconds": report.map(|report| report.seconds),
                 "message": report.map(|report| &report.message).filter(|_| chunk.state == Some(SegmentState::Failed)),
             })
@@ -179,7 +182,7 @@ impl Progress {
             "done": self.done,
             "counts": self.counts,
             "frames_per_second": self.rate,
-            "seconds_left": self.left(),
+            "seconds_left": self.seconds_left(),
             "films": job.films.iter().zip(&self.films).map(film).collect::<Vec<_>>(),
             "chunks": chunks.iter().map(chunk).collect::<Vec<_>>(),
         })
@@ -189,10 +192,12 @@ impl Progress {
         let mut page = Page::default();
         let states = ["done", "running", "failed", "stopped", "waiting"];
         let counts = states.iter().filter_map(|state| Some(format!("{} {state}", self.counts.get(state)?)));
-        let plural = if chunks.len() == 1 { "chunk" } else { "chunks" };
-        page.line(format_args!("{} {plural}: {}", chunks.len(), counts.collect::<Vec<_>>().join(", ")));
-        let rate = match (self.rate, self.left()) {
-            (Some(rate), Some(left)) => format!(", {rate:.1} a second, about {} left", duration(left)),
+        let number = counted(chunks.len() as u64, "chunk");
+        page.line(format_args!("{number}: {}", counts.collect::<Vec<_>>().join(", ")));
+        let rate = match (self.rate, self.seconds_left()) {
+            (Some(rate), Some(left)) => {
+                format!(", {rate:.1} per second, about {} left", format_duration(left))
+            }
             _ => String::new(),
         };
         page.line(format_args!("{} of {} frames{rate}", self.done, self.frames));
@@ -223,7 +228,7 @@ impl Progress {
                 "no task is running: submit the same job again to continue after the finished frames"
             ));
         }
-        if job.films.len() > MOST_LINES {
+        if job.films.len() > MAX_FILM_LINES {
             let joined = self.films.iter().filter(|there| **there).count();
             page.line(format_args!("{joined} of {} films are joined", job.films.len()));
         } else {
@@ -241,13 +246,14 @@ fn is_film_in_place(path: &Path) -> bool {
     let folder = path.parent().filter(|_| numbered);
     folder.map_or(path.is_file(), |folder| {
         // A join that is still running has its lock file beside the images.
-        let names = Folder::open(folder).and_then(|folder| folder.names(MOST_NAMES)).unwrap_or_default();
+        let names =
+            Folder::open(folder).and_then(|folder| folder.names(MAX_NAMES_PER_FOLDER)).unwrap_or_default();
         !names.is_empty() && names.iter().all(|name| !name.to_string_lossy().ends_with(".part"))
     })
 }
 
 /// Formats seconds for people.
-fn duration(seconds: f64) -> String {
+fn format_duration(seconds: f64) -> String {
     let whole = seconds.ceil().max(0.0) as u64;
     match (whole / 3600, whole / 60 % 60, whole % 60) {
         (0, 0, seconds) => format!("{seconds} s"),
@@ -259,18 +265,18 @@ fn duration(seconds: f64) -> String {
 /// Writes a contact sheet: a thumbnail of each chunk's first frame, with the state. If there are many chunks, some are left out.
 fn write_sheet(file: &Path, chunks: &[ChunkStatus]) -> Result<(), Failure> {
     let shown = file.display().to_string();
-    let count = chunks.len().min(MOST_CELLS);
+    let count = chunks.len().min(MAX_SHEET_CELLS);
     let shown_chunks: Vec<&ChunkStatus> = (0..count).map(|i| &chunks[i * chunks.len() / count]).collect();
     let images: Vec<Option<Frame>> =
-        shown_chunks.iter().map(|chunk| decoded(&chunk.report.as_ref()?.thumbnail)).collect();
+        shown_chunks.iter().map(|chunk| decode_thumbnail(&chunk.report.as_ref()?.thumbnail)).collect();
     let cell =
         images.iter().flatten().fold([1, 1], |[w, h], image| [w.max(image.width), h.max(image.height)]);
     let [width, height] = if cell == [1, 1] { [192, 108] } else { cell };
     let cells = shown_chunks.iter().zip(images).map(|(chunk, image)| {
         let (first, last) = chunk.frames;
-        (format!("{first}-{last}: {}", chunk.word()), fit_into_cell(image, [width, height]))
+        (format!("{first}-{last}: {}", chunk.state_name()), fit_into_cell(image, [width, height]))
     });
-    let sheet = png(&sheet::compose(cells.collect())).map_err(|e| export_failure(&shown, e))?;
+    let sheet = encode_png(&sheet::compose(cells.collect())).map_err(|e| export_failure(&shown, e))?;
     write_whole(file, &sheet).map_err(|e| write_failure(&shown, e))
 }
 
@@ -287,7 +293,7 @@ fn fit_into_cell(image: Option<Frame>, [width, height]: [u32; 2]) -> Frame {
 }
 
 /// Decodes a thumbnail; `None` if choreo did not write it.
-fn decoded(png: &[u8]) -> Option<Frame> {
+fn decode_thumbnail(png: &[u8]) -> Option<Frame> {
     let mut reader = png::Decoder::new(Cursor::new(png)).read_info().ok()?;
     let info = reader.info();
     let ours = (info.color_type, info.bit_depth) == (png::ColorType::Rgba, png::BitDepth::Eight);
@@ -301,11 +307,11 @@ fn decoded(png: &[u8]) -> Option<Frame> {
 
 #[cfg(test)]
 mod tests {
-    use super::duration;
+    use super::format_duration;
 
     #[test]
     fn durations_are_rounded_up() {
-        let texts = [0.0, 0.2, 59.0, 59.5, 3599.9, 3600.0, 90_061.0].map(duration);
+        let texts = [0.0, 0.2, 59.0, 59.5, 3599.9, 3600.0, 90_061.0].map(format_duration);
         assert_eq!(texts, ["0 s", "1 s", "59 s", "1 min 0 s", "1 h 0 min", "1 h 0 min", "25 h 1 min"]);
     }
 }

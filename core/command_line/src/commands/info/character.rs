@@ -2,52 +2,54 @@
 
 use super::hands;
 use crate::scene::model::list;
-use crate::terminal::page::Page;
+use crate::terminal::{counted, page::Page};
 use choreo_asset::{Asset, EyesMovedBy};
 use choreo_motion::spring::parameters::ColliderShape;
 use serde_json::{Value, json};
 
-/// Writes lines for the overview. `joints`: also write the joint of each bone.
-pub fn text(t: &mut Page, asset: &Asset, joints: bool) {
+/// Adds the lines about a character to the overview. `joints`: also list the joint of each bone.
+pub fn write_character_lines(page: &mut Page, asset: &Asset, joints: bool) {
     for (label, about) in &asset.origin.about {
-        t.line(format_args!("{label:<10} {about}"));
+        page.line(format_args!("{label:<10} {about}"));
     }
     let name = |joint: u32| asset.skeleton.names().get(joint as usize).map_or("?", String::as_str);
     if let Some(humanoid) = asset.skeleton.humanoid() {
-        t.line(format_args!("humanoid   {} bones", humanoid.bones().count()));
+        page.line(format_args!("humanoid   {}", counted(humanoid.bones().count() as u64, "bone")));
         if joints {
             for (bone, joint) in humanoid.bones() {
-                t.line(format_args!("  {:<24} {}", bone.name(), name(joint)));
+                page.line(format_args!("  {:<24} {}", bone.name(), name(joint)));
             }
         }
     }
-    if let Some(hands) = hands::line(asset) {
-        t.line(format_args!("hands      {hands}"));
+    if let Some(hands) = hands::hands_text(asset) {
+        page.line(format_args!("hands      {hands}"));
     }
     if !asset.expressions.is_empty() {
         let names = list(asset.expressions.iter().map(|e| e.name.as_str()), 24);
-        t.line(format_args!("expressions {}: {names}", asset.expressions.len()));
+        page.line(format_args!("expressions {}: {names}", asset.expressions.len()));
     }
     let springs = &asset.springs;
     if !springs.is_empty() {
-        let swinging: usize = springs.chains.iter().map(|c| c.joints.len()).sum();
-        t.line(format_args!(
-            "springs    {} chains, {swinging} joints, {} colliders",
-            springs.chains.len(),
-            springs.colliders.len()
+        let spring_joints: usize = springs.chains.iter().map(|c| c.joints.len()).sum();
+        page.line(format_args!(
+            "springs    {}, {}, {}",
+            counted(springs.chains.len() as u64, "chain"),
+            counted(spring_joints as u64, "joint"),
+            counted(springs.colliders.len() as u64, "collider")
         ));
         for chain in springs.chains.iter().take(if joints { usize::MAX } else { 8 }) {
             let Some(first) = chain.joints.first() else { continue };
-            let named = if chain.name.is_empty() { String::new() } else { format!(" \"{}\"", chain.name) };
-            t.line(format_args!(
-                "  {}{named}: {} joints, stiffness {}, drag {}, gravity {}, radius {} m, {} colliders",
+            let chain_name =
+                if chain.name.is_empty() { String::new() } else { format!(" \"{}\"", chain.name) };
+            page.line(format_args!(
+                "  {}{chain_name}: {}, stiffness {}, drag {}, gravity {}, radius {} m, {}",
                 name(first.joint),
-                chain.joints.len(),
+                counted(chain.joints.len() as u64, "joint"),
                 first.stiffness,
                 first.drag_force,
                 first.gravity_power,
                 first.hit_radius,
-                chain.colliders.len()
+                counted(chain.colliders.len() as u64, "collider")
             ));
         }
     }
@@ -56,14 +58,17 @@ pub fn text(t: &mut Page, asset: &Asset, joints: bool) {
             EyesMovedBy::Bones => "their bones",
             EyesMovedBy::Expressions => "expressions (lookLeft, lookRight, lookUp, lookDown)",
         };
-        t.line(format_args!("eyes       moved by {by}"));
+        page.line(format_args!("eyes       moved by {by}"));
     }
 }
 
-pub fn json(asset: &Asset) -> Value {
+pub fn character_json(asset: &Asset) -> Value {
     let springs = &asset.springs;
-    let colliders: Vec<Value> =
-        springs.colliders.iter().map(|c| json!({ "joint": c.joint, "shape": shape(&c.shape) })).collect();
+    let colliders: Vec<Value> = springs
+        .colliders
+        .iter()
+        .map(|c| json!({ "joint": c.joint, "shape": collider_json(&c.shape) }))
+        .collect();
     let chains: Vec<Value> = springs
         .chains
         .iter()
@@ -90,7 +95,7 @@ pub fn json(asset: &Asset) -> Value {
     json!({
         "about": about,
         "humanoid": bones,
-        "hands": hands::json(asset),
+        "hands": hands::hands_json(asset),
         "expressions": asset.expressions.iter().map(|e| json!({
             "name": e.name, "binary": e.binary, "morphs": e.morphs.len(),
         })).collect::<Vec<_>>(),
@@ -102,7 +107,7 @@ pub fn json(asset: &Asset) -> Value {
     })
 }
 
-fn shape(shape: &ColliderShape) -> Value {
+fn collider_json(shape: &ColliderShape) -> Value {
     match shape {
         ColliderShape::Sphere { offset, radius, inside } => {
             json!({ "sphere": { "offset": offset.to_array(), "radius": radius, "inside": inside } })

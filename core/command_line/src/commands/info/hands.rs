@@ -17,7 +17,7 @@ struct Hand {
 }
 
 /// Hands with an index finger and another finger, the left hand first.
-fn hands(asset: &Asset) -> Vec<Hand> {
+fn find_hands(asset: &Asset) -> Vec<Hand> {
     let human = HumanoidJoints::of(&asset.skeleton);
     let rest = asset.rest_model_from_joint();
     let hand = |side: &str| {
@@ -38,28 +38,28 @@ fn hands(asset: &Asset) -> Vec<Hand> {
 }
 
 /// Formats hands, each as `mixamorig:LeftHand fingers +y, palm +z, thumb -x`.
-pub fn line(asset: &Asset) -> Option<String> {
-    let one = |hand: &Hand| {
+pub fn hands_text(asset: &Asset) -> Option<String> {
+    let hand_text = |hand: &Hand| {
         let name = asset.skeleton.names().get(hand.joint as usize)?;
-        let [fingers, palm, thumb] = [hand.fingers, hand.palm, hand.thumb].map(axis);
+        let [fingers, palm, thumb] = [hand.fingers, hand.palm, hand.thumb].map(format_direction);
         Some(format!("{name} fingers {fingers}, palm {palm}, thumb {thumb}"))
     };
-    let lines: Vec<String> = hands(asset).iter().filter_map(one).collect();
+    let lines: Vec<String> = find_hands(asset).iter().filter_map(hand_text).collect();
     (!lines.is_empty()).then(|| lines.join("; "))
 }
 
-pub fn json(asset: &Asset) -> Vec<Value> {
-    let one = |hand: Hand| {
+pub fn hands_json(asset: &Asset) -> Vec<Value> {
+    let hand_json = |hand: Hand| {
         json!({
             "joint": hand.joint, "fingers": hand.fingers.to_array(), "palm": hand.palm.to_array(),
             "thumb": hand.thumb.to_array(),
         })
     };
-    hands(asset).into_iter().map(one).collect()
+    find_hands(asset).into_iter().map(hand_json).collect()
 }
 
 /// Formats a direction: as `-y` if it is within 20° of an axis, else by its components.
-fn axis(direction: Vec3) -> String {
+fn format_direction(direction: Vec3) -> String {
     let parts = direction.to_array();
     let largest = (0..3).max_by(|a, b| parts[*a].abs().total_cmp(&parts[*b].abs())).unwrap_or(0);
     match parts[largest] {

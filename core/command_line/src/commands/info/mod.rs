@@ -4,13 +4,13 @@ mod character;
 mod hands;
 
 use crate::args::{InfoArgs, values};
-use crate::commands::compressed::Savings;
+use crate::commands::compressed::CompressedClips;
 use crate::failure::{Failure, print, print_json};
 use crate::output::media::Media;
 use crate::plugins::plugin_files;
 use crate::process::memory;
 use crate::scene::model;
-use crate::scene::{self, opening::Opening};
+use crate::scene::{self, opening::OpenOptions};
 use crate::terminal::page::Page;
 use choreo_asset::{Asset, Light, Origin, Projection};
 use choreo_motion::{Clip, Facing, FacingEvidence};
@@ -21,56 +21,56 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
-    let registry = plugin_files::registry(plugins, &args.import.plugins, &[&args.file])?;
-    model::must_be_file(&args.file)?;
+    let registry = plugin_files::registry_with_files(plugins, &args.import.plugins, &[&args.file])?;
+    model::check_is_file(&args.file)?;
     if args.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
         let shown = args.file.display();
         return Err(Failure::Usage(format!(
             "{shown} is a script; type choreo explain {shown} or choreo check {shown}"
         )));
     }
-    let head = model::head(&args.file)?;
+    let head = model::read_first_bytes(&args.file)?;
     if let Some(media) = crate::output::media::read(&head) {
         return print_media(&args, &media);
     }
-    let limits = values::limits(&args.limit)?;
-    memory::guard(limits.memory);
+    let limits = values::parse_limits(&args.limit)?;
+    memory::start_guard(limits.memory);
     let open = |path: &std::path::Path| {
-        let choice = model::choice(&args.import)?;
-        model::import(path, &args.search, &choice, &registry, &limits, Opening::TO_INSPECT)
+        let choice = model::import_choice(&args.import)?;
+        model::import(path, &args.search, &choice, &registry, &limits, OpenOptions::TO_INSPECT)
             .map(|imported| imported.asset)
     };
     let asset = open(&args.file)?;
-    let importer = importer(&args, &registry, head);
-    let facts = facts(&asset, importer);
-    let followed = match &args.on {
+    let importer = importer_name_and_about(&args, &registry, head);
+    let facts = collect_facts(&asset, importer);
+    let retargeting = match &args.on {
         Some(path) => {
             let on = open(path)?;
             Some(retarget_lines(&asset, &on)?)
         }
         None => None,
     };
-    let savings = args.compress.map(|metres| Savings::of(&asset, metres)).transpose()?;
+    let compressed = args.compress.map(|metres| CompressedClips::measure(&asset, metres)).transpose()?;
     if args.json {
         let mut json = facts_json(&asset, &facts, args.joints);
-        if let Some(savings) = savings {
-            json["compressed"] = savings.json();
+        if let Some(compressed) = compressed {
+            json["compressed"] = compressed.json();
         }
-        if let Some(lines) = followed {
+        if let Some(lines) = retargeting {
             json["on"] = lines.into();
         }
         return print_json(&json);
     }
     let mut page = Page::default();
-    text(&mut page, &asset, &facts, args.joints);
-    page.lines(followed.unwrap_or_default());
-    if let Some(savings) = savings {
-        page.text(&savings.text());
+    write_overview(&mut page, &asset, &facts, args.joints);
+    page.lines(retargeting.unwrap_or_default());
+    if let Some(compressed) = compressed {
+        page.text(&compressed.text());
     }
     print(page.as_str())
 }
 
-/// Retargeting of the file's first clip to another character. A file without clips is tried with an empty clip.
+/// Lines that describe how the file's first clip is retargeted to another character. For a file without clips, an empty clip is used.
 fn retarget_lines(asset: &Asset, on: &Asset) -> Result<Vec<String>, Failure> {
     let still = Clip::new(String::new(), asset.skeleton.len(), Vec::new()).ok().map(Arc::new);
     let Some(clip) = asset.clips.first().cloned().or(still) else { return Ok(Vec::new()) };
@@ -78,7 +78,7 @@ fn retarget_lines(asset: &Asset, on: &Asset) -> Result<Vec<String>, Failure> {
     lines.map_err(|nothing| Failure::input(format!("{}\n    {}", nothing.message, nothing.hint)))
 }
 
-fn importer(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, String) {
+fn importer_name_and_about(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, String) {
     let source = Source { name: args.file.display().to_string(), bytes: Arc::new(head) };
     let found = registry.importer_for(&source, args.import.importer.as_deref());
     found.map(|i| (i.manifest().name.to_string(), i.manifest().about.to_string())).unwrap_or_default()
@@ -95,14 +95,14 @@ fn print_media(args: &InfoArgs, media: &Media) -> Result<(), Failure> {
     }
     let mut text = Page::default();
     text.line(format_args!("{}: {}, {}×{}", args.file.display(), media.format, media.width, media.height));
-    for (key, value) in media.provenance.iter().take(MOST_ENTRIES) {
+    for (key, value) in media.provenance.iter().take(MAX_METADATA_ENTRIES) {
         text.line(format_args!(
             "  {:<12} {}",
             one_line(key.strip_prefix("choreo:").unwrap_or(key)),
             one_line(value)
         ));
     }
-    let more = media.provenance.len().saturating_sub(MOST_ENTRIES);
+    let more = media.provenance.len().saturating_sub(MAX_METADATA_ENTRIES);
     if more > 0 {
         text.line(format_args!("  and {more} more; --json prints all"));
     }
@@ -113,18 +113,18 @@ fn print_media(args: &InfoArgs, media: &Media) -> Result<(), Failure> {
 }
 
 /// Largest number of metadata entries printed: the file is not trusted, and its output must stay readable.
-const MOST_ENTRIES: usize = 64;
+const MAX_METADATA_ENTRIES: usize = 64;
 
 fn one_line(text: &str) -> String {
-    const MOST: usize = 2_000;
-    let mut line: String = text.chars().take(MOST).map(|c| if c == '\n' { ' ' } else { c }).collect();
+    const MAX_CHARS: usize = 2_000;
+    let mut line: String = text.chars().take(MAX_CHARS).map(|c| if c == '\n' { ' ' } else { c }).collect();
     if line.len() < text.len() {
         line.push('…');
     }
     line
 }
 
-struct Facts {
+struct AssetFacts {
     importer: (String, String),
     vertices: usize,
     triangles: usize,
@@ -134,11 +134,11 @@ struct Facts {
     extents: Option<[[f32; 3]; 2]>,
 }
 
-fn facts(asset: &Asset, importer: (String, String)) -> Facts {
+fn collect_facts(asset: &Asset, importer: (String, String)) -> AssetFacts {
     let primitives = || asset.meshes.iter().flat_map(|m| &m.primitives);
     let triangle = |p: &&choreo_asset::Primitive| p.topology == choreo_asset::Topology::Triangles;
     let bounds = asset.rest_bounds();
-    Facts {
+    AssetFacts {
         importer,
         vertices: primitives().map(|p| p.positions.len()).sum(),
         triangles: primitives().filter(triangle).map(|p| p.indices.len() / 3).sum(),
@@ -148,26 +148,26 @@ fn facts(asset: &Asset, importer: (String, String)) -> Facts {
     }
 }
 
-fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
-    let texts = scene::texts(asset);
-    t.line(format_args!("{}: {} ({})", asset.name, facts.importer.0, facts.importer.1));
-    t.line(format_args!("importer   {}", asset.origin.importer));
+fn write_overview(page: &mut Page, asset: &Asset, facts: &AssetFacts, joints: bool) {
+    let texts = scene::warning_texts(asset);
+    page.line(format_args!("{}: {} ({})", asset.name, facts.importer.0, facts.importer.1));
+    page.line(format_args!("importer   {}", asset.origin.importer));
     if !asset.origin.format.is_empty() {
         let is_warned = asset.warnings.iter().any(|w| w.text.starts_with("the format has no unit"));
         let guessed = asset.origin.unit_is_assumed && is_warned;
-        t.line(format_args!("file       {}", origin(&asset.origin, guessed)));
+        page.line(format_args!("file       {}", origin_text(&asset.origin, guessed)));
     }
     if let Some([min, max]) = facts.extents {
         let size: [f32; 3] = std::array::from_fn(|i| max[i] - min[i]);
-        t.line(format_args!(
+        page.line(format_args!(
             "size       {:.3} × {:.3} × {:.3} m at rest (x, y up, z)",
             size[0], size[1], size[2]
         ));
     }
     if !asset.facing().evidence.is_empty() {
-        t.line(format_args!("facing     {}", facing(asset.facing())));
+        page.line(format_args!("facing     {}", facing_text(asset.facing())));
     }
-    meshes(t, asset, facts);
+    write_mesh_summary(page, asset, facts);
     let skins: Vec<String> = asset.skins.iter().map(|s| s.joints.len().to_string()).collect();
     let in_skins = match skins.as_slice() {
         [] => String::new(),
@@ -175,74 +175,74 @@ fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
         _ => format!(" ({} joints)", skins.join(", ")),
     };
     let (nodes, skins) = (asset.skeleton.len(), skins.len());
-    let (nodes, skins) = (count(nodes, "node", "nodes"), count(skins, "skin", "skins"));
-    t.line(format_args!("joints     {nodes}, {skins}{in_skins}"));
+    let (nodes, skins) = (counted(nodes, "node", "nodes"), counted(skins, "skin", "skins"));
+    page.line(format_args!("joints     {nodes}, {skins}{in_skins}"));
     for mesh in asset.meshes.iter().filter(|m| m.morph_targets > 0) {
         let names = model::list(mesh.morph_names.iter().map(String::as_str), 12);
-        let targets = count(mesh.morph_targets, "target", "targets");
-        t.line(format_args!("morphs     {}: {targets} {names}", mesh.name));
+        let targets = counted(mesh.morph_targets, "target", "targets");
+        page.line(format_args!("morphs     {}: {targets} {names}", mesh.name));
     }
-    t.line(format_args!(
+    page.line(format_args!(
         "materials  {}, images {} ({:.1} MB in memory)",
         asset.materials.len(),
         asset.images.len(),
         facts.image_bytes as f64 / 1e6
     ));
     for image in &asset.images {
-        t.line(format_args!("  image    {} {}×{}", image.name, image.width, image.height));
+        page.line(format_args!("  image    {} {}×{}", image.name, image.width, image.height));
     }
-    t.line(format_args!("clips      {}", asset.clips.len()));
+    page.line(format_args!("clips      {}", asset.clips.len()));
     for clip in &asset.clips {
-        t.line(format_args!(
+        page.line(format_args!(
             "  {:<28} {:8.3} s, {}",
             clip.name,
             clip.duration.as_secs(),
-            count(clip.curves().len() + clip.properties().len(), "curve", "curves")
+            counted(clip.curves().len() + clip.properties().len(), "curve", "curves")
         ));
     }
-    character::text(t, asset, joints);
+    character::write_character_lines(page, asset, joints);
     for camera in &asset.cameras {
-        t.line(format_args!("camera     {} ({})", camera.name, projection(&camera.projection)));
+        page.line(format_args!("camera     {} ({})", camera.name, projection_text(&camera.projection)));
     }
     for light in &asset.lights {
-        t.line(format_args!(
+        page.line(format_args!(
             "light      {} ({}, {})",
             light.name,
             light.light.kind.name(),
-            brightness(&light.light)
+            intensity_text(&light.light)
         ));
     }
     if joints {
-        tree(t, asset);
+        write_joint_tree(page, asset);
     }
-    t.lines(texts);
+    page.lines(texts);
 }
 
-fn meshes(t: &mut Page, asset: &Asset, facts: &Facts) {
-    t.line(format_args!(
+fn write_mesh_summary(page: &mut Page, asset: &Asset, facts: &AssetFacts) {
+    page.line(format_args!(
         "meshes     {} with {}, {}, {}",
         asset.meshes.len(),
-        count(facts.primitives, "primitive", "primitives"),
-        count(facts.vertices, "vertex", "vertices"),
-        count(facts.triangles, "triangle", "triangles")
+        counted(facts.primitives, "primitive", "primitives"),
+        counted(facts.vertices, "vertex", "vertices"),
+        counted(facts.triangles, "triangle", "triangles")
     ));
-    for mesh in named_meshes(asset) {
-        t.line(format_args!("  mesh     {mesh}"));
+    for mesh in mesh_lines(asset) {
+        page.line(format_args!("  mesh     {mesh}"));
     }
     let copied: Vec<usize> =
         asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| asset.times(i)).collect();
     if !copied.is_empty() {
         let copies: usize = copied.iter().sum();
-        let of = count(copied.len(), "mesh", "meshes");
-        t.line(format_args!("copies     {copies}, of {of} drawn many times"));
+        let of = counted(copied.len(), "mesh", "meshes");
+        page.line(format_args!("copies     {copies}, of {of} drawn many times"));
     }
 }
 
 /// Largest number of lines about meshes; further meshes are only counted.
-const MOST_MESHES: usize = 100;
+const MAX_MESH_LINES: usize = 100;
 
 /// Lines with the name of each mesh, and the nodes that show it under other names: the names that `hide_parts` accepts.
-fn named_meshes(asset: &Asset) -> Vec<String> {
+fn mesh_lines(asset: &Asset) -> Vec<String> {
     let mut lines = Vec::new();
     for (index, mesh) in asset.meshes.iter().enumerate() {
         let shown = asset.instances.iter().filter(|instance| instance.mesh as usize == index);
@@ -255,18 +255,19 @@ fn named_meshes(asset: &Asset) -> Vec<String> {
             false => format!("{} on {}", mesh.name, model::list(nodes.into_iter(), 12)),
         });
     }
-    let more = lines.len().saturating_sub(MOST_MESHES);
-    lines.truncate(MOST_MESHES);
+    let more = lines.len().saturating_sub(MAX_MESH_LINES);
+    lines.truncate(MAX_MESH_LINES);
     lines.extend((more > 0).then(|| format!("and {more} more; --json lists all")));
     lines
 }
 
-fn count(number: usize, one: &str, many: &str) -> String {
+/// Formats a number with its noun in the singular or the plural.
+fn counted(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
 /// Formats the facing direction, as `+z (feet, eyes)`. If the evidence is contradictory, each part is listed with its direction.
-fn facing(facing: &Facing) -> String {
+fn facing_text(facing: &Facing) -> String {
     let part = |e: &FacingEvidence| match facing.doubtful {
         true => format!("{} {:+.1} {:+.1}", e.part, e.direction.x, e.direction.z),
         false => e.part.to_string(),
@@ -278,11 +279,11 @@ fn facing(facing: &Facing) -> String {
 }
 
 /// Conventions of the file before conversion: format, unit, up axis.
-fn origin(o: &Origin, guessed: bool) -> String {
+fn origin_text(o: &Origin, guessed: bool) -> String {
     let mut text = o.format.clone();
     // A guessed unit is left out here: it has its own warning, with the reason.
     if let Some(metres) = o.metres_per_unit.filter(|_| !guessed) {
-        // Products of inches have more digits than anyone reads.
+        // Units derived from inches have many digits; six decimal places are enough to read.
         let shown = if metres < 1e-3 { metres } else { (metres * 1e6).round() / 1e6 };
         let is = if o.unit_is_assumed { "taken as" } else { "=" };
         let _ = write!(text, ", 1 unit {is} {shown} m");
@@ -297,7 +298,7 @@ fn origin(o: &Origin, guessed: bool) -> String {
 }
 
 /// Prints the joints, indented below their parents.
-fn tree(t: &mut Page, asset: &Asset) {
+fn write_joint_tree(page: &mut Page, asset: &Asset) {
     let skeleton = &asset.skeleton;
     let mut depth = vec![0usize; skeleton.len()];
     let mut children = vec![Vec::new(); skeleton.len()];
@@ -311,17 +312,17 @@ fn tree(t: &mut Page, asset: &Asset) {
             None => roots.push(i),
         }
     }
-    t.line(format_args!("tree"));
+    page.line(format_args!("tree"));
     let mut stack: Vec<usize> = roots.into_iter().rev().collect();
     while let Some(joint) = stack.pop() {
         // The indentation is capped: for a chain of joints deeper than in any real skeleton, it would grow quadratically.
         let indent = "  ".repeat(depth[joint].min(40) + 1);
-        t.line(format_args!("{indent}{}", skeleton.names()[joint]));
+        page.line(format_args!("{indent}{}", skeleton.names()[joint]));
         stack.extend(children[joint].iter().rev());
     }
 }
 
-fn projection(p: &Projection) -> String {
+fn projection_text(p: &Projection) -> String {
     match p {
         Projection::Perspective { yfov, .. } => format!("perspective, {:.1}° high", yfov.to_degrees()),
         Projection::Orthographic { height, .. } => format!("orthographic, {height} m high"),
@@ -329,11 +330,11 @@ fn projection(p: &Projection) -> String {
 }
 
 /// Intensity of a light in the unit of its kind: candela, or lux for a directional light.
-fn brightness(light: &Light) -> String {
+fn intensity_text(light: &Light) -> String {
     format!("{} {}", (f64::from(light.intensity) * 1e3).round() / 1e3, light.kind.unit())
 }
 
-fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
+fn facts_json(asset: &Asset, facts: &AssetFacts, joints: bool) -> Value {
     let names = asset.skeleton.names().iter().zip(asset.skeleton.parents());
     let list = |n: usize| (0..n).collect::<Vec<_>>();
     let mut value = json!({
@@ -371,7 +372,7 @@ fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
         "extents": facts.extents,
         "warnings": asset.warnings.iter().map(|w| json!({ "place": w.place, "text": w.text })).collect::<Vec<_>>(),
     });
-    value["character"] = character::json(asset);
+    value["character"] = character::character_json(asset);
     if joints {
         value["skeleton"] = names.map(|(name, parent)| json!({ "name": name, "parent": parent })).collect();
     }

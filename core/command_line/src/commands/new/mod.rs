@@ -1,5 +1,5 @@
 //! `choreo new importer|effect|exporter NAME`: copies a template crate under a new name; with `--wasm` as a package that is built to
-//! WebAssembly, with `--single` as one file. `choreo new project NAME`: makes a folder for scripts.
+//! WebAssembly, with `--single` as one file. `choreo new project NAME`: creates a folder for scripts.
 
 mod project;
 
@@ -10,7 +10,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Files of a crate: name and text.
-type Files = &'static [(&'static str, &'static str)];
+type TemplateFiles = &'static [(&'static str, &'static str)];
 
 /// A crate that is copied.
 struct Template {
@@ -18,22 +18,22 @@ struct Template {
     prefix: &'static str,
     /// Word that is replaced by the new name, such as "example"; "Example" is replaced too.
     word: &'static str,
-    files: Files,
+    files: TemplateFiles,
     /// Crates that it depends on, as names of folders in `core`.
     crates: &'static [&'static str],
 }
 
-const IMPORTER: Template =
+const IMPORTER_TEMPLATE: Template =
     Template { prefix: "import", word: "example", files: import_example::files::FILES, crates: &["plugin"] };
 
-const EFFECT: Template = Template {
+const EFFECT_TEMPLATE: Template = Template {
     prefix: "effect",
     word: "example",
     files: effect_example::files::FILES,
     crates: &["plugin", "wgsl_effect"],
 };
 
-const EXPORTER: Template =
+const EXPORTER_TEMPLATE: Template =
     Template { prefix: "export", word: "csv", files: export_csv::files::FILES, crates: &["plugin"] };
 
 /// A kind of plugin.
@@ -65,11 +65,11 @@ pub fn run(args: NewArgs) -> Result<(), Failure> {
 /// Checks the name of a crate: a Rust identifier in which `_` stands for `-`, and no keyword.
 fn check_name(name: &str) -> Result<(), Failure> {
     let mut chars = name.chars();
-    let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
+    let is_valid = chars.next().is_some_and(|c| c.is_ascii_lowercase())
         && chars.all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
         && !name.ends_with('_')
         && name.len() <= 40;
-    match good {
+    match is_valid {
         true => Ok(()),
         false => Err(Failure::Usage(format!(
             "\"{name}\": a plugin's name begins with a letter and has at most 40 lower-case letters, digits \
@@ -79,7 +79,7 @@ fn check_name(name: &str) -> Result<(), Failure> {
 }
 
 /// Template of an effect for each hook.
-fn hook_text(hook: Option<HookArg>) -> &'static str {
+fn hook_template(hook: Option<HookArg>) -> &'static str {
     match hook.unwrap_or(HookArg::Pixel) {
         HookArg::Pixel => include_str!("hooks/pixel.wgsl"),
         HookArg::Image => include_str!("hooks/image.wgsl"),
@@ -101,12 +101,12 @@ fn create_single_file(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(
             include_str!("single.importer.rhai"),
             Some(include_str!("single.sample")),
         ),
-        PluginKind::Effect => (format!("{name}.wgsl"), hook_text(args.hook), None),
+        PluginKind::Effect => (format!("{name}.wgsl"), hook_template(args.hook), None),
         PluginKind::Exporter => (format!("{name}.exporter.rhai"), include_str!("single.exporter.rhai"), None),
     };
     let mut files = vec![(PathBuf::from(&file), named(text))];
     files.extend(sample.map(|text| (PathBuf::from(format!("sample.{name}")), named(text))));
-    write(into, &files)?;
+    write_all_files(into, &files)?;
     let try_it = match kind {
         PluginKind::Importer => format!("choreo info {}", into.join(format!("sample.{name}")).display()),
         PluginKind::Effect => format!("effect(\"{name}\") in a script beside it"),
@@ -117,39 +117,39 @@ fn create_single_file(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(
 
 fn create_crate(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
     let name = &args.name;
-    let sources = sources(args)?;
+    let sources = find_sources(args)?;
     let template = match kind {
-        PluginKind::Importer => IMPORTER,
-        PluginKind::Effect => EFFECT,
-        PluginKind::Exporter => EXPORTER,
+        PluginKind::Importer => IMPORTER_TEMPLATE,
+        PluginKind::Effect => EFFECT_TEMPLATE,
+        PluginKind::Exporter => EXPORTER_TEMPLATE,
     };
     let own = PathBuf::from(format!("{}-{}", template.prefix, name.replace('_', "-")));
     let folder = into.join(&own);
-    free(&folder)?;
+    check_does_not_exist(&folder)?;
     let here = if into.as_os_str().is_empty() { Path::new(".") } else { into };
     let workspace = Workspace::find(here, &sources);
     let mut files: Vec<(String, String)> = match args.hook.filter(|hook| *hook != HookArg::Pixel) {
-        Some(hook) => hook_crate(hook, name).into(),
+        Some(hook) => hook_crate_files(hook, name).into(),
         None => {
-            let new = |text: &str| renamed(text, name, template.word);
+            let new = |text: &str| rename_template(text, name, template.word);
             template.files.iter().map(|(file, text)| (new(file), new(text))).collect()
         }
     };
     let mut manifest = cargo_toml(&template, name, &sources, &workspace);
     if args.wasm {
         let kind = if kind == PluginKind::Importer { "importer" } else { "exporter" };
-        files = wasm_package(&mut manifest, files, &own.display().to_string(), name, kind);
+        files = convert_to_wasm_package(&mut manifest, files, &own.display().to_string(), name, kind);
     }
     let mut all = vec![(own.join("Cargo.toml"), manifest)];
     all.extend(files.into_iter().map(|(file, text)| (own.join(file), text)));
-    write(into, &all)?;
+    write_all_files(into, &all)?;
     let member = match &workspace {
         Workspace::Other(root) => format!(
             "    it belongs to the workspace of {}: add it to the members there, unless they include it \
              already\n",
             root.display()
         ),
-        Workspace::Ours | Workspace::None => String::new(),
+        Workspace::Choreo | Workspace::None => String::new(),
     };
     print(&format!(
         "{}: written\n{member}    try: cargo test --manifest-path {}/Cargo.toml\n",
@@ -160,8 +160,8 @@ fn create_crate(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Fai
 
 /// The Cargo workspace that a new crate will belong to.
 enum Workspace {
-    /// The workspace of choreo's sources.
-    Ours,
+    /// The workspace of choreo's own sources.
+    Choreo,
     /// Another workspace, with the path of its `Cargo.toml`.
     Other(PathBuf),
     None,
@@ -172,7 +172,7 @@ impl Workspace {
     fn find(folder: &Path, sources: &Path) -> Workspace {
         let Ok(folder) = folder.canonicalize() else { return Workspace::None };
         if folder == sources.join("plugins") {
-            return Workspace::Ours;
+            return Workspace::Choreo;
         }
         let is_root = |manifest: &PathBuf| {
             let text = std::fs::read_to_string(manifest).unwrap_or_default();
@@ -184,7 +184,7 @@ impl Workspace {
 }
 
 /// Folder of choreo's sources for the new crate to build against: the given one, or the one around the current folder.
-fn sources(args: &NewArgs) -> Result<PathBuf, Failure> {
+fn find_sources(args: &NewArgs) -> Result<PathBuf, Failure> {
     let is_sources = |folder: &Path| folder.join("core/plugin/Cargo.toml").is_file();
     if let Some(given) = &args.sources {
         let found = given.canonicalize().ok().filter(|g| is_sources(g));
@@ -202,7 +202,7 @@ fn sources(args: &NewArgs) -> Result<PathBuf, Failure> {
 }
 
 /// Files of an effect crate whose hook differs from that of the example.
-fn hook_crate(hook: HookArg, name: &str) -> [(String, String); 3] {
+fn hook_crate_files(hook: HookArg, name: &str) -> [(String, String); 3] {
     let (kind, test) = match hook {
         HookArg::Pixel => ("Pixel", ""),
         HookArg::Image => ("Image", include_str!("crate_tests/image.txt")),
@@ -217,13 +217,13 @@ fn hook_crate(hook: HookArg, name: &str) -> [(String, String); 3] {
     [
         ("README.md".into(), named(include_str!("effect_readme.txt"))),
         ("src/lib.rs".into(), named(include_str!("effect_lib.rs.txt"))),
-        (format!("src/{name}.wgsl"), named(hook_text(Some(hook)))),
+        (format!("src/{name}.wgsl"), named(hook_template(Some(hook)))),
     ]
 }
 
 /// Turns a crate into a package whose plugin is built to WebAssembly: changes the crate type, and adds `plugin.toml` and a section to the
 /// README.
-fn wasm_package(
+fn convert_to_wasm_package(
     manifest: &mut String,
     files: Vec<(String, String)>,
     crate_name: &str,
@@ -249,7 +249,7 @@ fn wasm_package(
 }
 
 /// Replaces the template's word by the new name in each spelling: `import-example`, `import_example`, `ExampleImporter`.
-fn renamed(text: &str, name: &str, word: &str) -> String {
+fn rename_template(text: &str, name: &str, word: &str) -> String {
     let camel: String = name
         .split('_')
         .map(|part| {
@@ -278,7 +278,7 @@ fn renamed(text: &str, name: &str, word: &str) -> String {
 
 fn cargo_toml(template: &Template, name: &str, sources: &Path, workspace: &Workspace) -> String {
     let Template { prefix, crates, .. } = template;
-    let in_workspace = matches!(workspace, Workspace::Ours);
+    let in_workspace = matches!(workspace, Workspace::Choreo);
     let name = name.replace('_', "-");
     // Backslashes of Windows paths would be escapes in a TOML string.
     let sources = sources.display().to_string().replace('\\', "/");
@@ -304,16 +304,17 @@ fn cargo_toml(template: &Template, name: &str, sources: &Path, workspace: &Works
 }
 
 /// Writes all files or none, by names below a folder. Existing files are not replaced, and links are not followed.
-fn write(into: &Path, files: &[(PathBuf, String)]) -> Result<(), Failure> {
-    files.iter().try_for_each(|(name, _)| free(&into.join(name)))?;
+fn write_all_files(into: &Path, files: &[(PathBuf, String)]) -> Result<(), Failure> {
+    files.iter().try_for_each(|(name, _)| check_does_not_exist(&into.join(name)))?;
     for (name, text) in files {
-        create(into, name, text).map_err(|e| write_failure(&into.join(name).display().to_string(), e))?;
+        create_file(into, name, text)
+            .map_err(|e| write_failure(&into.join(name).display().to_string(), e))?;
     }
     Ok(())
 }
 
 /// Refuses a path that exists. A symbolic link is refused later, when the file is created.
-fn free(path: &Path) -> Result<(), Failure> {
+fn check_does_not_exist(path: &Path) -> Result<(), Failure> {
     match std::fs::symlink_metadata(path) {
         Ok(there) if !there.is_symlink() => {
             Err(Failure::Output(format!("{}: it exists already; nothing was written", path.display())))
@@ -322,7 +323,7 @@ fn free(path: &Path) -> Result<(), Failure> {
     }
 }
 
-fn create(into: &Path, name: &Path, text: &str) -> Result<(), WriteError> {
+fn create_file(into: &Path, name: &Path, text: &str) -> Result<(), WriteError> {
     if !into.as_os_str().is_empty() {
         std::fs::create_dir_all(into)?;
     }
@@ -343,7 +344,7 @@ mod tests {
     #[test]
     fn every_hook_has_its_template() {
         let templates = HookArg::value_variants().iter().map(|hook| {
-            let text = hook_text(Some(*hook)).replace("NAME", "mine");
+            let text = hook_template(Some(*hook)).replace("NAME", "mine");
             WgslEffect::from_text("mine.wgsl", &text).unwrap_or_else(|e| panic!("{hook:?}: {e}")).hook()
         });
         assert_eq!(templates.collect::<BTreeSet<Hook>>(), choreo_wgsl_effect::hooks().collect());

@@ -1,4 +1,4 @@
-//! `choreo plugins`: lists importers, effects and exporters with their options, tells which importer reads a file, and manages packages of
+//! `choreo plugins`: lists importers, effects and exporters with their options, prints which importer reads a file, and manages packages of
 //! plugins.
 
 mod package_test;
@@ -22,39 +22,41 @@ pub fn run(args: PluginsArgs, app: &App) -> Result<(), Failure> {
     let plugins = &app.registry;
     match &args.action {
         Some(PluginsAction::Install { path, replace }) => packages::install(path, *replace, plugins),
-        Some(PluginsAction::List { json }) => packages::list(*json),
+        Some(PluginsAction::List { json }) => packages::list_packages(*json),
         Some(PluginsAction::Remove { name }) => packages::remove(name),
         Some(PluginsAction::Test { path }) => package_test::run(path, plugins),
-        None => show(&args, app),
+        None => show_plugins(&args, app),
     }
 }
 
-fn show(args: &PluginsArgs, app: &App) -> Result<(), Failure> {
+fn show_plugins(args: &PluginsArgs, app: &App) -> Result<(), Failure> {
     let beside: Vec<&Path> = std::iter::once(Path::new(".")).chain(args.file.as_deref()).collect();
     let listing = plugin_files::listing(&app.registry, &args.plugins, &beside)?;
     // All plugin files are compiled here, even if nothing uses them.
     let mut problems: Vec<Problem> = listing.problems().into_iter().map(Problem::Text).collect();
     let registry = listing.registry.settled();
     match (&args.file, &args.name) {
-        (Some(file), _) => claims(file, &registry, args.json)?,
+        (Some(file), _) => print_claims(file, &registry, args.json)?,
         // Faulty plugins of other names do not matter here.
         (None, Some(name))
-            if rows(&registry).iter().any(|(.., rows)| rows.iter().any(|(m, _)| m.name == *name)) =>
+            if plugins_by_kind(&registry)
+                .iter()
+                .any(|(.., rows)| rows.iter().any(|(m, _)| m.name == *name)) =>
         {
-            return list(app, &registry, Some(name), args.json);
+            return print_plugins(app, &registry, Some(name), args.json);
         }
-        (None, Some(name)) => problems.insert(0, Problem::Text(unknown(name, &registry))),
-        (None, None) => list(app, &registry, None, args.json)?,
+        (None, Some(name)) => problems.insert(0, Problem::Text(unknown_plugin_message(name, &registry))),
+        (None, None) => print_plugins(app, &registry, None, args.json)?,
     }
     // Working plugins are listed even if others have errors.
     if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
 }
 
 /// A plugin's manifest and file.
-type Row<'a> = (&'a Manifest, Option<&'a PluginFile>);
+type PluginRow<'a> = (&'a Manifest, Option<&'a PluginFile>);
 
 /// All plugins by kind: name of the kind, prefix of the folders with their pages, plugins.
-fn rows(registry: &Registry) -> [(&'static str, &'static str, Vec<Row<'_>>); 4] {
+fn plugins_by_kind(registry: &Registry) -> [(&'static str, &'static str, Vec<PluginRow<'_>>); 4] {
     let importers = registry.importers().iter().map(|p| (p.manifest(), p.file())).collect();
     let effects = registry.effects().iter().map(|p| (p.manifest(), p.file())).collect();
     let exporters = registry.exporters().iter().map(|p| (p.manifest(), None)).collect();
@@ -68,8 +70,8 @@ fn rows(registry: &Registry) -> [(&'static str, &'static str, Vec<Row<'_>>); 4] 
 }
 
 /// Message about a name that no plugin has.
-fn unknown(name: &str, registry: &Registry) -> String {
-    let rows = rows(registry);
+fn unknown_plugin_message(name: &str, registry: &Registry) -> String {
+    let rows = plugins_by_kind(registry);
     let names = rows.iter().flat_map(|(.., rows)| rows.iter().map(|(m, _)| m.name.as_str()));
     let near = did_you_mean(name, names);
     format!(
@@ -78,8 +80,8 @@ fn unknown(name: &str, registry: &Registry) -> String {
 }
 
 /// Prints all plugins, or those of one name with their pages.
-fn list(app: &App, registry: &Registry, only: Option<&str>, as_json: bool) -> Result<(), Failure> {
-    let mut kinds = rows(registry);
+fn print_plugins(app: &App, registry: &Registry, only: Option<&str>, as_json: bool) -> Result<(), Failure> {
+    let mut kinds = plugins_by_kind(registry);
     for (.., rows) in &mut kinds {
         rows.retain(|(m, _)| only.is_none_or(|name| m.name == name));
     }
@@ -102,7 +104,7 @@ fn list(app: &App, registry: &Registry, only: Option<&str>, as_json: bool) -> Re
             text.line(format_args!("  {:<12} {:<14} {}{from}", m.name, extensions.join(" "), m.about));
             text.text(&option_rows(m));
             let page = format!("{folder}{}/README.md", m.name);
-            if only.is_some() && file.is_none() && pages::text(app, &page).is_some() {
+            if only.is_some() && file.is_none() && pages::page_text(app, &page).is_some() {
                 text.line(format_args!("      {page} (choreo help --page {page})"));
             }
         }
@@ -111,9 +113,9 @@ fn list(app: &App, registry: &Registry, only: Option<&str>, as_json: bool) -> Re
 }
 
 /// Prints every importer's claim on one file; the importer that reads it comes first.
-fn claims(file: &Path, registry: &Registry, as_json: bool) -> Result<(), Failure> {
-    model::must_be_file(file)?;
-    let source = Source { name: file.display().to_string(), bytes: Arc::new(model::head(file)?) };
+fn print_claims(file: &Path, registry: &Registry, as_json: bool) -> Result<(), Failure> {
+    model::check_is_file(file)?;
+    let source = Source { name: file.display().to_string(), bytes: Arc::new(model::read_first_bytes(file)?) };
     let claims = registry.claims(&source);
     let reader = claims.first().filter(|(claim, _)| *claim > Claim::NotMine).map(|(_, i)| &i.manifest().name);
     if as_json {

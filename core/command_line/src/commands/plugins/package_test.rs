@@ -6,7 +6,7 @@ use crate::args::Cli;
 use crate::args::Command;
 use crate::commands::test;
 use crate::failure::{Failure, Problem, print, print_message};
-use crate::terminal::page::Page;
+use crate::terminal::{counted, page::Page};
 use choreo_asset::Asset;
 use choreo_files::Folder;
 use choreo_motion::Transform;
@@ -20,19 +20,19 @@ use clap::Parser;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Largest sample in bytes, and largest number of samples.
-const MOST_SAMPLE: u64 = 64 << 20;
-const MOST_SAMPLES: usize = 100;
-/// Number of places at which samples are truncated, and number of bytes that are changed, one at a time.
-const CUTS: usize = 16;
-const CHANGES: usize = 64;
+/// Limits on the size of a sample in bytes, and on the number of samples.
+const MAX_SAMPLE_BYTES: u64 = 64 << 20;
+const MAX_SAMPLES: usize = 100;
+/// Number of truncated copies of each sample, and number of copies with one flipped bit.
+const TRUNCATIONS: usize = 16;
+const BIT_FLIPS: usize = 64;
 /// Folders of a package that are searched for samples and test scripts.
-const FOLDERS: [&str; 3] = ["", "samples", "tests"];
+const SEARCHED_FOLDERS: [&str; 3] = ["", "samples", "tests"];
 
 pub fn run(path: &Path, plugins: &Registry) -> Result<(), Failure> {
     let (folder, package) = packages::open_or_installed(path)?;
-    let listing = packages::working(&folder, plugins)?;
-    let notes = packages::notes(&folder, &package, &listing);
+    let listing = packages::list_working_plugins(&folder, plugins)?;
+    let notes = packages::package_notes(&folder, &package, &listing);
     notes.iter().for_each(|text| print_message(format_args!("note: {text}")));
     let mut page = Page::default();
     page.line(format_args!(
@@ -45,18 +45,18 @@ pub fn run(path: &Path, plugins: &Registry) -> Result<(), Failure> {
     let mut problems: Vec<String> = Vec::new();
     let names = listing.names();
     for (kind, name) in &names {
-        let tried = match kind {
-            PackagedKind::Importer => importer(name, &folder, &listing.registry),
-            PackagedKind::Exporter => exporter(name, &listing.registry),
+        let test_result = match kind {
+            PackagedKind::Importer => test_importer(name, &folder, &listing.registry),
+            PackagedKind::Exporter => test_exporter(name, &listing.registry),
             PackagedKind::Effect => Ok(Vec::new()),
         };
-        match tried {
+        match test_result {
             Ok(lines) => page.lines(lines.into_iter().map(|line| format!("  {line}"))),
             Err(faults) => problems.extend(faults),
         }
     }
     print(page.as_str())?;
-    let scripts = scripts(&folder);
+    let scripts = test_scripts(&folder);
     let effects: Vec<&str> = names
         .iter()
         .filter(|(kind, _)| *kind == PackagedKind::Effect)
@@ -101,10 +101,10 @@ fn run_scripts(
 }
 
 /// Scripts of the package that have sections and are not plugins.
-fn scripts(folder: &Path) -> Vec<PathBuf> {
+fn test_scripts(folder: &Path) -> Vec<PathBuf> {
     let is_script = |name: &str| name.ends_with(".rhai") && !is_plugin(name);
     let mut scripts: Vec<PathBuf> =
-        files(folder).into_iter().filter(|(name, _)| is_script(name)).map(|(_, p)| p).collect();
+        package_files(folder).into_iter().filter(|(name, _)| is_script(name)).map(|(_, p)| p).collect();
     scripts.retain(|path| std::fs::read_to_string(path).is_ok_and(|text| text.contains("test(")));
     scripts
 }
@@ -114,14 +114,14 @@ fn is_plugin(name: &str) -> bool {
 }
 
 /// Names and paths of the files in the folders of samples and tests, sorted.
-fn files(folder: &Path) -> Vec<(String, PathBuf)> {
+fn package_files(folder: &Path) -> Vec<(String, PathBuf)> {
     let in_folder = |below: &&str| {
         let place = if below.is_empty() { folder.to_path_buf() } else { folder.join(below) };
         let names = Folder::open(&place).and_then(|open| open.names(10_000)).unwrap_or_default();
         let named = move |name: std::ffi::OsString| (name.to_string_lossy().into_owned(), place.join(&name));
         names.into_iter().map(named).filter(|(_, path)| path.is_file()).collect::<Vec<_>>()
     };
-    FOLDERS.iter().flat_map(in_folder).collect()
+    SEARCHED_FOLDERS.iter().flat_map(in_folder).collect()
 }
 
 /// Files in the folder of a sample, for importers.
@@ -129,29 +129,29 @@ struct SampleFolder(Folder);
 
 impl Files for SampleFolder {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
-        let bytes = self.0.read(Path::new(relative), MOST_SAMPLE);
+        let bytes = self.0.read(Path::new(relative), MAX_SAMPLE_BYTES);
         bytes.map(Arc::new).map_err(|e| format!("{relative}: {e}"))
     }
 }
 
 /// Reads the samples with an importer, intact and damaged. The result must be an error or a valid asset.
-fn importer(name: &str, folder: &Path, registry: &Registry) -> Result<Vec<String>, Vec<String>> {
+fn test_importer(name: &str, folder: &Path, registry: &Registry) -> Result<Vec<String>, Vec<String>> {
     let plugin = registry.importers().iter().rfind(|importer| importer.manifest().name == name);
     let Some(plugin) = plugin else { return Err(vec![format!("the importer {name} was not found")]) };
     let (mut lines, mut faults) = (Vec::new(), Vec::new());
-    for (file, path) in files(folder).into_iter().take(MOST_SAMPLES) {
+    for (file, path) in package_files(folder).into_iter().take(MAX_SAMPLES) {
         if is_plugin(&file) || file == choreo_session::package::DESCRIPTION {
             continue;
         }
         let shown = path.display().to_string();
         let opened = Folder::open(path.parent().unwrap_or(Path::new(".")));
         let Ok(opened) = opened else { continue };
-        let Ok(bytes) = opened.read(Path::new(&file), MOST_SAMPLE) else { continue };
+        let Ok(bytes) = opened.read(Path::new(&file), MAX_SAMPLE_BYTES) else { continue };
         let source = Source { name: shown, bytes: Arc::new(bytes) };
         if plugin.claim(&source) == Claim::NotMine {
             continue;
         }
-        match sample(&**plugin, &source, &SampleFolder(opened)) {
+        match test_sample(&**plugin, &source, &SampleFolder(opened)) {
             Ok(line) => lines.push(format!("importer {name}: {line}")),
             Err(fault) => faults.push(fault.to_string()),
         }
@@ -179,13 +179,17 @@ enum PluginFault {
     Export(#[from] ExportError),
 }
 
-fn sample(importer: &dyn Importer, source: &Source, beside: &SampleFolder) -> Result<String, PluginFault> {
+fn test_sample(
+    importer: &dyn Importer,
+    source: &Source,
+    beside: &SampleFolder,
+) -> Result<String, PluginFault> {
     let manifest = importer.manifest();
     let options = manifest.complete(&ImportOptions::default())?;
     let import = |source: &Source| importer.import(source, beside, ImportScope::ALL, &options);
     let asset = import(source).map_err(PluginFault::Import)?;
     let (mut refused, mut read) = (0, 0);
-    for damaged in damaged(&source.bytes) {
+    for damaged in damaged_copies(&source.bytes) {
         match import(&Source { name: source.name.clone(), bytes: Arc::new(damaged) }) {
             Ok(_) => read += 1,
             // This is a fault of the plugin, not of the file: a panic, or an invalid asset.
@@ -198,7 +202,7 @@ fn sample(importer: &dyn Importer, source: &Source, beside: &SampleFolder) -> Re
         }
     }
     let shown = &source.name;
-    Ok(format!("{shown}: {}; damaged copies: {refused} refused, {read} read", contents(&asset)))
+    Ok(format!("{shown}: {}; damaged copies: {refused} refused, {read} read", asset_summary(&asset)))
 }
 
 fn with_hint(error: &ImportError) -> String {
@@ -206,7 +210,7 @@ fn with_hint(error: &ImportError) -> String {
     format!("{error}{hint}")
 }
 
-fn contents(asset: &Asset) -> String {
+fn asset_summary(asset: &Asset) -> String {
     let primitives = asset.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let vertices: usize = primitives.map(|primitive| primitive.positions.len()).sum();
     let joints = asset.skeleton.names().len();
@@ -215,9 +219,9 @@ fn contents(asset: &Asset) -> String {
 }
 
 /// Damaged copies: truncated ones, and ones with a single changed bit. The places are the same in every run.
-fn damaged(bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> + '_ {
-    let cut = (0..CUTS).map(|i| bytes[..bytes.len() * i / CUTS].to_vec());
-    let changed = (0..CHANGES.min(bytes.len())).map(|i| {
+fn damaged_copies(bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> + '_ {
+    let cut = (0..TRUNCATIONS).map(|i| bytes[..bytes.len() * i / TRUNCATIONS].to_vec());
+    let changed = (0..BIT_FLIPS.min(bytes.len())).map(|i| {
         let mut copy = bytes.to_vec();
         // Steps of the golden ratio spread the places; the flipped bit cycles through the byte.
         let at = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) % bytes.len() as u64;
@@ -228,22 +232,22 @@ fn damaged(bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> + '_ {
 }
 
 /// An exporter must write a small scene, and write the same bytes the second time.
-fn exporter(name: &str, registry: &Registry) -> Result<Vec<String>, Vec<String>> {
+fn test_exporter(name: &str, registry: &Registry) -> Result<Vec<String>, Vec<String>> {
     let plugin = registry.scene_exporters().iter().rfind(|exporter| exporter.manifest().name == name);
     let Some(plugin) = plugin else { return Err(vec![format!("the exporter {name} was not found")]) };
-    let scene = scene().map_err(|e| vec![e.to_string()])?;
-    let write = || write(&**plugin, &scene).map_err(|e| vec![format!("the exporter {name}: {e}")]);
+    let scene = small_scene().map_err(|e| vec![e.to_string()])?;
+    let write = || export_to_memory(&**plugin, &scene).map_err(|e| vec![format!("the exporter {name}: {e}")]);
     let (first, second) = (write()?, write()?);
     if (&first.main, &first.beside) != (&second.main, &second.beside) {
         return Err(vec![format!(
             "the exporter {name} wrote different bytes for the same scene the second time"
         )]);
     }
-    let beside = first.beside.len();
-    Ok(vec![format!("exporter {name}: {} bytes of a small scene, {beside} files beside", first.main.len())])
+    let beside = counted(first.beside.len() as u64, "file");
+    Ok(vec![format!("exporter {name}: {} bytes of a small scene, {beside} beside", first.main.len())])
 }
 
-fn write(exporter: &dyn SceneExporter, scene: &ExportedScene) -> Result<MemoryFiles, PluginFault> {
+fn export_to_memory(exporter: &dyn SceneExporter, scene: &ExportedScene) -> Result<MemoryFiles, PluginFault> {
     let mut files = MemoryFiles::default();
     let mut scene = scene.clone();
     scene.options = exporter.manifest().complete(&scene.options)?;
@@ -252,7 +256,7 @@ fn write(exporter: &dyn SceneExporter, scene: &ExportedScene) -> Result<MemoryFi
 }
 
 /// Scene with two actors, each of two joints and a triangle.
-fn scene() -> Result<ExportedScene, BuildError> {
+fn small_scene() -> Result<ExportedScene, BuildError> {
     let mut builder = AssetBuilder::default();
     let hips = builder.joint("hips", None, Transform::IDENTITY)?;
     let up = Transform { translation: glam::Vec3::Y, ..Transform::IDENTITY };

@@ -1,27 +1,28 @@
-//! `choreo render --set-from`: renders a film for each row of a table in one process, so that assets are imported and pipelines are made
+//! `choreo render --set-from`: renders a film for each row of a table in one process, so that assets are imported and pipelines are created
 //! once. A row that fails is reported, and the others continue.
 
 use crate::args::RenderArgs;
 use crate::args::values;
-use crate::commands::render::draw::{self, Drawn};
+use crate::commands::render::draw::{self, DrawResult};
 use crate::drawing::device;
 use crate::drawing::frame_cache::CachingRenderer;
 use crate::drawing::pipeline::render_failure;
-use crate::failure::{Failure, output_error, print_json, print_message};
+use crate::failure::{Failure, output_failure, print_json, print_message};
 use crate::output::target::Target;
-use crate::process::panics::plugin_failures;
+use crate::process::panics::catch_plugin_panics;
 use crate::scene;
 use crate::scene::opening::ReopenState;
-use crate::scene::rows::{self, Row};
+use crate::scene::rows::{self, ParameterRow};
+use crate::terminal::counted;
 use choreo_plugin::Registry;
 use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
 
 pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Failure> {
-    let rows = rows::read(table)?;
-    let outputs = rows::outputs(&rows, &args.output)?;
-    let renders = || rows.iter().zip(&outputs).map(|(row, output)| of_row(args, row, output));
+    let rows = rows::read_table(table)?;
+    let outputs = rows::output_paths(&rows, &args.output)?;
+    let renders = || rows.iter().zip(&outputs).map(|(row, output)| row_args(args, row, output));
     if let Some(number) = args.row {
         let render = number.checked_sub(1).and_then(|index| renders().nth(index));
         let count = rows.len();
@@ -38,25 +39,25 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
             "--set-from writes a file for each row; -o is a pattern, as {name}.mp4".into(),
         ));
     }
-    let jobs = args.jobs.as_deref().map(values::jobs).transpose()?;
-    let registry = scene::plugins(&args.scene, plugins)?;
+    let jobs = args.jobs.as_deref().map(values::parse_jobs).transpose()?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     Target::parse(&outputs[0])?.exporter(&registry)?;
-    let started = device::start(super::wanted(args), registry.effects()).wait()?;
+    let started = device::start_renderer(super::device_request(args), registry.effects()).wait()?;
     let mut batch = Batch {
         registry,
-        keep: ReopenState::default(),
-        renderer: CachingRenderer::shared_only(started.renderer),
+        reopen_state: ReopenState::default(),
+        renderer: CachingRenderer::without_cache(started.renderer),
         note: started.note,
         reason: started.reason,
         jobs,
-        folders: Path::new(&args.output)
+        creates_folders: Path::new(&args.output)
             .parent()
             .is_some_and(|folder| folder.to_string_lossy().contains('{')),
     };
     let mut results = Vec::new();
     for (row, render) in rows.iter().zip(renders()) {
-        let begun = Instant::now();
-        let drawn = plugin_failures(|| batch.row(&render));
+        let start = Instant::now();
+        let drawn = catch_plugin_panics(|| batch.render_row(&render));
         if let Err(failure @ (Failure::Interrupted | Failure::Internal(_))) = drawn {
             return Err(failure);
         }
@@ -64,7 +65,7 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
             row: row.number,
             output: render.output,
             drawn,
-            seconds: begun.elapsed().as_secs_f64(),
+            seconds: start.elapsed().as_secs_f64(),
         };
         result.print(args);
         results.push(result);
@@ -73,32 +74,32 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
 }
 
 /// Arguments for the render of one row.
-fn of_row(args: &RenderArgs, row: &Row, output: &str) -> RenderArgs {
-    let scene = row.scene(&args.scene);
+fn row_args(args: &RenderArgs, row: &ParameterRow, output: &str) -> RenderArgs {
+    let scene = row.scene_args(&args.scene);
     RenderArgs { scene, output: output.to_string(), set_from: None, row: None, ..args.clone() }
 }
 
 /// State shared by all rows.
 struct Batch {
     registry: Registry,
-    keep: ReopenState,
+    reopen_state: ReopenState,
     renderer: CachingRenderer,
     /// Note about the device, printed with the first row.
     note: Option<String>,
     reason: Option<String>,
     jobs: Option<usize>,
     /// Whether folders of outputs are created, since rows determine their names.
-    folders: bool,
+    creates_folders: bool,
 }
 
 impl Batch {
-    fn row(&mut self, args: &RenderArgs) -> Result<(u64, Drawn), Failure> {
+    fn render_row(&mut self, args: &RenderArgs) -> Result<(u64, DrawResult), Failure> {
         let target = Target::parse(&args.output)?;
-        let job = super::prepare(args, target, &self.registry, Some(&self.keep))?;
-        if self.folders {
-            make_folder(&job.target)?;
+        let job = super::prepare_job(args, target, &self.registry, Some(&self.reopen_state))?;
+        if self.creates_folders {
+            create_folder(&job.target)?;
         }
-        self.renderer.begin().map_err(render_failure)?;
+        self.renderer.begin_render().map_err(render_failure)?;
         let started = device::StartedRenderer {
             renderer: Box::new(self.renderer.clone()),
             time: None,
@@ -106,24 +107,24 @@ impl Batch {
             note: self.note.take(),
             reason: self.reason.clone(),
         };
-        let drawn = draw::draw(args, &job, started, self.jobs);
-        self.keep.release(job.scene.limits.memory);
+        let drawn = draw::draw_job(args, &job, started, self.jobs);
+        self.reopen_state.release_unused_assets(job.scene.limits.memory);
         Ok((job.frames.len() as u64, drawn?))
     }
 }
 
 /// Creates the folder of a single output file.
-fn make_folder(target: &Target) -> Result<(), Failure> {
+fn create_folder(target: &Target) -> Result<(), Failure> {
     let Target::File(path) = target else { return Ok(()) };
     let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return Ok(()) };
-    std::fs::create_dir_all(folder).map_err(|e| output_error(&folder.display().to_string(), &e))
+    std::fs::create_dir_all(folder).map_err(|e| output_failure(&folder.display().to_string(), &e))
 }
 
 struct RowResult {
     row: usize,
     output: String,
     /// Number of the film's frames, and how they were drawn.
-    drawn: Result<(u64, Drawn), Failure>,
+    drawn: Result<(u64, DrawResult), Failure>,
     seconds: f64,
 }
 
@@ -131,12 +132,13 @@ impl RowResult {
     fn print(&self, args: &RenderArgs) {
         let RowResult { row, output, seconds, .. } = self;
         match &self.drawn {
-            Err(failure) => {
-                failure.lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")))
-            }
+            Err(failure) => failure
+                .message_lines()
+                .iter()
+                .for_each(|line| print_message(format_args!("row {row}: {line}"))),
             Ok((frames, _)) if !args.quiet && !args.json => {
-                let plural = if *frames == 1 { "frame" } else { "frames" };
-                print_message(format_args!("row {row}: {frames} {plural} in {seconds:.2} s: {output}"));
+                let frames = counted(*frames, "frame");
+                print_message(format_args!("row {row}: {frames} in {seconds:.2} s: {output}"));
             }
             Ok(_) => {}
         }
@@ -162,7 +164,7 @@ fn report_rows(args: &RenderArgs, results: &[RowResult]) -> Result<(), Failure> 
         let all = results.iter().all(|result| result.drawn.is_ok());
         print_json(&json!({ "ok": all, "rows": rows }))?;
     }
-    rows::rows_failure(
+    rows::check_no_row_failed(
         results.len(),
         results.iter().filter_map(|result| Some((result.row, result.drawn.as_ref().err()?))),
     )

@@ -3,7 +3,7 @@
 use crate::args::RenderArgs;
 use crate::commands::render;
 use crate::drawing::pipeline::{Pixels, render_failure};
-use crate::failure::{Failure, output_error, print_message};
+use crate::failure::{Failure, output_failure, print_message};
 use crate::output::image_files;
 use crate::output::provenance;
 use crate::output::target::Target;
@@ -20,26 +20,26 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Captions of the stages; the last stage is the frame itself and has no caption.
-const CAPTIONS: [&str; 5] = [
+const STAGE_CAPTIONS: [&str; 5] = [
     "model: each mesh as its file has it, around its own origin",
-    "view: the whole scene from above; the camera is at the bottom, its field of view between the grey lines",
+    "view: the whole scene from above; the camera is at the bottom, its field of view between the gray lines",
     "clip: projected and divided by w; the white frame marks the edges of the image",
     "raster: the nearest triangle at each pixel, one color per triangle",
     "depth: the distance of the nearest triangle; white is nearest",
 ];
 
-fn caption(picture: &mut Frame, text: &str) {
-    label(picture, text, (picture.height as f32 / 26.0).min(picture.width as f32 / 46.0));
+fn draw_caption(image: &mut Frame, text: &str) {
+    draw_label(image, text, (image.height as f32 / 26.0).min(image.width as f32 / 46.0));
 }
 
 /// Draws a text in the top left corner, `height` pixels high. A text too small to be read is left out.
-pub fn label(picture: &mut Frame, text: &str, height: f32) {
-    let size = [picture.width, picture.height];
+pub fn draw_label(image: &mut Frame, text: &str, height: f32) {
+    let size = [image.width, image.height];
     if height < 7.0 {
         return;
     }
-    darken(
-        picture,
+    darken_top_left(
+        image,
         [height * (1.2 + 0.58 * text.chars().count() as f32), 1.9 * height].map(|side| side as u32),
     );
     // The text is drawn twice, first as a shadow, so that it can be read on any background.
@@ -47,18 +47,18 @@ pub fn label(picture: &mut Frame, text: &str, height: f32) {
         let at = DVec2::new(f64::from(shift), f64::from(height + shift))
             / DVec2::new(size[0].into(), size[1].into());
         let label = ScreenLabel { at, text: text.into(), size: height, beside: 0.6 * height, color };
-        let [_, over] = compose_layers(&Stage::default(), &Snapshot::default(), &[label], size);
-        if let Some(over) = over {
-            over.blend_over(picture);
+        let [_, text_layer] = compose_layers(&Stage::default(), &Snapshot::default(), &[label], size);
+        if let Some(text_layer) = text_layer {
+            text_layer.blend_over(image);
         }
     }
 }
 
 /// Darkens a rectangle in the top left corner, as the background of a text.
-fn darken(picture: &mut Frame, [width, height]: [u32; 2]) {
-    let [width, height] = [width.min(picture.width), height.min(picture.height)].map(|side| side as usize);
-    let row_bytes = 4 * picture.width as usize;
-    for row in picture.rgba.chunks_exact_mut(row_bytes).take(height) {
+fn darken_top_left(image: &mut Frame, [width, height]: [u32; 2]) {
+    let [width, height] = [width.min(image.width), height.min(image.height)].map(|side| side as usize);
+    let row_bytes = 4 * image.width as usize;
+    for row in image.rgba.chunks_exact_mut(row_bytes).take(height) {
         for pixel in row.as_chunks_mut::<4>().0.iter_mut().take(width) {
             pixel[..3].iter_mut().for_each(|channel| *channel /= 3);
         }
@@ -78,9 +78,9 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let file = |number: usize, name: &str| folder.join(format!("{number}_{name}.png"));
     let last = file(STAGES.len(), STAGES[STAGES.len() - 1]);
     let target = Target::parse(&last.to_string_lossy())?;
-    let registry = scene::plugins(&args.scene, plugins)?;
+    let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let args = RenderArgs { at: args.at.clone().or_else(|| Some("0".into())), ..args.clone() };
-    let job = render::prepare(&args, target, &registry, None)?;
+    let job = render::prepare_job(&args, target, &registry, None)?;
     for (number, name) in (1..).zip(STAGES) {
         job.scene.inputs.check_output(&file(number, name))?;
     }
@@ -96,26 +96,32 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let plan = plan_alone(&resources, stage, &snapshot, &options, |at| stage.at(at))
         .map_err(|e| Failure::input(e.to_string()))?;
     renderer.load(resources).map_err(render_failure)?;
-    let mut pictures = renderer.stages(&plan).map_err(render_failure)?;
-    let captioned = pictures.iter_mut().zip(CAPTIONS).enumerate();
-    captioned.for_each(|(i, (picture, text))| caption(picture, &format!("{}  {text}", i + 1)));
-    std::fs::create_dir_all(folder).map_err(|e| output_error(&args.output, &e))?;
+    let mut images = renderer.stages(&plan).map_err(render_failure)?;
+    let captioned = images.iter_mut().zip(STAGE_CAPTIONS).enumerate();
+    captioned.for_each(|(i, (image, text))| draw_caption(image, &format!("{}  {text}", i + 1)));
+    std::fs::create_dir_all(folder).map_err(|e| output_failure(&args.output, &e))?;
     let info = VideoInfo {
         width: job.settings.size[0],
         height: job.settings.size[1],
         fps: job.settings.fps,
         frames: 1,
-        provenance: provenance::of(&job.scene, &job.settings, samples, &job.options, renderer.device()),
+        provenance: provenance::of_render(
+            &job.scene,
+            &job.settings,
+            samples,
+            &job.options,
+            renderer.device(),
+        ),
         options: job.options.clone(),
     };
-    for (number, (name, picture)) in (1..).zip(STAGES.iter().zip(&pictures)) {
+    for (number, (name, image)) in (1..).zip(STAGES.iter().zip(&images)) {
         let path = file(number, name);
-        image_files::write_to(
+        image_files::write_image_to(
             &path,
             PartFile::create(&path),
             &*job.exporter,
             &info,
-            &Pixels::Bytes(picture.clone()),
+            &Pixels::Bytes(image.clone()),
         )?;
         if !args.quiet {
             print_message(path.display());

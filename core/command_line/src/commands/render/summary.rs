@@ -2,20 +2,21 @@
 
 use crate::args::RenderArgs;
 use crate::commands::render::Job;
-use crate::commands::render::draw::Drawn;
-use crate::drawing::pipeline::Counts;
+use crate::commands::render::draw::DrawResult;
+use crate::drawing::pipeline::FrameCounts;
 use crate::failure::{Failure, print_json, print_json_message, print_message};
 use crate::output::target::Target;
+use crate::terminal::counted;
 
-pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<(), Failure> {
+pub fn report(args: &RenderArgs, job: &Job, drawn: &DrawResult, secs: f64) -> Result<(), Failure> {
     let frames = job.frames.len() as u64;
-    let Counts { drawn: own, repeated, recomposed } = drawn.counts;
+    let FrameCounts { drawn: own, repeated, recomposed } = drawn.counts;
     if args.json {
         let made: serde_json::Map<String, serde_json::Value> =
             drawn.provenance.iter().map(|(k, v)| (k.clone(), v.clone().into())).collect();
         let mut value = serde_json::json!({
             "ok": true,
-            "output": job.target.shown(),
+            "output": job.target.display_name(),
             "frames": frames,
             "drawn": own,
             "reused": frames - own.min(frames),
@@ -46,14 +47,14 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
         return print_json(&value);
     }
     if !args.quiet {
-        let plural = if frames == 1 { "frame" } else { "frames" };
+        let frames_text = counted(frames, "frame");
         let because = drawn.reason.iter().map(|why| format!(" ({why})")).collect::<String>();
         print_message(format_args!(
-            "{frames} {plural}{} in {secs:.1} s ({:.0} a second) on {}{because}: {}",
-            not_drawn(frames, drawn.counts, args.watch),
+            "{frames_text}{} in {secs:.1} s ({:.0} a second) on {}{because}: {}",
+            not_drawn_text(frames, drawn.counts, args.watch),
             (own + repeated + recomposed) as f64 / secs,
             drawn.device,
-            job.target.shown()
+            job.target.display_name()
         ));
         match drawn.device_time {
             Some((frames, secs)) => print_message(format_args!(
@@ -75,8 +76,8 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
 }
 
 /// Number of frames that were not drawn, and the reason.
-fn not_drawn(frames: u64, counts: Counts, watch: bool) -> String {
-    let Counts { drawn, repeated, recomposed } = counts;
+fn not_drawn_text(frames: u64, counts: FrameCounts, watch: bool) -> String {
+    let FrameCounts { drawn, repeated, recomposed } = counts;
     let reused = frames - drawn.min(frames);
     let parts = match watch {
         true => vec![(reused, "drawn before")],

@@ -21,7 +21,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
-    let jobs = args.jobs.as_deref().map(values::jobs).transpose()?;
+    let jobs = args.jobs.as_deref().map(values::parse_jobs).transpose()?;
     let target = Target::parse(&args.output)?;
     if target == Target::Stdout {
         return Err(Failure::Usage(
@@ -30,16 +30,16 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     let failed = |e: choreo_session::WatchError| Failure::input(format!("--watch: {e}"));
     let mut watch = Watch::new().map_err(failed)?;
-    let started = device::start(args.device, plugins.effects()).wait()?;
+    let started = device::start_renderer(args.device, plugins.effects()).wait()?;
     let renderer = CachingRenderer::new(started.renderer);
     let (mut note, reason) = (started.note, started.reason);
-    let keep = ReopenState::default();
+    let reopen_state = ReopenState::default();
     loop {
-        let begun = Instant::now();
-        let round = || {
-            let registry = scene::plugins(&args.scene, plugins)?;
-            let job = super::prepare(args, target.clone(), &registry, Some(&keep))?;
-            renderer.begin().map_err(render_failure)?;
+        let start = Instant::now();
+        let render_once = || {
+            let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
+            let job = super::prepare_job(args, target.clone(), &registry, Some(&reopen_state))?;
+            renderer.begin_render().map_err(render_failure)?;
             let started = device::StartedRenderer {
                 renderer: Box::new(renderer.clone()),
                 time: None,
@@ -47,24 +47,24 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
                 note: note.take(),
                 reason: reason.clone(),
             };
-            let mut drawn = draw::draw(args, &job, started, jobs)?;
-            drawn.counts.drawn -= renderer.reused().min(drawn.counts.drawn);
-            summary::report(args, &job, &drawn, begun.elapsed().as_secs_f64())
+            let mut drawn = draw::draw_job(args, &job, started, jobs)?;
+            drawn.counts.drawn -= renderer.reused_frames().min(drawn.counts.drawn);
+            summary::report(args, &job, &drawn, start.elapsed().as_secs_f64())
         };
         // The next save may correct the error.
-        match { round }() {
+        match { render_once }() {
             Ok(()) => {}
             Err(failure @ (Failure::Interrupted | Failure::ClosedPipe | Failure::Usage(_))) => {
                 return Err(failure);
             }
-            Err(failure) => failure.lines().iter().for_each(print_message),
+            Err(failure) => failure.message_lines().iter().for_each(print_message),
         }
-        watch.set(interest(args, &keep));
+        watch.set(paths_to_watch(args, &reopen_state));
         memory::stop_guard();
         let changed = loop {
             match watch.wait(Some(Duration::from_millis(200))).map_err(failed)? {
                 WatchEvent::Changed(files) => break files,
-                _ if interrupt::interrupted() => return Err(Failure::Interrupted),
+                _ if interrupt::is_interrupted() => return Err(Failure::Interrupted),
                 _ => {}
             }
         };
@@ -76,32 +76,32 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// Files of the last round, and folders in which plugin files would be found.
-fn interest(args: &RenderArgs, keep: &ReopenState) -> WatchedPaths {
-    let touched = keep.touched();
-    let mut interest = WatchedPaths::default();
-    interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
+fn paths_to_watch(args: &RenderArgs, reopen_state: &ReopenState) -> WatchedPaths {
+    let touched = reopen_state.touched();
+    let mut paths_to_watch = WatchedPaths::default();
+    paths_to_watch.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
     for path in touched.looked_for {
-        let there = content_of(&path);
-        interest.files.entry(path).or_insert(there);
+        let content = content_of(&path);
+        paths_to_watch.files.entry(path).or_insert(content);
     }
     let named = &args.scene.import.plugins;
     let inputs = [args.scene.input.as_path()];
     if let Ok(listing) = choreo_session::plugin_files::list(&Registry::default(), named, &inputs, None) {
         for file in listing.files() {
-            interest.files.entry(file.to_path_buf()).or_insert_with(|| content_of(file));
+            paths_to_watch.files.entry(file.to_path_buf()).or_insert_with(|| content_of(file));
         }
         for folder in listing.folders {
             if let Ok(folder) = std::path::absolute(folder) {
                 let folder = folder.canonicalize().unwrap_or(folder);
-                interest.folders.extend(FILE_ENDINGS.iter().map(|e| (folder.clone(), e.to_string())));
+                paths_to_watch.folders.extend(FILE_ENDINGS.iter().map(|e| (folder.clone(), e.to_string())));
             }
         }
     }
     // If a render fails before it has read a file, its input is watched.
     if let Ok(input) = std::path::absolute(Path::new(&args.scene.input)) {
         let input = input.canonicalize().unwrap_or(input);
-        let there = content_of(&input);
-        interest.files.entry(input).or_insert(there);
+        let content = content_of(&input);
+        paths_to_watch.files.entry(input).or_insert(content);
     }
-    interest
+    paths_to_watch
 }

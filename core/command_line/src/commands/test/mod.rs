@@ -7,9 +7,9 @@ use crate::args::values;
 use crate::args::{Device, TestArgs};
 use crate::drawing::device;
 use crate::failure::{Failure, print, print_json, write_failure};
-use crate::output::target::in_folder;
+use crate::output::target::check_folder_exists;
 use crate::plugins::plugin_files;
-use crate::process::threads::too_few;
+use crate::process::threads::too_few_threads;
 use crate::project_file;
 use crate::scene::inputs::Inputs;
 use crate::scene::pack::{self, Unpacked};
@@ -28,17 +28,17 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Folders that are searched for tests if the command line names none.
-const USUAL: [&str; 2] = ["tests/suite", "scripts"];
+const DEFAULT_FOLDERS: [&str; 2] = ["tests/suite", "scripts"];
 
 pub fn run(mut args: TestArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
     // The unpacked folders are removed when this value is dropped.
-    let _unpacked = unpacked(&mut args)?;
-    let job = Job { in_projects: !no_project_file, ..Job::new(&args)? };
+    let _unpacked = unpack_scenes(&mut args)?;
+    let job = TestJob { may_read_project: !no_project_file, ..TestJob::new(&args)? };
     if args.watch {
         return watch::run(&args, &job, plugins);
     }
-    let listing = job.plugins(&args, plugins)?;
-    let cases = job.cases(&listing.registry)?;
+    let listing = job.list_plugins(&args, plugins)?;
+    let cases = job.select_cases(&listing.registry)?;
     if args.list {
         return match args.json {
             true => print_json(&json::list(&cases)),
@@ -51,16 +51,16 @@ pub fn run(mut args: TestArgs, no_project_file: bool, plugins: &Registry) -> Res
 fn check_report(report: &Report) -> Result<(), Failure> {
     match report.failure() {
         None => Ok(()),
-        Some(why) if without_thread(report) => {
-            Err(too_few(&format!("none can be started for some sections; {why}")))
+        Some(why) if was_refused_a_thread(report) => {
+            Err(too_few_threads(&format!("none can be started for some sections; {why}")))
         }
         Some(why) => Err(Failure::Tests(why)),
     }
 }
 
 /// Unpacks the packed scenes among the paths, and replaces them by their scripts and folders.
-fn unpacked(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
-    let limits = values::limits(&args.limit)?;
+fn unpack_scenes(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
+    let limits = values::parse_limits(&args.limit)?;
     let mut all = Vec::new();
     for path in args.paths.iter_mut().filter(|path| pack::is_packed(path)) {
         if !args.accept.is_empty() || args.watch {
@@ -69,9 +69,9 @@ fn unpacked(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
         }
         let unpacked = Unpacked::open(path, limits.file)?;
         let manifest = &unpacked.manifest;
-        *path = unpacked.place(&manifest.input);
-        args.search.extend(manifest.search.iter().map(|folder| unpacked.place(folder)));
-        args.plugins.extend(manifest.plugins.iter().map(|folder| unpacked.place(folder)));
+        *path = unpacked.unpacked_path(&manifest.input);
+        args.search.extend(manifest.search.iter().map(|folder| unpacked.unpacked_path(folder)));
+        args.plugins.extend(manifest.plugins.iter().map(|folder| unpacked.unpacked_path(folder)));
         all.push(unpacked);
     }
     Ok(all)
@@ -82,29 +82,29 @@ fn unpacked(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
 pub(crate) fn run_package(args: TestArgs, folder: &Path, plugins: &Registry) -> Result<Vec<String>, Failure> {
     let folder = vec![folder.to_path_buf()];
     let args = TestArgs { search: folder.clone(), plugins: folder, ..args };
-    let job = Job::new(&args)?;
-    let listing = job.plugins(&args, plugins)?;
-    let cases = job.cases(&listing.registry)?;
+    let job = TestJob::new(&args)?;
+    let listing = job.list_plugins(&args, plugins)?;
+    let cases = job.select_cases(&listing.registry)?;
     check_report(&run_once(&args, &job, &cases, &listing.registry)?)?;
     Ok(listing.unused_effects())
 }
 
-/// The checked command line.
-pub struct Job {
+/// Tests to run: the command line, checked.
+pub struct TestJob {
     paths: Vec<PathBuf>,
     selection: Selection,
     options: RunOptions,
     /// Whether tests may read files in the folder of their project.
-    in_projects: bool,
+    may_read_project: bool,
 }
 
-impl Job {
-    fn new(args: &TestArgs) -> Result<Job, Failure> {
-        let limits = values::limits(&args.limit)?;
+impl TestJob {
+    fn new(args: &TestArgs) -> Result<TestJob, Failure> {
+        let limits = values::parse_limits(&args.limit)?;
         let script = ScriptOptions { search_paths: args.search.clone(), limits, ..ScriptOptions::default() };
         let mut paths = args.paths.clone();
         if paths.is_empty() {
-            paths = USUAL.iter().map(PathBuf::from).filter(|p| p.is_dir()).collect();
+            paths = DEFAULT_FOLDERS.iter().map(PathBuf::from).filter(|p| p.is_dir()).collect();
         }
         if paths.is_empty() {
             paths.push(PathBuf::from("."));
@@ -120,19 +120,19 @@ impl Job {
             Some(Device::Vulkan) => Some(painter::Device::Vulkan),
             Some(Device::Auto) => {
                 return Err(Failure::Usage(
-                    "--device auto: an image belongs to one device; say cpu or vulkan".into(),
+                    "--device auto: an image belongs to one device; write cpu or vulkan".into(),
                 ));
             }
         };
-        let (pictures, results) = if args.list { (None, None) } else { folders()? };
+        let (pictures, results) = if args.list { (None, None) } else { work_folders()? };
         // A program that cannot be distinguished from another build must not reuse the results of that build.
         let program = results::program_identity();
         let options = RunOptions {
             // The current folder is the project if there is no `choreo.toml`: tests may use the scenes and assets in it.
             test: TestOptions { script, root: std::env::current_dir().ok(), ..TestOptions::default() },
             pictures: ImageOptions { accept, device, any_device: args.any_device, failures: pictures },
-            timeout: Some(values::timeout(&args.timeout)?),
-            jobs: args.jobs.as_deref().map(values::jobs).transpose()?.unwrap_or(0),
+            timeout: Some(values::parse_timeout(&args.timeout)?),
+            jobs: args.jobs.as_deref().map(values::parse_jobs).transpose()?.unwrap_or(0),
             results: results.filter(|_| program.is_some()),
             // Only the affected sections run after a save with --watch.
             changed: args.changed || args.watch,
@@ -140,37 +140,39 @@ impl Job {
             gpu_cache: device::cache_dir(),
             rerun_arguments: folder_options(args),
         };
-        let shard = args.shard.as_deref().map(shard).transpose()?;
+        let shard = args.shard.as_deref().map(parse_shard).transpose()?;
         for path in [&args.junit, &args.html].into_iter().flatten() {
-            writable(path)?;
+            check_writable(path)?;
         }
         let selection = Selection { filter: args.filter.clone(), shard };
-        Ok(Job { paths, selection, options, in_projects: false })
+        Ok(TestJob { paths, selection, options, may_read_project: false })
     }
 
     /// Registry with the plugin files found now. Plugin files beside any test are available to all tests.
-    fn plugins(&self, args: &TestArgs, plugins: &Registry) -> Result<Listing, Failure> {
-        let files = collect::find_scripts(&self.paths).map_err(nothing_to_run)?;
+    fn list_plugins(&self, args: &TestArgs, plugins: &Registry) -> Result<Listing, Failure> {
+        let files = collect::find_scripts(&self.paths).map_err(nothing_to_run_failure)?;
         let beside: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
         plugin_files::listing(plugins, &args.plugins, &beside)
     }
 
-    fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
-        let project = |file: &Path| project_file::root_of(file).filter(|_| self.in_projects);
-        let cases =
-            collect::collect(&self.paths, registry, &self.options.test, project).map_err(nothing_to_run)?;
-        collect::select(cases, &self.selection).map_err(nothing_to_run)
+    /// Sections of the scripts, reduced to those that the command line selects.
+    fn select_cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
+        let project = |file: &Path| project_file::project_root(file).filter(|_| self.may_read_project);
+        let cases = collect::collect(&self.paths, registry, &self.options.test, project)
+            .map_err(nothing_to_run_failure)?;
+        collect::select(cases, &self.selection).map_err(nothing_to_run_failure)
     }
 }
 
 /// Options for the folders that were given, for the commands in messages that run sections again.
 fn folder_options(args: &TestArgs) -> String {
-    let one = |flag: &str, folder: &PathBuf| format!(" {flag} {}", quoted(&folder.display().to_string()));
-    let plugins = args.plugins.iter().map(|folder| one("--plugins", folder));
-    plugins.chain(args.search.iter().map(|folder| one("--search", folder))).collect()
+    let folder_option =
+        |flag: &str, folder: &PathBuf| format!(" {flag} {}", quoted(&folder.display().to_string()));
+    let plugins = args.plugins.iter().map(|folder| folder_option("--plugins", folder));
+    plugins.chain(args.search.iter().map(|folder| folder_option("--search", folder))).collect()
 }
 
-fn nothing_to_run(why: NothingToRun) -> Failure {
+fn nothing_to_run_failure(why: NothingToRun) -> Failure {
     match why {
         NothingToRun::Usage(text) => Failure::Usage(text),
         NothingToRun::Input(text) => Failure::input(text),
@@ -178,7 +180,7 @@ fn nothing_to_run(why: NothingToRun) -> Failure {
 }
 
 /// Parses a shard: `2/5` → (2, 5).
-fn shard(text: &str) -> Result<(usize, usize), Failure> {
+fn parse_shard(text: &str) -> Result<(usize, usize), Failure> {
     let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
     match parsed {
         Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
@@ -187,16 +189,16 @@ fn shard(text: &str) -> Result<(usize, usize), Failure> {
 }
 
 /// Fails before the tests run if a report cannot be written.
-fn writable(path: &Path) -> Result<(), Failure> {
+fn check_writable(path: &Path) -> Result<(), Failure> {
     if path.is_dir() {
         return Err(Failure::Output(format!("{}: cannot write: it is a folder", path.display())));
     }
-    in_folder(path)
+    check_folder_exists(path)
 }
 
 /// Folders for images of failed tests and for earlier results: in `target` if the project has such a folder, else in the user's cache
 /// folder. No other user may write to them, which excludes a shared temporary folder.
-fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
+fn work_folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
     let target = Path::new("target");
     if std::fs::symlink_metadata(target).is_ok_and(|m| m.is_dir()) {
         let work = target.join("choreo-test");
@@ -219,13 +221,13 @@ fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
 }
 
 /// Whether the system refused a thread to a section, which says nothing about the section.
-fn without_thread(report: &Report) -> bool {
+fn was_refused_a_thread(report: &Report) -> bool {
     let mut statuses = report.outcomes.iter().map(|outcome| &outcome.status);
     statuses.any(|status| matches!(status, Status::Error(text) if text.contains(NO_THREAD)))
 }
 
 /// Runs the tests once and writes all reports.
-fn run_once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
+fn run_once(args: &TestArgs, job: &TestJob, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
     let inputs = Inputs::new(cases.iter().map(|case| case.path.clone()));
     [&args.junit, &args.html].into_iter().flatten().try_for_each(|path| inputs.check_output(path))?;
     let mut reporter = progress::ProgressReporter::new(args, cases);

@@ -11,13 +11,13 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 pub struct ProgressReporter {
     quiet: bool,
     /// Whether only the final report is printed.
-    silent: bool,
+    only_final_report: bool,
     bar: Option<ProgressBar>,
     /// Outcomes of the sections of the current file.
-    file: Vec<Outcome>,
+    file_outcomes: Vec<Outcome>,
     failed: usize,
     /// First error in writing the output.
-    broken: Option<Failure>,
+    output_failure: Option<Failure>,
 }
 
 impl ProgressReporter {
@@ -35,24 +35,24 @@ impl ProgressReporter {
         });
         ProgressReporter {
             quiet: args.quiet,
-            silent: args.json,
+            only_final_report: args.json,
             bar,
-            file: Vec::new(),
+            file_outcomes: Vec::new(),
             failed: 0,
-            broken: None,
+            output_failure: None,
         }
     }
 
     pub fn report(&mut self, outcome: &Outcome) {
-        if self.file.first().is_some_and(|first| first.file != outcome.file) {
-            self.file_done();
+        if self.file_outcomes.first().is_some_and(|first| first.file != outcome.file) {
+            self.finish_file();
         }
         if outcome.has_failed() {
             self.failed += 1;
-            self.say(&terminal::failure(outcome));
+            self.print_text(&terminal::failure(outcome));
         }
         // Images of the section have been reported and written, and are released.
-        self.file.push(Outcome { checks: Vec::new(), ..outcome.clone() });
+        self.file_outcomes.push(Outcome { checks: Vec::new(), ..outcome.clone() });
         if let Some(bar) = &self.bar {
             if self.failed > 0 {
                 bar.set_message(format!(", {} failed", self.failed));
@@ -61,32 +61,32 @@ impl ProgressReporter {
         }
     }
 
-    fn file_done(&mut self) {
-        let line = terminal::file_line(&std::mem::take(&mut self.file));
+    fn finish_file(&mut self) {
+        let line = terminal::file_line(&std::mem::take(&mut self.file_outcomes));
         if !self.quiet && !line.is_empty() {
-            self.say(&format!("{line}\n"));
+            self.print_text(&format!("{line}\n"));
         }
     }
 
-    fn say(&mut self, text: &str) {
-        if self.silent || self.broken.is_some() {
+    fn print_text(&mut self, text: &str) {
+        if self.only_final_report || self.output_failure.is_some() {
             return;
         }
         let printed = match &self.bar {
             Some(bar) => bar.suspend(|| print(text)),
             None => print(text),
         };
-        self.broken = printed.err();
+        self.output_failure = printed.err();
     }
 
     pub fn finish(mut self, report: &Report) -> Result<(), Failure> {
-        self.file_done();
+        self.finish_file();
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
         if !self.quiet || report.failure().is_some() {
-            self.say(&terminal::summary(report));
+            self.print_text(&terminal::summary(report));
         }
-        self.broken.map_or(Ok(()), Err)
+        self.output_failure.map_or(Ok(()), Err)
     }
 }

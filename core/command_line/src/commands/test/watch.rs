@@ -1,9 +1,10 @@
 //! `--watch`: after each run, waits until the content of a read file changes or a test file appears, and runs the affected sections. It
 //! uses the same mechanism as hot reload ([`choreo_session::Watch`]).
 
-use super::{Job, run_once};
+use super::{TestJob, run_once};
 use crate::args::TestArgs;
 use crate::failure::{Failure, print, print_message};
+use crate::terminal::counted;
 use choreo_plugin::Registry;
 use choreo_script::content_of;
 use choreo_session::plugin_files::Listing;
@@ -14,30 +15,30 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 /// Extension of test files.
-const ENDING: &str = ".rhai";
+const TEST_FILE_ENDING: &str = ".rhai";
 
 /// BLAKE3 hash of each file; `None` if the file does not exist.
-type Contents = BTreeMap<PathBuf, Option<[u8; 32]>>;
+type KnownContents = BTreeMap<PathBuf, Option<[u8; 32]>>;
 
-pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure> {
+pub fn run(args: &TestArgs, job: &TestJob, plugins: &Registry) -> Result<(), Failure> {
     let failed = |e: WatchError| Failure::input(format!("--watch: {e}"));
     let mut watch = Watch::new().map_err(failed)?;
-    let mut known = Contents::new();
+    let mut known = KnownContents::new();
     loop {
         // A file that is saved while the tests run differs from the content that they have read.
         known.iter_mut().for_each(|(path, content)| *content = content_of(path));
         let begun = SystemTime::now();
         let mut read: BTreeSet<PathBuf> = BTreeSet::new();
         // The next save may correct an error: only a closed pipe ends the loop.
-        let ran = job.plugins(args, plugins).and_then(|Listing { registry, .. }| {
-            let cases = job.cases(&registry)?;
+        let ran = job.list_plugins(args, plugins).and_then(|Listing { registry, .. }| {
+            let cases = job.select_cases(&registry)?;
             read.extend(cases.iter().filter_map(|c| c.path.canonicalize().ok()));
             run_once(args, job, &cases, &registry)
         });
         match ran {
             Ok(report) => read.extend(report.files),
             Err(Failure::ClosedPipe) => return Err(Failure::ClosedPipe),
-            Err(failure) => failure.lines().iter().for_each(print_message),
+            Err(failure) => failure.message_lines().iter().for_each(print_message),
         }
         for path in read {
             if let Entry::Vacant(unknown) = known.entry(path) {
@@ -46,15 +47,15 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
                 unknown.insert(content);
             }
         }
-        let mut interest = WatchedPaths { files: known.clone(), ..WatchedPaths::default() };
+        let mut watched_paths = WatchedPaths { files: known.clone(), ..WatchedPaths::default() };
         for path in &job.paths {
-            let folder = if path.is_dir() { path.as_path() } else { folder_of(path) };
+            let folder = if path.is_dir() { path.as_path() } else { containing_folder(path) };
             let Ok(folder) = folder.canonicalize() else { continue };
-            let all = (folder, ENDING.to_string());
-            let set = if path.is_dir() { &mut interest.trees } else { &mut interest.folders };
+            let all = (folder, TEST_FILE_ENDING.to_string());
+            let set = if path.is_dir() { &mut watched_paths.trees } else { &mut watched_paths.folders };
             set.insert(all);
         }
-        watch.set(interest);
+        watch.set(watched_paths);
         for path in watch.existing_files() {
             // The file existed before, and belongs to no test of this run.
             if !known.contains_key(&path) {
@@ -66,7 +67,8 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
         if watch.folders() == 0 {
             return Err(Failure::input("--watch: there is no folder to watch"));
         }
-        print(&format!("watching {} folders; Ctrl-C ends\n", watch.folders()))?;
+        let folders = counted(watch.folders() as u64, "folder");
+        print(&format!("watching {folders}; Ctrl-C ends\n"))?;
         let changed = loop {
             if let WatchEvent::Changed(files) = watch.wait(None).map_err(failed)?
                 && let Some(first) = files.into_iter().next()
@@ -80,6 +82,6 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
     }
 }
 
-fn folder_of(path: &Path) -> &Path {
+fn containing_folder(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

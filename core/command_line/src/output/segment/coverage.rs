@@ -7,42 +7,46 @@ use std::collections::btree_map::Entry;
 use std::num::NonZeroU64;
 
 /// Address of a record: number of its segment, and number of the record in it.
-pub(crate) type Source = (usize, usize);
+pub(crate) type RecordAddress = (usize, usize);
 
-/// Why segments do not make a film.
+/// Reason why segments do not make up a film.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Gap {
+pub(crate) enum CoverageError {
     /// Frames that no segment holds, as inclusive ranges.
     Missing(Vec<(u64, u64)>),
     /// Two segments hold different bytes for the same frame.
     Differ { frame: u64, segments: [usize; 2] },
-    /// A piece whose range does not fit the piece length of the film's format.
+    /// A piece does not begin at a multiple of the piece length of the film's format, or has another length.
     Misplaced { segment: usize, frame: u64 },
 }
 
-/// Records that make up the film, in order. Pieces are preferred to images, which must still be encoded.
-pub(crate) fn cover(segments: &[Segment], piece: Option<NonZeroU64>) -> Result<Vec<Source>, Gap> {
-    let (mut pieces, mut images) = (BTreeMap::<u64, Source>::new(), BTreeMap::<u64, Source>::new());
+/// Selects the records that make up the film, in order. Pieces are preferred to images, which must still be encoded.
+pub(crate) fn select_records(
+    segments: &[Segment],
+    piece: Option<NonZeroU64>,
+) -> Result<Vec<RecordAddress>, CoverageError> {
+    let (mut pieces, mut images) =
+        (BTreeMap::<u64, RecordAddress>::new(), BTreeMap::<u64, RecordAddress>::new());
     for (segment, opened) in segments.iter().enumerate() {
         for (number, place) in opened.records.iter().enumerate() {
             let record = &place.record;
-            let of_kind = match record.kind {
+            let records_of_kind = match record.kind {
                 RecordKind::Piece { .. } => {
-                    let fits =
+                    let fits_format =
                         |n: NonZeroU64| record.first.is_multiple_of(n.get()) && record.frames == n.get();
-                    if !piece.is_some_and(fits) {
-                        return Err(Gap::Misplaced { segment, frame: record.first });
+                    if !piece.is_some_and(fits_format) {
+                        return Err(CoverageError::Misplaced { segment, frame: record.first });
                     }
                     &mut pieces
                 }
                 RecordKind::Image | RecordKind::Repeat => &mut images,
             };
-            match of_kind.entry(record.first) {
+            match records_of_kind.entry(record.first) {
                 Entry::Vacant(free) => drop(free.insert((segment, number))),
                 Entry::Occupied(other) => {
                     let (of, at) = *other.get();
                     if segments[of].records[at].record.hash != record.hash {
-                        return Err(Gap::Differ { frame: record.first, segments: [of, segment] });
+                        return Err(CoverageError::Differ { frame: record.first, segments: [of, segment] });
                     }
                 }
             }
@@ -64,15 +68,15 @@ pub(crate) fn cover(segments: &[Segment], piece: Option<NonZeroU64>) -> Result<V
         }
         next += 1;
     }
-    if missing.is_empty() { Ok(sources) } else { Err(Gap::Missing(missing)) }
+    if missing.is_empty() { Ok(sources) } else { Err(CoverageError::Missing(missing)) }
 }
 
 /// Formats ranges of frames in the syntax of the command line: `0..=47, 60`.
-pub(crate) fn ranges(ranges: &[(u64, u64)]) -> String {
-    let one = |(first, last): &(u64, u64)| match first == last {
+pub(crate) fn format_ranges(ranges: &[(u64, u64)]) -> String {
+    let format_range = |(first, last): &(u64, u64)| match first == last {
         true => first.to_string(),
         false => format!("{first}..={last}"),
     };
-    let texts: Vec<String> = ranges.iter().map(one).collect();
+    let texts: Vec<String> = ranges.iter().map(format_range).collect();
     list(texts.iter().map(String::as_str), 12)
 }

@@ -1,23 +1,23 @@
 //! Writing a film from records: pieces are copied, and images go through the exporter.
 
-use super::shared::Shared;
-use super::{Fault, PlacedRecord, RecordKind, Segment};
+use super::shared::SharedWriter;
+use super::{PlacedRecord, RecordKind, Segment, SegmentError};
 use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 use std::io::{self, Write};
 
-type Out = Shared<Box<dyn Write + Send>>;
+type SharedOutput = SharedWriter<Box<dyn Write + Send>>;
 
 /// A film that is being written.
 pub(crate) struct FilmWriter<'a> {
     exporter: &'a dyn Exporter,
     info: &'a VideoInfo,
-    out: Out,
+    out: SharedOutput,
     /// `None` between pieces.
     sink: Option<Box<dyn FrameSink>>,
     /// Exporter states of the pieces written so far.
     states: Vec<Vec<u8>>,
-    /// The image written last, with the number of its segment and its place there.
-    last: Option<((usize, u64), Frame)>,
+    /// The image written last, with the number of its segment and its offset there.
+    last_image: Option<((usize, u64), Frame)>,
     pub counts: JoinedFrames,
 }
 
@@ -32,7 +32,7 @@ pub(crate) struct JoinedFrames {
 #[derive(Debug)]
 pub(crate) enum JoinError {
     Export(ExportError),
-    Segment(usize, Fault),
+    Segment(usize, SegmentError),
 }
 
 impl From<ExportError> for JoinError {
@@ -53,29 +53,34 @@ impl<'a> FilmWriter<'a> {
         info: &'a VideoInfo,
         out: Box<dyn Write + Send>,
     ) -> Result<FilmWriter<'a>, JoinError> {
-        let out = Shared::new(out);
+        let out = SharedWriter::new(out);
         let sink = Some(exporter.begin(info, Box::new(out.clone()))?);
         let counts = JoinedFrames::default();
-        Ok(FilmWriter { exporter, info, out, sink, states: Vec::new(), last: None, counts })
+        Ok(FilmWriter { exporter, info, out, sink, states: Vec::new(), last_image: None, counts })
     }
 
     /// Adds the frames of a record. `number`: number of its segment.
-    pub fn add(&mut self, number: usize, segment: &Segment, place: &PlacedRecord) -> Result<(), JoinError> {
+    pub fn add_record(
+        &mut self,
+        number: usize,
+        segment: &Segment,
+        place: &PlacedRecord,
+    ) -> Result<(), JoinError> {
         let fault = |fault| JoinError::Segment(number, fault);
-        let image = (number, place.at);
+        let image = (number, place.offset);
         if let RecordKind::Piece { state } = place.record.kind {
-            let mut state_and_bytes = segment.bytes(place).map_err(fault)?;
+            let mut state_and_bytes = segment.read_bytes(place).map_err(fault)?;
             let bytes = state_and_bytes.split_off(usize::try_from(state).unwrap_or(usize::MAX));
             self.sink = None;
             self.out.write_all(&bytes)?;
             self.states.push(state_and_bytes);
-            self.last = None;
+            self.last_image = None;
             self.counts.copied += place.record.frames;
             return Ok(());
         }
-        let repeated = self.last.as_ref().is_some_and(|(last, _)| *last == image);
+        let repeated = self.last_image.as_ref().is_some_and(|(last_image, _)| *last_image == image);
         if !repeated {
-            self.last = Some((image, segment.frame(place).map_err(fault)?));
+            self.last_image = Some((image, segment.decode_frame(place).map_err(fault)?));
         }
         let sink = match &mut self.sink {
             Some(sink) => sink,
@@ -86,7 +91,7 @@ impl<'a> FilmWriter<'a> {
                 Box::new(self.out.clone()),
             )?),
         };
-        if let Some((_, frame)) = &self.last {
+        if let Some((_, frame)) = &self.last_image {
             if repeated { sink.repeat(frame)? } else { sink.frame(frame)? }
         }
         self.counts.encoded += 1;
@@ -98,7 +103,7 @@ impl<'a> FilmWriter<'a> {
         Ok(())
     }
 
-    /// Ends the film. Returns the bytes that belong before everything that was written.
+    /// Ends the film. Returns the head, which belongs before everything that was written, and the numbers of frames.
     pub fn finish(self) -> Result<(Vec<u8>, JoinedFrames), JoinError> {
         let sink = match self.sink {
             Some(sink) => sink,

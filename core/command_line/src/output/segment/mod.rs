@@ -13,11 +13,14 @@ mod report;
 mod shared;
 mod write;
 
-pub(crate) use coverage::{Gap, Source, cover, ranges};
+pub(crate) use coverage::{CoverageError, RecordAddress, format_ranges, select_records};
 pub(crate) use film_writer::{FilmWriter, JoinError, JoinedFrames};
-pub(crate) use read::{Fault, PlacedRecord, Segment};
-pub(crate) use report::{PART, Report, SegmentState, frames_of, report_name, segment_name, thumbnail};
-pub(crate) use write::{SegmentExporter, png};
+pub(crate) use read::{PlacedRecord, Segment, SegmentError};
+pub(crate) use report::{
+    PART_EXTENSION, SegmentState, WorkerReport, downscale_to_thumbnail, parse_frame_range, report_name,
+    segment_name,
+};
+pub(crate) use write::{SegmentExporter, encode_png};
 
 use crate::output::journal::Identity;
 use choreo_motion::FrameRate;
@@ -28,7 +31,7 @@ use serde_json::{Value, json};
 const MAGIC: &[u8] = b"choreo segment 1\n";
 
 /// File extension of segments.
-pub(crate) const EXTENSION: &str = "segment";
+pub(crate) const SEGMENT_EXTENSION: &str = "segment";
 
 /// The film that a segment is a part of: everything that an exporter needs to make it. Equal in all segments of one film.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,12 +75,12 @@ impl Film {
     pub fn identity(&self) -> Identity {
         let mut identity = self.provenance.clone();
         let [width, height] = self.size;
-        let of = |keyword: &str, text: String| (keyword.to_string(), text);
-        identity.push(of("size", format!("{width}x{height}")));
-        identity.push(of("fps", format!("{}/{}", self.fps.num, self.fps.den)));
-        identity.push(of("frames", self.frames.to_string()));
-        identity.push(of("format", self.format.clone()));
-        identity.push(of("options", self.options.join(", ")));
+        let entry = |keyword: &str, text: String| (keyword.to_string(), text);
+        identity.push(entry("size", format!("{width}x{height}")));
+        identity.push(entry("fps", format!("{}/{}", self.fps.num, self.fps.den)));
+        identity.push(entry("frames", self.frames.to_string()));
+        identity.push(entry("format", self.format.clone()));
+        identity.push(entry("options", self.options.join(", ")));
         identity
     }
 
@@ -94,11 +97,11 @@ impl Film {
 
     /// Parses a film; `None` if a field is missing or out of range.
     fn read(value: &Value) -> Option<Film> {
-        let [width, height] = numbers(&value["size"])?;
-        let [num, den] = numbers(&value["fps"])?;
-        let frames = value["frames"].as_u64().filter(|frames| (1..=MOST_FRAMES).contains(frames))?;
-        let sound = (1..=MOST_PIXELS).contains(&width) && (1..=MOST_PIXELS).contains(&height);
-        if !sound || num == 0 || den == 0 {
+        let [width, height] = u32_pair(&value["size"])?;
+        let [num, den] = u32_pair(&value["fps"])?;
+        let frames = value["frames"].as_u64().filter(|frames| (1..=MAX_FRAMES).contains(frames))?;
+        let size_is_valid = (1..=MAX_SIDE_PIXELS).contains(&width) && (1..=MAX_SIDE_PIXELS).contains(&height);
+        if !size_is_valid || num == 0 || den == 0 {
             return None;
         }
         let text = |value: &Value| value.as_str().map(str::to_string);
@@ -115,10 +118,10 @@ impl Film {
 }
 
 /// Limits of the command line on frames, and on width and height in pixels.
-const MOST_FRAMES: u64 = 10_000_000;
-const MOST_PIXELS: u32 = 16_384;
+const MAX_FRAMES: u64 = 10_000_000;
+const MAX_SIDE_PIXELS: u32 = 16_384;
 
-fn numbers(value: &Value) -> Option<[u32; 2]> {
+fn u32_pair(value: &Value) -> Option<[u32; 2]> {
     let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
     Some([number(&value[0])?, number(&value[1])?])
 }
@@ -176,13 +179,13 @@ impl Record {
 }
 
 /// Writes a value as a line with its hash.
-fn line(value: &Value) -> Vec<u8> {
+fn encode_line(value: &Value) -> Vec<u8> {
     let json = value.to_string();
     format!("{} {json}\n", blake3::hash(json.as_bytes()).to_hex()).into_bytes()
 }
 
 /// Parses a line; `None` if its hash is wrong.
-fn value(line: &[u8]) -> Option<Value> {
+fn parse_line(line: &[u8]) -> Option<Value> {
     let (hash, json) = line.strip_suffix(b"\n")?.split_at_checked(64)?;
     let json = json.strip_prefix(b" ")?;
     let hash = blake3::Hash::from_hex(hash).ok()?;

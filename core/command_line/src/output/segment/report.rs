@@ -3,19 +3,19 @@
 //! A report is a line of JSON with its hash, as in a segment, and the bytes of a thumbnail. Seconds are measured by the worker's own timer,
 //! so that the clocks of machines may differ.
 
-use super::{EXTENSION, line, value};
+use super::{SEGMENT_EXTENSION, encode_line, parse_line};
 use choreo_plugin::Frame;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 /// File extension of reports.
-const REPORT: &str = "report";
+const REPORT_EXTENSION: &str = "report";
 
 /// Extension of the folders of unfinished segments.
-pub(crate) const PART: &str = ".part";
+pub(crate) const PART_EXTENSION: &str = ".part";
 
 /// Longer side of a thumbnail in pixels.
-const THUMBNAIL: u32 = 192;
+const MAX_THUMBNAIL_SIDE: u32 = 192;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -28,7 +28,7 @@ pub(crate) enum SegmentState {
 }
 
 impl SegmentState {
-    pub fn word(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             SegmentState::Running => "running",
             SegmentState::Done => "done",
@@ -39,7 +39,7 @@ impl SegmentState {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Report {
+pub(crate) struct WorkerReport {
     pub state: SegmentState,
     /// Finished frames of the segment, including frames that killed workers finished.
     pub done: u64,
@@ -55,49 +55,51 @@ pub(crate) struct Report {
     pub thumbnail: Vec<u8>,
 }
 
-impl Report {
+impl WorkerReport {
     pub fn bytes(&self) -> Vec<u8> {
         let mut report = json!(self);
         report["report"] = json!(1);
-        [line(&report), self.thumbnail.clone()].concat()
+        [encode_line(&report), self.thumbnail.clone()].concat()
     }
 
     /// Parses a report; `None` if it is truncated or no report.
-    pub fn read(bytes: &[u8]) -> Option<Report> {
+    pub fn read(bytes: &[u8]) -> Option<WorkerReport> {
         let end = bytes.iter().position(|byte| *byte == b'\n')? + 1;
-        let report =
-            Report::deserialize(value(&bytes[..end])?).ok().filter(|report| report.seconds >= 0.0)?;
-        Some(Report { thumbnail: bytes[end..].to_vec(), ..report })
+        let report = WorkerReport::deserialize(parse_line(&bytes[..end])?)
+            .ok()
+            .filter(|report| report.seconds >= 0.0)?;
+        Some(WorkerReport { thumbnail: bytes[end..].to_vec(), ..report })
     }
 }
 
 /// Name of a segment's files, without the extension.
-pub(crate) fn stem(first: u64, last: u64) -> String {
+pub(crate) fn file_stem(first: u64, last: u64) -> String {
     format!("{first:07}-{last:07}")
 }
 
 pub(crate) fn segment_name(first: u64, last: u64) -> String {
-    format!("{}.{EXTENSION}", stem(first, last))
+    format!("{}.{SEGMENT_EXTENSION}", file_stem(first, last))
 }
 
 pub(crate) fn report_name(first: u64, last: u64) -> String {
-    format!("{}.{REPORT}", stem(first, last))
+    format!("{}.{REPORT_EXTENSION}", file_stem(first, last))
 }
 
 /// Frame range (first, last) in the name of a file in a folder of segments. The file is a segment, a report, or the part folder of a
 /// machine, `FRAMES.segment.MACHINE.part`.
-pub(crate) fn frames_of(name: &str) -> Option<(u64, u64)> {
-    let (stem, ending) = name.split_once('.')?;
-    let (first, last) = stem.split_once('-')?;
+pub(crate) fn parse_frame_range(name: &str) -> Option<(u64, u64)> {
+    let (file_stem, ending) = name.split_once('.')?;
+    let (first, last) = file_stem.split_once('-')?;
     let frames = (first.parse().ok()?, last.parse().ok()?);
-    let whole = [EXTENSION, REPORT].contains(&ending);
-    let part = ending.strip_prefix(EXTENSION).is_some_and(|rest| rest.ends_with(PART));
-    ((whole || part) && frames.0 <= frames.1).then_some(frames)
+    let is_complete = [SEGMENT_EXTENSION, REPORT_EXTENSION].contains(&ending);
+    let is_part_folder =
+        ending.strip_prefix(SEGMENT_EXTENSION).is_some_and(|rest| rest.ends_with(PART_EXTENSION));
+    ((is_complete || is_part_folder) && frames.0 <= frames.1).then_some(frames)
 }
 
 /// Downscales a frame with a box filter: each pixel is the mean of a block.
-pub(crate) fn thumbnail(frame: &Frame) -> Frame {
-    let block = frame.width.max(frame.height).div_ceil(THUMBNAIL).max(1);
+pub(crate) fn downscale_to_thumbnail(frame: &Frame) -> Frame {
+    let block = frame.width.max(frame.height).div_ceil(MAX_THUMBNAIL_SIDE).max(1);
     let [width, height] = [frame.width, frame.height].map(|side| (side / block).max(1));
     let mut rgba = Vec::with_capacity(4 * width as usize * height as usize);
     for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
@@ -121,8 +123,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_comes_back_or_is_found_to_be_cut() {
-        let report = Report {
+    fn a_report_is_read_back_equal_and_refused_if_damaged() {
+        let report = WorkerReport {
             state: SegmentState::Failed,
             done: 7,
             made: 3,
@@ -132,28 +134,28 @@ mod tests {
             thumbnail: vec![1, b'\n', 3],
         };
         let bytes = report.bytes();
-        assert_eq!(Report::read(&bytes), Some(report));
+        assert_eq!(WorkerReport::read(&bytes), Some(report));
         let line = bytes.len() - 3;
         for cut in 0..line {
-            assert_eq!(Report::read(&bytes[..cut]), None, "cut at {cut}");
+            assert_eq!(WorkerReport::read(&bytes[..cut]), None, "cut at {cut}");
         }
         for bit in 0..line - 1 {
             let mut bent = bytes.clone();
             bent[bit] ^= 4;
-            assert_eq!(Report::read(&bent), None, "bent at {bit}");
+            assert_eq!(WorkerReport::read(&bent), None, "bent at {bit}");
         }
     }
 
     #[test]
-    fn names_say_which_frames_a_file_is_of() {
+    fn frame_ranges_are_parsed_from_file_names() {
         for name in
             ["0000000-0000023.segment", "0000000-0000023.segment.1a2b3c4d.part", "0000000-0000023.report"]
         {
-            assert_eq!(frames_of(name), Some((0, 23)), "{name}");
+            assert_eq!(parse_frame_range(name), Some((0, 23)), "{name}");
         }
         for name in ["0000024-0000023.segment", "1-2.png", "a-2.segment", ".0000000-0000023.report.7.0.part"]
         {
-            assert_eq!(frames_of(name), None, "{name}");
+            assert_eq!(parse_frame_range(name), None, "{name}");
         }
         assert_eq!(
             (segment_name(0, 23), report_name(7, 7)),
@@ -162,13 +164,13 @@ mod tests {
     }
 
     #[test]
-    fn a_thumbnail_has_the_means_of_blocks() {
+    fn thumbnail_pixels_are_means_of_blocks() {
         let pixel = |x: u32, y: u32| [x as u8, y as u8, 7, 255];
         let rgba = (0..200u32).flat_map(|y| (0..400).flat_map(move |x| pixel(x / 3 % 4 * 10, y))).collect();
-        let small = thumbnail(&Frame { width: 400, height: 200, rgba });
+        let small = downscale_to_thumbnail(&Frame { width: 400, height: 200, rgba });
         assert_eq!([small.width, small.height], [133, 66]);
         assert_eq!(&small.rgba[4 * (2 * 133 + 5)..][..4], [10, 7, 7, 255]);
         let one = Frame { width: 1, height: 1, rgba: vec![1, 2, 3, 4] };
-        assert_eq!(thumbnail(&one), one);
+        assert_eq!(downscale_to_thumbnail(&one), one);
     }
 }

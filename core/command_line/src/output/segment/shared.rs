@@ -3,11 +3,11 @@
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-pub(crate) struct Shared<W>(Arc<Mutex<W>>);
+pub(crate) struct SharedWriter<W>(Arc<Mutex<W>>);
 
-impl<W> Shared<W> {
-    pub fn new(inner: W) -> Shared<W> {
-        Shared(Arc::new(Mutex::new(inner)))
+impl<W> SharedWriter<W> {
+    pub fn new(inner: W) -> SharedWriter<W> {
+        SharedWriter(Arc::new(Mutex::new(inner)))
     }
 
     pub fn lock(&self) -> MutexGuard<'_, W> {
@@ -15,13 +15,13 @@ impl<W> Shared<W> {
     }
 }
 
-impl<W> Clone for Shared<W> {
+impl<W> Clone for SharedWriter<W> {
     fn clone(&self) -> Self {
-        Shared(self.0.clone())
+        SharedWriter(self.0.clone())
     }
 }
 
-impl<W: Write> Write for Shared<W> {
+impl<W: Write> Write for SharedWriter<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.lock().write(bytes)
     }

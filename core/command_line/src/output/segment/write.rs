@@ -1,7 +1,7 @@
-//! Writing a segment, as an exporter that wraps the exporter of the film. So segments are resumed and renamed into place like videos.
+//! Writing a segment, as an exporter that wraps the exporter of the film. Segments are therefore resumed and renamed into place like videos.
 
-use super::shared::Shared;
-use super::{Film, MAGIC, Record, RecordKind, line, segment_name};
+use super::shared::SharedWriter;
+use super::{Film, MAGIC, Record, RecordKind, encode_line, segment_name};
 use crate::output::provenance;
 use choreo_plugin::{
     ExportError, ExportOptions, Exporter, FloatFrame, Frame, FrameSink, FrameWish, Manifest, Mark, VideoInfo,
@@ -11,6 +11,7 @@ use std::io::{self, Read, Write};
 use std::num::NonZeroU64;
 use std::sync::Arc;
 
+/// Exporter of a segment, which wraps the exporter of the film.
 pub(crate) struct SegmentExporter {
     /// Exporter of the film.
     pub inner: Arc<dyn Exporter>,
@@ -37,14 +38,14 @@ impl SegmentExporter {
         let (piece, images) = (self.inner.piece(&film), self.inner.one_frame_per_file());
         Box::new(SegmentSink {
             inner: self.inner.clone(),
-            piece: piece.or(images.then_some(NonZeroU64::MIN)),
-            images,
+            piece_frames: piece.or(images.then_some(NonZeroU64::MIN)),
+            one_image_per_file: images,
             film,
             end: self.first + info.frames,
             next: self.first + done,
             done,
             repeatable: false,
-            open: None,
+            open_piece: None,
             out,
         })
     }
@@ -73,7 +74,7 @@ impl Exporter for SegmentExporter {
         mut out: Box<dyn Write + Send>,
     ) -> Result<Box<dyn FrameSink>, ExportError> {
         out.write_all(MAGIC)?;
-        out.write_all(&line(&self.film(info).json()))?;
+        out.write_all(&encode_line(&self.film(info).json()))?;
         Ok(self.sink(info, 0, out))
     }
 
@@ -84,7 +85,11 @@ impl Exporter for SegmentExporter {
         _: &mut dyn Read,
         out: Box<dyn Write + Send>,
     ) -> Result<Box<dyn FrameSink>, ExportError> {
-        let cut = || ExportError::Format("the saved state of the segment is incomplete".into());
+        let cut = || {
+            ExportError::Format(
+                "the saved state of the segment is incomplete; render it without --resume".into(),
+            )
+        };
         let done = states.last().and_then(|state| state.as_slice().try_into().ok()).ok_or_else(cut)?;
         Ok(self.sink(info, u64::from_le_bytes(done), out))
     }
@@ -93,9 +98,9 @@ impl Exporter for SegmentExporter {
 struct SegmentSink {
     inner: Arc<dyn Exporter>,
     /// Number of frames in a piece; `None` if frames of the film depend on earlier frames.
-    piece: Option<NonZeroU64>,
+    piece_frames: Option<NonZeroU64>,
     /// Whether each piece is a complete file.
-    images: bool,
+    one_image_per_file: bool,
     film: VideoInfo,
     /// Numbers of the frame after the last one of the segment, and of the next frame.
     end: u64,
@@ -104,18 +109,18 @@ struct SegmentSink {
     done: u64,
     /// Whether the previous record is an image written in this run.
     repeatable: bool,
-    open: Option<OpenPiece>,
+    open_piece: Option<OpenPiece>,
     out: Box<dyn Write + Send>,
 }
 
 /// A piece that is being made.
 struct OpenPiece {
     sink: Box<dyn FrameSink>,
-    bytes: Shared<Vec<u8>>,
+    bytes: SharedWriter<Vec<u8>>,
     first: u64,
 }
 
-/// Form in which a frame is given to the exporter of the film.
+/// A frame in one of the forms that a sink accepts.
 enum FrameInput<'a> {
     Frame(&'a Frame),
     Repeat(&'a Frame),
@@ -124,30 +129,30 @@ enum FrameInput<'a> {
 }
 
 impl SegmentSink {
-    /// Gives the piece that the next frame belongs to, if the segment contains all of that piece.
-    fn piece(&mut self) -> Result<Option<&mut OpenPiece>, ExportError> {
-        let Some(length) = self.piece.map(NonZeroU64::get) else { return Ok(None) };
+    /// Returns the piece that the next frame belongs to, if the segment contains all of that piece; begins it at its first frame.
+    fn current_piece(&mut self) -> Result<Option<&mut OpenPiece>, ExportError> {
+        let Some(length) = self.piece_frames.map(NonZeroU64::get) else { return Ok(None) };
         let whole = self.next.is_multiple_of(length) && self.end - self.next >= length;
-        if self.open.is_none() && whole {
-            let bytes = Shared::new(Vec::new());
+        if self.open_piece.is_none() && whole {
+            let bytes = SharedWriter::new(Vec::new());
             let out = Box::new(bytes.clone());
-            let sink = match self.images {
+            let sink = match self.one_image_per_file {
                 true => {
                     let time = self.film.fps.time_of(i64::try_from(self.next).unwrap_or(i64::MAX));
-                    let provenance = provenance::at(&self.film.provenance, time);
+                    let provenance = provenance::with_time(&self.film.provenance, time);
                     self.inner.begin(&VideoInfo { provenance, ..self.film.clone() }, out)?
                 }
                 false => self.inner.resume(&self.film, &[], &mut io::empty(), out)?,
             };
-            self.open = Some(OpenPiece { sink, bytes, first: self.next });
+            self.open_piece = Some(OpenPiece { sink, bytes, first: self.next });
         }
-        Ok(self.open.as_mut())
+        Ok(self.open_piece.as_mut())
     }
 
-    fn next_frame(&mut self, given: FrameInput<'_>) -> Result<(), ExportError> {
+    fn add_frame(&mut self, input: FrameInput<'_>) -> Result<(), ExportError> {
         let (next, repeatable) = (self.next, self.repeatable);
-        if let Some(piece) = self.piece()? {
-            match given {
+        if let Some(piece) = self.current_piece()? {
+            match input {
                 FrameInput::Repeat(frame) if piece.first < next => piece.sink.repeat(frame)?,
                 FrameInput::Frame(frame) | FrameInput::Repeat(frame) => piece.sink.frame(frame)?,
                 FrameInput::Float(frame) => piece.sink.float_frame(frame)?,
@@ -156,14 +161,16 @@ impl SegmentSink {
             self.next += 1;
             return self.close_piece();
         }
-        let (kind, bytes) = match given {
+        let (kind, bytes) = match input {
             FrameInput::Repeat(_) if repeatable => (RecordKind::Repeat, Vec::new()),
-            FrameInput::Frame(frame) | FrameInput::Repeat(frame) => (RecordKind::Image, png(frame)?),
+            FrameInput::Frame(frame) | FrameInput::Repeat(frame) => (RecordKind::Image, encode_png(frame)?),
             FrameInput::Float(_) | FrameInput::Kept(_) => {
-                return Err(ExportError::Format("a segment keeps no such frame".into()));
+                return Err(ExportError::Format(
+                    "a segment cannot store a frame of floats or a half-encoded frame as an image".into(),
+                ));
             }
         };
-        self.record(kind, next, 1, &bytes)?;
+        self.write_record(kind, next, 1, &bytes)?;
         self.repeatable = true;
         self.next += 1;
         Ok(())
@@ -171,30 +178,40 @@ impl SegmentSink {
 
     /// Writes the piece if it has all of its frames.
     fn close_piece(&mut self) -> Result<(), ExportError> {
-        let frames = self.piece.map_or(1, NonZeroU64::get);
-        let Some(mut piece) = self.open.take_if(|piece| self.next - piece.first == frames) else {
+        let frames = self.piece_frames.map_or(1, NonZeroU64::get);
+        let Some(mut piece) = self.open_piece.take_if(|piece| self.next - piece.first == frames) else {
             return Ok(());
         };
-        let (mut state, bytes) = match self.images {
+        let (mut state, bytes) = match self.one_image_per_file {
             true => {
                 let head = piece.sink.finish()?;
                 (Vec::new(), [head, std::mem::take(&mut *piece.bytes.lock())].concat())
             }
             false => match piece.sink.mark() {
                 Mark::Settled(state) => (state, std::mem::take(&mut *piece.bytes.lock())),
-                _ => return Err(ExportError::Format("a piece does not end where its format says".into())),
+                _ => {
+                    return Err(ExportError::Format(
+                        "the exporter did not complete a piece at its last frame".into(),
+                    ));
+                }
             },
         };
         let kind = RecordKind::Piece { state: state.len() as u64 };
         state.extend(bytes);
-        self.record(kind, piece.first, frames, &state)?;
+        self.write_record(kind, piece.first, frames, &state)?;
         self.repeatable = false;
         Ok(())
     }
 
-    fn record(&mut self, kind: RecordKind, first: u64, frames: u64, bytes: &[u8]) -> Result<(), ExportError> {
+    fn write_record(
+        &mut self,
+        kind: RecordKind,
+        first: u64,
+        frames: u64,
+        bytes: &[u8],
+    ) -> Result<(), ExportError> {
         let (hash, length) = (blake3::hash(bytes), bytes.len() as u64);
-        self.out.write_all(&line(&Record { kind, first, frames, hash, length }.json()))?;
+        self.out.write_all(&encode_line(&Record { kind, first, frames, hash, length }.json()))?;
         self.out.write_all(bytes)?;
         self.done += frames;
         Ok(())
@@ -203,23 +220,23 @@ impl SegmentSink {
 
 impl FrameSink for SegmentSink {
     fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
-        self.next_frame(FrameInput::Frame(frame))
+        self.add_frame(FrameInput::Frame(frame))
     }
 
     fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {
-        self.next_frame(FrameInput::Float(frame))
+        self.add_frame(FrameInput::Float(frame))
     }
 
     fn repeat(&mut self, frame: &Frame) -> Result<(), ExportError> {
-        self.next_frame(FrameInput::Repeat(frame))
+        self.add_frame(FrameInput::Repeat(frame))
     }
 
     fn again(&mut self, kept: &[u8]) -> Result<(), ExportError> {
-        self.next_frame(FrameInput::Kept(kept))
+        self.add_frame(FrameInput::Kept(kept))
     }
 
     fn mark(&mut self) -> Mark<'_> {
-        match self.open.as_mut().map(|piece| piece.sink.mark()) {
+        match self.open_piece.as_mut().map(|piece| piece.sink.mark()) {
             Some(Mark::Open(parts)) => Mark::Open(parts),
             Some(_) => Mark::Nothing,
             None => Mark::Settled(self.done.to_le_bytes().to_vec()),
@@ -227,14 +244,14 @@ impl FrameSink for SegmentSink {
     }
 
     fn finish(mut self: Box<Self>) -> Result<Vec<u8>, ExportError> {
-        self.out.write_all(&line(&json!({ "end": self.done })))?;
+        self.out.write_all(&encode_line(&json!({ "end": self.done })))?;
         self.out.flush()?;
         Ok(Vec::new())
     }
 }
 
 /// Encodes a frame as PNG. Speed matters more than size: the PNG is decoded once and then deleted.
-pub(crate) fn png(frame: &Frame) -> Result<Vec<u8>, ExportError> {
+pub(crate) fn encode_png(frame: &Frame) -> Result<Vec<u8>, ExportError> {
     let failed = |error: png::EncodingError| match error {
         png::EncodingError::IoError(error) => ExportError::Io(error),
         other => ExportError::Format(format!("the image of a frame: {other}")),

@@ -1,15 +1,15 @@
 //! Packed scenes: a script or model with all files that it reads, in one archive. `choreo pack` writes the archive, and commands that open
 //! a scene once take it in place of the script.
 //!
-//! The archive is an uncompressed tar file, so that the unpacked files are never larger than the archive. Its first entry is [`MANIFEST`]:
+//! The archive is an uncompressed tar file, so that the unpacked files are never larger than the archive. Its first entry is [`MANIFEST_FILE`]:
 //! input and arguments of the scene, and the hash of every file. The files follow in the order of the manifest. They lie beneath
 //! `files/N/`, with one number N for each folder that the script could read.
 
 mod read;
 mod write;
 
-pub(crate) use read::{Unpacked, is_packed, options_of};
-pub(crate) use write::{write, write_folder};
+pub(crate) use read::{Unpacked, is_packed, read_project_file_text};
+pub(crate) use write::{write_archive, write_folder};
 
 use crate::args::PackedStage;
 use crate::failure::Failure;
@@ -19,10 +19,10 @@ use serde_json::{Value, json};
 use std::path::{Component, Path};
 
 /// Extension of the archives.
-pub(crate) const EXTENSION: &str = "choreo";
+pub(crate) const PACK_EXTENSION: &str = "choreo";
 
 /// Name of the first entry, which describes the packed scene.
-const MANIFEST: &str = "choreo.json";
+const MANIFEST_FILE: &str = "choreo.json";
 
 /// The description of a packed scene: the contents of its first entry.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,18 +71,21 @@ impl Manifest {
         let Manifest { input, search, plugins, files, names, .. } = &manifest;
         let paths = search.iter().chain(plugins).chain(files.iter().map(|file| &file.path));
         let is_file = |path: &str| files.iter().any(|file| file.path == path);
-        let is_sound = paths.chain([input]).all(|path| is_inside(path))
+        let is_valid = paths.chain([input]).all(|path| is_inside(path))
             && names.iter().all(|(name, of)| is_inside(name) && is_file(of) && !is_file(name));
-        is_sound.then_some(manifest)
+        is_valid.then_some(manifest)
     }
 }
 
-/// Compares the scene opened from the archive with the scene that was packed. Gives a warning if another version of the program packed it,
+/// Compares the scene opened from the archive with the scene that was packed. Returns a warning if another version of the program packed it,
 /// since images may then differ.
 ///
 /// # Errors
 /// The same version of the program gets another scene. Every file has its hash, so a plugin of this machine must have changed the scene.
-pub(super) fn differs(packed: &PackedStage, scene: &OpenedScene) -> Result<Option<String>, Failure> {
+pub(super) fn check_packed_stage(
+    packed: &PackedStage,
+    scene: &OpenedScene,
+) -> Result<Option<String>, Failure> {
     let name = &scene.name;
     if packed.software != scene.software {
         let (there, here) = (&packed.software, &scene.software);
@@ -90,12 +93,12 @@ pub(super) fn differs(packed: &PackedStage, scene: &OpenedScene) -> Result<Optio
             "{name}: warning: {there} packed it, but this program is {here}: its images may differ"
         )));
     }
-    let same =
-        packed.input_hash == hex(&scene.input_hash) && packed.stage == hex(&scene.stage.content_hash());
+    let same = packed.input_hash == hash_hex(&scene.input_hash)
+        && packed.stage == hash_hex(&scene.stage.content_hash());
     match same {
         true => Ok(None),
         false => Err(Failure::input(format!(
-            "{name}: it is a different scene here than where it was packed\n    hint: a plugin of this \
+            "{name}: the scene differs from the one that was packed\n    hint: a plugin of this \
              machine changes it; CHOREO_PLUGINS= in the environment disables the user's plugins"
         ))),
     }
@@ -111,6 +114,6 @@ fn is_inside(path: &str) -> bool {
 }
 
 /// Formats a hash in hexadecimal digits.
-fn hex(hash: &[u8; 32]) -> String {
+fn hash_hex(hash: &[u8; 32]) -> String {
     blake3::Hash::from_bytes(*hash).to_hex().to_string()
 }

@@ -1,7 +1,7 @@
 //! Unpacking an archive that is not trusted: regular files with the names of the manifest are written to a new folder, each with the stated
 //! length and hash. Links, `..` and all other entries are refused.
 
-use super::{EXTENSION, MANIFEST, Manifest, PackedFile};
+use super::{MANIFEST_FILE, Manifest, PACK_EXTENSION, PackedFile};
 use crate::args::values;
 use crate::args::{PackedStage, SceneArgs};
 use crate::failure::Failure;
@@ -11,26 +11,27 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Largest manifest in bytes, and largest number of files.
-const MOST_MANIFEST: u64 = 64 << 20;
-const MOST_FILES: usize = 100_000;
+/// Limits on the size of the manifest in bytes, and on the number of files.
+const MAX_MANIFEST_BYTES: u64 = 64 << 20;
+const MAX_FILES: usize = 100_000;
 
 /// Whether the input of a command is an archive, or an unpacked archive in a folder.
 pub(crate) fn is_packed(input: &Path) -> bool {
-    input.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION)) || input.join(MANIFEST).is_file()
+    input.extension().is_some_and(|e| e.eq_ignore_ascii_case(PACK_EXTENSION))
+        || input.join(MANIFEST_FILE).is_file()
 }
 
 /// Text of the `choreo.toml` in an archive; `None` if it cannot be read, which is reported when the archive is opened.
-pub(crate) fn options_of(input: &Path) -> Option<String> {
+pub(crate) fn read_project_file_text(input: &Path) -> Option<String> {
     if input.is_dir() {
-        return Some(manifest_of(&Folder::open(input).ok()?).ok()?.options);
+        return Some(read_manifest_file(&Folder::open(input).ok()?).ok()?.options);
     }
-    let mut archive = archive(choreo_files::open_file(input).ok()?);
-    let manifest = manifest(&mut archive.entries().ok()?).ok()?;
+    let mut archive = open_tar(choreo_files::open_file(input).ok()?);
+    let manifest = read_manifest_entry(&mut archive.entries().ok()?).ok()?;
     Some(manifest.options)
 }
 
-fn archive(file: File) -> tar::Archive<BufReader<File>> {
+fn open_tar(file: File) -> tar::Archive<BufReader<File>> {
     tar::Archive::new(BufReader::with_capacity(1 << 16, file))
 }
 
@@ -43,16 +44,16 @@ pub(crate) struct Unpacked {
 
 impl Unpacked {
     /// Unpacks an archive. `shown`: name of the archive in messages.
-    pub fn new(file: File, shown: &str, largest: u64) -> Result<Unpacked, Failure> {
+    pub fn from_archive(file: File, shown: &str, max_file_bytes: u64) -> Result<Unpacked, Failure> {
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
-        let mut archive = archive(file);
+        let mut archive = open_tar(file);
         let mut entries = archive.entries().map_err(|e| damaged(&choreo_files::describe_error(&e)))?;
-        let manifest = manifest(&mut entries).map_err(|what| foreign(shown, what))?;
-        let unpacked = Unpacked::of(manifest, shown, largest, |file| {
+        let manifest = read_manifest_entry(&mut entries).map_err(|what| not_a_pack_failure(shown, what))?;
+        let unpacked = Unpacked::write_files(manifest, shown, max_file_bytes, |file| {
             let name = &file.path;
             let entry = entries.next().and_then(Result::ok);
             let mut entry = entry.ok_or_else(|| damaged(&format!("{name} is missing")))?;
-            if !is_file(&entry, name) || entry.size() != file.bytes {
+            if !is_regular_file_named(&entry, name) || entry.size() != file.bytes {
                 return Err(damaged(&format!("a different file is in the place of {name}")));
             }
             let mut bytes = Vec::new();
@@ -66,12 +67,12 @@ impl Unpacked {
     }
 
     /// Copies an archive in folder form under the rules of the archive: links are refused, even if they stay inside the folder.
-    pub(crate) fn of_folder(folder: &Path, largest: u64) -> Result<Unpacked, Failure> {
+    pub(crate) fn from_folder(folder: &Path, max_file_bytes: u64) -> Result<Unpacked, Failure> {
         let shown = folder.display().to_string();
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
         let open = Folder::open(folder).map_err(|e| damaged(&choreo_files::describe_error(&e)))?;
-        let manifest = manifest_of(&open).map_err(|what| foreign(&shown, what))?;
-        Unpacked::of(manifest, &shown, largest, |file| {
+        let manifest = read_manifest_file(&open).map_err(|what| not_a_pack_failure(&shown, what))?;
+        Unpacked::write_files(manifest, &shown, max_file_bytes, |file| {
             let name = Path::new(&file.path);
             if open.resolve(name).is_ok_and(|place| place != name) {
                 return Err(damaged(&format!("a different file is in the place of {}", file.path)));
@@ -80,16 +81,16 @@ impl Unpacked {
         })
     }
 
-    /// Writes the files of a manifest to a new folder. `read` gives the bytes of the next file.
-    fn of(
+    /// Writes the files of a manifest to a new folder. `read` returns the bytes of the next file.
+    fn write_files(
         manifest: Manifest,
         shown: &str,
-        largest: u64,
+        max_file_bytes: u64,
         mut read: impl FnMut(&PackedFile) -> Result<Vec<u8>, Failure>,
     ) -> Result<Unpacked, Failure> {
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
-        if manifest.files.len() > MOST_FILES {
-            return Err(damaged("it has more than 100000 files"));
+        if manifest.files.len() > MAX_FILES {
+            return Err(damaged(&format!("it has more than {MAX_FILES} files")));
         }
         let folder = tempfile::Builder::new().prefix("choreo-").tempdir().map_err(|e| {
             Failure::Output(format!("{shown}: cannot unpack it: {}", choreo_files::describe_error(&e)))
@@ -97,8 +98,8 @@ impl Unpacked {
         let written = |name: &str, e| Failure::Output(format!("{shown}: cannot unpack {name}: {e}"));
         for file in &manifest.files {
             let name = &file.path;
-            if file.bytes > largest {
-                let hint = choreo_script::raise_hint("file", format!("{largest} bytes"));
+            if file.bytes > max_file_bytes {
+                let hint = choreo_script::raise_hint("file", format!("{max_file_bytes} bytes"));
                 return Err(Failure::input(format!("{shown}: {name} is too large\n    hint: {hint}")));
             }
             let bytes = read(file)?;
@@ -116,40 +117,41 @@ impl Unpacked {
         }
         // Links are made last, so that no file is written through them.
         for (name, of) in &manifest.names {
-            link(&folder.path().join(of), &folder.path().join(name)).map_err(|e| written(name, e.into()))?;
+            create_link(&folder.path().join(of), &folder.path().join(name))
+                .map_err(|e| written(name, e.into()))?;
         }
         Ok(Unpacked { manifest, folder })
     }
 
     /// Opens the archive that is the input of a command, and replaces the arguments by those of the packed scene. Arguments of the command
     /// line override packed ones.
-    pub fn in_place(args: &mut SceneArgs) -> Result<Option<Unpacked>, Failure> {
+    pub fn replace_input(args: &mut SceneArgs) -> Result<Option<Unpacked>, Failure> {
         if !is_packed(&args.input) {
             return Ok(None);
         }
-        let unpacked = Unpacked::open(&args.input, values::limits(&args.limit)?.file)?;
-        unpacked.arguments(args);
+        let unpacked = Unpacked::open(&args.input, values::parse_limits(&args.limit)?.file)?;
+        unpacked.merge_arguments(args);
         Ok(Some(unpacked))
     }
 
     /// Opens an archive, packed or in folder form.
-    pub fn open(input: &Path, largest: u64) -> Result<Unpacked, Failure> {
+    pub fn open(input: &Path, max_file_bytes: u64) -> Result<Unpacked, Failure> {
         if input.is_dir() {
-            return Unpacked::of_folder(input, largest);
+            return Unpacked::from_folder(input, max_file_bytes);
         }
         let shown = input.display().to_string();
         let file = choreo_files::open_file(input);
         let file = file.map_err(|e| Failure::input(format!("{shown}: cannot read: {e}")))?;
-        Unpacked::new(file, &shown, largest)
+        Unpacked::from_archive(file, &shown, max_file_bytes)
     }
 
     /// Path of an unpacked file of the manifest.
-    pub fn place(&self, path: &str) -> PathBuf {
+    pub fn unpacked_path(&self, path: &str) -> PathBuf {
         self.folder.path().join(path)
     }
 
     /// Merges the packed arguments into those of a command.
-    pub fn arguments(&self, args: &mut SceneArgs) {
+    pub fn merge_arguments(&self, args: &mut SceneArgs) {
         let manifest = &self.manifest;
         let at = |place: &String| self.folder.path().join(place);
         let name = |text: &str| text.split('=').next().unwrap_or_default().trim().to_string();
@@ -174,8 +176,8 @@ impl Unpacked {
     }
 }
 
-/// Makes a link `name` to an unpacked file.
-fn link(file: &Path, name: &Path) -> std::io::Result<()> {
+/// Creates a symbolic link `name` to an unpacked file, or a copy where the system has no such links.
+fn create_link(file: &Path, name: &Path) -> std::io::Result<()> {
     #[cfg(unix)]
     return std::os::unix::fs::symlink(file, name);
     #[cfg(not(unix))]
@@ -183,33 +185,34 @@ fn link(file: &Path, name: &Path) -> std::io::Result<()> {
 }
 
 /// Failure for a file that `choreo pack` did not write.
-fn foreign(shown: &str, what: &str) -> Failure {
+fn not_a_pack_failure(shown: &str, what: &str) -> Failure {
     Failure::input(format!("{shown}: it is not a scene that choreo pack has written: {what}"))
 }
 
 /// Reads the manifest of an archive in folder form.
-fn manifest_of(folder: &Folder) -> Result<Manifest, &'static str> {
-    let text = folder.read(Path::new(MANIFEST), MOST_MANIFEST).map_err(|_| "it has no choreo.json")?;
-    parsed(&text)
+fn read_manifest_file(folder: &Folder) -> Result<Manifest, &'static str> {
+    let text =
+        folder.read(Path::new(MANIFEST_FILE), MAX_MANIFEST_BYTES).map_err(|_| "it has no choreo.json")?;
+    parse_manifest(&text)
 }
 
 /// Reads the manifest, which is the first entry.
-fn manifest<R: Read>(entries: &mut tar::Entries<'_, R>) -> Result<Manifest, &'static str> {
+fn read_manifest_entry<R: Read>(entries: &mut tar::Entries<'_, R>) -> Result<Manifest, &'static str> {
     let mut entry = entries.next().and_then(Result::ok).ok_or("it is not a tar archive")?;
-    if !is_file(&entry, MANIFEST) || entry.size() > MOST_MANIFEST {
+    if !is_regular_file_named(&entry, MANIFEST_FILE) || entry.size() > MAX_MANIFEST_BYTES {
         return Err("it does not begin with choreo.json");
     }
     let mut text = Vec::new();
-    entry.read_to_end(&mut text).map_err(|_| "choreo.json is cut short")?;
-    parsed(&text)
+    entry.read_to_end(&mut text).map_err(|_| "choreo.json is truncated")?;
+    parse_manifest(&text)
 }
 
-fn parsed(text: &[u8]) -> Result<Manifest, &'static str> {
+fn parse_manifest(text: &[u8]) -> Result<Manifest, &'static str> {
     let value = serde_json::from_slice(text).map_err(|_| "choreo.json is not JSON")?;
     Manifest::read(&value).ok_or("choreo.json lacks a field, or has a path that leads out of it")
 }
 
 /// Whether an entry is a regular file of this name.
-fn is_file<R: Read>(entry: &tar::Entry<'_, R>, name: &str) -> bool {
+fn is_regular_file_named<R: Read>(entry: &tar::Entry<'_, R>, name: &str) -> bool {
     entry.header().entry_type() == tar::EntryType::Regular && entry.path_bytes() == name.as_bytes()
 }

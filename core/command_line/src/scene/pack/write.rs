@@ -1,6 +1,6 @@
 //! Writing the archive: each file that the scene read, beneath the folder in which it was found.
 
-use super::{MANIFEST, Manifest, PackedFile, hex};
+use super::{MANIFEST_FILE, Manifest, PackedFile, hash_hex};
 use crate::args::SceneArgs;
 use crate::failure::Failure;
 use crate::scene::OpenedScene;
@@ -12,15 +12,15 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Writes the archive of an open scene. `options`: text of the project's `choreo.toml`. Returns the manifest and the writer.
-pub(crate) fn write<W: Write>(
+pub(crate) fn write_archive<W: Write>(
     scene: &OpenedScene,
     args: &SceneArgs,
     options: String,
     to: W,
 ) -> Result<(Manifest, W), Failure> {
-    let roots = Roots::of(args)?;
-    let sources = sources(scene, args, &roots)?;
-    let names = names(scene, &roots, &sources);
+    let roots = ReadableFolders::from_args(args)?;
+    let sources = files_to_pack(scene, args, &roots)?;
+    let names = link_names(scene, &roots, &sources);
     let mut files = Vec::new();
     let mut contents = Vec::new();
     for (path, source) in &sources {
@@ -33,21 +33,21 @@ pub(crate) fn write<W: Write>(
         if read.is_some_and(|read| *read != hash) {
             return Err(Failure::input(format!("{shown}: it was changed while it was packed; pack again")));
         }
-        files.push(PackedFile { path: path.clone(), bytes: bytes.len() as u64, blake3: hex(&hash) });
+        files.push(PackedFile { path: path.clone(), bytes: bytes.len() as u64, blake3: hash_hex(&hash) });
         contents.push(bytes);
     }
     let manifest = Manifest {
         software: args.software.clone(),
         input: roots.input.clone(),
-        search: roots.packed(&args.search)?,
-        plugins: roots.packed(&roots.plugins)?,
+        search: roots.archive_paths(&args.search)?,
+        plugins: roots.archive_paths(&roots.plugins)?,
         set: args.set.clone(),
         import: args.import.import.clone(),
         clip: args.clip.clone(),
         importer: args.import.importer.clone(),
         options,
-        input_hash: hex(&scene.input_hash),
-        stage: hex(&scene.stage.content_hash()),
+        input_hash: hash_hex(&scene.input_hash),
+        stage: hash_hex(&scene.stage.content_hash()),
         files,
         names,
     };
@@ -56,15 +56,15 @@ pub(crate) fn write<W: Write>(
     let failed = |e: std::io::Error| {
         Failure::Output(format!("the archive: cannot write: {}", choreo_files::describe_error(&e)))
     };
-    append(&mut archive, MANIFEST, text.as_bytes()).map_err(failed)?;
+    append_file(&mut archive, MANIFEST_FILE, text.as_bytes()).map_err(failed)?;
     for (file, bytes) in manifest.files.iter().zip(contents) {
-        append(&mut archive, &file.path, &bytes).map_err(failed)?;
+        append_file(&mut archive, &file.path, &bytes).map_err(failed)?;
     }
     let to = archive.into_inner().map_err(failed)?;
     Ok((manifest, to))
 }
 
-/// Writes the entries of an archive made by `write` as files of a folder.
+/// Writes the entries of an archive made by `write_archive` as files of a folder.
 pub(crate) fn write_folder(archive: impl Read, folder: &Path) -> Result<(), WriteError> {
     let mut archive = tar::Archive::new(archive);
     for entry in archive.entries()? {
@@ -78,7 +78,7 @@ pub(crate) fn write_folder(archive: impl Read, folder: &Path) -> Result<(), Writ
 }
 
 /// Adds a file without times, owner and permissions: the archive depends on the contents alone.
-fn append<W: Write>(archive: &mut tar::Builder<W>, path: &str, bytes: &[u8]) -> std::io::Result<()> {
+fn append_file<W: Write>(archive: &mut tar::Builder<W>, path: &str, bytes: &[u8]) -> std::io::Result<()> {
     let mut header = tar::Header::new_gnu();
     header.set_size(bytes.len() as u64);
     header.set_mode(0o644);
@@ -88,7 +88,7 @@ fn append<W: Write>(archive: &mut tar::Builder<W>, path: &str, bytes: &[u8]) -> 
 }
 
 /// The folders that the scene could read, and their places in the archive.
-struct Roots {
+struct ReadableFolders {
     /// Canonical folders that lie in none of the others, with their paths in the archive.
     outermost: Vec<(PathBuf, String)>,
     /// Plugin folders that were searched; those of the command line come first.
@@ -98,8 +98,8 @@ struct Roots {
     input_path: Option<PathBuf>,
 }
 
-impl Roots {
-    fn of(args: &SceneArgs) -> Result<Roots, Failure> {
+impl ReadableFolders {
+    fn from_args(args: &SceneArgs) -> Result<ReadableFolders, Failure> {
         let built_in = super::super::model::is_built_in(&args.input);
         if built_in {
             let what = format!("{}: it is built into choreo; there is nothing to pack", args.input.display());
@@ -124,15 +124,19 @@ impl Roots {
         let is_inner = |folder: &PathBuf| folders.iter().any(|o| o != folder && folder.starts_with(o));
         let outermost = folders.iter().filter(|folder| !is_inner(folder)).cloned().enumerate();
         let outermost = outermost.map(|(i, folder)| (folder, format!("files/{i}"))).collect();
-        let mut roots =
-            Roots { outermost, plugins, input: String::new(), input_path: args.input.canonicalize().ok() };
+        let mut roots = ReadableFolders {
+            outermost,
+            plugins,
+            input: String::new(),
+            input_path: args.input.canonicalize().ok(),
+        };
         let name = args.input.file_name().unwrap_or_default();
-        roots.input = roots.place(&folders[0].join(name))?;
+        roots.input = roots.archive_path(&folders[0].join(name))?;
         Ok(roots)
     }
 
     /// Path in the archive for a canonical path on disk; an error if it lies in none of the folders.
-    fn place(&self, path: &Path) -> Result<String, Failure> {
+    fn archive_path(&self, path: &Path) -> Result<String, Failure> {
         let inside =
             self.outermost.iter().find_map(|(folder, place)| Some((path.strip_prefix(folder).ok()?, place)));
         let (below, place) = inside.ok_or_else(|| {
@@ -148,36 +152,41 @@ impl Roots {
         Ok(packed)
     }
 
-    fn packed(&self, folders: &[PathBuf]) -> Result<Vec<String>, Failure> {
+    fn archive_paths(&self, folders: &[PathBuf]) -> Result<Vec<String>, Failure> {
         let canonical = folders.iter().map(|folder| folder.canonicalize().unwrap_or_else(|_| folder.clone()));
-        canonical.map(|folder| self.place(&folder)).collect()
+        canonical.map(|folder| self.archive_path(&folder)).collect()
     }
 }
 
 /// Symbolic links to packed files, by which the scene found them, as (link, file).
-fn names(scene: &OpenedScene, roots: &Roots, sources: &BTreeMap<String, PathBuf>) -> Vec<(String, String)> {
+fn link_names(
+    scene: &OpenedScene,
+    roots: &ReadableFolders,
+    sources: &BTreeMap<String, PathBuf>,
+) -> Vec<(String, String)> {
     let links = scene.touched.looked_for.iter().filter_map(|link| Some((link, link.canonicalize().ok()?)));
     let read = links.filter(|(_, target)| scene.touched.read.contains_key(target));
-    let places =
-        read.filter_map(|(link, target)| Some((roots.place(link).ok()?, roots.place(&target).ok()?)));
+    let places = read.filter_map(|(link, target)| {
+        Some((roots.archive_path(link).ok()?, roots.archive_path(&target).ok()?))
+    });
     places.filter(|(name, of)| sources.contains_key(of) && !sources.contains_key(name)).collect()
 }
 
 /// All files to be packed, by path in the archive: the files that were read, and the descriptions of packages whose plugins were used.
-fn sources(
+fn files_to_pack(
     scene: &OpenedScene,
     args: &SceneArgs,
-    roots: &Roots,
+    roots: &ReadableFolders,
 ) -> Result<BTreeMap<String, PathBuf>, Failure> {
     let read = &scene.touched.read;
     let mut sources = BTreeMap::from([(roots.input.clone(), args.input.clone())]);
     for path in read.keys().filter(|path| Some(*path) != roots.input_path.as_ref()) {
-        sources.insert(roots.place(path)?, path.clone());
+        sources.insert(roots.archive_path(path)?, path.clone());
     }
     for folder in read.keys().filter_map(|path| path.parent()) {
         let description = folder.join(DESCRIPTION);
         if description.is_file()
-            && let Ok(place) = roots.place(&description)
+            && let Ok(place) = roots.archive_path(&description)
         {
             sources.insert(place, description);
         }
