@@ -80,7 +80,7 @@ fn cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String))
         if let Some(end) = end
             && draft.cue.inertialization > end - start
             && end > start
-            && !draft.followed
+            && !draft.has_successor
         {
             let text = format!(
                 "clip \"{name}\" takes {} s for the transition from the pose before it, but its cue lasts {} s",
@@ -132,7 +132,7 @@ fn restarts(
     warn: &mut impl FnMut(&'static str, &Place, String),
 ) {
     for (id, next) in build.cues.iter().enumerate() {
-        let Some(before) = next.after else { continue };
+        let Some(before) = next.predecessor else { continue };
         let draft = &build.cues[before];
         let length = draft.length().as_secs();
         let looped = draft.repeats(build.chains[draft.chain].is_layer()) == Repeat::Loop;
@@ -171,7 +171,7 @@ fn actors_in_one_place(build: &StageDraft, warn: &mut impl FnMut(&'static str, &
         let asset = &a.actor.asset;
         asset.instances.is_empty() && !(asset.cameras.is_empty() && asset.lights.is_empty())
     };
-    let nowhere = |a: &&ActorDraft| !a.placed && !flat(a) && !of_vertices(a) && !brings(a);
+    let nowhere = |a: &&ActorDraft| !a.is_placed && !flat(a) && !of_vertices(a) && !brings(a);
     let nowhere: Vec<_> = build.actors.iter().filter(nowhere).collect();
     if nowhere.len() < 2 {
         return;

@@ -1,7 +1,7 @@
 //! Analysis of clips when the stage is resolved: root motion, steps and gaits, once for all actors that play them.
 
 use crate::api_error::ApiError;
-use crate::build::{CueDraft, RootDraft, RootUse, StageDraft};
+use crate::build::{CueDraft, RootMotionDraft, RootMotionUse, StageDraft};
 use choreo_asset::Asset;
 use choreo_motion::contacts::{ContactInterval, Contacts, find_feet, leg_length};
 use choreo_motion::{Clip, Footsteps, PhaseMatchedFade, RootMotion, RootParts, Time};
@@ -13,7 +13,7 @@ use std::sync::Arc;
 type ClipRange = (usize, usize, Time, Time);
 
 /// A request for the root motion of a clip's range, and the result.
-type RootMotionEntry = (RootDraft, Option<Arc<CueRootMotion>>);
+type RootMotionEntry = (RootMotionDraft, Option<Arc<CueRootMotion>>);
 
 #[derive(Default)]
 pub struct AnalyzedClips {
@@ -50,7 +50,7 @@ pub fn root(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> 
         .path_following
         .as_ref()
         .is_some_and(|path_following| path_following.pace == Pace::OfClips);
-    let own = RootDraft { joint: None, parts: RootParts::default(), used: RootUse::Carries };
+    let own = RootMotionDraft { joint: None, parts: RootParts::default(), used: RootMotionUse::MovesActor };
     let asked = draft.root.or(actor.root).or(paced.then_some(own))?;
     let asset = &actor.actor.asset;
     let trim = draft.part();
@@ -59,7 +59,7 @@ pub fn root(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> 
         return root.clone();
     }
     let motion = RootMotion::new(&asset.skeleton, &draft.cue.clip, asked.joint, asked.parts, trim);
-    let carries = asked.used == RootUse::Carries;
+    let carries = asked.used == RootMotionUse::MovesActor;
     let root = motion.map(|motion| Arc::new(CueRootMotion { motion, carries }));
     all.push((asked, root.clone()));
     root
@@ -67,7 +67,8 @@ pub fn root(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> 
 
 fn steps(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<Footsteps>> {
     let trim = draft.part();
-    if let Some(times) = build.notes_of(&draft.cue.clip).and_then(|notes| notes.steps.as_ref()) {
+    if let Some(times) = build.clip_notes_of(&draft.cue.clip).and_then(|notes| notes.footstep_times.as_ref())
+    {
         return Footsteps::given(times, trim).map(Arc::new);
     }
     let asset = &build.actors[build.chains[draft.chain].actor].actor.asset;

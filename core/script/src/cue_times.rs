@@ -29,7 +29,7 @@ impl CueDraft {
     /// The repeat mode that the script sets. By default a layer plays once, and so does a cue without `until` that another cue
     /// follows; all other cues loop.
     pub fn repeats(&self, layer: bool) -> Repeat {
-        let once = layer || (self.followed && self.until.is_none());
+        let once = layer || (self.has_successor && self.until.is_none());
         self.repeat.unwrap_or(if once { Repeat::Once } else { Repeat::Loop })
     }
 }
@@ -39,7 +39,7 @@ pub(crate) fn all_times(build: &StageDraft) -> Vec<(Time, Option<Time>)> {
     let mut times: Vec<(Time, Option<Time>)> = Vec::with_capacity(build.cues.len());
     // A cue comes later in the list than its predecessor.
     for cue in &build.cues {
-        let follows = cue.after.map(|before| (&build.cues[before], times[before]));
+        let follows = cue.predecessor.map(|before| (&build.cues[before], times[before]));
         times.push(cue_times(build, cue, follows));
     }
     times
@@ -74,7 +74,7 @@ fn cue_times(
 pub fn times(build: &StageDraft, id: usize) -> (Time, Option<Time>) {
     // Goes to the front of the chain and back without recursion, because chains can be long.
     let mut walk = vec![id];
-    while let Some(before) = walk.last().and_then(|id| build.cues[*id].after) {
+    while let Some(before) = walk.last().and_then(|id| build.cues[*id].predecessor) {
         walk.push(before);
     }
     let mut last = None;

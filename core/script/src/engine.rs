@@ -81,7 +81,7 @@ fn restrict(engine: &mut Engine, shared: &Arc<ScriptContext>) {
         if steps & 0x3f != 0 {
             return None;
         }
-        watched.upgrade().and_then(|shared| shared.late()).map(Into::into)
+        watched.upgrade().and_then(|shared| shared.exceeded_time_limit()).map(Into::into)
     });
 }
 
@@ -121,7 +121,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<ScriptContext>) {
             *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = here;
         }
         if count.fetch_add(1, Ordering::Relaxed) & 0x3f == 0x3f
-            && watched.upgrade().is_some_and(|shared| shared.late().is_some())
+            && watched.upgrade().is_some_and(|shared| shared.exceeded_time_limit().is_some())
         {
             return Token::LexError(Box::new(rhai::LexError::Runtime(PARSE_TIMEOUT.into())));
         }
@@ -222,7 +222,7 @@ fn dispatch(
             .hint("a section is test(\"name\", || { … }); choreo test runs it");
         return match stand_in {
             Some(value) => {
-                shared.note(Severity::Error, &place, &error);
+                shared.add_diagnostic(Severity::Error, &place, &error);
                 Ok(value)
             }
             None => Err(throw(error, place)),
@@ -233,7 +233,7 @@ fn dispatch(
         Ok(value) => Ok(value),
         Err(error) => match stand_in {
             Some(value) if !in_frame && !error.fatal => {
-                shared.note(Severity::Error, &place, &error);
+                shared.add_diagnostic(Severity::Error, &place, &error);
                 if let Some(expect) = args.first().and_then(|of| of.read_lock::<ExpectRef>()) {
                     shared.test().compared(expect.id);
                 }

@@ -87,7 +87,8 @@ fn described(error: &EvalAltResult, place: &Place, shared: &ScriptContext) -> Ap
     match error {
         EvalAltResult::ErrorParsing(kind, _) => parsing(kind, place, shared),
         EvalAltResult::ErrorVariableNotFound(name, _) => {
-            let reported = shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).contains(name);
+            let reported =
+                shared.reported_variables.lock().unwrap_or_else(PoisonError::into_inner).contains(name);
             if reported { ApiError::silent() } else { unknown_variable(name, place, shared) }
         }
         EvalAltResult::ErrorFunctionNotFound(signature, _) => unknown_function(signature, shared),
@@ -263,14 +264,14 @@ pub(crate) fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &Scr
     for variable in unknown {
         let (line, column) = (variable.at.line().unwrap_or(0), variable.at.position().unwrap_or(0));
         let place = Place { file: file.to_string(), line, column };
-        shared.note(Severity::Error, &place, &unknown_variable(&variable.name, &place, shared));
+        shared.add_diagnostic(Severity::Error, &place, &unknown_variable(&variable.name, &place, shared));
     }
 }
 
 /// Marks unknown variables as reported, so that errors that they cause at run time are not shown.
 pub(crate) fn mark_as_reported(unknown: &[UnknownVariable], shared: &ScriptContext) {
     let names = unknown.iter().map(|variable| variable.name.clone());
-    shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
+    shared.reported_variables.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
 }
 
 /// Whether a message belongs to an error that another error has caused.

@@ -25,7 +25,7 @@ pub fn warn(c: &Call, font: &Font, words: &str) {
     let shown = |chars: &[String]| list(chars.iter().map(String::as_str), 24);
     let warn = |text: String, hint: &str| {
         let error = ApiError::new(format!("{}: {text}", c.def.name)).hint(hint);
-        c.shared.note(Severity::Warning, &c.place, &error.rule("font_lacks"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &error.rule("font_lacks"));
     };
     let own = "give a font that has them: font: \"file.ttf\"";
     if !of_none.is_empty() {

@@ -1,7 +1,7 @@
 //! `on_frame` callbacks: closures of the script, run as pure functions of time.
 
 use crate::api_error::{ApiError, Place};
-use crate::build::{HookDraft, ScriptContext};
+use crate::build::{FrameCallbackDraft, ScriptContext};
 use crate::diagnostic::Severity;
 use crate::errors;
 use choreo_motion::Time;
@@ -76,11 +76,11 @@ impl ScriptHook {
     pub fn new(
         engine: Arc<Engine>,
         shared: Arc<ScriptContext>,
-        draft: HookDraft,
+        draft: FrameCallbackDraft,
         script: &str,
         all: usize,
     ) -> ScriptHook {
-        let HookDraft { callback, context, at } = draft;
+        let FrameCallbackDraft { callback, context, at } = draft;
         // Captured values need no hash of their own, because they follow from the script, whose hash covers everything.
         let identity = format!("{script} {}:{}", at.line, at.column);
         ScriptHook { engine, callback, context, at, shared, identity, all: all as u64 }

@@ -106,7 +106,7 @@ impl ModuleResolver for Modules {
         crate::errors::mark_as_reported(&unknown, &shared);
         let mut ast = read.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
-        shared.of_clips_only(&ast, &name);
+        shared.find_clips_only_loads(&ast, &name);
         self.state().open.push((found.path.clone(), name.clone()));
         let mut scope = constants();
         declare_poisons(&unknown, &mut scope);
@@ -126,7 +126,7 @@ pub(crate) fn read_text(
     name: &str,
 ) -> Result<String, ApiError> {
     const LARGEST: usize = 4 << 20;
-    let bytes = match shared.unsaved.get(&found.path) {
+    let bytes = match shared.unsaved_texts.get(&found.path) {
         Some(text) => text.as_bytes().to_vec(),
         None => shared.loader.folders().read(found, name)?,
     };
@@ -136,7 +136,7 @@ pub(crate) fn read_text(
             bytes.len()
         )));
     }
-    shared.loader.note_used(&found.path, &bytes);
+    shared.loader.record_file_read(&found.path, &bytes);
     let text = String::from_utf8(bytes).map_err(|e| {
         let good = &e.as_bytes()[..e.utf8_error().valid_up_to()];
         let line = good.iter().filter(|b| **b == b'\n').count() + 1;

@@ -6,7 +6,7 @@
 //! a failed loop or condition, all variables that it sets anywhere are poisoned; after a failed import, errors of calls into that
 //! module are not reported.
 
-use crate::build::{Mode, ScriptContext};
+use crate::build::{RunMode, ScriptContext};
 use crate::compile::{UnknownVariable, constants, declare_poisons};
 use crate::diagnostic::Severity;
 use crate::errors::{self, Thrown};
@@ -41,9 +41,9 @@ pub(crate) fn run(
         let at = position.and_then(|position| statement_at(statements, first, position));
         let poisoned = at.is_some_and(|at| mentions_poison(&statements[at], &scope));
         if !missing.caused(&error, poisoned) {
-            shared.note(Severity::Error, &place, &explained);
+            shared.add_diagnostic(Severity::Error, &place, &explained);
         }
-        let goes_on = failed < MOST && shared.mode == Mode::Stage && may_go_on(&error);
+        let goes_on = failed < MOST && shared.mode == RunMode::Stage && may_go_on(&error);
         let at = at.filter(|at| goes_on && missing.poison_targets(&statements[*at], &mut scope));
         let Some(at) = at else { return false };
         // Modules are known only to the run that imports them, so earlier imports are repeated; they are not read again.

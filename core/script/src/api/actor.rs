@@ -135,9 +135,9 @@ fn cast(c: &mut Call) -> Reply {
     build.actors.push(ActorDraft {
         actor,
         at,
-        placed: false,
-        looks: Vec::new(),
-        constraints: Vec::new(),
+        is_placed: false,
+        look_at_places: Vec::new(),
+        constraint_places: Vec::new(),
         root: None,
         joint_keys: Vec::new(),
         walks: Vec::new(),
@@ -163,7 +163,7 @@ pub(super) fn change(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDra
 fn place(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
     let this: ActorRef = c.this()?;
     if !c.in_frame {
-        c.build().actor(this.id)?.not_walking(c.def.name)?;
+        c.build().actor(this.id)?.check_not_walking(c.def.name)?;
     }
     change(c, edit, draft)
 }
@@ -171,22 +171,22 @@ fn place(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Repl
 fn at(c: &mut Call) -> Reply {
     let p = c.point(0)?;
     place(c, ActorEdit::MoveTo(p), |d| {
-        d.placement().translation = p;
-        d.placed = true;
+        d.placement_mut().translation = p;
+        d.is_placed = true;
     })
 }
 
 fn move_by(c: &mut Call) -> Reply {
     let offset = c.point(0)?;
     place(c, ActorEdit::MoveBy(offset), |d| {
-        d.placement().translation += offset;
-        d.placed = true;
+        d.placement_mut().translation += offset;
+        d.is_placed = true;
     })
 }
 
 fn rotate_by(c: &Call, rotation: DQuat) -> Reply {
     place(c, ActorEdit::Turn(rotation), |d| {
-        let placement = d.placement();
+        let placement = d.placement_mut();
         placement.rotation = (rotation * placement.rotation).normalize();
     })
 }
@@ -219,7 +219,7 @@ fn face(c: &mut Call) -> Reply {
     let target = c.target(0)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
-    draft.not_walking("face")?;
+    draft.check_not_walking("face")?;
     draft.actor.face = None;
     draft.face_point = None;
     match target {
@@ -298,7 +298,7 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
         return Err(ApiError::new(text).hint("give each attachment a time of its own: #{ from: 2.0 }"));
     }
     actor.parents.push(draft);
-    actor.placed = true;
+    actor.is_placed = true;
     c.receiver()
 }
 
@@ -468,9 +468,9 @@ fn key(c: &mut Call) -> Reply {
     let draft = build.actor(this.id)?;
     let places = |channel: &Channel| matches!(channel.property, Property::Translation | Property::Rotation);
     if channels.iter().any(places) {
-        draft.not_walking("key")?;
+        draft.check_not_walking("key")?;
     }
-    draft.placed |= channels.iter().any(|ch| ch.property == Property::Translation);
+    draft.is_placed |= channels.iter().any(|ch| ch.property == Property::Translation);
     keys::replace(&mut draft.actor.channels, channels);
     c.receiver()
 }
@@ -480,7 +480,7 @@ fn play(c: &mut Call) -> Reply {
     let clip = super::cue::bound_clip(c, 0, &this.asset)?;
     let chain = c.build().chains.len();
     check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
-    let origin = c.build().offset;
+    let origin = c.build().sequence_start;
     let mut cue = CueDraft { origin, ..CueDraft::new(chain, clip, c.place.clone()) };
     super::cue::read_options(c, 1, &mut cue)?;
     let mut build = c.build();

@@ -68,7 +68,7 @@ fn load(c: &mut Call) -> Reply {
             choice.options.0.insert(key.to_string(), option_value(key, value)?);
         }
     }
-    let (loaded, most) = (c.shared.loader.loaded(), c.shared.limits.files);
+    let (loaded, most) = (c.shared.loader.import_count(), c.shared.limits.files);
     if loaded as u64 >= most {
         let error = ApiError::new("load: too many files").hint(raise_hint("files", most));
         return Err(ApiError { fatal: true, ..error });

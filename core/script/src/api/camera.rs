@@ -184,7 +184,7 @@ fn shake(c: &mut Call) -> Reply {
     let start = match start {
         Some(start) => start,
         None if c.in_frame => Time::ZERO,
-        None => c.build().offset,
+        None => c.build().sequence_start,
     };
     if let Some(until) = end.filter(|until| *until <= start) {
         return Err(before_start("shake: until", until, start));

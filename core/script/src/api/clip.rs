@@ -52,8 +52,8 @@ pub fn clip_handle(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
 fn count(c: &Call, clip: &Clip) -> Result<(), ApiError> {
     let keys: usize = clip.curves().iter().map(|curve| curve.times.len()).sum();
     let mut build = c.build();
-    build.clip_keys += keys as u64;
-    if build.clip_keys > c.shared.limits.clip_keys {
+    build.clip_keyframe_count += keys as u64;
+    if build.clip_keyframe_count > c.shared.limits.clip_keys {
         let error = ApiError::new(format!("{}: too many keys in clips that the script makes", c.def.name));
         return Err(ApiError {
             fatal: true,
@@ -86,7 +86,7 @@ fn mirror(c: &mut Call) -> Reply {
             lost.len(),
             list(lost.iter().copied(), 12)
         );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("mirror_partial"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("mirror_partial"));
     }
     let mut clip = map.clip(&this.asset, &this.clip);
     clip.name = format!("{} mirrored", this.clip.name);
@@ -174,7 +174,7 @@ fn bind_raw(c: &mut Call) -> Reply {
             moved.len(),
             list(lacking.iter().map(String::as_str), 12)
         );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_partial"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_partial"));
     }
     clip_handle(c, clip, on)
 }
@@ -196,7 +196,11 @@ fn check_bound_clip(
     // Retargeting between characters leaves out joints outside the known body parts, such as twist joints, without a
     // warning.
     if !coverage.parts.is_empty() || (report.is_none() && !coverage.left_out.is_empty()) {
-        c.shared.note(Severity::Warning, &c.place, &partial(of, on, &coverage).rule("retarget_partial"));
+        c.shared.add_diagnostic(
+            Severity::Warning,
+            &c.place,
+            &partial(of, on, &coverage).rule("retarget_partial"),
+        );
     }
     Ok(clip)
 }
@@ -258,7 +262,7 @@ fn note(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
             "clip \"{}\" of \"{}\" on \"{}\": it has too many keys to be retargeted within the tolerance",
             of.clip.name, of.asset.name, on.name
         );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_coarse"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_coarse"));
     }
 }
 
@@ -270,7 +274,7 @@ fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
             of.clip.name, of.asset.name, on.name, of.asset.name
         ));
         let hint = "retarget it to the character that it was made for first: clip.retarget(its_character).retarget(asset)";
-        c.shared.note(Severity::Warning, &c.place, &error.hint(hint).rule("retarget_rest"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &error.hint(hint).rule("retarget_rest"));
     }
     if !report.target_stands {
         let error = ApiError::new(format!(
@@ -278,7 +282,7 @@ fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
              on the ground",
             of.clip.name, of.asset.name, on.name, on.name
         ));
-        c.shared.note(Severity::Warning, &c.place, &error.rule("retarget_rest"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &error.rule("retarget_rest"));
     }
 }
 

@@ -71,7 +71,7 @@ fn add(c: &Call, actor: usize, goal: Constraint) -> Reply {
     let mut build = c.build();
     let draft = build.actor(actor)?;
     check_limit(draft.actor.constraints.len(), "constraints of one actor", &c.shared.limits)?;
-    draft.constraints.push(c.place.clone());
+    draft.constraint_places.push(c.place.clone());
     draft.actor.constraints.push(goal);
     Ok(Dynamic::from(ConstraintRef { actor, index: draft.actor.constraints.len() - 1 }))
 }

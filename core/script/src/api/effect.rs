@@ -53,15 +53,15 @@ fn effect(c: &mut Call) -> Reply {
             return Err(error.hint(format!("{known}; packages of plugins: choreo plugins list{faulty}")));
         }
         Err(fault) => {
-            c.shared.loader.note_looked_for(&fault.files);
+            c.shared.loader.note_missing_or_linked(&fault.files);
             return Err(ApiError::new(&fault.text));
         }
     };
     if let Some(file) = plugin.file() {
-        c.shared.loader.note_used(&file.path, &file.bytes);
+        c.shared.loader.record_file_read(&file.path, &file.bytes);
         for beside in &file.beside {
             if let Ok(bytes) = &beside.bytes {
-                c.shared.loader.note_used(&beside.path, bytes);
+                c.shared.loader.record_file_read(&beside.path, bytes);
             }
         }
     }

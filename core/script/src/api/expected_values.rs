@@ -1,7 +1,7 @@
 //! The expected values of comparisons: functions of time, rotations, lists of events.
 
 use super::expect::subject;
-use crate::build::{HookDraft, ScriptContext};
+use crate::build::{FrameCallbackDraft, ScriptContext};
 use crate::call::{ApiError, Call, euler, numbers};
 use crate::hook::{ScriptHook, with_copied_captures};
 use crate::test_data::{EventPattern, Formula, RotationGoal};
@@ -29,7 +29,7 @@ pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Fo
         context.global.num_operations = Default::default();
         context
     };
-    let draft = HookDraft { callback, context, at: c.place.clone() };
+    let draft = FrameCallbackDraft { callback, context, at: c.place.clone() };
     let shared: Arc<ScriptContext> = c.shared.clone();
     let hook = ScriptHook::new(engine, shared, draft, "", 1);
     Ok(Some(Formula(Arc::new(move |time| {

@@ -374,8 +374,8 @@ pub(super) fn steps_of_ease(span: Time) -> i64 {
 
 pub(super) fn count(c: &Call, more: usize) -> Result<(), ApiError> {
     let mut build = c.build();
-    build.keys += more as u64;
-    if build.keys > c.shared.limits.keys {
+    build.keyframe_count += more as u64;
+    if build.keyframe_count > c.shared.limits.keys {
         let error = ApiError::new("key: too many keys on this stage");
         return Err(ApiError { fatal: true, ..error.hint(raise_hint("keys", c.shared.limits.keys)) });
     }

@@ -221,7 +221,7 @@ fn ambient(c: &mut Call) -> Reply {
     }
     let mut build = c.build();
     (build.settings.ambient_up, build.settings.ambient_down) = (up, down);
-    (build.ambient_given, build.ambient_at) = (true, Some(c.place.clone()));
+    (build.sets_ambient, build.ambient_at) = (true, Some(c.place.clone()));
     Ok(Dynamic::UNIT)
 }
 

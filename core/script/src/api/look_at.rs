@@ -42,12 +42,12 @@ fn look_at(c: &mut Call) -> Reply {
     if target == (Target::Joint { actor: this.id, joint }) {
         return Err(ApiError::new("look_at: a joint cannot look at itself"));
     }
-    let offset = c.build().offset;
+    let offset = c.build().sequence_start;
     let (start, end, fade) = span(c, &o, offset)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
     check_limit(draft.actor.look_at.len(), "look_at targets of one actor", &c.shared.limits)?;
-    draft.looks.push(c.place.clone());
+    draft.look_at_places.push(c.place.clone());
     draft.actor.look_at.push(LookAt { joint, target, start, end, fade, weight });
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
 }

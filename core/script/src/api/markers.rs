@@ -13,6 +13,6 @@ pub(crate) fn find(markers: &[(String, Time)], name: &str, place: &str) -> Resul
 /// Time of a marker of a clip, in seconds of the clip.
 pub(crate) fn clip_marker(c: &Call, clip: &Arc<Clip>, name: &str) -> Result<Time, ApiError> {
     let build = c.build();
-    let markers = build.notes_of(clip).map_or(&[][..], |notes| &notes.markers);
+    let markers = build.clip_notes_of(clip).map_or(&[][..], |notes| &notes.markers);
     find(markers, name, &format!(" in clip \"{}\"", clip.name))
 }

@@ -26,7 +26,7 @@ api! {
 const MOST_MARKERS: usize = 10_000;
 
 fn notes<'a>(build: &'a mut MutexGuard<'_, StageDraft>, clip: &Arc<Clip>) -> &'a mut ClipNotes {
-    let notes = || ClipNotes { _clip: clip.clone(), markers: Vec::new(), steps: None };
+    let notes = || ClipNotes { _clip: clip.clone(), markers: Vec::new(), footstep_times: None };
     build.clip_notes.entry(Arc::as_ptr(clip) as usize).or_insert_with(notes)
 }
 
@@ -68,7 +68,7 @@ fn steps(c: &mut Call) -> Reply {
     if times.windows(2).any(|pair| pair[1] <= pair[0]) {
         return Err(ApiError::new("steps: the times must increase"));
     }
-    notes(&mut c.build(), &this.clip).steps = Some(times);
+    notes(&mut c.build(), &this.clip).footstep_times = Some(times);
     c.receiver()
 }
 
@@ -82,7 +82,7 @@ fn marker_of_stage(c: &mut Call) -> Reply {
             time
         }
     };
-    Ok(Dynamic::from_float((time - c.build().offset).as_secs()))
+    Ok(Dynamic::from_float((time - c.build().sequence_start).as_secs()))
 }
 
 fn perform(c: &mut Call) -> Reply {
@@ -100,12 +100,12 @@ fn perform(c: &mut Call) -> Reply {
     let o = c.options(2, &["from", "stagger"])?;
     let from = o.get("from").map(|v| crate::call::time(&v, "perform: from")).transpose()?;
     let stagger = o.get("stagger").map(|v| crate::call::time(&v, "perform: stagger")).transpose()?;
-    let before = c.build().offset;
+    let before = c.build().sequence_start;
     let mut begin = before + from.unwrap_or(Time::ZERO);
     for actor in actors {
-        c.build().offset = begin;
+        c.build().sequence_start = begin;
         let result = what.call_within_context::<Dynamic>(c.context, (actor,));
-        c.build().offset = before;
+        c.build().sequence_start = before;
         if let Err(error) = result {
             return super::test::failed(c, *error);
         }

@@ -1,6 +1,6 @@
 //! Stage settings, parameters and per-frame callbacks: `stage`, `f`, `param`, `on_frame`.
 
-use crate::build::{HookDraft, Parameter, check_limit};
+use crate::build::{FrameCallbackDraft, Parameter, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, color, numbers, point, rgb, wrong};
 use crate::hook::with_copied_captures;
 use crate::limits::raise_hint;
@@ -107,7 +107,7 @@ fn stage(c: &mut Call) -> Reply {
     let mut build = c.build();
     build.settings = s;
     if ambient.is_some() {
-        (build.ambient_given, build.ambient_at) = (true, None);
+        (build.sets_ambient, build.ambient_at) = (true, None);
     }
     build.settings_at = Some(place);
     Ok(Dynamic::from(this))
@@ -135,7 +135,7 @@ fn read_rate(c: &Call, o: &Options, s: &mut Settings) -> Result<Option<Time>, Ap
         FrameRate::from_fps(fps).map_err(|why| ApiError::new(format!("stage: fps {why}, got {fps:?}")))?;
     let own_length = o.number("length").ok().flatten();
     let changed = s.fps != c.build_fps();
-    match c.build().frames_used.clone().filter(|_| changed) {
+    match c.build().frame_calls.clone().filter(|_| changed) {
         Some((_, 1, frame, time)) if own_length == Some(time) => {
             Ok(Some(Time::from_secs(seconds(s.fps, frame))))
         }
@@ -217,8 +217,8 @@ fn frame(c: &mut Call) -> Reply {
     let place = c.place.clone();
     let mut build = c.build();
     let time = seconds(build.settings.fps, n);
-    let (place, count) = build.frames_used.take().map_or((place, 0), |(first, count, ..)| (first, count));
-    build.frames_used = Some((place, count + 1, n, time));
+    let (place, count) = build.frame_calls.take().map_or((place, 0), |(first, count, ..)| (first, count));
+    build.frame_calls = Some((place, count + 1, n, time));
     Ok(Dynamic::from_float(time))
 }
 
@@ -247,7 +247,7 @@ fn param(c: &mut Call) -> Reply {
     }
     check_limit(c.build().parameters.len(), "parameters", &c.shared.limits)?;
     let of_scene = c.shared.test().scene.as_ref().map(|scene| scene.set.clone());
-    let set = of_scene.as_ref().unwrap_or(&c.shared.set);
+    let set = of_scene.as_ref().unwrap_or(&c.shared.set_parameters);
     let given = set.iter().rev().find(|(n, _)| *n == name).map(|(_, v)| v.clone());
     let value = match &given {
         None => default.clone(),
@@ -314,7 +314,7 @@ fn on_frame(c: &mut Call) -> Reply {
     let Some(callback) = c.value(0).try_cast::<FnPtr>() else {
         return Err(c.wrong(0, "a function of the time, |t| …"));
     };
-    check_limit(c.build().hooks.len(), "on_frame callbacks", &c.shared.limits)?;
+    check_limit(c.build().frame_callbacks.len(), "on_frame callbacks", &c.shared.limits)?;
     let callback = with_copied_captures(&callback)?;
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
     let context = {
@@ -323,7 +323,7 @@ fn on_frame(c: &mut Call) -> Reply {
         context
     };
     let at = c.place.clone();
-    c.build().hooks.push(HookDraft { callback, context, at });
+    c.build().frame_callbacks.push(FrameCallbackDraft { callback, context, at });
     Ok(Dynamic::UNIT)
 }
 

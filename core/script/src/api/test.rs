@@ -1,6 +1,6 @@
 //! `test`, and what a test can use: other scripts, stages, render plans, golden images.
 
-use crate::build::{Mode, ScriptContext, check_limit};
+use crate::build::{RunMode, ScriptContext, check_limit};
 use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers, unknown};
 use crate::compile::{compile, constants};
 use crate::diagnostic::Severity;
@@ -87,7 +87,7 @@ fn section(c: &mut Call) -> Reply {
         let index = test.wanted.as_ref().map_or(info.index, |wanted| wanted.index);
         test.sections.push(info);
         test.calls.push((c.place.line, c.place.column));
-        if c.shared.mode != Mode::Section(index) {
+        if c.shared.mode != RunMode::RunTest(index) {
             return Ok(Dynamic::UNIT);
         }
         test.running = true;
@@ -109,11 +109,11 @@ fn end_section(shared: &ScriptContext) {
         if comparisons == 0 {
             let error = ApiError::new("this expect has no comparison")
                 .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
-            shared.note(Severity::Error, &place, &error);
+            shared.add_diagnostic(Severity::Error, &place, &error);
         } else if let Some((name, place)) = unused {
             let error = ApiError::new(format!("{name} has no effect: no comparison comes after it"))
                 .hint(format!("write .{name}(…) before the comparison"));
-            shared.note(Severity::Error, &place, &error);
+            shared.add_diagnostic(Severity::Error, &place, &error);
         }
     }
 }
@@ -131,7 +131,7 @@ pub(super) fn failed(c: &Call, error: EvalAltResult) -> Reply {
     if place.line == 0 {
         place = c.place.clone();
     }
-    c.shared.note(Severity::Error, &place, &explained);
+    c.shared.add_diagnostic(Severity::Error, &place, &explained);
     if is_final(&error) {
         return Err(ApiError { fatal: true, ..ApiError::silent() });
     }
@@ -233,7 +233,7 @@ fn scene(c: &mut Call) -> Reply {
     }
     if let Err(e) = result {
         let (place, explained) = errors::explain(&e, &name, c.shared);
-        c.shared.note(Severity::Error, &place, &explained);
+        c.shared.add_diagnostic(Severity::Error, &place, &explained);
         if is_final(&e) {
             return Err(ApiError { fatal: true, ..ApiError::silent() });
         }
@@ -258,7 +258,7 @@ fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>>
     let engine = c.context.engine();
     let mut ast = compile(engine, c.shared, text)?;
     ast.set_source(name);
-    c.shared.of_clips_only(&ast, name);
+    c.shared.find_clips_only_loads(&ast, name);
     engine.run_ast_with_scope(&mut constants(), &ast)
 }
 
@@ -341,8 +341,8 @@ fn stage_of(c: &mut Call) -> Reply {
         let mut build = c.build();
         let warnings = inner.diagnostics.iter().filter(|d| d.severity == Severity::Warning);
         stage.warnings.extend(warnings.map(ToString::to_string));
-        inner.diagnostics.into_iter().for_each(|d| build.note(d));
-        build.more += inner.more;
+        inner.diagnostics.into_iter().for_each(|d| build.add_diagnostic(d));
+        build.diagnostics_beyond_limit += inner.diagnostics_beyond_limit;
         build.printed.extend(inner.printed);
     }
     {

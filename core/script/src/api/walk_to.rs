@@ -1,7 +1,7 @@
 //! Walks to a point, as keyframes of the actor and cues of its base layer: turn, start, walk and stop.
 
 use super::cue::bound;
-use crate::build::{ActorDraft, Chain, CueDraft, RootDraft, RootUse, StageDraft, check_limit};
+use crate::build::{ActorDraft, Chain, CueDraft, RootMotionDraft, RootMotionUse, StageDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::cue_times::times;
 use crate::value::{ActorRef, ClipRef, CueRef};
@@ -53,7 +53,7 @@ fn walk_to(c: &mut Call) -> Reply {
     let face = o.target("face")?;
     check_limit(c.build().cues.len() + 2, "cues", &c.shared.limits)?;
     let mut build = c.build();
-    let origin = build.offset;
+    let origin = build.sequence_start;
     let face = match face {
         None => None,
         Some(Target::Point(point)) => Some(point),
@@ -94,7 +94,7 @@ fn walk_to(c: &mut Call) -> Reply {
         return Err(ApiError::new(text).hint("choose another time or speed, or a clip that runs"));
     }
     draft.walks.push(walk.clone());
-    draft.placed = true;
+    draft.is_placed = true;
     let channels = channels(&draft.walks);
     super::keys::replace(&mut draft.actor.channels, channels.into());
     let playing = playing(&build, this.id, from);
@@ -170,7 +170,8 @@ fn add_cue(
     let mut cue = CueDraft::new(build.chains.len() - 1, clip.clone(), c.place.clone());
     cue.start = Some(start);
     cue.cue.fade_in = fade;
-    cue.root = Some(RootDraft { joint: None, parts: RootParts::default(), used: RootUse::InPlace });
+    cue.root =
+        Some(RootMotionDraft { joint: None, parts: RootParts::default(), used: RootMotionUse::InPlace });
     build.cues.push(cue);
     build.cues.len() - 1
 }

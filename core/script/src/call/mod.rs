@@ -176,7 +176,7 @@ impl Call<'_, '_> {
         self.stage_time(&self.value(i), &self.label(i))
     }
     pub(crate) fn stage_time(&self, value: &Dynamic, label: &str) -> Result<Time, ApiError> {
-        Ok(time(value, label)? + self.build().offset)
+        Ok(time(value, label)? + self.build().sequence_start)
     }
     pub fn duration(&self, i: usize) -> Result<Time, ApiError> {
         duration(&self.value(i), &self.label(i))

@@ -3,7 +3,7 @@
 //!
 //! Texts, trees and lists are private to this module, so that no rule can read them uncounted.
 
-use crate::build::{Declared, LoadDraft, StageDraft};
+use crate::build::{LoadDraft, StageDraft, UnusedVariable};
 use rhai::{AST, ASTNode, Stmt};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -97,8 +97,8 @@ impl<'a> Drafts<'a> {
     }
 
     /// Variables that nothing reads.
-    pub fn declared(&self) -> impl Iterator<Item = &'a Declared> {
-        self.0.declared.iter().inspect(|_| count(1))
+    pub fn unused_variables(&self) -> impl Iterator<Item = &'a UnusedVariable> {
+        self.0.unused_variables.iter().inspect(|_| count(1))
     }
 }
 

@@ -40,7 +40,7 @@ pub fn check_cues(build: &StageDraft, found: &mut Vec<PlacedFinding>) {
         .collect();
     let mut next_in_chain: Vec<Option<usize>> = vec![None; timed.len()];
     for (id, cue) in timed.iter().enumerate() {
-        if let Some(before) = cue.draft.after {
+        if let Some(before) = cue.draft.predecessor {
             next_in_chain[before] = Some(id);
         }
     }
@@ -169,7 +169,7 @@ fn check_cue(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Ve
     let Timed { draft, start, end, layer } = cue;
     let (name, place) = (cue.name(), &draft.at);
     let length = draft.length();
-    if !draft.counts() {
+    if !draft.has_weight() {
         let text = format!("clip \"{name}\" is never seen: its weight is 0");
         found.push(PlacedFinding::warning("weight_zero", place, text).about(subject, *start));
     }

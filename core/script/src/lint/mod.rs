@@ -12,7 +12,7 @@ mod cues;
 mod unused;
 
 use crate::api_error::Place;
-use crate::build::{Declared, StageDraft};
+use crate::build::{StageDraft, UnusedVariable};
 use crate::def::Defs;
 use crate::diagnostic::{Diagnostic, Severity, allows};
 use choreo_motion::{Clip, Time};
@@ -73,8 +73,8 @@ pub(crate) fn script_findings(build: &StageDraft) -> Vec<PlacedFinding> {
 }
 
 /// Variables of a file that nothing reads.
-pub(crate) fn declared(ast: &AST, file: &str, text: &str, defs: &Defs) -> Vec<Declared> {
-    unused::declared(&Source::new(ast, text), file, defs)
+pub(crate) fn unused_variables(ast: &AST, file: &str, text: &str, defs: &Defs) -> Vec<UnusedVariable> {
+    unused::unused_variables(&Source::new(ast, text), file, defs)
 }
 
 /// Markers of a clip that is played: names and times of the clip.

@@ -3,7 +3,7 @@
 use super::PlacedFinding;
 use super::counted::{Drafts, LineColumn, SortedPositions, Source};
 use crate::api_error::Place;
-use crate::build::Declared;
+use crate::build::UnusedVariable;
 use crate::def::{Def, Defs, ResultType};
 use crate::value::HandleKind;
 use std::collections::{BTreeSet, HashSet};
@@ -26,14 +26,14 @@ fn staging_calls(defs: &Defs) -> Vec<String> {
 
 /// Variables whose name occurs nowhere else in the file, not even in a comment. Takes time proportional to the length of the
 /// file.
-pub fn declared(source: &Source, file: &str, defs: &Defs) -> Vec<Declared> {
+pub fn unused_variables(source: &Source, file: &str, defs: &Defs) -> Vec<UnusedVariable> {
     let (words, statements) = (source.words(), Statements::of(source, &staging_calls(defs)));
-    let mut found: Vec<Declared> = Vec::new();
+    let mut found: Vec<UnusedVariable> = Vec::new();
     source.for_variables(|name, (line, column)| {
         let unused = || !name.starts_with('_') && words.get(name) == Some(&1);
         if unused() && !statements.stages((line, column)) {
             let at = Place { file: file.to_string(), line, column };
-            found.push(Declared { name: name.to_string(), at });
+            found.push(UnusedVariable { name: name.to_string(), at });
         }
     });
     found
@@ -58,10 +58,10 @@ impl Statements {
 }
 
 pub fn check_unused(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
-    let used = || drafts.loads().filter(|load| load.used);
+    let used = || drafts.loads().filter(|load| load.is_used);
     let used_assets: HashSet<_> = used().filter_map(|load| load.load.ready()).map(Arc::as_ptr).collect();
     let used_places: BTreeSet<&Place> = used().map(|load| &load.load.at).collect();
-    for load in drafts.loads().filter(|l| !l.used) {
+    for load in drafts.loads().filter(|l| !l.is_used) {
         // Another call may have loaded the same asset and used it.
         let shared = load.load.ready().is_some_and(|asset| used_assets.contains(&Arc::as_ptr(asset)));
         if shared || used_places.contains(&load.load.at) {
@@ -87,7 +87,7 @@ pub fn check_unused(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
     // A load that is not used is reported already.
     let reported: HashSet<usize> =
         found.iter().filter(|r| r.rule == "unused_load").map(|r| r.place.line).collect();
-    for variable in drafts.declared().filter(|v| !reported.contains(&v.at.line)) {
+    for variable in drafts.unused_variables().filter(|v| !reported.contains(&v.at.line)) {
         let text = format!("the variable \"{}\" is never used", variable.name);
         found.push(
             PlacedFinding::note("unused_variable", &variable.at, text)
@@ -99,7 +99,7 @@ pub fn check_unused(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
 #[cfg(test)]
 mod tests {
     use super::{
-        Arc, Drafts, Place, PlacedFinding, Source, Statements, check_unused, declared, staging_calls,
+        Arc, Drafts, Place, PlacedFinding, Source, Statements, check_unused, staging_calls, unused_variables,
     };
     use crate::api::defs;
     use crate::build::{LoadDraft, StageDraft};
@@ -132,7 +132,7 @@ mod tests {
         let mut engine = rhai::Engine::new();
         engine.set_optimization_level(rhai::OptimizationLevel::None);
         let ast = engine.compile(text).unwrap();
-        let found = declared(&Source::new(&ast, text), "f", defs());
+        let found = unused_variables(&Source::new(&ast, text), "f", defs());
         let found: Vec<_> = found.iter().map(|d| (d.name.clone(), d.at.line, d.at.column)).collect();
         assert_eq!(found, [("a".to_string(), 1, 10), ("c".to_string(), 3, 15)]);
     }
@@ -150,7 +150,7 @@ mod tests {
         engine.set_optimization_level(rhai::OptimizationLevel::None);
         let ast = engine.compile(text).unwrap();
         counted::take_step_count();
-        assert_eq!(declared(&Source::new(&ast, text), "f", defs()).len(), found);
+        assert_eq!(unused_variables(&Source::new(&ast, text), "f", defs()).len(), found);
         counted::take_step_count()
     }
 
@@ -181,12 +181,12 @@ mod tests {
             let load = |line| {
                 let asset = Arc::new(Asset { name: format!("shape {line}"), ..Asset::default() });
                 let at = Place { file: "f".into(), line, column: 1 };
-                let used = line % 2 == 0;
+                let is_used = line % 2 == 0;
                 LoadDraft {
                     load: Arc::new(Load::procedural(&asset, &at)),
                     is_procedural: true,
                     clips_only: false,
-                    used,
+                    is_used,
                 }
             };
             let mut build = StageDraft::default();

@@ -3,7 +3,7 @@
 use super::Notes;
 use super::foot_locking::{PhaseMatchedCues, is_moved};
 use crate::api_error::{ApiError, Place};
-use crate::build::{ActorDraft, CueDraft, RootUse, StageDraft};
+use crate::build::{ActorDraft, CueDraft, RootMotionUse, StageDraft};
 use crate::clip_analysis::{AnalyzedClips, in_step, root, standing_fades};
 use crate::cue_times::all_times;
 use crate::diagnostic::Severity;
@@ -22,7 +22,7 @@ fn warn_of_missing_root_motion(build: &StageDraft, made: &[Option<Cue>], notes: 
             .path_following
             .as_ref()
             .is_some_and(|path_following| path_following.pace == Pace::OfClips);
-        let carried = actor.root.is_some_and(|root| root.used == RootUse::Carries);
+        let carried = actor.root.is_some_and(|root| root.used == RootMotionUse::MovesActor);
         if !paced && !carried {
             continue;
         }
@@ -69,7 +69,7 @@ pub(super) fn layers(build: &StageDraft, notes: &mut Notes) -> Layers {
     // A cue without a start time of its own ends the cue before it.
     let mut taken_over: Vec<Option<Time>> = vec![None; build.cues.len()];
     for (id, draft) in build.cues.iter().enumerate() {
-        if let (Some(before), None) = (draft.after, draft.start) {
+        if let (Some(before), None) = (draft.predecessor, draft.start) {
             taken_over[before] = Some(times[id].0);
         }
     }
@@ -158,8 +158,8 @@ fn resolve_cue(
     }
     let layer = build.chains[draft.chain].is_layer();
     // A clip played once has no end on the base layer, which then holds the last pose.
-    let natural = (layer || draft.until.is_some()) && !draft.hold;
-    let ends = if draft.hold { draft.until } else { end.filter(|_| natural) };
+    let natural = (layer || draft.until.is_some()) && !draft.holds_last_pose;
+    let ends = if draft.holds_last_pose { draft.until } else { end.filter(|_| natural) };
     let cue = Cue {
         end: taken_over.or(ends),
         fade_out: draft.fade_out.unwrap_or(if layer { draft.cue.fade_in } else { Time::ZERO }),
@@ -196,7 +196,7 @@ fn match_phases(
         return None;
     }
     let (earlier, [cue, ..]) = made.split_at_mut(id) else { return None };
-    let Some((before, from)) = draft.after.and_then(|before| Some((before, earlier[before].as_mut()?)))
+    let Some((before, from)) = draft.predecessor.and_then(|before| Some((before, earlier[before].as_mut()?)))
     else {
         refuse(draft, "in_step keeps step with the clip before; use it with .then", notes);
         return None;

@@ -7,7 +7,7 @@ mod layers;
 use self::foot_locking::{lock_feet_in_phase_matched_fades, lock_feet_in_standing_fades};
 use self::layers::{Layers, layers};
 use crate::api_error::{ApiError, Place};
-use crate::build::{ActorDraft, CameraDraft, HookDraft, ParentDraft, ScriptContext, StageDraft};
+use crate::build::{ActorDraft, CameraDraft, FrameCallbackDraft, ParentDraft, ScriptContext, StageDraft};
 use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::hidden_parts::HiddenParts;
@@ -41,18 +41,19 @@ pub fn resolve(
         stage.settings = build.settings.clone();
         stage.sky = build.sky.take();
         stage.layers_2d = std::mem::take(&mut build.layers_2d);
-        if stage.sky.is_some() && !build.ambient_given {
+        if stage.sky.is_some() && !build.sets_ambient {
             (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
         }
-        let by_files = stage.sky.is_none() && !build.ambient_given;
+        let by_files = stage.sky.is_none() && !build.sets_ambient;
         crate::check::before(&build, &mut notes);
         places.script_findings = crate::lint::script_findings(&build);
         let clips_only = build.loads.iter().filter(|l| l.clips_only);
         places.clips_only = clips_only.map(|l| (l.load.name.clone(), l.load.at.clone())).collect();
         places.settings = build.settings_at.clone().unwrap_or_default();
         places.actors = build.actors.iter().map(|a| a.at.clone()).collect();
-        places.looks = build.actors.iter_mut().map(|a| std::mem::take(&mut a.looks)).collect();
-        places.constraints = build.actors.iter_mut().map(|a| std::mem::take(&mut a.constraints)).collect();
+        places.looks = build.actors.iter_mut().map(|a| std::mem::take(&mut a.look_at_places)).collect();
+        places.constraints =
+            build.actors.iter_mut().map(|a| std::mem::take(&mut a.constraint_places)).collect();
         places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
         places.lights = std::mem::take(&mut build.light_places);
         places.sky = build.sky_at.take();
@@ -81,16 +82,16 @@ pub fn resolve(
         (stage.cuts, places.cuts) = cuts.into_iter().unzip();
         stage.lights = std::mem::take(&mut build.lights);
         stage.effects = std::mem::take(&mut build.effects);
-        hooks = std::mem::take(&mut build.hooks);
+        hooks = std::mem::take(&mut build.frame_callbacks);
         places.callbacks = hooks.iter().map(|hook| hook.at.clone()).collect();
-        build.bound.clear();
+        build.bound_clips.clear();
         build.shapes.clear();
         build.loads.clear();
         build.cues.clear();
         build.chains.clear();
     }
     for (severity, place, error) in notes {
-        shared.note(severity, &place, &error);
+        shared.add_diagnostic(severity, &place, &error);
     }
     add_hooks(&mut stage, hooks, shared, engine, identity);
     note_stage_errors(shared, &stage, &places);
@@ -113,7 +114,7 @@ fn note_stage_errors(shared: &ScriptContext, stage: &Stage, places: &Places) {
             }
             _ => Diagnostic::error(problem.to_string()),
         };
-        build.note(diagnostic);
+        build.add_diagnostic(diagnostic);
     }
 }
 
@@ -133,7 +134,7 @@ pub(crate) fn finish_stage(shared: &Arc<ScriptContext>, engine: &Arc<Engine>) ->
 /// Adds the callbacks to the stage. Each runs once at time 0, so that mistakes are found now, not in the middle of a render.
 fn add_hooks(
     stage: &mut Stage,
-    hooks: Vec<HookDraft>,
+    hooks: Vec<FrameCallbackDraft>,
     shared: &Arc<ScriptContext>,
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,
@@ -145,7 +146,7 @@ fn add_hooks(
         if let Err(diagnostic) = hook.try_at(Time::ZERO)
             && !crate::errors::is_follow_up(&diagnostic.message)
         {
-            shared.build.lock().unwrap_or_else(PoisonError::into_inner).note(diagnostic);
+            shared.build.lock().unwrap_or_else(PoisonError::into_inner).add_diagnostic(diagnostic);
         }
         stage.hooks.push(Arc::new(hook));
     }
@@ -161,7 +162,7 @@ fn clip_markers(build: &StageDraft, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
         if all.iter().any(|known| Arc::ptr_eq(&known.clip, &cue.clip)) {
             continue;
         }
-        let markers = build.notes_of(&cue.clip).map(|notes| notes.markers.clone()).unwrap_or_default();
+        let markers = build.clip_notes_of(&cue.clip).map(|notes| notes.markers.clone()).unwrap_or_default();
         if !markers.is_empty() {
             all.push(ClipMarkers { clip: cue.clip.clone(), markers });
         }

@@ -2,10 +2,10 @@
 
 use super::file::Listing;
 use super::*;
-use crate::build::{Mode, ScriptContext};
+use crate::build::{RunMode, ScriptContext};
 use crate::compile::UnknownVariable;
 use crate::resolve::finish_stage;
-use crate::run::{Opened, begin, execute, on_own_thread, open};
+use crate::run::{Opened, begin, execute, on_script_thread, open};
 use choreo_plugin::Registry;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -19,9 +19,9 @@ pub fn list_sections(
     options: &TestOptions,
 ) -> Result<Vec<SectionInfo>, Vec<Diagnostic>> {
     let root = options.root.as_deref();
-    let opened = open(path, root, Mode::List, registry, &options.script).map_err(|e| vec![e])?;
+    let opened = open(path, root, RunMode::ListTests, registry, &options.script).map_err(|e| vec![e])?;
     let files = options.files.clone();
-    on_own_thread(move || {
+    on_script_thread(move || {
         let Opened { name, text, shared } = &opened;
         // The engine is kept to the end, because handles hold parts of it.
         let engine = begin(name, text, shared);
@@ -163,7 +163,7 @@ fn section(
 ) -> Result<SectionRun, Vec<Diagnostic>> {
     let run = |opened: Opened, run_all: bool| {
         let files = options.files.clone();
-        on_own_thread(move || run_section_on_this_thread(&opened, index, &files, run_all))
+        on_script_thread(move || run_section_on_this_thread(&opened, index, &files, run_all))
     };
     let again = || reopened(path, index, registry, options);
     let mut section = match run(opened, false)? {
@@ -186,7 +186,7 @@ fn reopened(
 ) -> Result<Opened, Vec<Diagnostic>> {
     let root = options.root.as_deref();
     let mut opened =
-        open(path, root, Mode::Section(index), registry, &options.script).map_err(|e| vec![e])?;
+        open(path, root, RunMode::RunTest(index), registry, &options.script).map_err(|e| vec![e])?;
     if let Some(shared) = Arc::get_mut(&mut opened.shared) {
         shared.timeout = options.timeout;
     }
@@ -241,14 +241,14 @@ fn run_section_on_this_thread(
     comments::match_expected(name, &test.scenes, &mut expected, &mut came);
     let (warnings, mut errors): (Vec<_>, Vec<_>) = came.into_iter().partition(warning);
     errors.extend(wrong_comments);
-    if build.more > 0 {
-        errors.push(Diagnostic::error(format!("and {} more", build.more)));
+    if build.diagnostics_beyond_limit > 0 {
+        errors.push(Diagnostic::error(format!("and {} more", build.diagnostics_beyond_limit)));
     }
     if errors.is_empty() && expected.iter().all(|e| e.severity == Severity::Warning) {
         // No expected error explains the invalid stage, so its errors are reported.
         errors.append(&mut broken);
     }
-    let files_used: Vec<_> = shared.loader.used().into_iter().collect();
+    let files_used: Vec<_> = shared.loader.files_read().into_iter().collect();
     let mut stages = vec![Arc::new(stage)];
     stages.append(&mut test.stages);
     Ok(Some(SectionRun {
@@ -318,7 +318,7 @@ fn hash(info: &SectionInfo, shared: &ScriptContext, files: &[(PathBuf, [u8; 32])
         hasher.update(bytes);
     };
     add(info.name.as_bytes());
-    for (name, value) in &shared.set {
+    for (name, value) in &shared.set_parameters {
         add(name.as_bytes());
         add(value.as_bytes());
     }

@@ -80,7 +80,7 @@ fn interest(args: &RenderArgs, keep: &ReopenState) -> WatchedPaths {
     let touched = keep.touched();
     let mut interest = WatchedPaths::default();
     interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
-    for path in touched.looked_for {
+    for path in touched.missing_or_linked_paths {
         let there = content_of(&path);
         interest.files.entry(path).or_insert(there);
     }

@@ -156,7 +156,11 @@ impl Roots {
 
 /// Symbolic links to packed files, by which the scene found them, as (link, file).
 fn names(scene: &OpenedScene, roots: &Roots, sources: &BTreeMap<String, PathBuf>) -> Vec<(String, String)> {
-    let links = scene.touched.looked_for.iter().filter_map(|link| Some((link, link.canonicalize().ok()?)));
+    let links = scene
+        .touched
+        .missing_or_linked_paths
+        .iter()
+        .filter_map(|link| Some((link, link.canonicalize().ok()?)));
     let read = links.filter(|(_, target)| scene.touched.read.contains_key(target));
     let places =
         read.filter_map(|(link, target)| Some((roots.place(link).ok()?, roots.place(&target).ok()?)));

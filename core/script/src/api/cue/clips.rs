@@ -22,7 +22,7 @@ pub(crate) fn bound(c: &Call, given: &ClipRef, asset: &Arc<Asset>) -> Result<Arc
         return Ok(given.clip.clone());
     }
     let key = (Arc::as_ptr(&given.clip) as usize, Arc::as_ptr(asset) as usize);
-    if let Some(bound) = c.build().bound.get(&key) {
+    if let Some(bound) = c.build().bound_clips.get(&key) {
         return Ok(bound.clip.clone());
     }
     let bound = crate::api::clip::fit(c, given, asset)?;

@@ -88,12 +88,13 @@ fn then(c: &mut Call) -> Reply {
     let asset = c.build().actor(actor)?.actor.asset.clone();
     let clip = bound_clip(c, 0, &asset)?;
     check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
-    let origin = c.build().offset;
-    let mut cue = CueDraft { origin, after: Some(this.0), ..CueDraft::new(chain, clip, c.place.clone()) };
+    let origin = c.build().sequence_start;
+    let mut cue =
+        CueDraft { origin, predecessor: Some(this.0), ..CueDraft::new(chain, clip, c.place.clone()) };
     read_options(c, 1, &mut cue)?;
     let mut build = c.build();
     let before = build.cue(this.0)?;
-    if before.followed {
+    if before.has_successor {
         return Err(ApiError::new("then: another cue follows this cue already")
             .hint("call the next .then on the cue that follows"));
     }
@@ -102,7 +103,7 @@ fn then(c: &mut Call) -> Reply {
         return Err(ApiError::new("then: the cue before it repeats without end")
             .hint("give it an end with .until(time)"));
     }
-    before.followed = true;
+    before.has_successor = true;
     build.cues.push(cue);
     Ok(Dynamic::from(CueRef(build.cues.len() - 1)))
 }
@@ -138,7 +139,7 @@ fn freeze(c: &mut Call) -> Reply {
 fn hold(c: &mut Call) -> Reply {
     change(c, |cue| {
         cue.repeat = Some(Repeat::Once);
-        cue.hold = true;
+        cue.holds_last_pose = true;
         Ok(())
     })
 }

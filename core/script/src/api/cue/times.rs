@@ -16,7 +16,7 @@ pub fn start(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     c.build().cue(this.0)?;
     let (start, _) = times(&c.build(), this.0);
-    Ok(Dynamic::from_float((start - c.build().offset).as_secs()))
+    Ok(Dynamic::from_float((start - c.build().sequence_start).as_secs()))
 }
 
 pub fn end(c: &mut Call) -> Reply {
@@ -26,7 +26,7 @@ pub fn end(c: &mut Call) -> Reply {
     let end = end.ok_or_else(|| {
         ApiError::new("end: this cue repeats without end").hint("give it an end with .until(time)")
     })?;
-    Ok(Dynamic::from_float((end - c.build().offset).as_secs()))
+    Ok(Dynamic::from_float((end - c.build().sequence_start).as_secs()))
 }
 
 pub fn time_of(c: &mut Call) -> Reply {
@@ -66,5 +66,5 @@ pub fn time_of(c: &mut Call) -> Reply {
         ApiError::new(format!("time_of: clip \"{name}\" does not reach this time {count} times"))
             .hint("it ends earlier; to play it longer, use .loop() and .until(time)")
     })?;
-    Ok(Dynamic::from_float((when - build.offset).as_secs()))
+    Ok(Dynamic::from_float((when - build.sequence_start).as_secs()))
 }
