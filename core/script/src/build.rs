@@ -143,7 +143,7 @@ impl ScriptContext {
 
     /// Finds, before a script runs, the `load` calls whose file is used for its clips only.
     pub(crate) fn find_clips_only_loads(&self, ast: &rhai::AST, source: &str) {
-        let found = crate::clips_only::find(ast, source);
+        let found = crate::clips_only::find_clips_only_loads(ast, source);
         self.clips_only.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
     }
 
@@ -393,7 +393,7 @@ impl ActorDraft {
     /// Returns an error if `walk_to` sets the position and rotation of the actor, which it does for the whole stage.
     pub(crate) fn check_not_walking(&self, what: &str) -> Result<(), ApiError> {
         let Some(walk) = self.walks.last() else { return Ok(()) };
-        let after = walk.turned.as_secs();
+        let after = walk.turned_until.as_secs();
         Err(ApiError::new(format!("{what}: walk_to sets position and rotation of the actor already")).hint(format!(
             "place it before walk_to; to turn to somebody on arrival, walk_to(point, #{{ face: other }}); else change it for each frame: \
              on_frame(|t| if t > {after:.2} {{ actor.turn(90.0) }})"
@@ -555,6 +555,13 @@ impl StageDraft {
         let at = self.diagnostic_orders.partition_point(|o| *o <= order);
         self.diagnostic_orders.insert(at, order);
         self.diagnostics.insert(at, diagnostic);
+    }
+
+    /// The error that states how many diagnostics are beyond the limit, if any.
+    pub fn error_about_limit(&self) -> Option<Diagnostic> {
+        let count = self.diagnostics_beyond_limit;
+        let noun = if count == 1 { "message" } else { "messages" };
+        (count > 0).then(|| Diagnostic::error(format!("and {count} more {noun}")))
     }
 
     pub(crate) fn has_errors(&self) -> bool {

@@ -133,7 +133,7 @@ impl ScriptHook {
     }
 
     fn explain(&self, error: &rhai::EvalAltResult) -> crate::Diagnostic {
-        let (mut place, error) = errors::explain(error, &self.at.file, &self.shared);
+        let (mut place, error) = errors::explain_error(error, &self.at.file, &self.shared);
         if place.line == 0 {
             place = self.at.clone();
         }

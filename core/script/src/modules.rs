@@ -2,7 +2,7 @@
 
 use crate::api_error::{ApiError, Place};
 use crate::build::ScriptContext;
-use crate::compile::{compile_all, constants, declare_poisons};
+use crate::compile::{compile_with_unknown_variables, declare_poisons, scope_with_constants};
 use crate::errors::throw;
 use crate::limits::raise_hint;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Shared as RhaiShared};
@@ -101,14 +101,14 @@ impl ModuleResolver for Modules {
         if let Some(folder) = found.path.parent() {
             self.state().folders.insert(name.clone(), folder.to_path_buf());
         }
-        let (read, unknown) = compile_all(engine, &shared, &text);
-        crate::errors::note_unknown(&unknown, &name, &shared);
+        let (read, unknown) = compile_with_unknown_variables(engine, &shared, &text);
+        crate::errors::report_unknown_variables(&unknown, &name, &shared);
         crate::errors::mark_as_reported(&unknown, &shared);
         let mut ast = read.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
         shared.find_clips_only_loads(&ast, &name);
         self.state().open.push((found.path.clone(), name.clone()));
-        let mut scope = constants();
+        let mut scope = scope_with_constants();
         declare_poisons(&unknown, &mut scope);
         let module = Module::eval_ast_as_new(scope, &ast, engine);
         self.state().open.pop();

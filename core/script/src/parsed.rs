@@ -2,7 +2,7 @@
 
 use crate::api_error::Place;
 use crate::build::ScriptContext;
-use crate::compile::{UnknownVariable, compile_all};
+use crate::compile::{UnknownVariable, compile_with_unknown_variables};
 use rhai::{AST, Engine, ParseError};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ pub struct Parsed {
     /// Functions that the script defines, with their number of arguments.
     pub functions: Arc<Vec<(String, usize)>>,
     /// Last line of each function.
-    pub ends: Arc<BTreeMap<String, usize>>,
+    pub function_ends: Arc<BTreeMap<String, usize>>,
     /// Places of `load` calls whose file is used for its clips only.
     pub clips_only: Vec<Place>,
     /// Unknown variables. They are errors, but the script runs to find further ones.
@@ -34,7 +34,7 @@ impl Parsed {
         name: &str,
         text: &str,
     ) -> Result<Parsed, Unreadable> {
-        let (read, unknown) = compile_all(engine, shared, text);
+        let (read, unknown) = compile_with_unknown_variables(engine, shared, text);
         let mut ast = match read {
             Ok(ast) => ast,
             Err(error) => {
@@ -48,8 +48,8 @@ impl Parsed {
         let end = |f: &rhai::ScriptFuncDef| f.body.end_position().line().unwrap_or(0);
         Ok(Parsed {
             functions: Arc::new(ast.iter_functions().map(|f| (f.name.to_string(), f.params.len())).collect()),
-            ends: Arc::new(ast.iter_fn_def().map(|f| (f.name.to_string(), end(f))).collect()),
-            clips_only: crate::clips_only::find(&ast, name),
+            function_ends: Arc::new(ast.iter_fn_def().map(|f| (f.name.to_string(), end(f))).collect()),
+            clips_only: crate::clips_only::find_clips_only_loads(&ast, name),
             ast,
             unknown,
         })

@@ -7,7 +7,7 @@
 //! module are not reported.
 
 use crate::build::{RunMode, ScriptContext};
-use crate::compile::{UnknownVariable, constants, declare_poisons};
+use crate::compile::{UnknownVariable, declare_poisons, scope_with_constants};
 use crate::diagnostic::Severity;
 use crate::errors::{self, Thrown};
 use crate::modules::EMPTY;
@@ -26,7 +26,7 @@ pub(crate) fn run(
     ast: &AST,
     unknown: &[UnknownVariable],
 ) -> bool {
-    let mut scope = constants();
+    let mut scope = scope_with_constants();
     declare_poisons(unknown, &mut scope);
     let statements = ast.statements();
     let mut rest: Option<(usize, AST)> = None;
@@ -34,7 +34,7 @@ pub(crate) fn run(
     for failed in 0.. {
         let (first, part) = rest.as_ref().map_or((0, ast), |(first, part)| (*first, part));
         let Err(error) = engine.run_ast_with_scope(&mut scope, part) else { return failed == 0 };
-        let (place, explained) = errors::explain(&error, name, shared);
+        let (place, explained) = errors::explain_error(&error, name, shared);
         // The error of a failed import has no position, so that of the explanation is used.
         let of_import = (place.file == name).then_some((place.line, place.column));
         let position = key(error.position()).or(of_import);

@@ -20,7 +20,7 @@ pub fn reference() -> String {
                 ResultType::Handle(kind) => format!(" → {}", kind.name()),
                 ResultType::Value(what) => format!(" → {what}"),
             };
-            let frame = if def.frame { " ◦" } else { "" };
+            let frame = if def.is_for_frames { " ◦" } else { "" };
             let _ =
                 writeln!(out, "- `{}`{gives}{frame} — {}", forms.join("` or `"), def.about().join("\n  - "));
         }

@@ -240,7 +240,7 @@ pub(crate) fn on_script_thread<T: Send + 'static>(
 /// Makes the engine of a run and starts its time limit.
 pub fn begin(name: &str, text: &str, shared: &Arc<ScriptContext>) -> Arc<Engine> {
     shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
-    let engine = Arc::new(engine::engine(shared));
+    let engine = Arc::new(engine::make_engine(shared));
     *shared.engine.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&engine);
     let limit = Duration::try_from_secs_f64(shared.limits.seconds).unwrap_or(Duration::MAX);
     *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now().checked_add(limit);
@@ -256,15 +256,15 @@ pub fn execute(
 ) {
     match script {
         Err(Unreadable { error, unknown }) => {
-            errors::note_unknown(&unknown, name, shared);
-            let (place, error) = errors::explain(&error.into(), name, shared);
+            errors::report_unknown_variables(&unknown, name, shared);
+            let (place, error) = errors::explain_error(&error.into(), name, shared);
             shared.add_diagnostic(Severity::Error, &place, &error);
         }
         Ok((parsed, ast)) => {
             errors::mark_as_reported(&parsed.unknown, shared);
             // A run of one section reports only the unknown variables in it.
             if !matches!(shared.mode, RunMode::RunTest(_)) {
-                errors::note_unknown(&parsed.unknown, name, shared);
+                errors::report_unknown_variables(&parsed.unknown, name, shared);
             }
             shared
                 .clips_only
@@ -272,7 +272,7 @@ pub fn execute(
                 .unwrap_or_else(PoisonError::into_inner)
                 .extend(parsed.clips_only.iter().cloned());
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) = parsed.functions.clone();
-            shared.test().ends = parsed.ends.clone();
+            shared.test().function_ends = parsed.function_ends.clone();
             if crate::recover::run(engine, name, shared, ast, &parsed.unknown) {
                 check_set_names(shared);
             }
@@ -292,7 +292,7 @@ fn run_on_this_thread(
     if let Ok(parsed) = &parsed {
         if shared.played_clips_only {
             // The value is set only here.
-            let _ = shared.played_clips.set(crate::clips_only::played(&parsed.ast));
+            let _ = shared.played_clips.set(crate::clips_only::played_clips(&parsed.ast));
         }
         let unused = crate::lint::unused_variables(&parsed.ast, name, text, shared.defs);
         shared.build.lock().unwrap_or_else(PoisonError::into_inner).unused_variables = unused;
@@ -317,9 +317,7 @@ fn run_on_this_thread(
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {
         let mut errors: Vec<Diagnostic> =
             diagnostics.into_iter().filter(|d| d.severity == Severity::Error).collect();
-        if build.diagnostics_beyond_limit > 0 {
-            errors.push(Diagnostic::error(format!("and {} more", build.diagnostics_beyond_limit)));
-        }
+        errors.extend(build.error_about_limit());
         return Err(errors);
     }
     let mut stage = stage;

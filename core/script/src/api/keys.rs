@@ -160,8 +160,8 @@ fn components(v: &Dynamic, label: &str, of_type: FieldType, width: usize) -> Res
         FieldType::Number(low, high, _) => Ok(vec![number_in(v, label, low, high)?; width]),
         FieldType::Degrees(low, high) => Ok(vec![number_in(v, label, low, high)?.to_radians()]),
         FieldType::Kelvin => {
-            let warm = number_in(v, label, crate::color::KELVIN.0, crate::color::KELVIN.1)?;
-            Ok(crate::color::kelvin(warm).to_array().map(f64::from).to_vec())
+            let warm = number_in(v, label, crate::color::KELVIN_RANGE.0, crate::color::KELVIN_RANGE.1)?;
+            Ok(crate::color::black_body_color(warm).to_array().map(f64::from).to_vec())
         }
         FieldType::Color => Ok(color(v, label)?.to_array()[..width].iter().map(|v| f64::from(*v)).collect()),
         FieldType::Scale => factors(v, label),

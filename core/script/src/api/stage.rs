@@ -49,7 +49,7 @@ api! {
 fn stage(c: &mut Call) -> Reply {
     let this = StageRef(c.shared.test().current_stage);
     if c.len() == 0 {
-        if c.shared.test().running {
+        if c.shared.test().is_running {
             return Ok(Dynamic::from(this));
         }
         return Err(ApiError::new("stage: options are missing").hint("write stage(#{ … })"));
@@ -246,7 +246,7 @@ fn param(c: &mut Call) -> Reply {
         return Err(ApiError::new(format!("param: \"{name}\" is already declared in line {}", before.line)));
     }
     check_limit(c.build().parameters.len(), "parameters", &c.shared.limits)?;
-    let of_scene = c.shared.test().scene.as_ref().map(|scene| scene.set.clone());
+    let of_scene = c.shared.test().scene.as_ref().map(|scene| scene.set_parameters.clone());
     let set = of_scene.as_ref().unwrap_or(&c.shared.set_parameters);
     let given = set.iter().rev().find(|(n, _)| *n == name).map(|(_, v)| v.clone());
     let value = match &given {

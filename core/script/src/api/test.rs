@@ -2,7 +2,7 @@
 
 use crate::build::{RunMode, ScriptContext, check_limit};
 use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers, unknown};
-use crate::compile::{compile, constants};
+use crate::compile::{compile, scope_with_constants};
 use crate::diagnostic::Severity;
 use crate::errors;
 use crate::hook::with_copied_captures;
@@ -49,7 +49,7 @@ api! {
 fn test(c: &mut Call) -> Reply {
     let reply = section(c);
     if reply.is_err() {
-        c.shared.test().refused = true;
+        c.shared.test().has_failed_test_call = true;
     }
     reply
 }
@@ -69,7 +69,7 @@ fn section(c: &mut Call) -> Reply {
     let info = section_info(c, name, &section)?;
     {
         let mut test = c.shared.test();
-        if test.running {
+        if test.is_running {
             return Err(ApiError::new("a section cannot hold another one"));
         }
         // Sections of a script that `scene` runs are not sections of this file.
@@ -84,18 +84,18 @@ fn section(c: &mut Call) -> Reply {
             return Err(error.focus(info.name));
         }
         check_limit(test.sections.len(), "sections", &c.shared.limits)?;
-        let index = test.wanted.as_ref().map_or(info.index, |wanted| wanted.index);
+        let index = test.wanted_section.as_ref().map_or(info.index, |wanted| wanted.index);
         test.sections.push(info);
         test.calls.push((c.place.line, c.place.column));
         if c.shared.mode != RunMode::RunTest(index) {
             return Ok(Dynamic::UNIT);
         }
-        test.running = true;
-        test.ran = true;
+        test.is_running = true;
+        test.has_started = true;
     }
     let result = section.call_within_context::<Dynamic>(c.context, ());
     end_section(c.shared);
-    c.shared.test().running = false;
+    c.shared.test().is_running = false;
     match result {
         Err(e) => failed(c, *e),
         Ok(_) => Ok(Dynamic::UNIT),
@@ -121,13 +121,13 @@ fn end_section(shared: &ScriptContext) {
 /// Whether a call of `test` is skipped, because the sections of the file are known and another one is run.
 fn belongs_to_other_section(c: &Call) -> bool {
     let test = c.shared.test();
-    let Some(wanted) = test.wanted.as_ref().filter(|_| !test.running) else { return false };
+    let Some(wanted) = test.wanted_section.as_ref().filter(|_| !test.is_running) else { return false };
     c.value(0).read_lock::<ImmutableString>().is_some_and(|name| *name != wanted.name)
 }
 
 /// Notes the error that ended a function of the script, and returns normally. An exceeded limit ends the script.
 pub(super) fn failed(c: &Call, error: EvalAltResult) -> Reply {
-    let (mut place, explained) = errors::explain(&error, &c.place.file, c.shared);
+    let (mut place, explained) = errors::explain_error(&error, &c.place.file, c.shared);
     if place.line == 0 {
         place = c.place.clone();
     }
@@ -171,7 +171,7 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
         name,
         file: c.place.file.clone(),
         line: c.place.line,
-        end_line: test.ends.get(section.fn_name()).copied().unwrap_or(0).max(c.place.line),
+        end_line: test.function_ends.get(section.fn_name()).copied().unwrap_or(0).max(c.place.line),
         skip,
         fails: reason("fails")?,
         tags: texts(&o, "tags")?,
@@ -219,8 +219,8 @@ fn scene(c: &mut Call) -> Reply {
         let mut test = c.shared.test();
         test.scene_at = Some(c.place.clone());
         test.scenes.push((name.clone(), c.place.clone()));
-        test.scene = Some(RunningScript { folder, set: set.clone() });
-        test.running = false;
+        test.scene = Some(RunningScript { folder, set_parameters: set.clone() });
+        test.is_running = false;
     }
     // The parameters of the other script are kept apart.
     let own = std::mem::take(&mut c.build().parameters);
@@ -229,10 +229,10 @@ fn scene(c: &mut Call) -> Reply {
     {
         let mut test = c.shared.test();
         test.scene = None;
-        test.running = true;
+        test.is_running = true;
     }
     if let Err(e) = result {
-        let (place, explained) = errors::explain(&e, &name, c.shared);
+        let (place, explained) = errors::explain_error(&e, &name, c.shared);
         c.shared.add_diagnostic(Severity::Error, &place, &explained);
         if is_final(&e) {
             return Err(ApiError { fatal: true, ..ApiError::silent() });
@@ -259,7 +259,7 @@ fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>>
     let mut ast = compile(engine, c.shared, text)?;
     ast.set_source(name);
     c.shared.find_clips_only_loads(&ast, name);
-    engine.run_ast_with_scope(&mut constants(), &ast)
+    engine.run_ast_with_scope(&mut scope_with_constants(), &ast)
 }
 
 /// Refuses a scene handle of another stage than the one being built.
@@ -474,7 +474,7 @@ pub fn record(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError
     let source = c.shared.source_line(&place.file, place.line).trim().to_string();
     let mut test = c.shared.test();
     check_limit(test.expectations.len(), "expectations", &c.shared.limits)?;
-    test.compared(expect.id);
+    test.count_comparison(expect.id);
     test.expectations.push(expect.expectation(claim, place, source));
     Ok(())
 }

@@ -3,7 +3,7 @@
 use super::PlacedFinding;
 use crate::build::{CueDraft, StageDraft};
 use crate::check::rounded_secs;
-use crate::cue_times::all_times;
+use crate::cue_times::times_of_cues;
 use choreo_motion::Time;
 use choreo_stage::{LayerMode, Repeat, Subject};
 
@@ -28,7 +28,7 @@ impl Timed<'_> {
 }
 
 pub fn check_cues(build: &StageDraft, found: &mut Vec<PlacedFinding>) {
-    let times = all_times(build);
+    let times = times_of_cues(build);
     let timed: Vec<Timed> = build
         .cues
         .iter()

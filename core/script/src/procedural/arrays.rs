@@ -99,7 +99,7 @@ pub fn colors(o: &Options, name: &str, vertices: usize) -> Result<Vec<f32>, ApiE
                 blob.len()
             )));
         }
-        let of_byte = |b: u8| crate::color::linear(f64::from(b) / 255.0);
+        let of_byte = |b: u8| crate::color::linear_from_srgb(f64::from(b) / 255.0);
         let of_pixel =
             |[r, g, b, a]: &[u8; 4]| [of_byte(*r), of_byte(*g), of_byte(*b), f32::from(*a) / 255.0];
         return Ok(pixels.iter().flat_map(of_pixel).collect());
@@ -121,7 +121,7 @@ pub fn colors(o: &Options, name: &str, vertices: usize) -> Result<Vec<f32>, ApiE
         }
         let value = |(at, v): (usize, &f32)| match at % width {
             3 => *v,
-            _ => crate::color::linear(f64::from(*v)),
+            _ => crate::color::linear_from_srgb(f64::from(*v)),
         };
         return Ok(flat.iter().enumerate().map(value).collect());
     }

@@ -118,7 +118,7 @@ fn bytes(pixels: &Dynamic, count: u64) -> Result<Vec<u8>, ApiError> {
     Ok(rgba)
 }
 
-/// Converts a linear value to sRGB, rounded to a byte: the inverse of [`crate::color::linear`].
+/// Converts a linear value to sRGB, rounded to a byte: the inverse of [`crate::color::linear_from_srgb`].
 pub(crate) fn srgb_byte(linear: f32) -> u8 {
     libm::round(choreo_asset::srgb_from_linear(linear.into()).clamp(0.0, 1.0) * 255.0) as u8
 }
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn srgb_bytes_come_back() {
         for byte in 0..=255u8 {
-            assert_eq!(srgb_byte(crate::color::linear(f64::from(byte) / 255.0)), byte);
+            assert_eq!(srgb_byte(crate::color::linear_from_srgb(f64::from(byte) / 255.0)), byte);
         }
     }
 }

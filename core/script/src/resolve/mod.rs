@@ -5,7 +5,7 @@ mod foot_locking;
 mod layers;
 
 use self::foot_locking::{lock_feet_in_phase_matched_fades, lock_feet_in_standing_fades};
-use self::layers::{Layers, layers};
+use self::layers::{ResolvedLayers, resolve_layers};
 use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, CameraDraft, FrameCallbackDraft, ParentDraft, ScriptContext, StageDraft};
 use crate::content::hex;
@@ -45,7 +45,7 @@ pub fn resolve(
             (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
         }
         let by_files = stage.sky.is_none() && !build.sets_ambient;
-        crate::check::before(&build, &mut notes);
+        crate::check::check_drafts(&build, &mut notes);
         places.script_findings = crate::lint::script_findings(&build);
         let clips_only = build.loads.iter().filter(|l| l.clips_only);
         places.clips_only = clips_only.map(|l| (l.load.name.clone(), l.load.at.clone())).collect();
@@ -60,11 +60,12 @@ pub fn resolve(
         places.ambient = build.ambient_at.take();
         places.effects = std::mem::take(&mut build.effect_places);
         places.layers_2d = std::mem::take(&mut build.layer_2d_places);
-        let Layers { layers, places: cue_places, in_step, standing_fades } = layers(&build, &mut notes);
+        let ResolvedLayers { layers, places: cue_places, phase_matched_cues, standing_fades } =
+            resolve_layers(&build, &mut notes);
         places.cues = cue_places;
         stage.markers = std::mem::take(&mut build.markers);
         places.clip_markers = clip_markers(&build, &layers);
-        lock_feet_in_phase_matched_fades(&mut build, in_step);
+        lock_feet_in_phase_matched_fades(&mut build, phase_matched_cues);
         lock_feet_in_standing_fades(&mut build, standing_fades);
         if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
             notes.push((Severity::Error, place, error));

@@ -218,7 +218,7 @@ mod tests {
         let parsed = Parsed {
             ast,
             functions: Arc::default(),
-            ends: Arc::default(),
+            function_ends: Arc::default(),
             clips_only: Vec::new(),
             unknown: Vec::new(),
         };

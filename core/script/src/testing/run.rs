@@ -37,7 +37,7 @@ pub fn list_sections(
             return Ok(vec![as_it_stands(name, text)]);
         }
         if let Ok(file) = &file
-            && !test.refused
+            && !test.has_failed_test_call
         {
             files.list(file, Listing::new(&file.parsed, test.sections.clone(), &test.calls));
         }
@@ -208,7 +208,7 @@ fn run_section_on_this_thread(
     let listing = listing.filter(|listing| index < listing.sections.len());
     let alone = match (&file, &listing) {
         (Ok(file), Some(listing)) => {
-            shared.test().wanted = Some(listing.sections[index].clone());
+            shared.test().wanted_section = Some(listing.sections[index].clone());
             Some(listing.alone(index, &file.parsed))
         }
         _ => None,
@@ -217,7 +217,7 @@ fn run_section_on_this_thread(
     execute(&engine, name, shared, script.map_err(Clone::clone));
     let (mut stage, mut broken) = finish_stage(shared, &engine);
     let mut test = std::mem::take(&mut *shared.test());
-    if test.wanted.is_some() && !test.ran {
+    if test.wanted_section.is_some() && !test.has_started {
         return Ok(None);
     }
     let sections = listing.as_ref().map_or(&test.sections, |listing| &listing.sections);
@@ -232,7 +232,7 @@ fn run_section_on_this_thread(
     let mut expected = expected_in_section(all_expected, &info, sections);
     if let Ok(file) = &file {
         let unknown = unknown_in(&file.parsed.unknown, &info, sections);
-        crate::errors::note_unknown(&unknown, name, shared);
+        crate::errors::report_unknown_variables(&unknown, name, shared);
     }
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     let mut came = std::mem::take(&mut build.diagnostics);
@@ -241,9 +241,7 @@ fn run_section_on_this_thread(
     comments::match_expected(name, &test.scenes, &mut expected, &mut came);
     let (warnings, mut errors): (Vec<_>, Vec<_>) = came.into_iter().partition(warning);
     errors.extend(wrong_comments);
-    if build.diagnostics_beyond_limit > 0 {
-        errors.push(Diagnostic::error(format!("and {} more", build.diagnostics_beyond_limit)));
-    }
+    errors.extend(build.error_about_limit());
     if errors.is_empty() && expected.iter().all(|e| e.severity == Severity::Warning) {
         // No expected error explains the invalid stage, so its errors are reported.
         errors.append(&mut broken);

@@ -49,8 +49,8 @@ macro_rules! options {
                 returns: ResultType::Receiver,
                 doc: &[$($doc),+],
                 options: None,
-                frame: false,
-                tests: false,
+                is_for_frames: false,
+                is_for_tests: false,
             },
             run: method,
         }),*];

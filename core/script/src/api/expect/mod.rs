@@ -169,7 +169,7 @@ fn changed(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
 fn modified(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
     let expect = c.expect()?;
     if let Some(pending) = c.shared.test().pending_expects.get_mut(expect.id) {
-        pending.unused = Some((c.def.name, c.place.clone()));
+        pending.unused_modifier = Some((c.def.name, c.place.clone()));
     }
     changed(c, change)
 }
