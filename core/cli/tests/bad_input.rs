@@ -317,7 +317,7 @@ fn scripts_that_are_hard_to_read() {
         .unwrap();
     for (name, expected) in [
         ("latin.rhai", "\"latin.rhai\" is not a text file: line 2 is not UTF-8"),
-        ("big.rhai", "\"big.rhai\" has 100000000 bytes; a script may have 4194304"),
+        ("big.rhai", "\"big.rhai\" has 100000000 bytes; a script may have at most 4194304"),
         ("deep.rhai", "deep.rhai:1:40: this expression is nested too deeply"),
     ] {
         assert_eq!(refused(d, &["check", name]), (1, expected.to_string()));

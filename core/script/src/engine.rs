@@ -60,7 +60,7 @@ fn set_limits(engine: &mut Engine, shared: &Arc<ScriptContext>) {
     let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
     // Steps are counted by `on_progress`, which distinguishes callbacks of a frame from the script itself.
     engine.set_max_operations(0);
-    engine.set_max_call_levels(size(limits.call_levels.min(Limits::DEEPEST)));
+    engine.set_max_call_levels(size(limits.call_levels.min(Limits::MAX_CALL_LEVELS)));
     SizeLimits { string: size(limits.string), array: size(limits.array), map: size(limits.map) }
         .install(engine);
     engine.set_max_variables(size(limits.variables));

@@ -395,7 +395,7 @@ fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
 }
 
 /// A count with its noun in the singular or plural: "1 argument", "2 arguments".
-fn format_count(count: usize, noun: &str) -> String {
+pub(crate) fn format_count(count: usize, noun: &str) -> String {
     if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
 }
 

@@ -14,7 +14,7 @@ use crate::limits::Limits;
 use crate::lint::Places;
 use crate::loader::Loader;
 use crate::modules::read_text;
-use crate::parsed::{Parsed, Unreadable};
+use crate::parsed::{ParseFailure, ParsedScript};
 use crate::resolve::resolve;
 use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{ImportScope, Registry};
@@ -252,10 +252,10 @@ pub fn execute(
     engine: &Engine,
     name: &str,
     shared: &ScriptContext,
-    script: Result<(&Parsed, &AST), Unreadable>,
+    script: Result<(&ParsedScript, &AST), ParseFailure>,
 ) {
     match script {
-        Err(Unreadable { error, unknown }) => {
+        Err(ParseFailure { error, unknown }) => {
             errors::report_unknown_variables(&unknown, name, shared);
             let (place, error) = errors::explain_error(&error.into(), name, shared);
             shared.add_diagnostic(Severity::Error, &place, &error);
@@ -273,7 +273,7 @@ pub fn execute(
                 .extend(parsed.clips_only.iter().cloned());
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) = parsed.functions.clone();
             shared.test().function_ends = parsed.function_ends.clone();
-            if crate::recover::run(engine, name, shared, ast, &parsed.unknown) {
+            if crate::recover::run_statements(engine, name, shared, ast, &parsed.unknown) {
                 check_set_names(shared);
             }
         }
@@ -288,7 +288,7 @@ fn run_on_this_thread(
     shared: &Arc<ScriptContext>,
 ) -> Result<Script, Vec<Diagnostic>> {
     let engine = begin(name, text, shared);
-    let parsed = Parsed::new(&engine, shared, name, text);
+    let parsed = ParsedScript::new(&engine, shared, name, text);
     if let Ok(parsed) = &parsed {
         if shared.played_clips_only {
             // The value is set only here.

@@ -248,7 +248,7 @@ macro_rules! handles {
 }
 
 handles! {
-    Asset: AssetRef, |h| h.dead, AssetRef { from: Arc::new(Load::dead()), dead: true };
+    Asset: AssetRef, |h| h.dead, AssetRef { from: Arc::new(Load::failed()), dead: true };
     Image: ImageRef, |h| h.dead, ImageRef::dead();
     Clip: ClipRef, |h| h.dead, ClipRef { clip: Arc::default(), asset: Arc::default(), dead: true };
     Actor: ActorRef, |h| h.id == DEAD, ActorRef { id: DEAD, asset: Arc::default() };

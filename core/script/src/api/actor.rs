@@ -152,7 +152,7 @@ fn cast(c: &mut Call) -> Reply {
 pub(super) fn change(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
     let this: ActorRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.actors.push((this.id, edit)));
+        hook::edit_frame(|e| e.actors.push((this.id, edit)));
     } else {
         draft(c.build().actor(this.id)?);
     }
@@ -283,7 +283,7 @@ fn timed(o: &Options, to: Option<Attachment>, change: ParentChange) -> Result<Pa
 fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     let this: ActorRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.actors.push((this.id, ActorEdit::Attach(draft.parent))));
+        hook::edit_frame(|e| e.actors.push((this.id, ActorEdit::Attach(draft.parent))));
         return c.receiver();
     }
     let mut build = c.build();
@@ -402,7 +402,7 @@ fn morph(c: &mut Call) -> Reply {
     let weight = c.number_in(1, -1000.0, 1000.0)? as f32;
     let targets = morph_targets(&this.asset, &c.value(0), &c.label(0))?;
     if c.in_frame {
-        hook::edit(|e| {
+        hook::edit_frame(|e| {
             let edit = |(instance, target)| (this.id, ActorEdit::Morph { instance, target, weight });
             e.actors.extend(targets.into_iter().map(edit));
         });

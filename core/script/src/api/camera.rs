@@ -114,7 +114,7 @@ fn at(c: &mut Call) -> Reply {
 /// Notes an edit of the camera for the frame that a callback runs for.
 fn edit(c: &Call, edit: CameraEdit) -> Reply {
     let this: CameraRef = c.this()?;
-    hook::edit(|e| e.cameras.push((this.0, edit)));
+    hook::edit_frame(|e| e.cameras.push((this.0, edit)));
     c.receiver()
 }
 

@@ -5,7 +5,7 @@ use super::joint_names::find_joint;
 use super::spring_bones::{collider, spring, springs, wind};
 use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, fields, radians, text};
-use crate::legs::{hips, leg_above, legs};
+use crate::legs::{hips, leg_of_foot, legs};
 use crate::suggest::list;
 use crate::value::{ActorRef, ConstraintRef, JointRef};
 use choreo_motion::Time;
@@ -194,7 +194,7 @@ fn plant_feet(c: &mut Call) -> Reply {
                 return Err(crate::call::wrong(&names, &label, "an array of joints' names"));
             };
             let foot = |name: &Dynamic| find_joint(&this.asset, &text(name, &label)?);
-            names.iter().map(|n| leg_above(skeleton, foot(n)?)).collect::<Result<_, _>>()?
+            names.iter().map(|n| leg_of_foot(skeleton, foot(n)?)).collect::<Result<_, _>>()?
         }
         None => legs(&this.asset),
     };

@@ -285,7 +285,7 @@ fn set(c: &mut Call) -> Reply {
     if c.in_frame {
         changing(&plugin, &name, "set")?;
         let new = numbers(&plugin, &name, &c.value(1))?;
-        hook::edit(|edits| {
+        hook::edit_frame(|edits| {
             let edit = |(parameter, value)| EffectEdit { effect: this.id, parameter, value };
             edits.effects.extend(new.into_iter().map(edit));
         });

@@ -47,7 +47,7 @@ fn joint_edit(c: &Call, rotation: DQuat) -> Reply {
             .hint("on_frame(|t| actor.joint(\"…\").turn(10.0 * sin(t)))"));
     }
     let rotation = rotation.as_quat().normalize();
-    hook::edit(|e| e.actors.push((this.actor, ActorEdit::TurnJoint { joint: this.joint, rotation })));
+    hook::edit_frame(|e| e.actors.push((this.actor, ActorEdit::TurnJoint { joint: this.joint, rotation })));
     c.receiver()
 }
 

@@ -115,7 +115,7 @@ fn text(c: &mut Call) -> Reply {
             .map_err(|e| ApiError::new(format!("text: \"{name}\" {e}")).focus(&name))?,
         None => Font::built_in(),
     };
-    fonts::warn(c, &font, &words);
+    fonts::warn_about_missing_characters(c, &font, &words);
     let content = Layer2dContent::Text {
         words,
         font,
@@ -195,7 +195,7 @@ fn set(c: &Call, edit: Layer2dEdit, draft: impl FnOnce(&mut Layer2d)) -> Reply {
         return change(c, draft);
     }
     let this: Layer2dRef = c.this()?;
-    hook::edit(|e| e.layers_2d.push((this.0, edit)));
+    hook::edit_frame(|e| e.layers_2d.push((this.0, edit)));
     c.receiver()
 }
 
@@ -216,7 +216,7 @@ fn words(c: &mut Call) -> Reply {
     let said = c.text(0)?;
     let this: Layer2dRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(said))));
+        hook::edit_frame(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(said))));
         return c.receiver();
     }
     let font = match &mut c.build().layer_2d(this.0)?.content {
@@ -226,7 +226,7 @@ fn words(c: &mut Call) -> Reply {
         }
         _ => return Err(ApiError::new("words: only a text has words")),
     };
-    fonts::warn(c, &font, &said);
+    fonts::warn_about_missing_characters(c, &font, &said);
     c.receiver()
 }
 

@@ -216,7 +216,7 @@ fn ambient(c: &mut Call) -> Reply {
         down *= strength;
     }
     if c.in_frame {
-        hook::edit(|e| e.ambient = Some((up, down)));
+        hook::edit_frame(|e| e.ambient = Some((up, down)));
         return Ok(Dynamic::UNIT);
     }
     let mut build = c.build();
@@ -228,7 +228,7 @@ fn ambient(c: &mut Call) -> Reply {
 fn change(c: &Call, edit: LightEdit, change: impl FnOnce(&mut StageLight)) -> Reply {
     let this: LightRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.lights.push((this.0, edit)));
+        hook::edit_frame(|e| e.lights.push((this.0, edit)));
     } else {
         change(c.build().light(this.0)?);
     }

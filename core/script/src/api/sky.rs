@@ -75,8 +75,10 @@ fn change(c: &mut Call) -> Reply {
     let (field, value) = fields::field_and_value::<Sky>(c)?;
     match (c.in_frame, value) {
         (false, value) => (field.set)(c.build().sky()?, value),
-        (true, FieldValue::Number(turn)) if field.name == "turn" => hook::edit(|e| e.sky.turn = Some(turn)),
-        (true, FieldValue::Number(strength)) => hook::edit(|e| e.sky.strength = Some(strength as f32)),
+        (true, FieldValue::Number(turn)) if field.name == "turn" => {
+            hook::edit_frame(|e| e.sky.turn = Some(turn))
+        }
+        (true, FieldValue::Number(strength)) => hook::edit_frame(|e| e.sky.strength = Some(strength as f32)),
         (true, _) => {}
     }
     c.receiver()

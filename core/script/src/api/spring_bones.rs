@@ -109,7 +109,7 @@ pub fn wind(c: &mut Call) -> Reply {
     let velocity = c.point(0)?.clamp_length_max(1e4);
     if c.in_frame {
         let this: ActorRef = c.this()?;
-        hook::edit(|e| e.actors.push((this.id, ActorEdit::Wind(velocity))));
+        hook::edit_frame(|e| e.actors.push((this.id, ActorEdit::Wind(velocity))));
         return c.receiver();
     }
     swinging(c, |springs| springs.wind = velocity)

@@ -144,7 +144,7 @@ fn add_hooks(
     for draft in hooks {
         let identity = identity(&draft.at);
         let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity, all);
-        if let Err(diagnostic) = hook.try_at(Time::ZERO)
+        if let Err(diagnostic) = hook.check_at(Time::ZERO)
             && !crate::errors::is_follow_up(&diagnostic.message)
         {
             shared.build.lock().unwrap_or_else(PoisonError::into_inner).add_diagnostic(diagnostic);

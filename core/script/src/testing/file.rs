@@ -4,7 +4,7 @@ use super::{ExpectedDiagnostic, SectionInfo, comments};
 use crate::build::ScriptContext;
 use crate::diagnostic::Diagnostic;
 use crate::limits::Limits;
-use crate::parsed::{Parsed, Unreadable};
+use crate::parsed::{ParseFailure, ParsedScript};
 use rhai::{AST, Engine, Expr, Stmt};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -13,7 +13,7 @@ pub(crate) struct TestFile {
     name: String,
     text: String,
     limits: Limits,
-    pub parsed: Parsed,
+    pub parsed: ParsedScript,
     pub expected: Vec<ExpectedDiagnostic>,
     pub wrong_comments: Vec<Diagnostic>,
     /// Set by the first listing in which no call of `test` was refused.
@@ -33,7 +33,7 @@ pub struct Listing {
 
 impl Listing {
     /// `calls`: line and column of the `test` of each section.
-    pub fn new(parsed: &Parsed, sections: Vec<SectionInfo>, calls: &[(usize, usize)]) -> Listing {
+    pub fn new(parsed: &ParsedScript, sections: Vec<SectionInfo>, calls: &[(usize, usize)]) -> Listing {
         let section_at: BTreeMap<(usize, usize), usize> = calls.iter().copied().zip(0..).collect();
         let mut own = vec![None; sections.len()];
         let mut common = Vec::new();
@@ -59,7 +59,7 @@ impl Listing {
     }
 
     /// The syntax tree with one section only: the plain top-level `test` statements of all others are left out.
-    pub fn alone(&self, section: usize, parsed: &Parsed) -> AST {
+    pub fn alone(&self, section: usize, parsed: &ParsedScript) -> AST {
         let own = self.own.get(section).copied().flatten();
         let own = own.and_then(|at| Some((at, parsed.ast.statements().get(at)?)));
         let at = own.map_or(usize::MAX, |(at, _)| at);
@@ -149,12 +149,12 @@ impl TestFiles {
         shared: &ScriptContext,
         name: &str,
         text: &str,
-    ) -> Result<Arc<TestFile>, Unreadable> {
+    ) -> Result<Arc<TestFile>, ParseFailure> {
         let same = |f: &&Arc<TestFile>| f.name == name && f.text == text && f.limits == shared.limits;
         if let Some(known) = self.lock().recent.iter().find(same) {
             return Ok(known.clone());
         }
-        let parsed = Parsed::new(engine, shared, name, text)?;
+        let parsed = ParsedScript::new(engine, shared, name, text)?;
         let (expected, wrong_comments) = comments::parse(name, text);
         let file = Arc::new(TestFile {
             name: name.to_string(),
@@ -215,7 +215,7 @@ mod tests {
         let mut engine = Engine::new_raw();
         engine.set_allow_shadowing(true);
         let ast = engine.compile(text).unwrap();
-        let parsed = Parsed {
+        let parsed = ParsedScript {
             ast,
             functions: Arc::default(),
             function_ends: Arc::default(),
