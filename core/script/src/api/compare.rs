@@ -6,9 +6,9 @@ use super::test::record;
 use super::values::value;
 use crate::call::{ApiError, Call, Reply, api, numbers, point};
 use crate::test_data::{
-    Claim, EventPattern, EventsTest, Flag, InFrame, Measure, NumberGoal, NumberTest, RotationGoal, SameOther,
-    SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity, VectorTest,
-    When,
+    Claim, ComparedObject, ComparedWith, EventPattern, EventsTest, Flag, InFrame, Measure, NumberGoal,
+    NumberTest, RotationGoal, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal,
+    VectorQuantity, VectorTest, When,
 };
 use crate::value::{ActorRef, CameraRef, ExpectRef, StageRef};
 use choreo_motion::Time;
@@ -293,14 +293,14 @@ fn visible(c: &mut Call) -> Reply {
 
 fn on(c: &mut Call) -> Reply {
     let (expect, camera): (ExpectRef, usize) = (c.this()?, camera_subject(c)?);
-    add_claim(c, expect, Claim::Flag(Flag::On(camera)))
+    add_claim(c, expect, Claim::Flag(Flag::CameraActive(camera)))
 }
 
 fn has_effect(c: &mut Call) -> Reply {
     let expect: ExpectRef = c.this()?;
     let name = c.text(0)?;
     match &expect.measure {
-        Measure::Whole(SameWhat::Stage) => add_claim(c, expect, Claim::Flag(Flag::Effect(name))),
+        Measure::Object(ComparedObject::Stage) => add_claim(c, expect, Claim::Flag(Flag::Effect(name))),
         other => Err(c.not_for("stage()", other)),
     }
 }
@@ -348,24 +348,26 @@ fn same_as(c: &mut Call) -> Reply {
     let expect: ExpectRef = c.this()?;
     let given = c.value(0);
     let what = match &expect.measure {
-        Measure::Whole(what) => *what,
-        Measure::Vector(VectorQuantity::Position(Subject::Actor(actor), None)) => SameWhat::Pose(*actor),
+        Measure::Object(what) => *what,
+        Measure::Vector(VectorQuantity::Position(Subject::Actor(actor), None)) => {
+            ComparedObject::Pose(*actor)
+        }
         other => return Err(c.not_for("stage() or an Actor", other)),
     };
-    let other = if let Some(stage) = given.read_lock::<StageRef>().filter(|_| what == SameWhat::Stage) {
-        SameOther::Stage(stage.0)
-    } else if let Some(actor) = given.read_lock::<ActorRef>().filter(|_| what != SameWhat::Stage) {
-        SameOther::Actor(actor.id)
+    let other = if let Some(stage) = given.read_lock::<StageRef>().filter(|_| what == ComparedObject::Stage) {
+        ComparedWith::Stage(stage.0)
+    } else if let Some(actor) = given.read_lock::<ActorRef>().filter(|_| what != ComparedObject::Stage) {
+        ComparedWith::Actor(actor.id)
     } else if given.is_int() || given.is_float() {
         if !matches!(expect.when, When::At(_)) {
             return Err(ApiError::new("same_as: comparing two times needs .at with the first one")
                 .hint("write .at(1.0).same_as(2.0)"));
         }
-        SameOther::Time(c.time(0)?)
+        ComparedWith::Time(c.time(0)?)
     } else {
         let allowed = match what {
-            SameWhat::Stage => "another stage, as from stage_of, or a time",
-            SameWhat::Pose(_) => "another Actor, or a time",
+            ComparedObject::Stage => "another stage, as from stage_of, or a time",
+            ComparedObject::Pose(_) => "another Actor, or a time",
         };
         return Err(c.wrong(0, allowed));
     };
@@ -395,7 +397,7 @@ fn costs_at_most(c: &mut Call) -> Reply {
         return Err(c.wrong(1, "a stage, as from stage_of"));
     };
     match &expect.measure {
-        Measure::Whole(SameWhat::Stage) => add_claim(c, expect, Claim::Cost { other, factor }),
+        Measure::Object(ComparedObject::Stage) => add_claim(c, expect, Claim::Cost { other, factor }),
         other => Err(c.not_for("a stage", other)),
     }
 }

@@ -454,7 +454,7 @@ fn expect_image(c: &mut Call) -> Reply {
         large: o.flag("large")?.unwrap_or(false),
         ..default
     };
-    let same = |claim: &Claim| matches!(claim, Claim::Picture(p) if p.name == name);
+    let same = |claim: &Claim| matches!(claim, Claim::Image(p) if p.name == name);
     if let Some(before) = c.shared.test().expectations.iter().find(|e| same(&e.claim)) {
         return Err(ApiError::new(format!(
             "expect_image: the name \"{name}\" is already taken in line {}",
@@ -464,7 +464,7 @@ fn expect_image(c: &mut Call) -> Reply {
     }
     let stage = c.shared.test().current_stage;
     let expect = ExpectRef { stage, ..ExpectRef::dead() };
-    record(c, &expect, Claim::Picture(picture))?;
+    record(c, &expect, Claim::Image(picture))?;
     Ok(Dynamic::UNIT)
 }
 

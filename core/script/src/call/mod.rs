@@ -72,7 +72,7 @@ pub(crate) type Reply = Result<Dynamic, ApiError>;
 
 /// The text `; did you mean "bloom"?` for the synonym `glow` and the misspelling `blom`; empty without a suggestion.
 fn did_you_mean_text<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
-    match synonyms::of_value(name, known.clone()) {
+    match synonyms::suggest_value(name, known.clone()) {
         Some(known) => format!("; did you mean \"{known}\"?"),
         None => did_you_mean(name, known),
     }
@@ -253,7 +253,7 @@ impl Options {
         let Some(key) = self.map.keys().find(|k| !known.contains(&k.as_str())) else { return Ok(()) };
         let options = format!("options: {}", list(known.iter().copied(), 30));
         let near = closest(key, known.iter().copied());
-        let synonym = synonyms::of_option(c.shared.defs, key, &self.function, known);
+        let synonym = synonyms::suggest_option(c.shared.defs, key, &self.function, known);
         let (meant, hint) = match (near, synonym) {
             (_, Some(synonym)) if known.contains(&&*synonym.name) || near.is_none() => {
                 (Some(synonym.name), format!("{}\n{options}", synonym.hint).trim_start().to_string())

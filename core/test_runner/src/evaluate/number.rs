@@ -58,8 +58,8 @@ pub fn label(snapshots: &SnapshotCache, quantity: &Quantity) -> String {
         Quantity::Morph { actor: a, .. } => format!("{} morph weight", actor(*a)),
         Quantity::Lowest(a) => format!("{} lowest point", actor(*a)),
         Quantity::Highest(a) => format!("{} highest point", actor(*a)),
-        Quantity::PictureHeight { actor: a, .. } => format!("{} height in the image", actor(*a)),
-        Quantity::PictureShare { actor: a, .. } => format!("{} share in the image", actor(*a)),
+        Quantity::ImageHeight { actor: a, .. } => format!("{} height in the image", actor(*a)),
+        Quantity::ShareInImage { actor: a, .. } => format!("{} share in the image", actor(*a)),
         Quantity::Tilt { subject, .. } => format!("{} tilt", vector::name(snapshots, *subject)),
         Quantity::FieldOfView(c) => format!("{} fov", vector::name(snapshots, Subject::Camera(*c))),
         Quantity::Intensity(l) => format!("{} intensity", vector::name(snapshots, Subject::Light(*l))),
@@ -157,8 +157,8 @@ fn value(snapshots: &mut SnapshotCache, quantity: &Quantity, window: &[Time]) ->
         }
         Quantity::Lowest(actor) => frame::bounds(snapshots, *actor, at)?.0.y,
         Quantity::Highest(actor) => frame::bounds(snapshots, *actor, at)?.1.y,
-        Quantity::PictureHeight { actor, camera } => frame::outline(snapshots, *actor, *camera, at)?.height(),
-        Quantity::PictureShare { actor, camera } => frame::outline(snapshots, *actor, *camera, at)?.share,
+        Quantity::ImageHeight { actor, camera } => frame::outline(snapshots, *actor, *camera, at)?.height(),
+        Quantity::ShareInImage { actor, camera } => frame::outline(snapshots, *actor, *camera, at)?.share,
         Quantity::Tilt { subject, camera } => frame::tilt(snapshots, *subject, *camera, at)?,
         Quantity::FieldOfView(camera) => match snapshots.camera(Some(*camera), at)?.projection {
             Projection::Perspective { yfov, .. } => f64::from(yfov).to_degrees(),

@@ -7,7 +7,7 @@ use super::values::{COUNTS, PLAN_COUNTS, value};
 use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::suggest::did_you_mean;
 use crate::test_data::{
-    Contact, Measure, PendingExpect, Quantity, SameWhat, Subject, TextsQuantity, VectorQuantity, When,
+    ComparedObject, Contact, Measure, PendingExpect, Quantity, Subject, TextsQuantity, VectorQuantity, When,
 };
 use crate::value::{ActorRef, CameraRef, ClipRef, ExpectRef, JointRef, LightRef, PlanRef, StageRef};
 use choreo_motion::Time;
@@ -123,7 +123,7 @@ fn expect(c: &mut Call) -> Reply {
     } else if let Some(plan) = given.read_lock::<PlanRef>() {
         Measure::Plan(plan.options)
     } else if given.read_lock::<StageRef>().is_some() {
-        Measure::Whole(SameWhat::Stage)
+        Measure::Object(ComparedObject::Stage)
     } else {
         Measure::Value(value(&given, 0).ok_or_else(|| {
             c.wrong(0, "an Actor, Joint, Camera or Light, stage(), plan(), a number, a text, true or false, or an array of these")
@@ -393,12 +393,12 @@ fn slide(c: &mut Call) -> Reply {
 
 fn picture_height(c: &mut Call) -> Reply {
     let (actor, camera) = (c.actor_subject()?, c.camera_or_on(0)?);
-    measured(c, Measure::Number(Quantity::PictureHeight { actor, camera }))
+    measured(c, Measure::Number(Quantity::ImageHeight { actor, camera }))
 }
 
 fn picture_share(c: &mut Call) -> Reply {
     let (actor, camera) = (c.actor_subject()?, c.camera_or_on(0)?);
-    measured(c, Measure::Number(Quantity::PictureShare { actor, camera }))
+    measured(c, Measure::Number(Quantity::ShareInImage { actor, camera }))
 }
 
 fn tilt(c: &mut Call) -> Reply {
@@ -418,7 +418,7 @@ fn count(c: &mut Call) -> Reply {
         found.ok_or_else(|| c.wrong(0, "a known word"))
     }
     let quantity = match c.expect()?.measure {
-        Measure::Whole(SameWhat::Stage) => Quantity::Count(find(c, COUNTS)?),
+        Measure::Object(ComparedObject::Stage) => Quantity::Count(find(c, COUNTS)?),
         Measure::Plan(options) => Quantity::PlanCount(options, find(c, PLAN_COUNTS)?),
         other => return Err(c.not_for("stage() or plan()", &other)),
     };
@@ -427,7 +427,7 @@ fn count(c: &mut Call) -> Reply {
 
 fn events(c: &mut Call) -> Reply {
     let of = match c.expect()?.measure {
-        Measure::Whole(SameWhat::Stage) => None,
+        Measure::Object(ComparedObject::Stage) => None,
         Measure::Vector(VectorQuantity::Position(subject @ Subject::Actor(_), None)) => Some(subject),
         other => return Err(c.not_for("stage() or an Actor", &other)),
     };
@@ -436,7 +436,7 @@ fn events(c: &mut Call) -> Reply {
 
 fn of_stage(c: &Call, texts: TextsQuantity) -> Reply {
     match c.expect()?.measure {
-        Measure::Whole(SameWhat::Stage) => measured(c, Measure::Texts(texts)),
+        Measure::Object(ComparedObject::Stage) => measured(c, Measure::Texts(texts)),
         other => Err(c.not_for("stage()", &other)),
     }
 }

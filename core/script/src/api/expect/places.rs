@@ -60,7 +60,7 @@ pub(super) fn relative_to(c: &mut Call) -> Reply {
 pub(super) fn in_picture(c: &mut Call) -> Reply {
     let camera = c.camera_or_on(0)?;
     let subject = c.subject(SUBJECT_KINDS)?;
-    measured(c, Measure::Vector(VectorQuantity::InPicture(subject, camera)))
+    measured(c, Measure::Vector(VectorQuantity::InImage(subject, camera)))
 }
 
 pub(super) fn component(c: &mut Call, axis: usize) -> Reply {
