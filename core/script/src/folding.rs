@@ -1,6 +1,6 @@
 //! Constant folding in a script's text: expressions of literals alone become the literals that they evaluate to.
 
-use crate::tokens::{ScriptToken, TokenKind, Tokens, lexed};
+use crate::tokens::{ScriptToken, TokenKind, Tokens, lex};
 use rhai::{Dynamic, Engine};
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ const MAX_NUMBER_LENGTH: usize = 32;
 /// or calls, only the expressions within its brackets and interpolations are folded. An expression that fails to evaluate is not
 /// folded. Rhai evaluates the expressions.
 pub fn constant_expressions(text: &str, places: &[usize]) -> Vec<(Range<usize>, String)> {
-    let Tokens { all, inner } = lexed(text);
+    let Tokens { all, inner } = lex(text);
     let interpolations = inner.into_iter().map(|code| code.range).collect();
     let engine = choreo_sandbox::engine();
     let mut folding =
@@ -213,7 +213,7 @@ fn evaluated_literal(engine: &Engine, expression: &str) -> Option<String> {
 
 /// Whether a text is one number, with or without a sign, or one string.
 fn is_literal(text: &str) -> bool {
-    match lexed(text).all.as_slice() {
+    match lex(text).all.as_slice() {
         [only] => {
             matches!(only.kind, TokenKind::Number) || only.kind == TokenKind::Text && !text.contains("${")
         }
@@ -224,7 +224,7 @@ fn is_literal(text: &str) -> bool {
 
 /// Whether an expression consists only of numbers, strings, allowed arithmetic operators and parentheses, without comments.
 fn is_constant(expression: &str) -> bool {
-    let Tokens { all, inner } = lexed(expression);
+    let Tokens { all, inner } = lex(expression);
     let is_blank = |from: usize, to: usize| expression[from..to].trim().is_empty();
     let ends = all.iter().map(|token| token.range.end);
     let mut gaps = std::iter::once(0).chain(ends).zip(all.iter().map(|token| token.range.start));

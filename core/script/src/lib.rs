@@ -68,7 +68,7 @@ pub use lint::{ClipMarkers, Places};
 pub use loader::{BUILT_IN, ImportChoice, Loader, PlayedClips, built_in_assets};
 pub use reference::reference;
 pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
-pub use tokens::{InnerCode, comments, is_name, token_ranges, tokens_with_inner};
+pub use tokens::{InterpolatedCode, comments, is_name, token_ranges, tokens_and_interpolations};
 // Misspellings get suggestions in the same words everywhere.
 pub use api::clip::{NoMatchingJoints, mapping_lines};
 pub use api::cue::mask_problem;

@@ -5,7 +5,7 @@ use super::{expression, keys};
 use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, fields, number_in, radians, rgb, unknown};
 use crate::hook;
-use crate::procedural::MOST_WIDE;
+use crate::procedural::MAX_LINE_WIDTH;
 use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
 use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::Time;
@@ -117,7 +117,7 @@ fn cast(c: &mut Call) -> Reply {
     let Some(asset) = c.value(1).try_cast::<AssetRef>() else {
         return Err(c.wrong(1, "an Asset, from load(…) or shape(…)"));
     };
-    let asset = c.shared.asset(&asset.from)?;
+    let asset = c.shared.asset(&asset.load)?;
     let mut build = c.build();
     check_limit(build.actors.len(), "actors", &c.shared.limits)?;
     if let Some(before) = build.actors.iter().find(|a| a.actor.name == name) {
@@ -334,7 +334,7 @@ fn tint(c: &mut Call) -> Reply {
 fn width(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     has_pen(&this.asset, "width")?;
-    let width = number_in(&c.value(0), "width: width", 0.0, f64::from(MOST_WIDE))? as f32;
+    let width = number_in(&c.value(0), "width: width", 0.0, f64::from(MAX_LINE_WIDTH))? as f32;
     change(c, ActorEdit::LineWidth(width), |d| d.actor.line_width = Some(width))
 }
 

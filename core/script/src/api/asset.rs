@@ -84,8 +84,8 @@ fn load(c: &mut Call) -> Reply {
     choice.clips = c.shared.played_clips.get().cloned().unwrap_or_default();
     let begun = c.shared.loader.start(start.as_deref(), &name, &choice);
     let import = begun.map_err(|e| ApiError::from(e).focus(name))?;
-    let from = c.build().add_import_load(import, &c.place, clips_only);
-    Ok(Dynamic::from(AssetRef { from, dead: false }))
+    let load = c.build().add_import_load(import, &c.place, clips_only);
+    Ok(Dynamic::from(AssetRef { load, dead: false }))
 }
 
 fn tolerance(value: &Dynamic) -> Result<f64, ApiError> {

@@ -134,7 +134,7 @@ fn joints(o: &Options, of: &Asset, on: &Asset) -> Result<BTreeMap<u32, Option<u3
 
 fn other(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let asset = c.value(0).try_cast::<AssetRef>().ok_or_else(|| c.wrong(0, "an Asset, as from load(…)"))?;
-    let asset = c.shared.asset(&asset.from)?;
+    let asset = c.shared.asset(&asset.load)?;
     c.build().mark_used(&asset);
     Ok(asset)
 }

@@ -7,7 +7,7 @@ use crate::diagnostic::Severity;
 use crate::errors;
 use crate::hook::with_copied_captures;
 use crate::modules::read_text;
-use crate::resolve::finish_stage;
+use crate::resolve::resolve_test_stage;
 use crate::suggest::{did_you_mean, list};
 use crate::test_data::{Claim, ImageExpectation, PendingExpect, PlanOptions, RunningScript, SectionInfo};
 use crate::value::{ActorRef, CameraRef, ExpectRef, HandleKind, LightRef, PlanRef, SceneRef, StageRef};
@@ -335,7 +335,7 @@ fn stage_of(c: &mut Call) -> Reply {
         Ok(_) => Ok(()),
         Err(e) => failed(c, *e).map(|_| ()),
     };
-    let (mut stage, broken) = finish_stage(c.shared, &engine);
+    let (mut stage, broken) = resolve_test_stage(c.shared, &engine);
     let inner = std::mem::replace(&mut *c.build(), outer);
     {
         let mut build = c.build();

@@ -140,7 +140,7 @@ impl Call<'_, '_> {
 
     /// The asset of the receiver. Waits while it is still being imported.
     pub(crate) fn this_asset(&self) -> Result<Arc<Asset>, ApiError> {
-        self.shared.asset(&self.this::<AssetRef>()?.from)
+        self.shared.asset(&self.this::<AssetRef>()?.load)
     }
 
     /// The receiver, to return for chaining.

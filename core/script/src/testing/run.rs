@@ -4,7 +4,7 @@ use super::file::Listing;
 use super::*;
 use crate::build::{RunMode, ScriptContext};
 use crate::compile::UnknownVariable;
-use crate::resolve::finish_stage;
+use crate::resolve::resolve_test_stage;
 use crate::run::{Opened, begin, execute, on_script_thread, open};
 use choreo_plugin::Registry;
 use std::collections::BTreeSet;
@@ -224,7 +224,7 @@ fn run_section_on_this_thread(
     };
     let script = file.as_ref().map(|f| (&f.parsed, section_ast.as_ref().unwrap_or(&f.parsed.ast)));
     execute(&engine, name, shared, script.map_err(Clone::clone));
-    let (mut stage, mut broken) = finish_stage(shared, &engine);
+    let (mut stage, mut broken) = resolve_test_stage(shared, &engine);
     let mut test = std::mem::take(&mut *shared.test());
     if test.wanted_section.is_some() && !test.has_started {
         return Ok(None);
