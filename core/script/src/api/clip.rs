@@ -343,7 +343,7 @@ pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Ve
 
 /// A clip on an actor's skeleton: bound unchanged if the joints match, else retargeted. Joints that are lost are
 /// reported.
-pub fn fit(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
+pub fn fit_to_skeleton(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
     let fitted = bind_or_retarget(&given.clip, &given.asset.skeleton, &asset.skeleton);
     let retargeted = fitted.2.is_some();
     let clip = check_bound_clip(c, given, asset, fitted)?;

@@ -1,9 +1,9 @@
-//! The comparisons that end an `expect(…)`. Each is recorded with its place and judged when the stage is finished.
+//! The comparisons that end an `expect(…)`. Each is recorded with its place and judged when the stage is complete.
 
 use super::expect::{camera_subject, contact, subject};
 use super::expected_values::{events, formula, rotation_goal, tolerance};
-use super::test::record;
-use super::values::value;
+use super::test::record_expectation;
+use super::values::plain_value;
 use crate::call::{ApiError, Call, Reply, api, numbers, point};
 use crate::test_data::{
     Claim, ComparedObject, ComparedWith, EventPattern, EventsTest, Flag, InFrame, Measure, NumberGoal,
@@ -85,7 +85,7 @@ fn add_claim(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
             c.def.name
         )));
     }
-    record(c, &expect, claim)?;
+    record_expectation(c, &expect, claim)?;
     expect.negated = false;
     expect.sometime = false;
     Ok(Dynamic::from(expect))
@@ -125,9 +125,9 @@ fn near(c: &mut Call) -> Reply {
             Claim::Rotation { quantity: quantity.clone(), goal, tolerance_deg }
         }
         Measure::Value(got) => {
-            let goal = value(&c.value(0), 0).filter(numeric);
+            let goal = plain_value(&c.value(0), 0).filter(is_numeric);
             let goal = goal.ok_or_else(|| c.wrong(0, "a number or an array of numbers"))?;
-            if !numeric(got) {
+            if !is_numeric(got) {
                 return Err(c.not_for("a number or an array of numbers", &expect.measure));
             }
             let test = ValueTest::Near { goal, tolerance: tolerance(c, 1e-9)? };
@@ -138,16 +138,16 @@ fn near(c: &mut Call) -> Reply {
     add_claim(c, expect, claim)
 }
 
-fn numeric(v: &Value) -> bool {
+fn is_numeric(v: &Value) -> bool {
     match v {
         Value::Int(_) | Value::Number(_) => true,
-        Value::List(list) => list.iter().all(numeric),
+        Value::List(list) => list.iter().all(is_numeric),
         _ => false,
     }
 }
 
 /// Records a comparison of a number that changes over time, or of a plain number.
-fn number_test(c: &Call, of_number: NumberTest, of_value: ValueTest) -> Reply {
+fn compare_number(c: &Call, of_number: NumberTest, of_value: ValueTest) -> Reply {
     let expect: ExpectRef = c.this()?;
     let claim = match &expect.measure {
         Measure::Number(quantity) => Claim::Number { quantity: quantity.clone(), test: of_number },
@@ -165,12 +165,12 @@ fn number_test(c: &Call, of_number: NumberTest, of_value: ValueTest) -> Reply {
 
 fn below(c: &mut Call) -> Reply {
     let limit = c.number(0)?;
-    number_test(c, NumberTest::Below(limit), ValueTest::Below(limit))
+    compare_number(c, NumberTest::Below(limit), ValueTest::Below(limit))
 }
 
 fn above(c: &mut Call) -> Reply {
     let limit = c.number(0)?;
-    number_test(c, NumberTest::Above(limit), ValueTest::Above(limit))
+    compare_number(c, NumberTest::Above(limit), ValueTest::Above(limit))
 }
 
 fn between(c: &mut Call) -> Reply {
@@ -178,7 +178,7 @@ fn between(c: &mut Call) -> Reply {
     if low > high {
         return Err(ApiError::new(format!("between: low must not be above high, got {low} and {high}")));
     }
-    number_test(c, NumberTest::Between(low, high), ValueTest::Between(low, high))
+    compare_number(c, NumberTest::Between(low, high), ValueTest::Between(low, high))
 }
 
 fn within(c: &mut Call) -> Reply {
@@ -204,7 +204,7 @@ fn equals(c: &mut Call) -> Reply {
             Claim::Number { quantity: quantity.clone(), test: NumberTest::Between(wanted, wanted) }
         }
         Measure::Value(got) => {
-            let wanted = value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
+            let wanted = plain_value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
             Claim::Value { got: got.clone(), test: ValueTest::Equals(wanted) }
         }
         Measure::Events(_) => return exactly(c),
@@ -222,7 +222,7 @@ fn contains(c: &mut Call) -> Reply {
     let claim = match &expect.measure {
         Measure::Texts(texts) => Claim::Texts { texts: *texts, test: TextsTest::Contains(c.text(0)?) },
         Measure::Value(got @ (Value::Text(_) | Value::List(_))) => {
-            let part = value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
+            let part = plain_value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
             if let (Value::Text(_), false) = (got, matches!(part, Value::Text(_))) {
                 return Err(c.wrong(0, "text"));
             }
@@ -259,7 +259,7 @@ fn empty(c: &mut Call) -> Reply {
     add_claim(c, expect, claim)
 }
 
-fn event_test(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest) -> Reply {
+fn compare_events(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest) -> Reply {
     let expect: ExpectRef = c.this()?;
     let Measure::Events(of) = expect.measure else {
         let error = c.not_for("events", &expect.measure);
@@ -270,15 +270,15 @@ fn event_test(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest
 }
 
 fn exactly(c: &mut Call) -> Reply {
-    event_test(c, EventsTest::Exactly)
+    compare_events(c, EventsTest::Exactly)
 }
 
 fn in_order(c: &mut Call) -> Reply {
-    event_test(c, EventsTest::InOrder)
+    compare_events(c, EventsTest::InOrder)
 }
 
 /// The actor that is tested.
-fn actor(c: &Call) -> Result<usize, ApiError> {
+fn tested_actor(c: &Call) -> Result<usize, ApiError> {
     let expect: ExpectRef = c.this()?;
     match &expect.measure {
         Measure::Vector(VectorQuantity::Position(Subject::Actor(actor), None)) => Ok(*actor),
@@ -287,7 +287,7 @@ fn actor(c: &Call) -> Result<usize, ApiError> {
 }
 
 fn visible(c: &mut Call) -> Reply {
-    let (expect, actor): (ExpectRef, usize) = (c.this()?, actor(c)?);
+    let (expect, actor): (ExpectRef, usize) = (c.this()?, tested_actor(c)?);
     add_claim(c, expect, Claim::Flag(Flag::Visible(actor)))
 }
 
@@ -312,7 +312,7 @@ fn on_floor(c: &mut Call) -> Reply {
 }
 
 fn in_frame(c: &mut Call) -> Reply {
-    let (expect, actor): (ExpectRef, usize) = (c.this()?, actor(c)?);
+    let (expect, actor): (ExpectRef, usize) = (c.this()?, tested_actor(c)?);
     let o = c.options(0, &["camera", "margin", "height", "upright"])?;
     let camera = match o.get("camera") {
         None => None,

@@ -80,8 +80,8 @@ fn stage(c: &mut Call) -> Reply {
     if let Some(size) = o.get("size") {
         s.size = read_size(c, &size)?;
     }
-    let counted = read_rate(c, &o, &mut s)?;
-    if let Some(length) = counted.or(o.duration("length")?) {
+    let length_in_frames = read_rate(c, &o, &mut s)?;
+    if let Some(length) = length_in_frames.or(o.duration("length")?) {
         if length == Time::ZERO {
             return Err(ApiError::new("stage: length must be above 0 s"));
         }
@@ -137,7 +137,7 @@ fn read_rate(c: &Call, o: &Options, s: &mut Settings) -> Result<Option<Time>, Ap
     let changed = s.fps != c.build_fps();
     match c.build().frame_calls.clone().filter(|_| changed) {
         Some((_, 1, frame, time)) if own_length == Some(time) => {
-            Ok(Some(Time::from_secs(seconds(s.fps, frame))))
+            Ok(Some(Time::from_secs(frame_secs(s.fps, frame))))
         }
         Some((place, ..)) => Err(ApiError::new(format!(
             "stage: fps cannot change after f(…) in line {} has counted frames",
@@ -212,17 +212,17 @@ fn frame(c: &mut Call) -> Reply {
     if c.in_frame {
         // The rate cannot change any more.
         let rate = c.build_fps();
-        return Ok(Dynamic::from_float(seconds(rate, n)));
+        return Ok(Dynamic::from_float(frame_secs(rate, n)));
     }
     let place = c.place.clone();
     let mut build = c.build();
-    let time = seconds(build.settings.fps, n);
+    let time = frame_secs(build.settings.fps, n);
     let (place, count) = build.frame_calls.take().map_or((place, 0), |(first, count, ..)| (first, count));
     build.frame_calls = Some((place, count + 1, n, time));
     Ok(Dynamic::from_float(time))
 }
 
-fn seconds(rate: FrameRate, frame: f64) -> f64 {
+fn frame_secs(rate: FrameRate, frame: f64) -> f64 {
     if frame.fract() == 0.0 {
         return rate.time_of(frame as i64).as_secs();
     }
@@ -253,11 +253,12 @@ fn param(c: &mut Call) -> Reply {
         None => default.clone(),
         Some(text) => parse_parameter(kind, text).ok_or_else(|| {
             ApiError::new(format!("param: --set {name}={text} is not {}", kind_in_words(kind)))
-                .hint(format!("the default is {}", show(&default)))
+                .hint(format!("the default is {}", display_value(&default)))
         })?,
     };
     let line = c.place.line;
-    let parameter = Parameter { name, kind, default: show(&default), value: show(&value), about, line };
+    let parameter =
+        Parameter { name, kind, default: display_value(&default), value: show(&value), about, line };
     c.build().parameters.push(parameter);
     Ok(value)
 }
@@ -303,7 +304,7 @@ fn parse_parameter(kind: &str, text: &str) -> Option<Dynamic> {
     }
 }
 
-pub fn show(v: &Dynamic) -> String {
+pub fn display_value(v: &Dynamic) -> String {
     match numbers(v) {
         Some(values) => values.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
         None => v.to_string(),

@@ -43,18 +43,18 @@ api! {
     ///   default, or "vulkan").
     /// - Allowed difference: tolerance (per channel, in steps of 255, default 4), {}.
     /// - `large: true` allows a golden image of more than 40 KiB.
-    expect_image("name, options?") -> () = expect_image, in_tests, options(limits);
+    expect_image("name, options?") -> () = expect_image, in_tests, options(document_metrics);
 }
 
 fn test(c: &mut Call) -> Reply {
-    let reply = section(c);
+    let reply = run_or_list_section(c);
     if reply.is_err() {
         c.shared.test().has_failed_test_call = true;
     }
     reply
 }
 
-fn section(c: &mut Call) -> Reply {
+fn run_or_list_section(c: &mut Call) -> Reply {
     if belongs_to_other_section(c) {
         return Ok(Dynamic::UNIT);
     }
@@ -97,7 +97,7 @@ fn section(c: &mut Call) -> Reply {
     end_section(c.shared);
     c.shared.test().is_running = false;
     match result {
-        Err(e) => failed(c, *e),
+        Err(e) => report_failure(c, *e),
         Ok(_) => Ok(Dynamic::UNIT),
     }
 }
@@ -105,12 +105,12 @@ fn section(c: &mut Call) -> Reply {
 /// Notes errors about `expect` calls of a section without a comparison, and about modifiers without effect.
 fn end_section(shared: &ScriptContext) {
     let pending_expects = std::mem::take(&mut shared.test().pending_expects);
-    for PendingExpect { place, comparisons, unused } in pending_expects {
+    for PendingExpect { place, comparisons, unused_modifier } in pending_expects {
         if comparisons == 0 {
             let error = ApiError::new("this expect has no comparison")
                 .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
             shared.add_diagnostic(Severity::Error, &place, &error);
-        } else if let Some((name, place)) = unused {
+        } else if let Some((name, place)) = unused_modifier {
             let error = ApiError::new(format!("{name} has no effect: no comparison comes after it"))
                 .hint(format!("write .{name}(…) before the comparison"));
             shared.add_diagnostic(Severity::Error, &place, &error);
@@ -126,23 +126,23 @@ fn belongs_to_other_section(c: &Call) -> bool {
 }
 
 /// Notes the error that ended a function of the script, and returns normally. An exceeded limit ends the script.
-pub(super) fn failed(c: &Call, error: EvalAltResult) -> Reply {
+pub(super) fn report_failure(c: &Call, error: EvalAltResult) -> Reply {
     let (mut place, explained) = errors::explain_error(&error, &c.place.file, c.shared);
     if place.line == 0 {
         place = c.place.clone();
     }
     c.shared.add_diagnostic(Severity::Error, &place, &explained);
-    if is_final(&error) {
+    if ends_script(&error) {
         return Err(ApiError { fatal: true, ..ApiError::silent() });
     }
     Ok(Dynamic::UNIT)
 }
 
-fn is_final(error: &EvalAltResult) -> bool {
+fn ends_script(error: &EvalAltResult) -> bool {
     match error {
         EvalAltResult::ErrorTerminated(..) => true,
         EvalAltResult::ErrorInFunctionCall(_, _, inner, _) | EvalAltResult::ErrorInModule(_, inner, _) => {
-            is_final(inner)
+            ends_script(inner)
         }
         _ => false,
     }
@@ -161,7 +161,7 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
         Ok(reason)
     };
     let mut skip = reason("skip")?;
-    for file in texts(&o, "needs")? {
+    for file in text_list(&o, "needs")? {
         let missing = c.shared.loader.folders().find(None, &file).err();
         skip = skip.or(missing.map(|_| format!("needs {file}, which does not exist here")));
     }
@@ -174,12 +174,12 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
         end_line: test.function_ends.get(section.fn_name()).copied().unwrap_or(0).max(c.place.line),
         skip,
         fails: reason("fails")?,
-        tags: texts(&o, "tags")?,
+        tags: text_list(&o, "tags")?,
     })
 }
 
 /// Reads an option that is one text or an array of texts.
-fn texts(o: &Options, name: &str) -> Result<Vec<String>, ApiError> {
+fn text_list(o: &Options, name: &str) -> Result<Vec<String>, ApiError> {
     let Some(given) = o.get(name) else { return Ok(Vec::new()) };
     if let Some(array) = given.read_lock::<rhai::Array>() {
         return array.iter().map(|v| crate::call::text(v, &o.label(name))).collect();
@@ -196,7 +196,7 @@ fn scene(c: &mut Call) -> Reply {
             let Some(map) = given.read_lock::<Map>() else {
                 return Err(crate::call::wrong(&given, "scene: set", "an object map like #{ name: value }"));
             };
-            map.iter().map(|(k, v)| (k.to_string(), super::stage::show(v))).collect()
+            map.iter().map(|(k, v)| (k.to_string(), super::stage::display_value(v))).collect()
         }
     };
     if let Some(before) = c.shared.test().scene_at.clone() {
@@ -225,7 +225,7 @@ fn scene(c: &mut Call) -> Reply {
     // The parameters of the other script are kept apart.
     let own = std::mem::take(&mut c.build().parameters);
     let result = run_scene(c, &name, &text);
-    let its = std::mem::replace(&mut c.build().parameters, own);
+    let scene_parameters = std::mem::replace(&mut c.build().parameters, own);
     {
         let mut test = c.shared.test();
         test.scene = None;
@@ -234,18 +234,18 @@ fn scene(c: &mut Call) -> Reply {
     if let Err(e) = result {
         let (place, explained) = errors::explain_error(&e, &name, c.shared);
         c.shared.add_diagnostic(Severity::Error, &place, &explained);
-        if is_final(&e) {
+        if ends_script(&e) {
             return Err(ApiError { fatal: true, ..ApiError::silent() });
         }
     }
-    let known = || its.iter().map(|p| p.name.as_str());
+    let known = || scene_parameters.iter().map(|p| p.name.as_str());
     if let Some((wrong, _)) = set.iter().find(|(n, _)| !known().any(|k| k == n)) {
         return Err(ApiError::new(format!(
             "scene: \"{name}\" has no parameter \"{wrong}\"{}",
             did_you_mean(wrong, known())
         ))
         .focus(wrong.clone())
-        .hint(match its.as_slice() {
+        .hint(match scene_parameters.as_slice() {
             [] => "it declares none; param(\"name\", default) declares one".to_string(),
             _ => format!("parameters: {}", list(known(), 30)),
         }));
@@ -263,7 +263,7 @@ fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>>
 }
 
 /// Refuses a scene handle of another stage than the one being built.
-fn of_scene(c: &Call) -> Result<(), ApiError> {
+fn check_scene_stage(c: &Call) -> Result<(), ApiError> {
     let scene: SceneRef = c.this()?;
     if scene.0 == c.shared.test().current_stage {
         return Ok(());
@@ -272,7 +272,7 @@ fn of_scene(c: &Call) -> Result<(), ApiError> {
 }
 
 fn actor(c: &mut Call) -> Reply {
-    of_scene(c)?;
+    check_scene_stage(c)?;
     let name = c.text(0)?;
     let build = c.build();
     match build.actors.iter().position(|d| d.actor.name == name) {
@@ -285,7 +285,7 @@ fn actor(c: &mut Call) -> Reply {
 }
 
 fn camera(c: &mut Call) -> Reply {
-    of_scene(c)?;
+    check_scene_stage(c)?;
     let name = c.text(0)?;
     let build = c.build();
     match build.cameras.iter().position(|d| d.camera.name == name) {
@@ -298,7 +298,7 @@ fn camera(c: &mut Call) -> Reply {
 }
 
 fn light(c: &mut Call) -> Reply {
-    of_scene(c)?;
+    check_scene_stage(c)?;
     let index = c.value(0).as_int().map_err(|_| c.wrong(0, "the number of a light, from 0"))?;
     let count = c.build().lights.len();
     match usize::try_from(index).ok().filter(|i| *i < count) {
@@ -316,7 +316,7 @@ fn stage_of(c: &mut Call) -> Reply {
     // Captured values are copied and must not contain handles, which belong to the outer stage.
     let build = with_copied_captures(&build)?;
     for value in build.curry() {
-        no_handles(value)?;
+        check_no_handles(value)?;
     }
     let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
         return Err(ApiError::new("stage_of: the script has ended"));
@@ -333,7 +333,7 @@ fn stage_of(c: &mut Call) -> Reply {
     let result = build.call_within_context::<Dynamic>(c.context, ());
     let ended = match result {
         Ok(_) => Ok(()),
-        Err(e) => failed(c, *e).map(|_| ()),
+        Err(e) => report_failure(c, *e).map(|_| ()),
     };
     let (mut stage, broken) = resolve_test_stage(c.shared, &engine);
     let inner = std::mem::replace(&mut *c.build(), outer);
@@ -358,7 +358,7 @@ fn stage_of(c: &mut Call) -> Reply {
 }
 
 /// Refuses values that contain handles of a stage, because a handle is an index into the stage that it was made for.
-fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
+fn check_no_handles(value: &Dynamic) -> Result<(), ApiError> {
     let kind = crate::value::kind_of(value);
     if !matches!(
         kind,
@@ -376,25 +376,25 @@ fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
         .hint("inside, cast actors of its own; assets and clips can be shared"));
     }
     if let Some(array) = value.read_lock::<rhai::Array>() {
-        return array.iter().try_for_each(no_handles);
+        return array.iter().try_for_each(check_no_handles);
     }
     if let Some(map) = value.read_lock::<Map>() {
-        return map.values().try_for_each(no_handles);
+        return map.values().try_for_each(check_no_handles);
     }
     if let Some(pointer) = value.read_lock::<FnPtr>() {
-        return pointer.curry().iter().try_for_each(no_handles);
+        return pointer.curry().iter().try_for_each(check_no_handles);
     }
     Ok(())
 }
 
 fn plan(c: &mut Call) -> Reply {
     let o = c.options(0, &["size", "samples"])?;
-    let options = PlanOptions { size: size(&o)?, samples: samples(&o)? };
+    let options = PlanOptions { size: size_option(&o)?, samples: samples_option(&o)? };
     Ok(Dynamic::from(PlanRef { options, dead: false }))
 }
 
 /// Reads the size in pixels, with the same range as in `stage`.
-fn size(o: &Options) -> Result<Option<[u32; 2]>, ApiError> {
+fn size_option(o: &Options) -> Result<Option<[u32; 2]>, ApiError> {
     let Some(size) = o.get("size") else { return Ok(None) };
     let sides = numbers(&size).filter(|n| n.len() == 2);
     let sides = sides.filter(|n| n.iter().all(|v| v.fract() == 0.0 && (1.0..=16384.0).contains(v)));
@@ -407,7 +407,7 @@ fn size(o: &Options) -> Result<Option<[u32; 2]>, ApiError> {
     }
 }
 
-fn samples(o: &Options) -> Result<Option<u32>, ApiError> {
+fn samples_option(o: &Options) -> Result<Option<u32>, ApiError> {
     match o.number("samples")? {
         Some(samples) if samples != 1.0 && samples != 4.0 => {
             Err(ApiError::new(format!("{} must be 1 or 4, got {samples}", o.label("samples"))))
@@ -417,7 +417,7 @@ fn samples(o: &Options) -> Result<Option<u32>, ApiError> {
 }
 
 /// Documentation of the image metrics and their limits, for the reference.
-fn limits() -> String {
+fn document_metrics() -> String {
     let one = |m: ImageMetric| format!("{} ({}, 0 to 1, default {})", m.name, m.doc, m.limit);
     METRICS.map(one).join(", ")
 }
@@ -444,10 +444,10 @@ fn expect_image(c: &mut Call) -> Reply {
     for (limit, metric) in limits.iter_mut().zip(METRICS) {
         *limit = o.number_in(metric.name, 0.0, 1.0)?.unwrap_or(*limit);
     }
-    let picture = ImageExpectation {
+    let expectation = ImageExpectation {
         at: o.get("at").map(|v| crate::call::time(&v, &o.label("at"))).transpose()?.unwrap_or(Time::ZERO),
-        size: size(&o)?,
-        samples: samples(&o)?,
+        size: size_option(&o)?,
+        samples: samples_option(&o)?,
         device: o.one_of("device", &["cpu", "vulkan"])?.map(str::to_string),
         tolerance: tolerance.map_or(default.tolerance, |t| t as u8),
         limits,
@@ -464,12 +464,12 @@ fn expect_image(c: &mut Call) -> Reply {
     }
     let stage = c.shared.test().current_stage;
     let expect = ExpectRef { stage, ..ExpectRef::dead() };
-    record(c, &expect, Claim::Image(picture))?;
+    record_expectation(c, &expect, Claim::Image(expectation))?;
     Ok(Dynamic::UNIT)
 }
 
 /// Records a comparison, to be judged when the stage is finished.
-pub fn record(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError> {
+pub fn record_expectation(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError> {
     let place: Place = c.place.clone();
     let source = c.shared.source_line(&place.file, place.line).trim().to_string();
     let mut test = c.shared.test();

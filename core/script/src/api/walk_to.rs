@@ -1,6 +1,6 @@
 //! Walks to a point, as keyframes of the actor and cues of its base layer: turn, start, walk and stop.
 
-use super::cue::bound;
+use super::cue::bind_clip;
 use crate::build::{ActorDraft, Chain, CueDraft, RootMotionDraft, RootMotionUse, StageDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::cue_times::times_of_cue;
@@ -95,7 +95,7 @@ fn walk_to(c: &mut Call) -> Reply {
     draft.walks.push(walk.clone());
     draft.is_placed = true;
     let channels = channels(&draft.walks);
-    super::keys::replace(&mut draft.actor.channels, channels.into());
+    super::keys::replace_channels(&mut draft.actor.channels, channels.into());
     let playing = base_clip_at(&build, this.id, from);
     let idle = own_idle.or_else(|| playing.clone()).ok_or_else(|| {
         let hint = "play the clip for standing before, or name it: #{ idle: hero.clip(\"Idle\") }";
@@ -118,7 +118,7 @@ fn clip_option(c: &Call, o: &Options, name: &str, asset: &Arc<Asset>) -> Result<
     let Some(given) = value.clone().try_cast::<ClipRef>() else {
         return Err(crate::call::wrong(&value, &o.label(name), "a Clip, as in asset.clip(\"name\")"));
     };
-    bound(c, &given, asset).map(Some)
+    bind_clip(c, &given, asset).map(Some)
 }
 
 /// Position and rotation at which the next walk begins.

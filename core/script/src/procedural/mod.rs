@@ -215,7 +215,7 @@ fn line_style(o: &Options, topology: Topology) -> Result<Option<LineStyle>, ApiE
     let fail = |text: String, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
     match given {
         [Some(_), Some(_)] => {
-            fail(format!("{pixels} is a width in pixels, metres one in metres; leave one out"), "metres")
+            fail(format!("{pixels} sets pixels and metres sets metres; leave one out"), "metres")
         }
         [None, None] if round.is_some() => fail(format!("round needs {pixels} or metres"), "round"),
         [None, None] => Ok(None),

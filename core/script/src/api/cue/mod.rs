@@ -9,7 +9,7 @@ use crate::build::{CueDraft, check_limit};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::CueRef;
 use choreo_stage::{Property, Repeat, TimeRemapping};
-pub(crate) use clips::{bound, bound_clip};
+pub(crate) use clips::{bind_clip, bound_clip};
 use layer::{additive, layer_weight, on, priority, subtractive};
 pub use layer::{mask_problem, reference};
 use options::change_copy;
@@ -113,7 +113,8 @@ fn clip_time(c: &mut Call) -> Reply {
     change_copy(c, |cue| {
         let end = cue.cue.clip.duration.as_secs();
         let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, -1e6, 1e6);
-        let keys = super::keys::scalars(c, &c.value(0), "clip_time", how, Property::ClipTime, &within)?;
+        let keys =
+            super::keys::scalar_channel(c, &c.value(0), "clip_time", how, Property::ClipTime, &within)?;
         if end <= 0.0 {
             return Err(ApiError::new("clip_time: the clip has no length"));
         }
