@@ -40,7 +40,7 @@ impl KeySide {
     }
 }
 
-/// TangentForm in which a script gives the tangents of a property.
+/// Form in which a script gives the tangents of a property.
 #[derive(Clone, Copy)]
 pub(super) enum TangentForm {
     /// One number for all components, or one for each.

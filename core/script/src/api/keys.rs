@@ -137,10 +137,10 @@ fn spline_channel(property: Property, spline: &Spline, parts: std::ops::Range<us
     }
 }
 
-/// TangentForm in which a script gives the tangents of a property.
+/// Form in which a script gives the tangents of a property.
 fn tangent_form(of_type: FieldType, property: Property, of_quaternions: bool) -> TangentForm {
     let width = property.width();
-    let numbers = |least: usize, factor: f64| TangentForm::Numbers { least, width, factor };
+    let numbers = |least: usize, factor: f64| TangentForm::Numbers { min_count: least, width, factor };
     match of_type {
         FieldType::Rotation if of_quaternions => {
             TangentForm::None("quaternions have no tangents; key degrees")

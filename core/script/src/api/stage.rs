@@ -258,7 +258,7 @@ fn param(c: &mut Call) -> Reply {
     };
     let line = c.place.line;
     let parameter =
-        Parameter { name, kind, default: display_value(&default), value: show(&value), about, line };
+        Parameter { name, kind, default: display_value(&default), value: display_value(&value), about, line };
     c.build().parameters.push(parameter);
     Ok(value)
 }
