@@ -44,7 +44,7 @@ pub fn line_starts(tokens: &[FormatToken]) -> Vec<Option<LineStart>> {
 
 struct Layout<'p, 'a> {
     tokens: &'p [FormatToken<'a>],
-    frames: Vec<Frame>,
+    frames: Vec<BracketFrame>,
     /// Depth of the current line.
     depth: usize,
 }
