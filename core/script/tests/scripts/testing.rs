@@ -117,14 +117,14 @@ fn expected_errors_are_met_and_others_are_not() {
 }
 
 #[test]
-fn a_script_with_sections_runs_as_ever() {
+fn sections_do_not_change_the_run_of_a_script() {
     let folder = suite(&format!("stage(#{{ length: 2 }});\n{SUITE}\ncast(\"bob\", hero);"));
     let script = folder.run("t.rhai").unwrap_or_else(|e: Vec<Diagnostic>| panic!("{}", show(&e)));
     assert_eq!(script.stage.actors.len(), 1);
 }
 
 #[test]
-fn a_file_without_sections_is_a_test_as_it_stands() {
+fn a_file_without_sections_is_one_test() {
     let folder = Folder::new(&[("hero.toy", ""), ("t.rhai", "cast(\"a\", load(\"hero.toy\"));\n")]);
     let sections = list(&folder, "t.rhai");
     assert!(sections.len() == 1 && sections[0].is_whole_file());
@@ -186,7 +186,7 @@ fn another_script_is_taken_with_its_parameters_and_its_folder() {
 }
 
 #[test]
-fn stages_beside_the_section_are_apart() {
+fn other_stages_do_not_change_the_stage_of_the_section() {
     let folder = suite(
         r#"let hero = load("hero.toy");
            let round = |x| stage_of(|| { let a = cast("a", hero).at(x, 0, 0); expect(a).near([x, 0, 0]); on_frame(|t| a.turn(t)); });
@@ -294,7 +294,7 @@ fn assets_are_imported_once_and_again_when_their_files_change() {
 
 /// The code around the sections counts wherever it stands; what others do inside does not.
 #[test]
-fn a_section_run_alone_is_what_it_is_among_the_others() {
+fn a_section_runs_the_same_alone_and_among_others() {
     let folder = suite(
         r#"
 let n = 1;
