@@ -165,7 +165,15 @@ mod tests {
         let matches_wildcards = |text: &str, pattern: &str| {
             super::matches_wildcards(text, &pattern.split('*').map(str::to_string).collect::<Vec<_>>())
         };
-        assert!(matches_wildcards("hair_front_1", "*hair*") && matches_wildcards("hair", "hair*") && matches_wildcards("tail3", "t*3"));
-        assert!(!matches_wildcards("head", "*hair*") && !matches_wildcards("aba", "ab*ba") && matches_wildcards("abba", "ab*ba"));
+        assert!(
+            matches_wildcards("hair_front_1", "*hair*")
+                && matches_wildcards("hair", "hair*")
+                && matches_wildcards("tail3", "t*3")
+        );
+        assert!(
+            !matches_wildcards("head", "*hair*")
+                && !matches_wildcards("aba", "ab*ba")
+                && matches_wildcards("abba", "ab*ba")
+        );
     }
 }
