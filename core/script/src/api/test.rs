@@ -246,7 +246,7 @@ fn scene(c: &mut Call) -> Reply {
         ))
         .focus(wrong.clone())
         .hint(match scene_parameters.as_slice() {
-            [] => "it declares none; param(\"name\", default) declares one".to_string(),
+            [] => "the scene declares no parameters; param(\"name\", default) declares one".to_string(),
             _ => format!("parameters: {}", list(known(), 30)),
         }));
     }
@@ -304,7 +304,8 @@ fn light(c: &mut Call) -> Reply {
     match usize::try_from(index).ok().filter(|i| *i < count) {
         Some(index) => Ok(Dynamic::from(LightRef(index))),
         None => Err(ApiError::new(format!(
-            "there is no light {index}: the scene has {count} lights, numbered from 0"
+            "there is no light {index}: the scene has {}, numbered from 0",
+            errors::format_count(count, "light")
         ))),
     }
 }
