@@ -315,7 +315,7 @@ fn scripts_that_are_not_utf8_too_large_or_too_deep_are_errors() {
         .unwrap();
     for (name, expected) in [
         ("latin.rhai", "\"latin.rhai\" is not a text file: line 2 is not UTF-8"),
-        ("big.rhai", "\"big.rhai\" has 100000000 bytes; a script may have 4194304"),
+        ("big.rhai", "\"big.rhai\" has 100000000 bytes; a script may have at most 4194304"),
         ("deep.rhai", "deep.rhai:1:40: this expression is nested too deeply"),
     ] {
         assert_eq!(failed_run(d, &["check", name]), (1, expected.to_string()));

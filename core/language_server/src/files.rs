@@ -43,7 +43,7 @@ struct Read {
 
 impl Files {
     pub fn new() -> Files {
-        Files { cache: AssetCache::by_times(), reads: BTreeMap::new() }
+        Files { cache: AssetCache::comparing_file_times(), reads: BTreeMap::new() }
     }
 
     /// Contents of a file, as a script in a folder loads it. Starts reading the file if necessary, and waits a moment. Tests may read
@@ -61,7 +61,7 @@ impl Files {
         };
         let until = Instant::now() + FILE_WAIT_TIME;
         loop {
-            match import.settled() {
+            match import.result() {
                 Some(Ok(asset)) => return Contents::Loaded(asset),
                 Some(Err(error)) => return Contents::Unreadable(error.message),
                 None if Instant::now() > until => return Contents::Reading,

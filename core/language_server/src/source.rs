@@ -1,7 +1,7 @@
 //! The text of a script and its tokens, found by Rhai's own lexer. Unlike a syntax tree, tokens exist even for a text that is being typed.
 
 use crate::position::Lines;
-use choreo_script::{InnerCode, tokens_with_inner};
+use choreo_script::{InterpolatedCode, tokens_and_interpolations};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ pub struct Source {
     pub lines: Lines,
     pub tokens: Vec<Range<usize>>,
     /// Code inside interpolated strings, in order.
-    inner: Vec<InnerCode>,
+    inner: Vec<InterpolatedCode>,
     /// The matching bracket of each bracket.
     matching_bracket: Vec<Option<usize>>,
     /// The innermost bracket around each token.
@@ -46,7 +46,7 @@ pub struct InnerWord<'s> {
 }
 
 impl<'s> InnerWord<'s> {
-    pub fn new(source: &'s Source, code: &InnerCode, at: usize) -> InnerWord<'s> {
+    pub fn new(source: &'s Source, code: &InterpolatedCode, at: usize) -> InnerWord<'s> {
         let get = |at: Option<usize>| {
             let range = at.and_then(|at| code.tokens.get(at));
             range.map_or("", |range| &source.text[range.clone()])
@@ -134,7 +134,7 @@ impl Source {
     }
 
     /// Code inside an interpolated string.
-    pub(crate) fn inner_code(&self, token: usize) -> &[InnerCode] {
+    pub(crate) fn inner_code(&self, token: usize) -> &[InterpolatedCode] {
         let range = self.tokens[token].clone();
         let first = self.inner.partition_point(|code| code.range.start < range.start);
         let end = self.inner.partition_point(|code| code.range.start < range.end);
@@ -270,15 +270,15 @@ impl Source {
 
 /// Tokens of a text, and the code inside its strings. A string that is not closed ends with its line, so that the text after it is still
 /// parsed.
-fn tokenize(text: &str) -> (Vec<Range<usize>>, Vec<InnerCode>) {
+fn tokenize(text: &str) -> (Vec<Range<usize>>, Vec<InterpolatedCode>) {
     let mut tokens: Vec<Range<usize>> = Vec::new();
-    let mut inner: Vec<InnerCode> = Vec::new();
+    let mut inner: Vec<InterpolatedCode> = Vec::new();
     let mut base = 0;
     loop {
         let moved = |range: Range<usize>| base + range.start..base + range.end;
-        let (found, codes) = tokens_with_inner(&text[base..]);
+        let (found, codes) = tokens_and_interpolations(&text[base..]);
         tokens.extend(found.into_iter().filter(|token| !token.is_empty()).map(moved));
-        inner.extend(codes.into_iter().map(|code| InnerCode {
+        inner.extend(codes.into_iter().map(|code| InterpolatedCode {
             range: moved(code.range),
             tokens: code.tokens.into_iter().map(moved).collect(),
         }));

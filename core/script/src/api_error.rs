@@ -11,18 +11,18 @@ pub struct Place {
     pub column: usize,
 }
 
-/// An error in a call, before its place is known. Travels through the interpreter as a value.
+/// An error in a call, without its place. The interpreter throws it as a value.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ApiError {
     pub message: String,
     pub hint: Option<String>,
-    /// The string literal that the caret points at, where one argument is at fault.
+    /// The string literal that the caret points at, if one argument is at fault.
     pub focus: Option<String>,
-    /// The error follows from one that is already noted, so it is not shown.
+    /// The error follows from one that is already reported, so it is not shown.
     pub silent: bool,
-    /// Ends the script at once, because going on would only repeat the error.
+    /// The error ends the script at once, because the next statements would only repeat it.
     pub fatal: bool,
-    /// Name of a warning that `// allow: NAME` silences; empty for others.
+    /// Rule of a warning that the comment `// allow: RULE` silences; empty if no comment can.
     pub rule: &'static str,
 }
 
@@ -30,7 +30,7 @@ impl ApiError {
     pub fn new(message: impl Into<String>) -> ApiError {
         ApiError { message: message.into(), hint: None, focus: None, silent: false, fatal: false, rule: "" }
     }
-    /// An error that follows from one already noted, so it is not shown.
+    /// An error that follows from one that is already reported, so it is not shown.
     pub fn silent() -> ApiError {
         ApiError { silent: true, ..ApiError::new("") }
     }
@@ -38,9 +38,9 @@ impl ApiError {
         self.hint = Some(hint.into());
         self
     }
-    /// Names the warning that a comment can allow; the hint says how.
+    /// Sets the rule of the warning. The hint states the comment that silences it.
     pub fn rule(mut self, rule: &'static str) -> ApiError {
-        let how = format!("if it is intended, // allow: {rule} above the line silences this");
+        let how = format!("if it is intended, write // allow: {rule} in the line above");
         self.hint = Some(self.hint.map_or(how.clone(), |hint| format!("{hint}; {how}")));
         self.rule = rule;
         self

@@ -26,32 +26,34 @@ use std::time::{Duration, Instant};
 
 /// State that all API calls of one script share: the stage under construction, its loader and its diagnostics.
 pub(crate) struct ScriptContext {
+    /// The stage under construction.
     pub build: Mutex<StageDraft>,
     pub defs: &'static Defs,
     pub loader: Arc<Loader>,
     /// Places of `load` calls whose file is used for its clips only.
     pub clips_only: Mutex<BTreeSet<Place>>,
+    /// Importers decode only the clips that the script names.
     pub played_clips_only: bool,
-    /// The clips that importers decode; unset: all clips.
+    /// The clips that importers decode; all clips while it is unset.
     pub played_clips: OnceLock<PlayedClips>,
     pub limits: Limits,
-    /// Names and values given with `--set`, in order.
-    pub set: Vec<(String, String)>,
-    /// Texts of scripts that are not saved, by canonical path.
-    pub unsaved: Arc<BTreeMap<PathBuf, Arc<str>>>,
+    /// Names and values of parameters given with `--set`, in order.
+    pub set_parameters: Vec<(String, String)>,
+    /// Unsaved texts of scripts in an editor, by canonical path.
+    pub unsaved_texts: Arc<BTreeMap<PathBuf, Arc<str>>>,
     /// Text of the script and its modules by the name shown in messages.
     pub sources: Mutex<BTreeMap<String, Arc<str>>>,
     /// Functions that the script defines, with their number of arguments.
     pub functions: Mutex<Arc<Vec<(String, usize)>>>,
     /// Unknown variables of the script and its modules that have been reported.
-    pub unknown: Mutex<BTreeSet<String>>,
+    pub reported_variables: Mutex<BTreeSet<String>>,
     /// Line and column of the token read last.
     pub last_token: Mutex<(usize, usize)>,
-    /// Time at which the script must end. Moved later by the time that loading files takes.
+    /// Time at which the script must end; `None` while it does not run. The time that loading files takes is added to it.
     pub deadline: Mutex<Option<Instant>>,
     /// Set once the engine is made. Callbacks and formulas, which run later, keep the engine alive.
     pub engine: Mutex<Weak<rhai::Engine>>,
-    pub mode: Mode,
+    pub mode: RunMode,
     /// Time limit of the test section that is being run, which includes loading files.
     pub timeout: Option<Timeout>,
     pub test: Mutex<TestState>,
@@ -59,18 +61,18 @@ pub(crate) struct ScriptContext {
 
 /// The task of a run of the script.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
+pub enum RunMode {
     /// The stage of the script. Test sections are not run.
     Stage,
     /// The list of test sections.
-    List,
+    ListTests,
     /// The run of the test section with this index.
-    Section(usize),
+    RunTest(usize),
 }
 
 impl ScriptContext {
-    /// The time limit that the script has exceeded, if any.
-    pub fn late(&self) -> Option<&'static str> {
+    /// Name of the time limit that the script has exceeded, if any.
+    pub fn exceeded_time_limit(&self) -> Option<&'static str> {
         if self.timeout.is_some_and(|timeout| timeout.check().is_err()) {
             return Some("timeout");
         }
@@ -82,14 +84,15 @@ impl ScriptContext {
         self.test.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// A line of the script or a module by its number from 1; empty if there is no such line.
     pub(crate) fn source_line(&self, file: &str, line: usize) -> String {
         let sources = self.sources.lock().unwrap_or_else(PoisonError::into_inner);
         let text = sources.get(file).cloned();
         text.and_then(|t| t.lines().nth(line.checked_sub(1)?).map(str::to_string)).unwrap_or_default()
     }
 
-    /// Whether a comment at a place silences a rule.
-    fn allows(&self, place: &Place, rule: &str) -> bool {
+    /// Whether a comment `// allow: RULE` on the line of a place or on the line above silences a rule.
+    fn is_rule_allowed(&self, place: &Place, rule: &str) -> bool {
         let lines = [place.line, place.line.saturating_sub(1)];
         lines.into_iter().any(|line| allows(&self.source_line(&place.file, line), rule))
     }
@@ -119,28 +122,28 @@ impl ScriptContext {
         }
     }
 
-    /// Adds a diagnostic, unless its error is silent or a comment in the script suppresses its rule.
-    pub fn note(&self, severity: Severity, place: &Place, error: &ApiError) {
-        self.note_in_order(None, severity, place, error);
+    /// Adds a diagnostic, unless its error is silent or a comment in the script allows its rule.
+    pub fn add_diagnostic(&self, severity: Severity, place: &Place, error: &ApiError) {
+        self.add_diagnostic_at(None, severity, place, error);
     }
 
-    /// Notes a diagnostic. `order`: its position among the messages of the script, `None` for the present one.
-    fn note_in_order(&self, order: Option<u64>, severity: Severity, place: &Place, error: &ApiError) {
+    /// Adds a diagnostic. `order`: its sort key among the messages of the script; `None`: the current one.
+    fn add_diagnostic_at(&self, order: Option<u64>, severity: Severity, place: &Place, error: &ApiError) {
         if error.silent || error.message.contains(crate::value::POISON) {
             return;
         }
         let diagnostic = self.diagnose(severity, place, error);
-        if !error.rule.is_empty() && self.allows(place, error.rule) {
+        if !error.rule.is_empty() && self.is_rule_allowed(place, error.rule) {
             return;
         }
         let mut build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
-        let order = order.unwrap_or(build.order);
-        build.note_in_order(order, diagnostic);
+        let order = order.unwrap_or(build.current_order);
+        build.add_diagnostic_at(order, diagnostic);
     }
 
     /// Finds, before a script runs, the `load` calls whose file is used for its clips only.
-    pub(crate) fn of_clips_only(&self, ast: &rhai::AST, source: &str) {
-        let found = crate::clips_only::find(ast, source);
+    pub(crate) fn find_clips_only_loads(&self, ast: &rhai::AST, source: &str) {
+        let found = crate::clips_only::find_clips_only_loads(ast, source);
         self.clips_only.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
     }
 
@@ -173,31 +176,31 @@ impl ScriptContext {
         result.map_err(|reason| {
             if let Some(reason) = reason {
                 let error = ApiError::from(reason).focus(load.name.clone());
-                self.note_in_order(Some(load.order), Severity::Error, &load.at, &error);
+                self.add_diagnostic_at(Some(load.order), Severity::Error, &load.at, &error);
             }
             ApiError::silent()
         })
     }
 
-    /// Finds a file in the script's folder or on a search path.
+    /// Finds a file in the script's folder or in a search path.
     pub(crate) fn find_file(&self, name: &str) -> Result<FoundFile, LoadError> {
         let start = self.test().scene.as_ref().map(|scene| scene.folder.clone());
         self.loader.find_in(self.loader.folders(), start.as_deref(), name)
     }
 
-    /// Reads a file of the script's folder or of a search path, and notes it for hot reload.
+    /// Reads a file of the script's folder or of a search path, and records it for hot reload.
     pub(crate) fn read_file(&self, name: &str) -> Result<Vec<u8>, ApiError> {
         let read = || {
             let found = self.find_file(name)?;
             let bytes = self.loader.folders().read(&found, name)?;
-            self.loader.note_used(&found.path, &bytes);
+            self.loader.record_file_read(&found.path, &bytes);
             Ok(bytes)
         };
         read().map_err(|e: LoadError| ApiError::from(e).focus(name))
     }
 }
 
-/// Byte offset of `word` in `text` where it is not part of a longer word, such as a key of an object map.
+/// Byte offset of the first whole word `word` in `text`, such as a key of an object map.
 fn find_word(text: &str, word: &str) -> Option<usize> {
     let is_word_char = |c: char| c.is_alphanumeric() || c == '_';
     text.match_indices(word).map(|(i, _)| i).find(|i| {
@@ -213,7 +216,7 @@ pub(crate) struct StageDraft {
     /// Place of the call of `stage(…)`.
     pub settings_at: Option<Place>,
     /// Place of the first call of `f(frame)`, the number of calls, and the frame number and time (seconds) of the last one.
-    pub frames_used: Option<(Place, u64, f64, f64)>,
+    pub frame_calls: Option<(Place, u64, f64, f64)>,
     pub actors: Vec<ActorDraft>,
     pub chains: Vec<Chain>,
     pub cues: Vec<CueDraft>,
@@ -227,8 +230,8 @@ pub(crate) struct StageDraft {
     pub sky: Option<Sky>,
     /// Place of the call of `sky(…)`.
     pub sky_at: Option<Place>,
-    /// The script sets the ambient light.
-    pub ambient_given: bool,
+    /// The script sets the ambient light by `ambient(…)` or an option of `stage`.
+    pub sets_ambient: bool,
     /// Place of the call of `ambient(…)` in effect; `None` if an option of `stage` sets the ambient light.
     pub ambient_at: Option<Place>,
     pub effects: Vec<EffectUse>,
@@ -236,30 +239,32 @@ pub(crate) struct StageDraft {
     pub layer_2d_places: Vec<Place>,
     pub loads: Vec<LoadDraft>,
     /// Variables of the script that nothing reads.
-    pub declared: Vec<Declared>,
-    pub hooks: Vec<HookDraft>,
-    pub keys: u64,
+    pub unused_variables: Vec<UnusedVariable>,
+    pub frame_callbacks: Vec<FrameCallbackDraft>,
+    /// Number of keyframes that calls of `key` have set.
+    pub keyframe_count: u64,
     /// Number of keyframes in the clips that the script has made.
-    pub clip_keys: u64,
+    pub clip_keyframe_count: u64,
     pub parameters: Vec<Parameter>,
     pub printed: Vec<String>,
     pub printed_bytes: u64,
     /// Number of printed lines beyond the limit.
-    pub unprinted: u64,
+    pub lines_beyond_limit: u64,
     pub diagnostics: Vec<Diagnostic>,
     /// Sort key of each diagnostic, ascending: a failed import is reported where it was begun, although it fails later.
-    orders: Vec<u64>,
-    /// Sort key of diagnostics that are noted now.
-    pub order: u64,
+    diagnostic_orders: Vec<u64>,
+    /// Sort key of diagnostics that are added now.
+    pub current_order: u64,
     /// Number of diagnostics beyond the limit.
-    pub more: usize,
+    pub diagnostics_beyond_limit: usize,
     /// Clips bound to another skeleton, by the addresses of clip and asset.
-    pub bound: BTreeMap<(usize, usize), BoundClip>,
+    pub bound_clips: BTreeMap<(usize, usize), BoundClip>,
+    /// Built-in shapes that the script has made, by kind and options.
     pub shapes: BTreeMap<String, Arc<Asset>>,
     pub procedural_totals: ProceduralTotals,
-    /// Stage time at which the present `perform` sequence starts; times in calls are relative to it.
-    pub offset: Time,
-    /// Notes by the address of the clip, which is kept alive.
+    /// Stage time at which the current `perform` sequence starts; times in calls are relative to it.
+    pub sequence_start: Time,
+    /// The script's annotations of clips, by the address of the clip, which is kept alive.
     pub clip_notes: BTreeMap<usize, ClipNotes>,
     /// Named times of the stage.
     pub markers: Vec<(String, Time)>,
@@ -270,21 +275,24 @@ pub(crate) struct ClipNotes {
     pub _clip: Arc<Clip>,
     /// Named times of the clip, seconds.
     pub markers: Vec<(String, Time)>,
-    /// The times at which feet come down, where the script states them.
-    pub steps: Option<Vec<Time>>,
+    /// Times at which feet touch down, if the script states them with `clip.steps`.
+    pub footstep_times: Option<Vec<Time>>,
 }
 
 /// Root motion options of the script.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) struct RootDraft {
+pub(crate) struct RootMotionDraft {
     pub joint: Option<u32>,
     pub parts: RootParts,
-    pub used: RootUse,
+    pub used: RootMotionUse,
 }
 
+/// Effect of the root motion of a clip.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) enum RootUse {
-    Carries,
+pub(crate) enum RootMotionUse {
+    /// The root motion is removed from the pose and moves the actor.
+    MovesActor,
+    /// The root motion is removed from the pose, and the actor stays in place.
     InPlace,
 }
 
@@ -296,10 +304,10 @@ pub(crate) struct LoadDraft {
     /// Only the clips are imported, because the script uses nothing else of the file.
     pub clips_only: bool,
     /// The script casts the asset, plays one of its clips or queries its contents.
-    pub used: bool,
+    pub is_used: bool,
 }
 
-/// Counts of procedural data so far, which are compared with limits.
+/// Numbers of procedural meshes, vertices and texels made so far, which are compared with limits.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ProceduralTotals {
     pub meshes: usize,
@@ -308,14 +316,14 @@ pub struct ProceduralTotals {
 }
 
 /// A variable of the script that nothing reads.
-pub struct Declared {
+pub struct UnusedVariable {
     pub name: String,
     pub at: Place,
 }
 
 /// An `on_frame` callback.
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-pub(crate) struct HookDraft {
+pub(crate) struct FrameCallbackDraft {
     pub callback: FnPtr,
     pub context: NativeCallContextStore,
     pub at: Place,
@@ -344,16 +352,16 @@ pub(crate) struct ActorDraft {
     pub actor: Actor,
     pub at: Place,
     /// The script places the actor by `.at`, `.attach` or a keyframe.
-    pub placed: bool,
+    pub is_placed: bool,
     /// Places of the calls of `actor.look_at`.
-    pub looks: Vec<Place>,
-    /// Places of the constraints that the script states, which come first.
-    pub constraints: Vec<Place>,
+    pub look_at_places: Vec<Place>,
+    /// Places of the calls that made the first constraints of the actor. Further constraints are added when the stage is resolved.
+    pub constraint_places: Vec<Place>,
     /// Root motion of its clips on the base layer.
-    pub root: Option<RootDraft>,
+    pub root: Option<RootMotionDraft>,
     /// Keyframes of joints, added on top of the clips.
     pub joint_keys: Vec<(Curve, Place)>,
-    /// Calls of `walk_to`, one after the other.
+    /// Calls of `walk_to`, in order.
     pub walks: Vec<Walk>,
     /// Parents in the order of the calls.
     pub parents: Vec<ParentDraft>,
@@ -368,8 +376,8 @@ pub(crate) struct ActorDraft {
 pub struct FadeDraft {
     /// Index of its panel among the 2D layers.
     pub layer: usize,
-    /// True for a fade to the color, false for one from the color.
-    pub out: bool,
+    /// True for a fade to the color, false for a fade from the color.
+    pub fades_out: bool,
     /// Start of a fade from the color, end of a fade to it.
     pub at: Time,
 }
@@ -382,10 +390,10 @@ pub struct ParentDraft {
 }
 
 impl ActorDraft {
-    /// Error if `walk_to` sets the position and rotation of the actor, which it does for all times.
-    pub(crate) fn not_walking(&self, what: &str) -> Result<(), ApiError> {
+    /// Returns an error if `walk_to` sets the position and rotation of the actor, which it does for the whole stage.
+    pub(crate) fn check_not_walking(&self, what: &str) -> Result<(), ApiError> {
         let Some(walk) = self.walks.last() else { return Ok(()) };
-        let after = walk.turned.as_secs();
+        let after = walk.turned_until.as_secs();
         Err(ApiError::new(format!("{what}: walk_to sets position and rotation of the actor already")).hint(format!(
             "place it before walk_to; to turn to somebody on arrival, walk_to(point, #{{ face: other }}); else change it for each frame: \
              on_frame(|t| if t > {after:.2} {{ actor.turn(90.0) }})"
@@ -394,7 +402,7 @@ impl ActorDraft {
 
     /// The placement that `.at`, `.move_by`, `.turn` and `.rotate` change: in the last parent with a start time, else the actor's
     /// own.
-    pub fn placement(&mut self) -> &mut Placement {
+    pub fn placement_mut(&mut self) -> &mut Placement {
         match self.parents.last_mut().map(|draft| &mut draft.parent) {
             Some(parent) if parent.start > Time::MIN && parent.to.is_some() => {
                 parent.keep = false;
@@ -427,15 +435,15 @@ impl Chain {
     }
 }
 
-/// A cue as the script describes it so far.
+/// A cue with the options that the script has set so far.
 #[derive(Clone)]
 pub(crate) struct CueDraft {
     /// The cue's options as the stage stores them; its speed is above 0.
     pub cue: Cue,
     pub chain: usize,
     pub at: Place,
-    /// The cue before it in the chain.
-    pub after: Option<usize>,
+    /// Index of the cue before this one in the chain.
+    pub predecessor: Option<usize>,
     pub start: Option<Time>,
     pub until: Option<Time>,
     pub fade_out: Option<Time>,
@@ -445,12 +453,12 @@ pub(crate) struct CueDraft {
     /// Stage time at which the local time of the cue is 0.
     pub origin: Time,
     /// Holds the last pose after playing once, also on a layer.
-    pub hold: bool,
-    /// Phase matching with the cue before during the crossfade.
+    pub holds_last_pose: bool,
+    /// Phase matching with the preceding cue during the crossfade.
     pub in_step: bool,
-    pub root: Option<RootDraft>,
+    pub root: Option<RootMotionDraft>,
     /// Another cue follows in the chain, so this one plays once unless it has its own repeat mode.
-    pub followed: bool,
+    pub has_successor: bool,
 }
 
 impl CueDraft {
@@ -460,7 +468,7 @@ impl CueDraft {
             cue: Cue::new(clip),
             chain,
             at,
-            after: None,
+            predecessor: None,
             start: None,
             until: None,
             fade_out: None,
@@ -468,15 +476,15 @@ impl CueDraft {
             trim: None,
             repeat: None,
             origin: Time::ZERO,
-            hold: false,
+            holds_last_pose: false,
             in_step: false,
             root: None,
-            followed: false,
+            has_successor: false,
         }
     }
 
     /// Whether the weight is above 0 at any time.
-    pub fn counts(&self) -> bool {
+    pub fn has_weight(&self) -> bool {
         match &self.cue.weight_keys {
             Some(keys) => keys.values.iter().any(|v| *v > 0.0),
             None => self.cue.weight > 0.0,
@@ -484,7 +492,8 @@ impl CueDraft {
     }
 }
 
-/// A camera while the script runs. Its rig and its projection follow from all calls together; everything else is in `camera`.
+/// A camera while the script runs. Its rig and projection are derived from the fields below when the stage is resolved;
+/// everything else is in `camera`.
 pub(crate) struct CameraDraft {
     pub camera: Camera,
     pub at: Place,
@@ -502,17 +511,17 @@ pub(crate) struct CameraDraft {
 
 impl StageDraft {
     /// The script's annotations of a clip, or of the clip that it was bound from.
-    pub(crate) fn notes_of(&self, clip: &Arc<Clip>) -> Option<&ClipNotes> {
+    pub(crate) fn clip_notes_of(&self, clip: &Arc<Clip>) -> Option<&ClipNotes> {
         let key = |clip: &Arc<Clip>| Arc::as_ptr(clip) as usize;
-        let from = || self.bound.values().find(|bound| Arc::ptr_eq(&bound.clip, clip));
+        let from = || self.bound_clips.values().find(|bound| Arc::ptr_eq(&bound.clip, clip));
         self.clip_notes.get(&key(clip)).or_else(|| self.clip_notes.get(&key(&from()?._from)))
     }
 
     /// Keeps a printed line. Lines beyond the limit (in bytes) are only counted.
     pub fn print(&mut self, line: &str, limit: u64) {
         let bytes = line.len() as u64 + 1;
-        if self.unprinted > 0 || self.printed_bytes + bytes > limit {
-            self.unprinted += 1;
+        if self.lines_beyond_limit > 0 || self.printed_bytes + bytes > limit {
+            self.lines_beyond_limit += 1;
             return;
         }
         self.printed_bytes += bytes;
@@ -522,37 +531,44 @@ impl StageDraft {
     /// The printed lines. A last line states how many were left out.
     pub(crate) fn take_printed(&mut self, limit: u64) -> Vec<String> {
         let mut lines = std::mem::take(&mut self.printed);
-        if self.unprinted > 0 {
+        if self.lines_beyond_limit > 0 {
             let hint = raise_hint("printed", format!("{limit} bytes"));
-            lines.push(format!("… and {} printed lines more; {hint}", self.unprinted));
+            lines.push(format!("… and {} printed lines more; {hint}", self.lines_beyond_limit));
         }
         lines
     }
 
-    /// Notes a diagnostic once. Those beyond the limit are only counted.
-    pub fn note(&mut self, diagnostic: Diagnostic) {
-        self.note_in_order(self.order, diagnostic);
+    /// Adds a diagnostic, unless an equal one has been added. Diagnostics beyond the limit are only counted.
+    pub fn add_diagnostic(&mut self, diagnostic: Diagnostic) {
+        self.add_diagnostic_at(self.current_order, diagnostic);
     }
 
-    fn note_in_order(&mut self, order: u64, diagnostic: Diagnostic) {
+    fn add_diagnostic_at(&mut self, order: u64, diagnostic: Diagnostic) {
         const MOST: usize = 50;
         if self.diagnostics.contains(&diagnostic) {
             return;
         }
         if self.diagnostics.len() >= MOST {
-            self.more += 1;
+            self.diagnostics_beyond_limit += 1;
             return;
         }
-        let at = self.orders.partition_point(|o| *o <= order);
-        self.orders.insert(at, order);
+        let at = self.diagnostic_orders.partition_point(|o| *o <= order);
+        self.diagnostic_orders.insert(at, order);
         self.diagnostics.insert(at, diagnostic);
+    }
+
+    /// The error that states how many diagnostics are beyond the limit, if any.
+    pub fn error_about_limit(&self) -> Option<Diagnostic> {
+        let count = self.diagnostics_beyond_limit;
+        let noun = if count == 1 { "message" } else { "messages" };
+        (count > 0).then(|| Diagnostic::error(format!("and {count} more {noun}")))
     }
 
     pub(crate) fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
-    /// The load of a procedural asset: an earlier one if the same place has made the same asset before.
+    /// The load of a procedural asset. A call at the same place that made the same asset before shares its load.
     pub fn add_procedural_load(&mut self, asset: &Arc<Asset>, at: &Place) -> Arc<Load> {
         // A loop makes the same asset many times at one place.
         let known =
@@ -565,28 +581,28 @@ impl StageDraft {
             load: load.clone(),
             is_procedural: true,
             clips_only: false,
-            used: false,
+            is_used: false,
         });
         load
     }
 
-    /// The load of a file that is being imported: an earlier one if the same place has loaded the file before.
+    /// The load of a file that is being imported. A call at the same place that loaded the file before shares its load.
     pub fn add_import_load(&mut self, import: Arc<Import>, at: &Place, clips_only: bool) -> Arc<Load> {
         let known = |l: &&LoadDraft| l.load.at == *at && l.load.is_of(&import);
         if let Some(known) = self.loads.iter().find(known) {
             return known.load.clone();
         }
-        // The load gets a sort key before all diagnostics that are noted from now on.
-        self.order += 2;
-        let load = Arc::new(Load::importing(import, at, self.order - 1));
-        self.loads.push(LoadDraft { load: load.clone(), is_procedural: false, clips_only, used: false });
+        // The load gets a sort key before all diagnostics that are added from now on.
+        self.current_order += 2;
+        let load = Arc::new(Load::importing(import, at, self.current_order - 1));
+        self.loads.push(LoadDraft { load: load.clone(), is_procedural: false, clips_only, is_used: false });
         load
     }
 
     /// Marks all loads of an asset as used.
     pub fn mark_used(&mut self, asset: &Arc<Asset>) {
-        let same = |l: &&mut LoadDraft| l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
-        self.loads.iter_mut().filter(same).for_each(|l| l.used = true);
+        let is_of_asset = |l: &&mut LoadDraft| l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
+        self.loads.iter_mut().filter(is_of_asset).for_each(|l| l.is_used = true);
     }
 
     /// The draft of the actor with this index.
@@ -620,7 +636,7 @@ impl StageDraft {
     }
 }
 
-/// Refuses a further object where `count` has reached the limit.
+/// Returns an error if `count` objects of the kind `what` already reach the limit.
 pub fn check_limit(count: usize, what: &str, limits: &Limits) -> Result<(), ApiError> {
     let (name, limit) = match what {
         "actors" => ("actors", limits.actors),

@@ -14,15 +14,15 @@ pub struct AssetCache(Arc<Store>);
 
 #[derive(Debug, Default)]
 struct Store {
-    slots: Mutex<BTreeMap<Key, Slot>>,
+    slots: Mutex<BTreeMap<CacheKey, Slot>>,
     imports: AtomicU64,
     /// Assets whose files count as unchanged while size and modification time are the same; `None`: every file is read each time.
-    remembered: Option<Mutex<BTreeMap<(PathBuf, String), Remembered>>>,
+    stamped: Option<Mutex<BTreeMap<(PathBuf, String), StampedAsset>>>,
 }
 
-/// An asset with the files that it was made of.
+/// An asset, and the files that it was made of with their stamps and hashes.
 #[derive(Clone, Debug)]
-pub(crate) struct Remembered {
+pub(crate) struct StampedAsset {
     pub files: Vec<(PathBuf, FileStamp, [u8; 32])>,
     pub asset: Arc<Asset>,
 }
@@ -31,29 +31,33 @@ pub(crate) struct Remembered {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FileStamp {
     size: u64,
-    changed: SystemTime,
+    modified: SystemTime,
 }
 
 impl FileStamp {
     pub fn of(path: &Path) -> Option<FileStamp> {
         let data = std::fs::metadata(path).ok()?;
-        Some(FileStamp { size: data.len(), changed: data.modified().ok()? })
+        Some(FileStamp { size: data.len(), modified: data.modified().ok()? })
     }
 }
 
 /// An entry of the cache, locked while its asset is made.
 pub(crate) type Slot = Arc<Mutex<Option<CachedImport>>>;
 
+/// Everything except file contents that determines an imported asset.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Key {
+pub(crate) struct CacheKey {
     /// Canonical path, or the name of a built-in asset.
     pub path: PathBuf,
+    /// The name by which the file is loaded, which the asset contains.
     pub name: String,
     pub importer: String,
     pub options: String,
+    /// The requested parts of the file (`ImportScope`) as text.
     pub needs: String,
 }
 
+/// A cached asset, and the hashes of the files that it was made of.
 #[derive(Debug)]
 pub(crate) struct CachedImport {
     /// BLAKE3 hash of the file.
@@ -73,34 +77,36 @@ pub(crate) struct SideFile {
 impl AssetCache {
     /// A cache that compares files by size and modification time instead of content, for editors, which check a script after
     /// every keystroke.
-    pub fn by_times() -> AssetCache {
-        AssetCache(Arc::new(Store { remembered: Some(Mutex::default()), ..Store::default() }))
+    pub fn comparing_file_times() -> AssetCache {
+        AssetCache(Arc::new(Store { stamped: Some(Mutex::default()), ..Store::default() }))
     }
 
-    /// The asset of an earlier request, if its files are unchanged.
-    pub(crate) fn remembered(&self, key: &(PathBuf, String)) -> Option<Remembered> {
-        let remembered = self.0.remembered.as_ref()?.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = remembered.get(key)?.clone();
+    /// The asset of an earlier request, if size and modification time of its files are unchanged.
+    pub(crate) fn unchanged_asset(&self, key: &(PathBuf, String)) -> Option<StampedAsset> {
+        let stamped = self.0.stamped.as_ref()?.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = stamped.get(key)?.clone();
         known.files.iter().all(|(path, stamp, _)| FileStamp::of(path) == Some(*stamp)).then_some(known)
     }
 
     /// Whether the cache compares files by size and modification time.
-    pub(crate) fn remembers(&self) -> bool {
-        self.0.remembered.is_some()
+    pub(crate) fn compares_file_times(&self) -> bool {
+        self.0.stamped.is_some()
     }
 
-    pub(crate) fn remember(&self, key: (PathBuf, String), made: Remembered) {
-        if let Some(remembered) = &self.0.remembered {
-            remembered.lock().unwrap_or_else(PoisonError::into_inner).insert(key, made);
+    /// Stores an asset with the stamps of its files. Does nothing in a cache that compares content.
+    pub(crate) fn insert_stamped(&self, key: (PathBuf, String), made: StampedAsset) {
+        if let Some(stamped) = &self.0.stamped {
+            stamped.lock().unwrap_or_else(PoisonError::into_inner).insert(key, made);
         }
     }
 
-    pub(crate) fn slot(&self, key: Key) -> Slot {
+    /// The slot of a request, made if there is none yet.
+    pub(crate) fn slot(&self, key: CacheKey) -> Slot {
         self.0.slots.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone()
     }
 
     /// The slot of an earlier request.
-    pub(crate) fn existing_slot(&self, key: &Key) -> Option<Slot> {
+    pub(crate) fn existing_slot(&self, key: &CacheKey) -> Option<Slot> {
         self.0.slots.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned()
     }
 
@@ -115,10 +121,10 @@ impl AssetCache {
 
     /// Drops assets that nothing outside the cache holds, for callers that run an edited script again and again.
     pub fn drop_unused(&self) {
-        if let Some(remembered) = &self.0.remembered {
+        if let Some(stamped) = &self.0.stamped {
             // One reference is held here and one by the slot.
-            let is_used = |made: &Remembered| Arc::strong_count(&made.asset) > 2;
-            remembered.lock().unwrap_or_else(PoisonError::into_inner).retain(|_, made| is_used(made));
+            let is_used = |made: &StampedAsset| Arc::strong_count(&made.asset) > 2;
+            stamped.lock().unwrap_or_else(PoisonError::into_inner).retain(|_, made| is_used(made));
         }
         let mut slots = self.0.slots.lock().unwrap_or_else(PoisonError::into_inner);
         slots.retain(|_, slot| match slot.try_lock() {

@@ -1,21 +1,21 @@
-//! Warnings of every run about things that are valid but probably not intended. Each has a rule, by whose name a comment allows
-//! it.
+//! Warnings of every run about things that are valid but probably not intended. Each warning has a rule; the comment
+//! `// allow: RULE` silences it.
 
 use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, LoadDraft, StageDraft};
-use crate::cue_times::all_times;
+use crate::cue_times::times_of_cues;
 use crate::diagnostic::Severity;
 use choreo_motion::Time;
 use choreo_stage::{Cut, Repeat};
 use std::sync::Arc;
 
-/// Adds warnings about the drafts to `notes`.
-pub fn before(build: &StageDraft, notes: &mut Vec<(Severity, Place, ApiError)>) {
+/// Adds warnings about the drafts to `notes`, before they are resolved to a stage.
+pub fn check_drafts(build: &StageDraft, notes: &mut Vec<(Severity, Place, ApiError)>) {
     let mut warn = |rule: &'static str, place: &Place, text: String| {
         notes.push((Severity::Warning, place.clone(), ApiError { rule, ..ApiError::new(text) }));
     };
-    cues(build, &mut warn);
-    actors_in_one_place(build, &mut warn);
+    warn_about_cues(build, &mut warn);
+    warn_about_actors_at_origin(build, &mut warn);
     for (i, (Cut { at, camera, dissolve }, place)) in build.cuts.iter().enumerate() {
         let next = build.cuts.iter().map(|(next, _)| next.at).filter(|next| next > at).min();
         if let Some(next) = next.filter(|next| *next < *at + *dissolve) {
@@ -45,8 +45,8 @@ pub(crate) fn rounded_secs(time: Time) -> f64 {
     libm::round(time.as_secs() * 1000.0) / 1000.0
 }
 
-fn cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String)) {
-    let times = all_times(build);
+fn warn_about_cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String)) {
+    let times = times_of_cues(build);
     // A pose that is held for less than a frame is not visible; clip lengths are often not whole milliseconds.
     let frame = build.settings.fps.time_of(1);
     for (id, draft) in build.cues.iter().enumerate() {
@@ -54,7 +54,7 @@ fn cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String))
         let (start, end) = times[id];
         let length = draft.length();
         let chain = &build.chains[draft.chain];
-        let repeat = draft.repeats(chain.is_layer());
+        let repeat = draft.repeat_mode(chain.is_layer());
         if let (Repeat::Once, Some(until)) = (repeat, draft.until)
             && until - start >= length + frame
             && length > Time::ZERO
@@ -80,7 +80,7 @@ fn cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String))
         if let Some(end) = end
             && draft.cue.inertialization > end - start
             && end > start
-            && !draft.followed
+            && !draft.has_successor
         {
             let text = format!(
                 "clip \"{name}\" takes {} s for the transition from the pose before it, but its cue lasts {} s",
@@ -101,15 +101,16 @@ fn cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String))
             warn("no_length", &draft.at, format!("clip \"{name}\" has no length: it is a pose"));
         }
     }
-    restarts(build, &times, warn);
+    warn_about_restarts(build, &times, warn);
     // Two chains on the base layer of an actor that begin at the same time: the later one hides the earlier.
-    let mut begins: std::collections::BTreeMap<(usize, Time), usize> = std::collections::BTreeMap::new();
+    let mut cue_by_start: std::collections::BTreeMap<(usize, Time), usize> =
+        std::collections::BTreeMap::new();
     for (id, draft) in build.cues.iter().enumerate() {
         let chain = &build.chains[draft.chain];
         if chain.is_layer() {
             continue;
         }
-        let first = begins.insert((chain.actor, times[id].0), id);
+        let first = cue_by_start.insert((chain.actor, times[id].0), id);
         // While the later one fades in, the earlier one is visible.
         if let Some(first) = first.filter(|_| draft.cue.fade_in == Time::ZERO) {
             let hidden = &build.cues[first];
@@ -126,16 +127,16 @@ fn cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String))
 
 /// Warns about a trimmed part of a clip that restarts with a jump while the next clip fades in over it, which is probably not
 /// intended. (Whole clips are assumed to loop.)
-fn restarts(
+fn warn_about_restarts(
     build: &StageDraft,
     times: &[(Time, Option<Time>)],
     warn: &mut impl FnMut(&'static str, &Place, String),
 ) {
     for (id, next) in build.cues.iter().enumerate() {
-        let Some(before) = next.after else { continue };
+        let Some(before) = next.predecessor else { continue };
         let draft = &build.cues[before];
         let length = draft.length().as_secs();
-        let looped = draft.repeats(build.chains[draft.chain].is_layer()) == Repeat::Loop;
+        let looped = draft.repeat_mode(build.chains[draft.chain].is_layer()) == Repeat::Loop;
         if draft.trim.is_none() || draft.repeat.is_some() || !looped || length <= 0.0 {
             continue;
         }
@@ -158,29 +159,32 @@ fn restarts(
     }
 }
 
-/// Warns about several actors in one place, which is probably not intended. A flat ground below them is not counted.
-fn actors_in_one_place(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String)) {
-    let flat = |a: &ActorDraft| a.actor.asset.name == "shape plane";
+/// Warns about several actors at the origin, which is probably not intended. A plane shape, a mesh made from arrays and a file
+/// that contains only cameras or lights do not count.
+fn warn_about_actors_at_origin(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String)) {
+    let is_plane = |a: &ActorDraft| a.actor.asset.name == "shape plane";
     // The vertices of a mesh from arrays can contain its position.
-    let of_vertices = |a: &ActorDraft| {
+    let is_from_arrays = |a: &ActorDraft| {
         let own = |l: &&LoadDraft| l.load.ready().is_some_and(|made| Arc::ptr_eq(made, &a.actor.asset));
         !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.is_procedural && own(&l))
     };
     // A file without meshes is cast for its cameras and lights.
-    let brings = |a: &ActorDraft| {
+    let has_only_cameras_or_lights = |a: &ActorDraft| {
         let asset = &a.actor.asset;
         asset.instances.is_empty() && !(asset.cameras.is_empty() && asset.lights.is_empty())
     };
-    let nowhere = |a: &&ActorDraft| !a.placed && !flat(a) && !of_vertices(a) && !brings(a);
-    let nowhere: Vec<_> = build.actors.iter().filter(nowhere).collect();
-    if nowhere.len() < 2 {
+    let is_at_origin = |a: &&ActorDraft| {
+        !a.is_placed && !is_plane(a) && !is_from_arrays(a) && !has_only_cameras_or_lights(a)
+    };
+    let at_origin: Vec<_> = build.actors.iter().filter(is_at_origin).collect();
+    if at_origin.len() < 2 {
         return;
     }
-    let names: Vec<&str> = nowhere.iter().map(|a| a.actor.name.as_str()).collect();
+    let names: Vec<&str> = at_origin.iter().map(|a| a.actor.name.as_str()).collect();
     let text = format!(
         "{} actors stand in the same place, the origin: {}; place them with .at(x, y, z)",
         names.len(),
         crate::suggest::list(names.iter().copied(), 8)
     );
-    warn("same_place", &nowhere[1].at, text);
+    warn("same_place", &at_origin[1].at, text);
 }

@@ -1,7 +1,7 @@
-//! Analysis of clips when the stage is resolved: root motion, steps and gaits, once for all actors that play them.
+//! Analysis of clips when the stage is resolved: root motion, footsteps and gaits. Actors of the same skeleton share the results.
 
 use crate::api_error::ApiError;
-use crate::build::{CueDraft, RootDraft, RootUse, StageDraft};
+use crate::build::{CueDraft, RootMotionDraft, RootMotionUse, StageDraft};
 use choreo_asset::Asset;
 use choreo_motion::contacts::{ContactInterval, Contacts, find_feet, leg_length};
 use choreo_motion::{Clip, Footsteps, PhaseMatchedFade, RootMotion, RootParts, Time};
@@ -12,13 +12,14 @@ use std::sync::Arc;
 /// Key for a range of a clip on a skeleton: the addresses of skeleton and clip (the build keeps both alive), start and end.
 type ClipRange = (usize, usize, Time, Time);
 
-/// A request for the root motion of a clip's range, and the result.
-type RootMotionEntry = (RootDraft, Option<Arc<CueRootMotion>>);
+/// Root motion options for a range of a clip, and the root motion found with them.
+type RootMotionEntry = (RootMotionDraft, Option<Arc<CueRootMotion>>);
 
+/// Cache of the results.
 #[derive(Default)]
-pub struct AnalyzedClips {
-    roots: BTreeMap<ClipRange, Vec<RootMotionEntry>>,
-    steps: BTreeMap<ClipRange, Option<Arc<Footsteps>>>,
+pub struct ClipAnalyses {
+    root_motions: BTreeMap<ClipRange, Vec<RootMotionEntry>>,
+    footsteps: BTreeMap<ClipRange, Option<Arc<Footsteps>>>,
     gaits: BTreeMap<ClipRange, Gait>,
 }
 
@@ -29,49 +30,57 @@ pub enum Gait {
     Walks,
     /// Stands on all its feet.
     Stands,
+    /// Neither: for example a jump, a pose in the air or a character without feet.
     Other,
 }
 
 /// Speed in leg lengths per second above which a character walks.
-const SLOWEST: f64 = 0.15;
-/// Share of a clip for which every foot must be on the ground so that the character stands.
-const STANDS: f64 = 0.9;
+const MIN_WALKING_SPEED: f64 = 0.15;
+/// Share of a clip's duration for which every foot of a standing character is on the ground.
+const MIN_STANDING_SHARE: f64 = 0.9;
 
-fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> ClipRange {
+fn clip_range(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> ClipRange {
     (Arc::as_ptr(&asset.skeleton) as usize, Arc::as_ptr(clip) as usize, trim.0, trim.1)
 }
 
-/// The root motion of a cue on the base layer, if the cue or its actor requests it.
-pub fn root(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<CueRootMotion>> {
+/// Root motion of a cue on the base layer, if the cue or its actor requests it.
+pub fn root_motion(
+    build: &StageDraft,
+    draft: &CueDraft,
+    analyses: &mut ClipAnalyses,
+) -> Option<Arc<CueRootMotion>> {
     let actor = &build.actors[build.chains[draft.chain].actor];
-    // An actor on a path that moves as fast as the clips walk has root motion without asking.
-    let paced = actor
+    // An actor that follows a path at the pace of its clips needs their root motion, also if the script does not request it.
+    let has_pace_of_clips = actor
         .actor
         .path_following
         .as_ref()
         .is_some_and(|path_following| path_following.pace == Pace::FromRootMotion);
-    let own = RootDraft { joint: None, parts: RootParts::default(), used: RootUse::Carries };
-    let asked = draft.root.or(actor.root).or(paced.then_some(own))?;
+    let default =
+        RootMotionDraft { joint: None, parts: RootParts::default(), used: RootMotionUse::MovesActor };
+    let request = draft.root.or(actor.root).or(has_pace_of_clips.then_some(default))?;
     let asset = &actor.actor.asset;
-    let trim = draft.part();
-    let all = found.roots.entry(part(asset, &draft.cue.clip, trim)).or_default();
-    if let Some((_, root)) = all.iter().find(|(known, _)| *known == asked) {
+    let trim = draft.trim_or_whole();
+    let all = analyses.root_motions.entry(clip_range(asset, &draft.cue.clip, trim)).or_default();
+    if let Some((_, root)) = all.iter().find(|(known, _)| *known == request) {
         return root.clone();
     }
-    let motion = RootMotion::new(&asset.skeleton, &draft.cue.clip, asked.joint, asked.parts, trim);
-    let carries = asked.used == RootUse::Carries;
+    let motion = RootMotion::new(&asset.skeleton, &draft.cue.clip, request.joint, request.parts, trim);
+    let carries = request.used == RootMotionUse::MovesActor;
     let root = motion.map(|motion| Arc::new(CueRootMotion { motion, carries }));
-    all.push((asked, root.clone()));
+    all.push((request, root.clone()));
     root
 }
 
-fn steps(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<Footsteps>> {
-    let trim = draft.part();
-    if let Some(times) = build.notes_of(&draft.cue.clip).and_then(|notes| notes.steps.as_ref()) {
+/// Footsteps of a cue's clip: those that the script states, else those found from its foot contacts.
+fn footsteps(build: &StageDraft, draft: &CueDraft, analyses: &mut ClipAnalyses) -> Option<Arc<Footsteps>> {
+    let trim = draft.trim_or_whole();
+    if let Some(times) = build.clip_notes_of(&draft.cue.clip).and_then(|notes| notes.footstep_times.as_ref())
+    {
         return Footsteps::given(times, trim).map(Arc::new);
     }
     let asset = &build.actors[build.chains[draft.chain].actor].actor.asset;
-    let entry = found.steps.entry(part(asset, &draft.cue.clip, trim));
+    let entry = analyses.footsteps.entry(clip_range(asset, &draft.cue.clip, trim));
     let find = || {
         let feet = find_feet(&asset.skeleton);
         let contacts = Contacts::find(&asset.skeleton, &draft.cue.clip, trim, &feet)?;
@@ -80,12 +89,15 @@ fn steps(build: &StageDraft, draft: &CueDraft, found: &mut AnalyzedClips) -> Opt
     entry.or_insert_with(find).clone()
 }
 
-/// The crossfade of two clips with matched phases. Error: the clips cannot be matched.
-pub fn in_step(
+/// The crossfade of two clips with matched phases.
+///
+/// # Errors
+/// Returns an error that states why the phases cannot be matched.
+pub fn phase_matched_fade(
     build: &StageDraft,
     drafts: [usize; 2],
     cues: [&Cue; 2],
-    found: &mut AnalyzedClips,
+    analyses: &mut ClipAnalyses,
 ) -> Result<PhaseMatchedFade, ApiError> {
     let drafts = drafts.map(|id| &build.cues[id]);
     for (draft, cue) in drafts.iter().zip(cues) {
@@ -97,13 +109,13 @@ pub fn in_step(
     if cues[1].fade_in <= Time::ZERO {
         return Err(ApiError::new("in_step needs a fade"));
     }
-    let mut of = |draft: &CueDraft| {
+    let mut footsteps_of = |draft: &CueDraft| {
         let hint = "give the times when its feet touch down with clip.steps([…])";
         let name = &draft.cue.clip.name;
         let missing = || ApiError::new(format!("no steps are found in \"{name}\"; {hint}"));
-        steps(build, draft, found).ok_or_else(missing)
+        footsteps(build, draft, analyses).ok_or_else(missing)
     };
-    let steps = [of(drafts[0])?, of(drafts[1])?];
+    let steps = [footsteps_of(drafts[0])?, footsteps_of(drafts[1])?];
     let played = cues[0].played(cues[1].start);
     let speeds = cues.map(|cue| cue.speed);
     PhaseMatchedFade::new(
@@ -118,29 +130,29 @@ pub fn in_step(
 }
 
 /// The gait of a character in the trimmed part of a clip.
-pub fn gait(asset: &Asset, cue: &Cue, found: &mut AnalyzedClips) -> Gait {
+pub fn gait(asset: &Asset, cue: &Cue, analyses: &mut ClipAnalyses) -> Gait {
     let find = || {
         let skeleton = &asset.skeleton;
         let feet = find_feet(skeleton);
         let leg = leg_length(skeleton, &feet)?;
         let motion = RootMotion::new(skeleton, &cue.clip, None, RootParts::default(), cue.trim)?;
-        if motion.velocity().with_y(0.0).length() > SLOWEST * leg {
+        if motion.velocity().with_y(0.0).length() > MIN_WALKING_SPEED * leg {
             return Some(Gait::Walks);
         }
         let contacts = Contacts::find(skeleton, &cue.clip, cue.trim, &feet)?;
         let secs = (cue.trim.1 - cue.trim.0).as_secs();
         let stands = |foot: &Vec<ContactInterval>| {
             let on_ground = |c: &ContactInterval| (c.to - c.from).as_secs();
-            foot.iter().map(on_ground).sum::<f64>() >= STANDS * secs
+            foot.iter().map(on_ground).sum::<f64>() >= MIN_STANDING_SHARE * secs
         };
         contacts.intervals.iter().all(stands).then_some(Gait::Stands)
     };
-    let entry = found.gaits.entry(part(asset, &cue.clip, cue.trim));
+    let entry = analyses.gaits.entry(clip_range(asset, &cue.clip, cue.trim));
     *entry.or_insert_with(|| find().unwrap_or(Gait::Other))
 }
 
 /// The fades of a base layer between a walking and a standing clip.
-pub fn standing_fades(asset: &Asset, cues: &[Cue], found: &mut AnalyzedClips) -> Vec<StandingFade> {
+pub fn standing_fades(asset: &Asset, cues: &[Cue], analyses: &mut ClipAnalyses) -> Vec<StandingFade> {
     let mut fades: Vec<StandingFade> = Vec::new();
     for pair in cues.windows(2) {
         let [before, cue] = pair else { continue };
@@ -148,7 +160,7 @@ pub fn standing_fades(asset: &Asset, cues: &[Cue], found: &mut AnalyzedClips) ->
         if to <= from || fades.last().is_some_and(|last| from < last.to) {
             continue;
         }
-        let ends_standing = match [gait(asset, before, found), gait(asset, cue, found)] {
+        let ends_standing = match [gait(asset, before, analyses), gait(asset, cue, analyses)] {
             [Gait::Walks, Gait::Stands] => true,
             [Gait::Stands, Gait::Walks] => false,
             _ => continue,

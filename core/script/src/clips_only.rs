@@ -1,8 +1,8 @@
-//! Static analysis of a script: the parts of files that it uses, found before it runs.
+//! Static analysis of a script, before it runs: finds the files that it uses for their clips only, and the clips that it plays.
 //!
-//! No mesh or image is imported from a file that the script uses for its clips only. That must be certain: either the asset is in
-//! a variable whose name the whole script uses for nothing but `.clip(…)`, `.clips()` and `.joints()`, or `load(…).clip(…)` uses
-//! it directly. Any other use counts as if the asset were cast.
+//! No mesh or image is imported from a file that is used for its clips only. Such a file must satisfy one of two conditions: the
+//! asset is in a variable that the whole script uses only for `.clip(…)`, `.clips()` and `.joints()`; or the script calls one of
+//! these methods on the result of `load(…)` directly. Any other use counts as if the asset were cast.
 
 use crate::api_error::Place;
 use crate::loader::PlayedClips;
@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 const CLIP_METHODS: [&str; 3] = ["clip", "clips", "joints"];
 
 /// Places of `load(…)` calls whose file is used for its clips only.
-pub fn find(ast: &AST, source: &str) -> Vec<Place> {
+pub fn find_clips_only_loads(ast: &AST, source: &str) -> Vec<Place> {
     // A function that the script defines by one of these names could use the asset in any way.
     if ast.iter_functions().any(|f| CLIP_METHODS.contains(&f.name) || f.name == "load") {
         return Vec::new();
@@ -55,7 +55,7 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
                 variables.insert(names.0.name.to_string());
             }
             Some(node @ ASTNode::Expr(Expr::Variable(variable, ..))) => {
-                let plain = match parent {
+                let is_clip_use = match parent {
                     Some(ASTNode::Expr(Expr::Dot(dot, ..))) => {
                         std::ptr::from_ref(&dot.lhs).cast() == address(node) && needs_only_clips(&dot.rhs)
                     }
@@ -65,7 +65,7 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
                     }
                     _ => false,
                 };
-                if !plain {
+                if !is_clip_use {
                     variables.insert(variable.1.to_string());
                 }
             }
@@ -89,9 +89,9 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
     loads.iter().filter(only).map(|(at, ..)| place(at)).collect()
 }
 
-/// The clips that a script can play: those named in its calls of `clip`. All clips if a name is not a literal, if the script
-/// calls `clips`, or if modules or function pointers could call `clip`.
-pub fn played(ast: &AST) -> PlayedClips {
+/// Clips that a script can play: those named in its calls of `clip`. The result is all clips if a name is not a literal, if the
+/// script calls `clips`, or if modules or function pointers could call `clip`.
+pub fn played_clips(ast: &AST) -> PlayedClips {
     let mut names = BTreeSet::new();
     let mut all = ast.iter_functions().any(|f| f.name == "clip");
     let mut call = |call: &FnCallExpr| match (call.name.as_str(), call.args.last()) {
@@ -99,23 +99,24 @@ pub fn played(ast: &AST) -> PlayedClips {
         ("clip" | "clips" | "Fn", _) => all = true,
         _ => {}
     };
-    let mut others = false;
+    let mut has_hidden_calls = false;
     ast.walk(&mut |path| {
         match path.last() {
             Some(ASTNode::Expr(Expr::FnCall(c, _) | Expr::MethodCall(c, _))) => call(c),
             Some(ASTNode::Stmt(Stmt::FnCall(c, _))) => call(c),
-            Some(ASTNode::Stmt(Stmt::Import(..))) => others = true,
+            Some(ASTNode::Stmt(Stmt::Import(..))) => has_hidden_calls = true,
             // Literal function pointers are constants in the syntax tree.
             Some(ASTNode::Expr(Expr::DynamicConstant(value, _))) => {
-                others |= format!("{value:?}").contains("clip");
+                has_hidden_calls |= format!("{value:?}").contains("clip");
             }
             _ => {}
         }
         true
     });
-    if all || others { PlayedClips::All } else { PlayedClips::Named(names) }
+    if all || has_hidden_calls { PlayedClips::All } else { PlayedClips::Named(names) }
 }
 
+/// Address of a node of the syntax tree, to compare nodes by identity.
 fn address(node: &ASTNode<'_>) -> *const () {
     match node {
         ASTNode::Expr(expr) => std::ptr::from_ref(*expr).cast(),
@@ -124,7 +125,7 @@ fn address(node: &ASTNode<'_>) -> *const () {
     }
 }
 
-/// Whether the first method in a chain of calls needs only clips.
+/// Whether the first method in a chain of calls is one of [`CLIP_METHODS`].
 fn needs_only_clips(right: &Expr) -> bool {
     match right {
         Expr::MethodCall(call, _) => CLIP_METHODS.contains(&call.name.as_str()),
@@ -135,27 +136,29 @@ fn needs_only_clips(right: &Expr) -> bool {
 
 #[cfg(test)]
 mod tests {
-    fn lines(text: &str) -> Vec<usize> {
+    /// Lines of the `load` calls that are found to be used for clips only.
+    fn clips_only_lines(text: &str) -> Vec<usize> {
         let mut engine = rhai::Engine::new_raw();
         engine.set_allow_shadowing(true);
         let ast = engine.compile(text).unwrap();
-        super::find(&ast, "t").iter().map(|place| place.line).collect()
+        super::find_clips_only_loads(&ast, "t").iter().map(|place| place.line).collect()
     }
 
-    fn played(text: &str) -> Option<Vec<String>> {
+    /// Names of the clips that a script can play; `None`: all clips.
+    fn played_names(text: &str) -> Option<Vec<String>> {
         let ast = rhai::Engine::new_raw().compile(text).unwrap();
-        match super::played(&ast) {
+        match super::played_clips(&ast) {
             super::PlayedClips::Named(names) => Some(names.into_iter().collect()),
             _ => None,
         }
     }
 
     #[test]
-    fn clips_that_are_named_are_those_that_are_played() {
+    fn played_clips_are_those_named_by_literals_else_all() {
         let named = |names: &[&str]| Some(names.iter().map(|n| n.to_string()).collect::<Vec<_>>());
         let text = "let m = load(\"a\"); fn g(m) { m.clip(\"Run\") } on_frame(|t| clip(m, \"Jump\")); m.clip(\"Walk\").mirror();";
-        assert_eq!(played(text), named(&["Jump", "Run", "Walk"]));
-        assert_eq!(played("cast(\"x\", load(\"a\"));"), named(&[]));
+        assert_eq!(played_names(text), named(&["Jump", "Run", "Walk"]));
+        assert_eq!(played_names("cast(\"x\", load(\"a\"));"), named(&[]));
         for text in [
             "m.clip(0);",
             "m.clip(name);",
@@ -167,22 +170,25 @@ mod tests {
             "import \"x\" as x; m.clip(\"a\");",
             "fn clip(m, n) { 1 } m.clip(\"a\");",
         ] {
-            assert_eq!(played(text), None, "{text}");
+            assert_eq!(played_names(text), None, "{text}");
         }
     }
 
     #[test]
-    fn clips_alone() {
-        assert_eq!(lines("let m = load(\"a\");\nlet w = m.clip(\"Walk\");\nf(m.clips().len(), w);"), [1]);
-        assert_eq!(lines("f(load(\"a\").clip(0));"), [1]);
-        assert_eq!(lines("f(load(\"a\").clips()[0]);"), [1]);
-        assert_eq!(lines("let m = load(\"a\");\nf(|t| m.clip(0));"), [1]);
-        assert_eq!(lines("for n in [\"a\", \"b\"] { let m = load(n); f(m.clip(0)); }"), [1]);
-        assert_eq!(lines("let m = load(\"a\");"), [1], "nothing at all is used");
+    fn loads_used_only_by_clip_methods_are_found() {
+        assert_eq!(
+            clips_only_lines("let m = load(\"a\");\nlet w = m.clip(\"Walk\");\nf(m.clips().len(), w);"),
+            [1]
+        );
+        assert_eq!(clips_only_lines("f(load(\"a\").clip(0));"), [1]);
+        assert_eq!(clips_only_lines("f(load(\"a\").clips()[0]);"), [1]);
+        assert_eq!(clips_only_lines("let m = load(\"a\");\nf(|t| m.clip(0));"), [1]);
+        assert_eq!(clips_only_lines("for n in [\"a\", \"b\"] { let m = load(n); f(m.clip(0)); }"), [1]);
+        assert_eq!(clips_only_lines("let m = load(\"a\");"), [1], "nothing at all is used");
     }
 
     #[test]
-    fn whatever_may_be_cast() {
+    fn loads_that_may_be_cast_are_not_found() {
         for text in [
             "let m = load(\"a\"); cast(\"x\", m); m.clip(0);",
             "cast(\"x\", load(\"a\"));",
@@ -199,7 +205,7 @@ mod tests {
             "fn g(m) { cast(\"x\", m) } let m = load(\"a\"); m.clip(0);",
             "let m = load(\"a\"); `${m}`;",
         ] {
-            assert_eq!(lines(text), [0usize; 0], "{text}");
+            assert_eq!(clips_only_lines(text), [0usize; 0], "{text}");
         }
     }
 }

@@ -4,21 +4,21 @@ use crate::api_error::ApiError;
 use glam::{Vec3, Vec4};
 
 /// Linear value of one sRGB channel, 0 to 1.
-pub fn linear(srgb: f64) -> f32 {
+pub fn linear_from_srgb(srgb: f64) -> f32 {
     choreo_asset::linear_from_srgb(srgb) as f32
 }
 
 /// Linear RGBA of a CSS name or `#rgb`, `#rrggbb`, `#rrggbbaa`.
-pub fn parse(text: &str) -> Result<Vec4, ApiError> {
+pub fn parse_color(text: &str) -> Result<Vec4, ApiError> {
     choreo_plugin::color::parse(text).map_err(|e| ApiError::new(e.message))
 }
 
 /// The range of color temperatures that have a color, in kelvin.
-pub const KELVIN: (f64, f64) = (1667.0, 25_000.0);
+pub const KELVIN_RANGE: (f64, f64) = (1667.0, 25_000.0);
 
 /// Linear sRGB color of a black body, brightest channel 1. Chromaticity of the Planckian locus after Kim et al.,
 /// US patent 7 024 034 (2002), valid from 1667 K to 25 000 K; then CIE xyY → XYZ → linear sRGB.
-pub fn kelvin(t: f64) -> Vec3 {
+pub fn black_body_color(t: f64) -> Vec3 {
     let (t1, t2, t3) = (1e3 / t, 1e6 / (t * t), 1e9 / (t * t * t));
     let x = if t <= 4000.0 {
         -0.2661239 * t3 - 0.2343589 * t2 + 0.8776956 * t1 + 0.179910
@@ -39,8 +39,8 @@ pub fn kelvin(t: f64) -> Vec3 {
         -0.9692660 * cx + 1.8760108 * cy + 0.0415560 * cz,
         0.0556434 * cx - 0.2040259 * cy + 1.0572252 * cz,
     ];
-    let most = rgb.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    Vec3::from_array(rgb.map(|c| (c.max(0.0) / most) as f32))
+    let brightest = rgb.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    Vec3::from_array(rgb.map(|c| (c.max(0.0) / brightest) as f32))
 }
 
 #[cfg(test)]
@@ -48,18 +48,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_transfer_function_meets_its_published_points() {
-        assert_eq!(linear(0.0), 0.0);
-        assert_eq!(linear(1.0), 1.0);
+    fn srgb_decoding_meets_values_of_the_standard() {
+        assert_eq!(linear_from_srgb(0.0), 0.0);
+        assert_eq!(linear_from_srgb(1.0), 1.0);
         // 0.5 → 0.21404114 (IEC 61966-2-1).
-        assert!((linear(0.5) - 0.214_041_14).abs() < 1e-7);
+        assert!((linear_from_srgb(0.5) - 0.214_041_14).abs() < 1e-7);
     }
 
     #[test]
-    fn candle_light_is_red_and_the_sky_is_blue() {
-        let (candle, white, sky) = (kelvin(1900.0), kelvin(6500.0), kelvin(12000.0));
+    fn black_bodies_are_red_at_1900_k_and_blue_at_12000_k() {
+        let (candle, white, sky) =
+            (black_body_color(1900.0), black_body_color(6500.0), black_body_color(12000.0));
         assert!(candle.x == 1.0 && candle.z < 0.1);
-        // A black body of 6500 K has the chromaticity (0.3135, 0.3237); by the matrix of IEC 61966-2-1 that is this.
+        // A black body of 6500 K has the chromaticity (0.3135, 0.3237), converted here by the matrix of IEC 61966-2-1.
         assert!(white.abs_diff_eq(Vec3::new(1.0, 0.944, 0.993), 0.005), "{white}");
         assert!(sky.z == 1.0 && sky.x < 0.75);
     }

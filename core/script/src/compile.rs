@@ -5,7 +5,7 @@ use crate::value::Poison;
 use rhai::{AST, ASTNode, Engine, Expr, LexError, ParseError, ParseErrorType, Position, Scope, Stmt};
 use std::sync::PoisonError;
 
-/// Names that a script cannot use, and why.
+/// Names that a script cannot use, each with the reason.
 pub(crate) const FORBIDDEN_NAMES: &[(&str, &str)] = &[
     ("eval", "all code of a script must be in its files"),
     ("sleep", "a script only describes the scene and never waits; give times to .from, .until and .key"),
@@ -14,20 +14,21 @@ pub(crate) const FORBIDDEN_NAMES: &[(&str, &str)] = &[
     ("**", "write pow(x, y), which gives the same result on every machine"),
 ];
 
-/// Constants that every script and module sees.
-pub fn constants() -> Scope<'static> {
+/// A scope with the constants of every script and module.
+pub fn scope_with_constants() -> Scope<'static> {
     let mut scope = Scope::new();
     scope.push_constant("PI", std::f64::consts::PI).push_constant("TAU", std::f64::consts::TAU);
     scope
 }
 
+/// Name and description of each constant.
 pub(crate) const CONSTANTS: &[(&str, &str)] =
     &[("PI", "Is π, 3.14159…: half a turn in radians."), ("TAU", "Is 2 π: a turn in radians.")];
 
-/// Parses a script. Rhai silently takes an unclosed comment for the end of the script. To detect that, the script is parsed again
-/// with a `;` appended: the last token stays the same only inside a comment.
+/// Parses a script. An unclosed comment is an error: Rhai itself ignores the rest of the text without one. To detect it, the
+/// script is parsed again with a `;` appended: the last token stays the same only inside a comment.
 pub fn compile(engine: &Engine, shared: &ScriptContext, text: &str) -> Result<AST, ParseError> {
-    compile_within(engine, shared, text, &constants())
+    compile_in_scope(engine, shared, text, &scope_with_constants())
 }
 
 /// A variable that is used without being declared before.
@@ -37,19 +38,19 @@ pub struct UnknownVariable {
     pub at: Position,
 }
 
-/// Maximum number of unknown variable names to find, because each takes another parse of the text.
+/// Maximum number of unknown variable names that are searched for. Each of them takes another parse of the text.
 const MOST_UNKNOWN: usize = 20;
 
-/// Parses a script as [`compile`] does and finds all unknown variables: each name counts as known once it is found. If the text
-/// has another error, the variables before that error are found.
-pub(crate) fn compile_all(
+/// Parses a script as [`compile`] does and returns all unknown variables: the parse is repeated with each unknown name declared.
+/// If the text has another error, the variables before that error are returned.
+pub(crate) fn compile_with_unknown_variables(
     engine: &Engine,
     shared: &ScriptContext,
     text: &str,
 ) -> (Result<AST, ParseError>, Vec<UnknownVariable>) {
-    let (mut scope, mut unknown) = (constants(), Vec::<UnknownVariable>::new());
-    let read = loop {
-        match compile_within(engine, shared, text, &scope) {
+    let (mut scope, mut unknown) = (scope_with_constants(), Vec::<UnknownVariable>::new());
+    let parsed = loop {
+        match compile_in_scope(engine, shared, text, &scope) {
             Err(ParseError(kind, at)) if unknown.len() < MOST_UNKNOWN => match *kind {
                 ParseErrorType::VariableUndefined(name) if !scope.contains(&name) => {
                     scope.push(name.clone(), ());
@@ -57,14 +58,14 @@ pub(crate) fn compile_all(
                 }
                 kind => break Err(ParseError(Box::new(kind), at)),
             },
-            read => break read,
+            parsed => break parsed,
         }
     };
-    if let Ok(ast) = &read {
+    if let Ok(ast) = &parsed {
         add_further_places(ast, &mut unknown);
     }
     unknown.sort_by_key(|variable| (variable.at.line(), variable.at.position()));
-    (read, unknown)
+    (parsed, unknown)
 }
 
 /// Declares unknown variables as [`Poison`].
@@ -81,8 +82,8 @@ fn add_further_places(ast: &AST, unknown: &mut Vec<UnknownVariable>) {
     if unknown.is_empty() {
         return;
     }
-    // Captured variables are listed at the closure with their first place in it; in its body, which is left out here, all of them
-    // look unknown.
+    // The statement of a closure lists its captured variables, each with its first place. In the body of the closure, which is
+    // removed here, all captured variables would look unknown.
     let mut functions = ast.clone_functions_only();
     functions.retain_functions(|_, _, name, _| !name.starts_with("anon$"));
     for part in [ast.clone_statements_only(), functions] {
@@ -100,7 +101,7 @@ fn add_further_places(ast: &AST, unknown: &mut Vec<UnknownVariable>) {
     }
 }
 
-fn compile_within(
+fn compile_in_scope(
     engine: &Engine,
     shared: &ScriptContext,
     text: &str,
@@ -134,17 +135,17 @@ fn compile_within(
 }
 
 /// Whether scripts must not use a name.
-pub fn is_refused(name: &str) -> bool {
+pub fn is_forbidden(name: &str) -> bool {
     FORBIDDEN_NAMES.iter().any(|(refused, _)| *refused == name)
 }
 
-/// Refuses forbidden methods and calls with too many arguments. Rhai's search for a function takes time that grows with the
-/// number of arguments and with 2 to the power of up to 16 of them, in a single step that no limit interrupts.
+/// Refuses forbidden methods and calls with too many arguments: Rhai searches for a function in a single step, which no limit
+/// interrupts, and its time grows with the number of arguments and with 2 to the power of up to 16 of them.
 fn check_calls(ast: &AST) -> Result<(), ParseError> {
     let mut wrong = None;
     ast.walk(&mut |path| {
         let (call, at) = match path.last() {
-            Some(ASTNode::Expr(Expr::MethodCall(call, at))) if is_refused(&call.name) => {
+            Some(ASTNode::Expr(Expr::MethodCall(call, at))) if is_forbidden(&call.name) => {
                 wrong = Some((call.name.to_string(), *at));
                 return false;
             }
@@ -152,7 +153,7 @@ fn check_calls(ast: &AST) -> Result<(), ParseError> {
             Some(ASTNode::Stmt(Stmt::FnCall(call, at))) => (call, at),
             _ => return true,
         };
-        // `curry` receives everything that a closure captures; Rhai calls it without a search.
+        // `curry` receives all variables that a closure captures; Rhai calls it without a search.
         if call.args.len() > MOST_ARGUMENTS && call.name != "curry" {
             wrong = Some((MANY_ARGUMENTS.to_string(), *at));
         }
@@ -167,11 +168,11 @@ fn check_calls(ast: &AST) -> Result<(), ParseError> {
 /// Maximum number of arguments of one call.
 pub(crate) const MOST_ARGUMENTS: usize = 64;
 
-/// The end of the message for a call with more arguments; `errors` recognizes it.
+/// Text of the parser's error about a call with more arguments, by which `errors` recognizes it.
 pub(crate) const MANY_ARGUMENTS: &str = "arguments";
 
-/// The parser's error in a comment that is never closed; `errors` recognizes it.
+/// Text of the parser's error about a comment that is never closed, by which `errors` recognizes it.
 pub(crate) const OPEN_COMMENT: &str = "comment";
 
-/// The parser's error past the time limit; `errors` recognizes it.
+/// Text of the parser's error past the time limit, by which `errors` recognizes it.
 pub(crate) const PARSE_TIMEOUT: &str = "seconds";

@@ -3,16 +3,16 @@
 use std::io::Read;
 use std::path::Path;
 
-/// BLAKE3 hash of a regular file, read in pieces. `None` if the file is missing, unreadable or not a regular file; a pipe does
-/// not block.
+/// BLAKE3 hash of a regular file, read block by block. `None` if the file is missing, unreadable or not a regular file; a pipe
+/// does not block.
 pub fn content_of(path: &Path) -> Option<[u8; 32]> {
     let mut file = choreo_files::open_file(path).ok()?;
     let mut hasher = blake3::Hasher::new();
-    let mut piece = vec![0; 1 << 18];
+    let mut block = vec![0; 1 << 18];
     loop {
-        match file.read(&mut piece).ok()? {
+        match file.read(&mut block).ok()? {
             0 => return Some(*hasher.finalize().as_bytes()),
-            n => hasher.update(&piece[..n]),
+            n => hasher.update(&block[..n]),
         };
     }
 }

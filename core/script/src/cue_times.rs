@@ -5,82 +5,82 @@ use choreo_motion::Time;
 use choreo_stage::{Cue, Repeat};
 
 impl CueDraft {
-    /// The cue as it is put on stage, with its start time.
+    /// The cue of the stage, with its start time, signed speed and trim.
     pub fn cue(&self, start: Time) -> Cue {
         Cue {
             start,
             speed: if self.reverse { -self.cue.speed } else { self.cue.speed },
-            trim: self.part(),
+            trim: self.trim_or_whole(),
             ..self.cue.clone()
         }
     }
 
-    /// Start and end of the played part of the clip, in clip time.
-    pub fn part(&self) -> (Time, Time) {
+    /// Start and end of the played part of the clip, in clip time: the trim, else the whole clip.
+    pub fn trim_or_whole(&self) -> (Time, Time) {
         self.trim.unwrap_or((Time::ZERO, self.cue.clip.duration))
     }
 
     /// Duration of the trimmed part, played once at its speed.
     pub fn length(&self) -> Time {
-        let (start, end) = self.part();
+        let (start, end) = self.trim_or_whole();
         (end - start).scaled(1.0 / self.cue.speed)
     }
 
-    /// The repeat mode that the script sets. By default a layer plays once, and so does a cue without `until` that another cue
-    /// follows; all other cues loop.
-    pub fn repeats(&self, layer: bool) -> Repeat {
-        let once = layer || (self.followed && self.until.is_none());
+    /// Repeat mode that the script sets, else the default: a layer plays once, and so does a cue without `until` that another
+    /// cue follows; all other cues loop.
+    pub fn repeat_mode(&self, is_layer: bool) -> Repeat {
+        let once = is_layer || (self.has_successor && self.until.is_none());
         self.repeat.unwrap_or(if once { Repeat::Once } else { Repeat::Loop })
     }
 }
 
 /// Start and end of every cue; `None` for one that repeats without end.
-pub(crate) fn all_times(build: &StageDraft) -> Vec<(Time, Option<Time>)> {
+pub(crate) fn times_of_cues(build: &StageDraft) -> Vec<(Time, Option<Time>)> {
     let mut times: Vec<(Time, Option<Time>)> = Vec::with_capacity(build.cues.len());
     // A cue comes later in the list than its predecessor.
     for cue in &build.cues {
-        let follows = cue.after.map(|before| (&build.cues[before], times[before]));
-        times.push(cue_times(build, cue, follows));
+        let predecessor = cue.predecessor.map(|before| (&build.cues[before], times[before]));
+        times.push(start_and_end(build, cue, predecessor));
     }
     times
 }
 
-/// Start and end of one cue. `follows`: its predecessor in the chain, with start and end.
-fn cue_times(
+/// Start and end of one cue. `predecessor`: the cue before it in the chain, with start and end.
+fn start_and_end(
     build: &StageDraft,
     cue: &CueDraft,
-    follows: Option<(&CueDraft, (Time, Option<Time>))>,
+    predecessor: Option<(&CueDraft, (Time, Option<Time>))>,
 ) -> (Time, Option<Time>) {
-    let start = match follows {
+    let start = match predecessor {
         None => cue.origin,
         Some((_, (start, None))) => start,
         Some((before, (_, Some(end)))) => {
             // If the clip of the predecessor plays to its end, this cue fades in before that end.
-            let natural = before.until.is_none();
-            end - if natural { cue.cue.fade_in.min(before.length()) } else { Time::ZERO }
+            let plays_to_end = before.until.is_none();
+            end - if plays_to_end { cue.cue.fade_in.min(before.length()) } else { Time::ZERO }
         }
     };
     let start = cue.start.unwrap_or(start);
-    let layer = build.chains[cue.chain].is_layer();
-    let natural = match cue.repeats(layer) {
+    let is_layer = build.chains[cue.chain].is_layer();
+    let end_of_clip = match cue.repeat_mode(is_layer) {
         Repeat::Once if cue.cue.is_even() => Some(start + cue.length()),
         Repeat::Once => cue.cue(start).first_play_end(),
         _ => None,
     };
-    (start, cue.until.or(natural))
+    (start, cue.until.or(end_of_clip))
 }
 
 /// Start and end of the cue with this index.
-pub fn times(build: &StageDraft, id: usize) -> (Time, Option<Time>) {
-    // Goes to the front of the chain and back without recursion, because chains can be long.
-    let mut walk = vec![id];
-    while let Some(before) = walk.last().and_then(|id| build.cues[*id].after) {
-        walk.push(before);
+pub fn times_of_cue(build: &StageDraft, id: usize) -> (Time, Option<Time>) {
+    // The cue and its predecessors, last to first. Chains can be too long for recursion.
+    let mut ids = vec![id];
+    while let Some(before) = ids.last().and_then(|id| build.cues[*id].predecessor) {
+        ids.push(before);
     }
     let mut last = None;
-    for id in walk.into_iter().rev() {
+    for id in ids.into_iter().rev() {
         let cue = &build.cues[id];
-        last = Some((cue, cue_times(build, cue, last)));
+        last = Some((cue, start_and_end(build, cue, last)));
     }
     last.map_or((Time::ZERO, None), |(_, times)| times)
 }

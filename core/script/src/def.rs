@@ -2,22 +2,22 @@
 
 use crate::value::HandleKind;
 
-/// Description of a function or method of the script API. Registration, messages and API.md are made from tables of these, which
-/// [`api!`](crate::call::api) declares.
+/// Definition of a function or method of the script API, without the code that runs it. The macro [`api!`](crate::call::api)
+/// declares tables of definitions, from which the functions are registered and messages and API.md are made.
 pub(crate) struct Def {
     pub on: HandleKind,
     pub name: &'static str,
-    /// Forms of the arguments, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
+    /// Forms of the arguments, separated by `|`; arguments ending in `?` are optional: `x, y, z | point`.
     pub args: &'static str,
     pub returns: ResultType,
     /// The lines of its documentation comment.
     pub doc: &'static [&'static str],
-    /// Returns the text that replaces `{}` in the documentation.
+    /// Function that returns the text to insert for `{}` in the documentation.
     pub options: Option<fn() -> String>,
     /// Whether the function can also be called inside `on_frame`.
-    pub frame: bool,
+    pub is_for_frames: bool,
     /// Whether the function can be called only inside a test section.
-    pub tests: bool,
+    pub is_for_tests: bool,
 }
 
 /// Type of a call's result. A failed call returns a placeholder of the same type.
@@ -33,7 +33,7 @@ pub enum ResultType {
 
 impl Def {
     pub const fn in_frames(mut self) -> Def {
-        self.frame = true;
+        self.is_for_frames = true;
         self
     }
 
@@ -43,7 +43,7 @@ impl Def {
     }
 
     pub const fn in_tests(mut self) -> Def {
-        self.tests = true;
+        self.is_for_tests = true;
         self
     }
 
@@ -71,8 +71,8 @@ impl Def {
         let mut forms = Vec::new();
         for form in self.args.split('|') {
             let names: Vec<&str> = form.split(',').map(str::trim).filter(|n| !n.is_empty()).collect();
-            let needed = names.iter().take_while(|n| !n.ends_with('?')).count();
-            for count in needed..=names.len() {
+            let required = names.iter().take_while(|n| !n.ends_with('?')).count();
+            for count in required..=names.len() {
                 forms.push(names[..count].iter().map(|n| n.trim_end_matches('?')).collect());
             }
         }
@@ -90,7 +90,7 @@ impl Def {
         self.usages(&self.full_name()).join(" or ")
     }
 
-    /// Usages under a name, one for each form.
+    /// Usages with the given name of the function, one for each form.
     pub(crate) fn usages(&self, name: &str) -> Vec<String> {
         self.args.split('|').map(|form| format!("{name}({})", form.trim())).collect()
     }

@@ -1,5 +1,5 @@
-//! The descriptions of the calls as data, for editors: forms, results, options and allowed values. Everything is read from the tables
-//! of `api`, which also make the reference.
+//! Descriptions of the script API as data, for editors: forms, results, options and allowed values. Everything is read from the
+//! tables of `api`, from which the reference is generated, too.
 
 use crate::api::defs;
 use crate::compile::CONSTANTS;
@@ -55,28 +55,30 @@ pub fn entries() -> &'static [Entry] {
     static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
         let mut entries: Vec<Entry> = Vec::new();
         for (heading, def) in &defs().all {
-            let entry = of_def(heading, def);
-            let others = ALIASES.iter().filter(|(_, name)| *name == def.full_name());
-            let others: Vec<Entry> =
-                others.map(|(alias, _)| Entry { name: alias, ..entry.clone() }).collect();
+            let entry = entry_of_def(heading, def);
+            let aliases = ALIASES.iter().filter(|(_, name)| *name == def.full_name());
+            let aliases: Vec<Entry> =
+                aliases.map(|(alias, _)| Entry { name: alias, ..entry.clone() }).collect();
             entries.push(entry);
-            entries.extend(others);
+            entries.extend(aliases);
         }
         for (name, args, about) in defs().maths {
             let forms = vec![args.split(',').map(str::trim).filter(|a| !a.is_empty()).collect()];
-            let entry = plain(name, about, Returns::Value("number"));
+            let entry = mathematics_entry(name, about, Returns::Value("number"));
             entries.push(Entry { forms, usages: vec![format!("{name}({args})")], ..entry });
         }
         for (name, about) in CONSTANTS {
             let usages = vec![name.to_string()];
-            entries.push(Entry { usages, is_constant: true, ..plain(name, about, Returns::Value("number")) });
+            let entry = mathematics_entry(name, about, Returns::Value("number"));
+            entries.push(Entry { usages, is_constant: true, ..entry });
         }
         entries
     });
     &ENTRIES
 }
 
-fn plain(name: &'static str, about: &str, returns: Returns) -> Entry {
+/// An entry of the section "Mathematics", without forms and usages.
+fn mathematics_entry(name: &'static str, about: &str, returns: Returns) -> Entry {
     Entry {
         on: "",
         name,
@@ -91,7 +93,7 @@ fn plain(name: &'static str, about: &str, returns: Returns) -> Entry {
     }
 }
 
-fn of_def(heading: &'static str, def: &'static Def) -> Entry {
+fn entry_of_def(heading: &'static str, def: &'static Def) -> Entry {
     Entry {
         on: def.on.name(),
         name: def.name,
@@ -105,8 +107,8 @@ fn of_def(heading: &'static str, def: &'static Def) -> Entry {
             ResultType::Value(what) => Returns::Value(what),
         },
         about: def.about(),
-        in_frames: def.frame,
-        in_tests: def.tests,
+        in_frames: def.is_for_frames,
+        in_tests: def.is_for_tests,
         is_constant: false,
     }
 }
@@ -116,7 +118,7 @@ pub fn entry(on: &str, name: &str) -> Option<&'static Entry> {
     entries().iter().find(|entry| entry.on == on && entry.name == name)
 }
 
-/// The entry that a description names: `Cue.then`, `shape`.
+/// The entry of a full name, such as `Cue.then` or `shape`.
 fn entry_by_full_name(full: &str) -> Option<&'static Entry> {
     let (on, name) = full.split_once('.').unwrap_or(("", full));
     entry(on, name)
@@ -127,7 +129,7 @@ impl Entry {
         if self.on.is_empty() { self.name.to_string() } else { format!("{}.{}", self.on, self.name) }
     }
 
-    /// The options of the call's object map, including those of calls that the description refers to.
+    /// The options of the call's object map, including options of other calls to which the description refers.
     pub fn options(&self) -> Vec<OptionEntry> {
         let mut found = Vec::new();
         self.add_options(&mut found, 0);
@@ -147,8 +149,8 @@ impl Entry {
         for (number, paragraph) in self.about.iter().enumerate() {
             let Some(list) = option_list(paragraph, number == 0) else { continue };
             let start = found.len();
-            found.extend(items(list));
-            let without = list.split_once(" except ").map_or("", |(_, rest)| rest);
+            found.extend(listed_options(list));
+            let excluded = list.split_once(" except ").map_or("", |(_, rest)| rest);
             let own = found.split_off(start);
             for name in referenced_calls(list) {
                 let Some(entry) =
@@ -156,37 +158,39 @@ impl Entry {
                 else {
                     continue;
                 };
-                let mut theirs = Vec::new();
-                entry.add_options(&mut theirs, depth + 1);
+                let mut referenced = Vec::new();
+                entry.add_options(&mut referenced, depth + 1);
                 let all = list.contains("all options of") || list.starts_with("Options as in");
-                let listed =
+                let is_listed =
                     |o: &OptionEntry| own.iter().any(|known| known.name == o.name && known.about.is_empty());
-                theirs.retain(|o| {
-                    if all { !without.split([' ', '.', ',']).any(|w| w == o.name) } else { listed(o) }
+                referenced.retain(|o| {
+                    if all { !excluded.split([' ', '.', ',']).any(|w| w == o.name) } else { is_listed(o) }
                 });
-                found.extend(theirs);
+                found.extend(referenced);
             }
             found.extend(own);
         }
     }
 
-    /// The quoted texts that an argument or option accepts.
+    /// The quoted texts that the reference lists for an argument or option.
     pub fn values(&self, argument: &str) -> Vec<String> {
         if let Some(option) = self.options().iter().find(|option| option.name == argument) {
-            return quoted(&option.about);
+            return quoted_words(&option.about);
         }
-        self.values_at(argument, 0)
+        self.argument_values(argument, 0)
     }
 
-    fn values_at(&self, argument: &str, depth: usize) -> Vec<String> {
+    /// Quoted texts in the paragraph about an argument, else those of the call to which the paragraph refers by "as in". `depth`:
+    /// number of references followed so far.
+    fn argument_values(&self, argument: &str, depth: usize) -> Vec<String> {
         let stem: String = argument.chars().take(argument.len().saturating_sub(1).max(3)).collect();
-        let headed = |p: &&String| {
+        let is_about_argument = |p: &&String| {
             let heading = p.split_once(": ").map_or("", |(heading, _)| heading).to_lowercase();
             let word = heading.split([',', ' ']).next().unwrap_or_default();
             word.starts_with(&stem) && (word == heading || heading[word.len()..].starts_with(','))
         };
         let mark = format!("`{argument}`");
-        let text = match self.about.iter().find(headed) {
+        let text = match self.about.iter().find(is_about_argument) {
             Some(paragraph) => paragraph.as_str(),
             None => match self.about.iter().find_map(|p| p.find(&mark).map(|at| &p[at..])) {
                 Some(part) => part,
@@ -194,16 +198,16 @@ impl Entry {
                 None => self.about.first().map_or("", String::as_str),
             },
         };
-        let own = quoted(text);
+        let own = quoted_words(text);
         let refers = text.split("as in ").nth(1).map(|rest| name_at_start(rest.trim_start_matches('`')));
         match refers.and_then(entry_by_full_name).filter(|_| own.is_empty() && depth < 3) {
-            Some(entry) => entry.values_at(argument, depth + 1),
+            Some(entry) => entry.argument_values(argument, depth + 1),
             None => own,
         }
     }
 }
 
-/// The part of a paragraph that lists options. The first paragraph describes the call.
+/// The part of a paragraph that lists options. `is_first`: the paragraph describes the call, so a heading in it starts no list.
 fn option_list(paragraph: &str, is_first: bool) -> Option<&str> {
     if let Some(at) = paragraph.find("Options") {
         let rest = &paragraph[at..];
@@ -224,17 +228,17 @@ fn option_list(paragraph: &str, is_first: bool) -> Option<&str> {
     is_heading.then_some(list)
 }
 
-/// The options that a list names: `name (about), name and name (about)`. After the first sentence, only words with parentheses
+/// The options in a list such as `name (about), name and name (about)`. After the first sentence, only words with parentheses
 /// count as options.
-fn items(list: &str) -> Vec<OptionEntry> {
+fn listed_options(list: &str) -> Vec<OptionEntry> {
     let mut found = Vec::new();
     let mut is_list = !list.starts_with('`');
-    for item in split_outside(list) {
+    for item in split_list(list) {
         let item = item.trim();
         let item = ["and ", "or ", "with ", "either ", "one of "]
             .iter()
             .fold(item, |i, word| i.strip_prefix(word).unwrap_or(i));
-        // "refracted by ior (…)": the name stands before the parenthesis.
+        // In "refracted by ior (…)", the name is the word before the parenthesis.
         let item = [" by ", " over "].iter().fold(item, |i, word| {
             let before = i.find('(').unwrap_or(0);
             i[..before].rfind(word).map_or(i, |at| &i[at + word.len()..])
@@ -273,8 +277,9 @@ fn is_name(text: &str) -> bool {
         && text.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
 }
 
-/// The parts between commas, semicolons, sentences and the words that join options, outside parentheses and quotes.
-fn split_outside(list: &str) -> Vec<&str> {
+/// Splits a list at commas, semicolons, ends of sentences and words that join options, but not inside parentheses, quotes or
+/// code.
+fn split_list(list: &str) -> Vec<&str> {
     const BREAKS: [&str; 7] = [", ", "; ", ". ", " and ", " or ", " with ", ": "];
     let (mut parts, mut start, mut depth, mut quoted) = (Vec::new(), 0, 0i32, false);
     for (at, c) in list.char_indices() {
@@ -297,7 +302,7 @@ fn split_outside(list: &str) -> Vec<&str> {
     parts
 }
 
-/// The calls to whose options a list refers: "as in `text`", "all options of `shape`".
+/// Names of the calls to which a list refers by "as in" or "all options of", as in "as in `text`".
 fn referenced_calls(list: &str) -> Vec<&str> {
     let marks = ["as in ", "all options of "];
     let after =
@@ -305,13 +310,14 @@ fn referenced_calls(list: &str) -> Vec<&str> {
     after.map(|rest| name_at_start(rest.trim_start_matches('`'))).collect()
 }
 
+/// The name, such as `Cue.then`, with which a text begins.
 fn name_at_start(text: &str) -> &str {
     let end = text.find(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).unwrap_or(text.len());
     text[..end].trim_end_matches('.')
 }
 
 /// The quoted words of a description.
-fn quoted(text: &str) -> Vec<String> {
+fn quoted_words(text: &str) -> Vec<String> {
     let words = text.split('"').skip(1).step_by(2);
     let plain = |c: char| c.is_ascii_alphanumeric() || "_+-:".contains(c);
     let mut found: Vec<String> = Vec::new();
@@ -332,24 +338,24 @@ pub fn allow_comment(rule: &str) -> String {
 mod tests {
     use super::*;
 
-    fn names(full: &str) -> Vec<String> {
+    fn option_names(full: &str) -> Vec<String> {
         entry_by_full_name(full).unwrap().options().into_iter().map(|o| o.name).collect()
     }
 
     #[test]
     fn options_are_read_from_descriptions_of_all_forms() {
-        assert_eq!(names("load"), ["facing", "importer", "compress", "only"]);
-        assert_eq!(names("Joint.limit"), ["swing", "twist", "hinge", "axis"]);
-        assert_eq!(names("Actor.in_place"), names("Actor.root_motion"));
-        assert_eq!(names("panel"), ["at", "offset", "opacity", "anchor", "size", "color"]);
+        assert_eq!(option_names("load"), ["facing", "importer", "compress", "only"]);
+        assert_eq!(option_names("Joint.limit"), ["swing", "twist", "hinge", "axis"]);
+        assert_eq!(option_names("Actor.in_place"), option_names("Actor.root_motion"));
+        assert_eq!(option_names("panel"), ["at", "offset", "opacity", "anchor", "size", "color"]);
         for option in ["fade", "repeat", "in_step", "inertial", "trim"] {
-            assert!(names("Actor.play").iter().any(|name| name == option), "{option}");
+            assert!(option_names("Actor.play").iter().any(|name| name == option), "{option}");
         }
         assert!(
-            names("mesh").iter().any(|n| n == "roughness")
-                && !names("lines").iter().any(|n| n == "roughness")
+            option_names("mesh").iter().any(|n| n == "roughness")
+                && !option_names("lines").iter().any(|n| n == "roughness")
         );
-        assert!(!names("mesh").iter().any(|n| n == "size"), "{:?}", names("mesh"));
+        assert!(!option_names("mesh").iter().any(|n| n == "size"), "{:?}", option_names("mesh"));
     }
 
     #[test]

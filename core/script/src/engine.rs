@@ -4,7 +4,7 @@ use crate::api;
 use crate::api_error::{ApiError, Place};
 use crate::build::ScriptContext;
 use crate::call::{Call, Function};
-use crate::compile::{FORBIDDEN_NAMES, PARSE_TIMEOUT, constants, is_refused};
+use crate::compile::{FORBIDDEN_NAMES, PARSE_TIMEOUT, is_forbidden, scope_with_constants};
 use crate::def::{Def, ResultType};
 use crate::diagnostic::Severity;
 use crate::errors::{Thrown, throw};
@@ -22,17 +22,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 /// Makes the engine of one run, with the script API and the limits of `shared`.
-pub fn engine(shared: &Arc<ScriptContext>) -> Engine {
+pub fn make_engine(shared: &Arc<ScriptContext>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     engine.register_global_module(BasicBlobPackage::new().as_shared_module());
     let mut globals = rhai::Module::new();
-    for (name, _, value) in constants().iter() {
+    for (name, _, value) in scope_with_constants().iter() {
         globals.set_var(name, value);
     }
     engine.register_global_module(globals.into());
-    restrict(&mut engine, shared);
+    set_limits(&mut engine, shared);
     capture_output(&mut engine, shared);
-    watch_tokens(&mut engine, shared);
+    adapt_tokens(&mut engine, shared);
     engine.set_module_resolver(Modules::new(shared.clone()));
     register_types(&mut engine);
     api::maths::register(&mut engine);
@@ -45,13 +45,14 @@ pub fn engine(shared: &Arc<ScriptContext>) -> Engine {
     engine
 }
 
-fn restrict(engine: &mut Engine, shared: &Arc<ScriptContext>) {
+/// Disables forbidden functions and sets all limits.
+fn set_limits(engine: &mut Engine, shared: &Arc<ScriptContext>) {
     let limits = &shared.limits;
     for (name, _) in FORBIDDEN_NAMES {
         engine.disable_symbol(*name);
     }
     // Function pointers can call functions whose names are disabled, as in `Fn("sleep").call(9e9)`.
-    let refuse = |name: &str| throw(crate::errors::refused(name), Place::default());
+    let refuse = |name: &str| throw(crate::errors::forbidden_name_error(name), Place::default());
     engine.register_fn("sleep", move |_: i64| -> Result<(), Box<EvalAltResult>> { Err(refuse("sleep")) });
     engine.register_fn("sleep", move |_: f64| -> Result<(), Box<EvalAltResult>> { Err(refuse("sleep")) });
     engine.set_strict_variables(true);
@@ -59,7 +60,7 @@ fn restrict(engine: &mut Engine, shared: &Arc<ScriptContext>) {
     let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
     // Steps are counted by `on_progress`, which distinguishes callbacks of a frame from the script itself.
     engine.set_max_operations(0);
-    engine.set_max_call_levels(size(limits.call_levels.min(Limits::DEEPEST)));
+    engine.set_max_call_levels(size(limits.call_levels.min(Limits::MAX_CALL_LEVELS)));
     SizeLimits { string: size(limits.string), array: size(limits.array), map: size(limits.map) }
         .install(engine);
     engine.set_max_variables(size(limits.variables));
@@ -81,12 +82,13 @@ fn restrict(engine: &mut Engine, shared: &Arc<ScriptContext>) {
         if steps & 0x3f != 0 {
             return None;
         }
-        watched.upgrade().and_then(|shared| shared.late()).map(Into::into)
+        watched.upgrade().and_then(|shared| shared.exceeded_time_limit()).map(Into::into)
     });
 }
 
+/// Collects the lines of `print` and `debug` in the stage draft.
 fn capture_output(engine: &mut Engine, shared: &Arc<ScriptContext>) {
-    // Lines beyond the limit are only counted: a loop that prints must not fill the memory.
+    // Lines beyond the limit are only counted, so that a loop that prints cannot fill the memory.
     let keep = |shared: &std::sync::Weak<ScriptContext>, line: String| {
         if let Some(shared) = shared.upgrade() {
             let mut build = shared.build.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -102,16 +104,18 @@ fn capture_output(engine: &mut Engine, shared: &Arc<ScriptContext>) {
     });
 }
 
-/// Adapts the tokenizer. After a dot, Rhai's keywords are method names: `.loop()`, `.until(3.0)`; and `until` can be a key of an
+/// Adapts the tokenizer: keywords of Rhai after a dot are method names (`.loop()`, `.until(3.0)`), and `until` can be a key of an
 /// object map. Past the time limit every token is an error, because Rhai takes quadratic time to parse a file with many
 /// variables.
-fn watch_tokens(engine: &mut Engine, shared: &Arc<ScriptContext>) {
+fn adapt_tokens(engine: &mut Engine, shared: &Arc<ScriptContext>) {
+    // The kinds of the previous token.
     const OTHER: u8 = 0;
     const DOT: u8 = 1;
+    // A comma, or the start of an object map.
     const LIST: u8 = 2;
-    // The token before was a keyword that became a name. Rhai reads a minus after it as a sign, as after keywords.
+    // A keyword that became a name. Rhai reads a minus after it as a sign, as after keywords.
     const RENAMED: u8 = 3;
-    let before = AtomicU8::new(OTHER);
+    let previous = AtomicU8::new(OTHER);
     let watched = Arc::downgrade(shared);
     let count = AtomicU32::new(0);
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
@@ -121,34 +125,34 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<ScriptContext>) {
             *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = here;
         }
         if count.fetch_add(1, Ordering::Relaxed) & 0x3f == 0x3f
-            && watched.upgrade().is_some_and(|shared| shared.late().is_some())
+            && watched.upgrade().is_some_and(|shared| shared.exceeded_time_limit().is_some())
         {
             return Token::LexError(Box::new(rhai::LexError::Runtime(PARSE_TIMEOUT.into())));
         }
-        let now = match token {
+        let current = match token {
             Token::Period | Token::Elvis => DOT,
             Token::MapStart | Token::Comma => LIST,
             _ => OTHER,
         };
-        let was = before.swap(now, Ordering::Relaxed);
-        let renamed = |word: &str| {
-            before.store(RENAMED, Ordering::Relaxed);
+        let before = previous.swap(current, Ordering::Relaxed);
+        let as_name = |word: &str| {
+            previous.store(RENAMED, Ordering::Relaxed);
             Token::Identifier(Box::new(word.into()))
         };
-        if was == RENAMED {
+        if before == RENAMED {
             return match token {
                 Token::UnaryMinus => Token::Minus,
                 Token::UnaryPlus => Token::Plus,
-                Token::IntegerConstant(number) if number < 0 => sign_of_number(),
-                Token::FloatConstant(number) if number.0.is_sign_negative() => sign_of_number(),
+                Token::IntegerConstant(number) if number < 0 => missing_space_error(),
+                Token::FloatConstant(number) if number.0.is_sign_negative() => missing_space_error(),
                 token => token,
             };
         }
         // The keyword `until` only ends a `do { … }`, so after a comma the word is a key: `#{ fade: 0.4, until: 3.0 }`.
-        if was == LIST && token == Token::Until {
-            return renamed("until");
+        if before == LIST && token == Token::Until {
+            return as_name("until");
         }
-        if was != DOT {
+        if before != DOT {
             return token;
         }
         let word = match &token {
@@ -162,18 +166,19 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<ScriptContext>) {
             _ => return token,
         };
         let is_method = api::defs().iter().any(|def| def.on != HandleKind::None && def.name == word);
-        // Refused functions count as names, too; otherwise the parser would report the dot.
-        let is_name = is_method || is_refused(&word);
-        if is_name { renamed(&word) } else { token }
+        // Forbidden functions count as names, too; otherwise the parser would report the dot.
+        let is_name = is_method || is_forbidden(&word);
+        if is_name { as_name(&word) } else { token }
     });
 }
 
-/// The error for a minus and a number that the tokenizer has merged to one token, which cannot be split here.
-fn sign_of_number() -> Token {
+/// The error about a minus and a number that the tokenizer has read as one negative number, which cannot be split here.
+fn missing_space_error() -> Token {
     let text = "write a space between the minus and the number: after this name, a keyword of Rhai, they are read as one number";
     Token::LexError(Box::new(LexError::Runtime(text.into())))
 }
 
+/// Registers a function of the API under a name, once for each number of arguments.
 fn register(engine: &mut Engine, shared: &Arc<ScriptContext>, name: &str, function: &'static Function) {
     let def = &function.def;
     let counts: BTreeSet<usize> = def.forms().iter().map(Vec::len).collect();
@@ -183,16 +188,18 @@ fn register(engine: &mut Engine, shared: &Arc<ScriptContext>, name: &str, functi
             types.push(def.on.type_id());
         }
         types.extend(std::iter::repeat_n(TypeId::of::<Dynamic>(), count));
-        // A weak reference, because hooks on the stage keep both the engine and `shared` alive.
+        // A weak reference, because callbacks on the stage keep both the engine and `shared` alive.
         let shared = Arc::downgrade(shared);
         engine.register_raw_fn(name, types, move |context, args| match shared.upgrade() {
-            Some(shared) => dispatch(&shared, function, &context, args),
+            Some(shared) => call_function(&shared, function, &context, args),
             None => Ok(Dynamic::UNIT),
         });
     }
 }
 
-fn dispatch(
+/// Runs a function of the API. While the stage is built, an error is reported and replaced by a placeholder, so that the script
+/// goes on; other errors are thrown.
+fn call_function(
     shared: &Arc<ScriptContext>,
     Function { def, run }: &'static Function,
     context: &NativeCallContext,
@@ -205,24 +212,24 @@ fn dispatch(
         column: at.position().unwrap_or(0),
     };
     let in_frame = hook::in_frame();
-    if in_frame && !def.frame {
-        return Err(throw(not_in_frames(def), place));
+    if in_frame && !def.is_for_frames {
+        return Err(throw(error_in_frame(def), place));
     }
-    let stand_in = match def.returns {
+    let placeholder = match def.returns {
         ResultType::Nothing => Some(Dynamic::UNIT),
         ResultType::Receiver => Some(args[0].flatten_clone()),
         ResultType::Handle(kind) => Some(dead(kind)),
         ResultType::Value(_) => None,
     };
     if !in_frame && args.iter().any(|a| is_dead(a)) {
-        return stand_in.ok_or_else(|| throw(ApiError::silent(), place));
+        return placeholder.ok_or_else(|| throw(ApiError::silent(), place));
     }
-    if def.tests && !in_frame && !shared.test().running {
+    if def.is_for_tests && !in_frame && !shared.test().is_running {
         let error = ApiError::new(format!("{} can be used in test sections only", def.name))
             .hint("a section is test(\"name\", || { … }); choreo test runs it");
-        return match stand_in {
+        return match placeholder {
             Some(value) => {
-                shared.note(Severity::Error, &place, &error);
+                shared.add_diagnostic(Severity::Error, &place, &error);
                 Ok(value)
             }
             None => Err(throw(error, place)),
@@ -231,11 +238,11 @@ fn dispatch(
     let mut call = Call { shared, def, args, place: place.clone(), in_frame, context };
     match run(&mut call) {
         Ok(value) => Ok(value),
-        Err(error) => match stand_in {
+        Err(error) => match placeholder {
             Some(value) if !in_frame && !error.fatal => {
-                shared.note(Severity::Error, &place, &error);
+                shared.add_diagnostic(Severity::Error, &place, &error);
                 if let Some(expect) = args.first().and_then(|of| of.read_lock::<ExpectRef>()) {
-                    shared.test().compared(expect.id);
+                    shared.test().count_comparison(expect.id);
                 }
                 Ok(value)
             }
@@ -248,19 +255,21 @@ fn dispatch(
     }
 }
 
-fn not_in_frames(def: &Def) -> ApiError {
+/// The error that a function cannot be used inside `on_frame`.
+fn error_in_frame(def: &Def) -> ApiError {
     let error = ApiError::new(format!("{} cannot be used inside on_frame", def.full_name()));
-    if def.tests {
+    if def.is_for_tests {
         return error.hint("it is for test sections: test(\"name\", || { … })");
     }
-    let of_kind = api::defs().iter().filter(|d| d.on == def.on && d.frame && d.on != HandleKind::None);
-    let others: Vec<&str> = of_kind.map(|d| d.name).collect();
-    error.hint(match others.as_slice() {
+    let allowed =
+        api::defs().iter().filter(|d| d.on == def.on && d.is_for_frames && d.on != HandleKind::None);
+    let allowed: Vec<&str> = allowed.map(|d| d.name).collect();
+    error.hint(match allowed.as_slice() {
         [] => "it builds the stage and is called once; call it before on_frame".to_string(),
-        some => format!(
+        names => format!(
             "it builds the stage and is called once; in on_frame, {} has: {}",
             def.on.name(),
-            some.join(", ")
+            names.join(", ")
         ),
     })
 }

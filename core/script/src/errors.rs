@@ -1,15 +1,16 @@
-//! Translates errors of the Rhai interpreter to messages of this program.
+//! Translates errors of the Rhai interpreter into messages of this program.
 
 use crate::api_error::{ApiError, Place};
 use crate::build::ScriptContext;
 use crate::call::describe;
 use crate::compile::{
-    FORBIDDEN_NAMES, MANY_ARGUMENTS, MOST_ARGUMENTS, OPEN_COMMENT, PARSE_TIMEOUT, UnknownVariable, is_refused,
+    FORBIDDEN_NAMES, MANY_ARGUMENTS, MOST_ARGUMENTS, OPEN_COMMENT, PARSE_TIMEOUT, UnknownVariable,
+    is_forbidden,
 };
 use crate::def::Def;
 use crate::diagnostic::Severity;
+use crate::earlier_cause::EarlierCause;
 use crate::limits::raise_hint;
-use crate::misread::Misread;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms::{self, Suggestion};
 use crate::value::{HandleKind, POISON};
@@ -30,13 +31,13 @@ pub fn throw(error: ApiError, place: Place) -> Box<EvalAltResult> {
 }
 
 /// The error that a script uses a forbidden name.
-pub fn refused(name: &str) -> ApiError {
+pub fn forbidden_name_error(name: &str) -> ApiError {
     let why = FORBIDDEN_NAMES.iter().find(|(n, _)| *n == name).map_or("", |(_, why)| why);
     ApiError::new(format!("\"{name}\" cannot be used in a script: {why}"))
 }
 
 /// Place and message of an error of the interpreter. `file`: the script that was run.
-pub fn explain(error: &EvalAltResult, file: &str, shared: &ScriptContext) -> (Place, ApiError) {
+pub fn explain_error(error: &EvalAltResult, file: &str, shared: &ScriptContext) -> (Place, ApiError) {
     let place = |at: Position| Place {
         file: file.to_string(),
         line: at.line().unwrap_or(0),
@@ -45,27 +46,27 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &ScriptContext) -> (Pl
     match error {
         EvalAltResult::ErrorInFunctionCall(_, source, inner, at) => {
             let file = if source.is_empty() { file } else { source };
-            let (mut inside, error) = explain(inner, file, shared);
-            if inside.line == 0 {
-                inside = place(*at);
+            let (mut inner_place, error) = explain_error(inner, file, shared);
+            if inner_place.line == 0 {
+                inner_place = place(*at);
             }
-            (inside, error)
+            (inner_place, error)
         }
         EvalAltResult::ErrorInModule(source, inner, at) => {
             let file = if source.is_empty() { file } else { source };
-            let (inside, error) = explain(inner, file, shared);
-            if inside.line == 0 { (place(*at), error) } else { (inside, error) }
+            let (inner_place, error) = explain_error(inner, file, shared);
+            if inner_place.line == 0 { (place(*at), error) } else { (inner_place, error) }
         }
-        EvalAltResult::ErrorRuntime(value, at) => runtime(value, place(*at)),
-        EvalAltResult::ErrorTerminated(value, at) if value.is::<Thrown>() => runtime(value, place(*at)),
+        EvalAltResult::ErrorRuntime(value, at) => thrown_error(value, place(*at)),
+        EvalAltResult::ErrorTerminated(value, at) if value.is::<Thrown>() => thrown_error(value, place(*at)),
         other => {
             let place = place(other.position());
-            let misread = match other {
-                EvalAltResult::ErrorParsing(kind, _) => misread(kind, &place, shared),
+            let earlier_cause = match other {
+                EvalAltResult::ErrorParsing(kind, _) => earlier_cause(kind, &place, shared),
                 _ => None,
             };
-            misread.unwrap_or_else(|| {
-                let error = described(other, &place, shared);
+            earlier_cause.unwrap_or_else(|| {
+                let error = interpreter_error(other, &place, shared);
                 (place, error)
             })
         }
@@ -73,31 +74,32 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &ScriptContext) -> (Pl
 }
 
 /// Place and message of a parser error whose cause lies before the place at which the parser stops.
-fn misread(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> Option<(Place, ApiError)> {
+fn earlier_cause(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> Option<(Place, ApiError)> {
     let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
     let text = sources.get(&place.file).cloned()?;
     drop(sources);
-    let Misread { line, column, error } = Misread::find(kind, (place.line, place.column), &text)?;
+    let EarlierCause { line, column, error } = EarlierCause::find(kind, (place.line, place.column), &text)?;
     Some((Place { line, column, ..place.clone() }, error))
 }
 
 /// Message and hint of an error of the interpreter itself.
-fn described(error: &EvalAltResult, place: &Place, shared: &ScriptContext) -> ApiError {
+fn interpreter_error(error: &EvalAltResult, place: &Place, shared: &ScriptContext) -> ApiError {
     let limits = &shared.limits;
     match error {
-        EvalAltResult::ErrorParsing(kind, _) => parsing(kind, place, shared),
+        EvalAltResult::ErrorParsing(kind, _) => parser_error(kind, place, shared),
         EvalAltResult::ErrorVariableNotFound(name, _) => {
-            let reported = shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).contains(name);
+            let reported =
+                shared.reported_variables.lock().unwrap_or_else(PoisonError::into_inner).contains(name);
             if reported { ApiError::silent() } else { unknown_variable(name, place, shared) }
         }
         EvalAltResult::ErrorFunctionNotFound(signature, _) => unknown_function(signature, shared),
         EvalAltResult::ErrorModuleNotFound(name, _) => ApiError::new(format!("unknown module \"{name}\"")),
-        EvalAltResult::ErrorTerminated(limit, _) => limit_reached(limit, shared),
+        EvalAltResult::ErrorTerminated(limit, _) => limit_error(limit, shared),
         EvalAltResult::ErrorStackOverflow(_) => {
             ApiError::new("functions call each other too deeply; does one call itself without end?")
                 .hint(raise_hint("call_levels", format!("{} levels", limits.call_levels)))
         }
-        EvalAltResult::ErrorDataTooLarge(what, _) => too_large(what, shared),
+        EvalAltResult::ErrorDataTooLarge(what, _) => size_error(what, shared),
         EvalAltResult::ErrorTooManyVariables(_) => {
             ApiError::new("too many variables at once").hint(raise_hint("variables", limits.variables))
         }
@@ -120,13 +122,15 @@ fn described(error: &EvalAltResult, place: &Place, shared: &ScriptContext) -> Ap
         }
         EvalAltResult::ErrorIndexingType(kind, _) => {
             let kind = kind.split(" [").next().unwrap_or(kind);
-            ApiError::new(format!("{} cannot be indexed with []", a_type_word(kind)))
+            ApiError::new(format!("{} cannot be indexed with []", type_word_with_article(kind)))
         }
         EvalAltResult::ErrorArrayBounds(len, index, _) => {
-            ApiError::new(format!("index {index} is outside this array, which has {len} elements"))
+            let elements = format_count(*len, "element");
+            ApiError::new(format!("index {index} is outside this array, which has {elements}"))
         }
         EvalAltResult::ErrorStringBounds(len, index, _) => {
-            ApiError::new(format!("index {index} is outside this text, which has {len} characters"))
+            let characters = format_count(*len, "character");
+            ApiError::new(format!("index {index} is outside this text, which has {characters}"))
         }
         EvalAltResult::ErrorDataRace(name, _) => {
             let name = if name.is_empty() { "this value" } else { name };
@@ -142,10 +146,11 @@ fn described(error: &EvalAltResult, place: &Place, shared: &ScriptContext) -> Ap
     }
 }
 
-fn runtime(value: &Dynamic, place: Place) -> (Place, ApiError) {
+/// Place and message of a thrown value: an API error, or the value of a `throw` of the script.
+fn thrown_error(value: &Dynamic, place: Place) -> (Place, ApiError) {
     if let Some(thrown) = value.read_lock::<Thrown>() {
-        let own = thrown.place.line > 0;
-        return (if own { thrown.place.clone() } else { place }, thrown.error.clone());
+        let has_place = thrown.place.line > 0;
+        return (if has_place { thrown.place.clone() } else { place }, thrown.error.clone());
     }
     let text = match value.clone().into_string() {
         Ok(text) if !text.is_empty() => text,
@@ -156,7 +161,8 @@ fn runtime(value: &Dynamic, place: Place) -> (Place, ApiError) {
     (place, ApiError::new(text))
 }
 
-fn limit_reached(limit: &Dynamic, shared: &ScriptContext) -> ApiError {
+/// The error that a run has exceeded a limit. `limit`: its name.
+fn limit_error(limit: &Dynamic, shared: &ScriptContext) -> ApiError {
     let name = limit.clone().into_string().unwrap_or_default();
     let limits = &shared.limits;
     match name.as_str() {
@@ -170,7 +176,7 @@ fn limit_reached(limit: &Dynamic, shared: &ScriptContext) -> ApiError {
             .hint(raise_hint(&name, format!("{} s", limits.seconds))),
         "timeout" => match shared.timeout.map(|timeout| timeout.error()) {
             Some((what, hint)) => ApiError::new(what).hint(hint),
-            None => ApiError::new("the section takes too long"),
+            None => ApiError::new("the test section takes too long"),
         },
         "memory" => ApiError::new("the script uses too much memory")
             .hint(raise_hint(&name, format!("{} bytes", limits.memory))),
@@ -179,7 +185,8 @@ fn limit_reached(limit: &Dynamic, shared: &ScriptContext) -> ApiError {
     }
 }
 
-fn too_large(what: &str, shared: &ScriptContext) -> ApiError {
+/// The error that a text, map or array grows too large. `what`: its type as Rhai names it.
+fn size_error(what: &str, shared: &ScriptContext) -> ApiError {
     let limits = &shared.limits;
     let lower = what.to_lowercase();
     if lower.contains("string") {
@@ -194,18 +201,19 @@ fn too_large(what: &str, shared: &ScriptContext) -> ApiError {
     }
 }
 
-fn parsing(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> ApiError {
+/// Message and hint of an error of the parser.
+fn parser_error(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> ApiError {
     match kind {
         ParseErrorType::VariableUndefined(name) => unknown_variable(name, place, shared),
         ParseErrorType::ModuleUndefined(name) => ApiError::new(format!("unknown module \"{name}\""))
             .hint(format!("write import \"file\" as {name}; before it is used")),
-        ParseErrorType::Reserved(word) | ParseErrorType::UnknownOperator(word) if is_refused(word) => {
-            refused(word)
+        ParseErrorType::Reserved(word) | ParseErrorType::UnknownOperator(word) if is_forbidden(word) => {
+            forbidden_name_error(word)
         }
         ParseErrorType::BadInput(LexError::ImproperSymbol(word, _) | LexError::Runtime(word))
-            if is_refused(word) =>
+            if is_forbidden(word) =>
         {
-            refused(word)
+            forbidden_name_error(word)
         }
         ParseErrorType::BadInput(LexError::Runtime(why)) if why == PARSE_TIMEOUT => {
             ApiError::new("the script takes too long to read; split it into functions and modules")
@@ -243,9 +251,9 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> ApiE
         }
         ParseErrorType::TooManyFunctions => ApiError::new("too many functions in one file")
             .hint(raise_hint("functions", shared.limits.functions)),
-        ParseErrorType::LiteralTooLarge(what, _) => too_large(what, shared),
+        ParseErrorType::LiteralTooLarge(what, _) => size_error(what, shared),
         ParseErrorType::MissingToken(token, why) => {
-            ApiError::new(format!("expected {} {}", quote(token), why.trim()))
+            ApiError::new(format!("expected {} {}", quote_symbol(token), why.trim()))
         }
         ParseErrorType::AssignmentToConstant(name) => {
             ApiError::new(format!("\"{name}\" is a constant and cannot be changed"))
@@ -254,26 +262,27 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> ApiE
     }
 }
 
-fn quote(token: &str) -> String {
+/// A token for a message: punctuation in quotes.
+fn quote_symbol(token: &str) -> String {
     if token.chars().all(|c| c.is_ascii_punctuation()) { format!("\"{token}\"") } else { token.to_string() }
 }
 
 /// Reports the unknown variables of a file.
-pub(crate) fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &ScriptContext) {
+pub(crate) fn report_unknown_variables(unknown: &[UnknownVariable], file: &str, shared: &ScriptContext) {
     for variable in unknown {
         let (line, column) = (variable.at.line().unwrap_or(0), variable.at.position().unwrap_or(0));
         let place = Place { file: file.to_string(), line, column };
-        shared.note(Severity::Error, &place, &unknown_variable(&variable.name, &place, shared));
+        shared.add_diagnostic(Severity::Error, &place, &unknown_variable(&variable.name, &place, shared));
     }
 }
 
 /// Marks unknown variables as reported, so that errors that they cause at run time are not shown.
 pub(crate) fn mark_as_reported(unknown: &[UnknownVariable], shared: &ScriptContext) {
     let names = unknown.iter().map(|variable| variable.name.clone());
-    shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
+    shared.reported_variables.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
 }
 
-/// Whether a message belongs to an error that another error has caused.
+/// Whether a message belongs to an error that another error has caused, so that it is not shown.
 pub(crate) fn is_follow_up(message: &str) -> bool {
     message.is_empty() || message.contains(POISON)
 }
@@ -283,7 +292,7 @@ fn unknown_variable(name: &str, place: &Place, shared: &ScriptContext) -> ApiErr
     let text = sources.get(&place.file).cloned().unwrap_or_default();
     drop(sources);
     let mut known = declared_names(&text, place.line);
-    let below = declared_names(&text, usize::MAX);
+    let declared_anywhere = declared_names(&text, usize::MAX);
     known.extend(["PI".to_string(), "TAU".to_string()]);
     let error = ApiError::new(format!(
         "unknown variable \"{name}\"{}",
@@ -292,7 +301,7 @@ fn unknown_variable(name: &str, place: &Place, shared: &ScriptContext) -> ApiErr
     if known.contains(name) {
         return error.hint("a function sees its parameters only: pass it as one");
     }
-    if below.contains(name) {
+    if declared_anywhere.contains(name) {
         return error.hint("it is declared further down: move that line up");
     }
     if shared.defs.iter().any(|d| d.name == name && d.on == HandleKind::None) {
@@ -301,7 +310,7 @@ fn unknown_variable(name: &str, place: &Place, shared: &ScriptContext) -> ApiErr
     if closest(name, known.iter().map(String::as_str)).is_some() {
         return error;
     }
-    match synonyms::of_function(shared.defs, name, HandleKind::None) {
+    match synonyms::suggest_function(shared.defs, name, HandleKind::None) {
         Some(synonym) => error.hint(synonym.hint),
         None => error,
     }
@@ -310,38 +319,48 @@ fn unknown_variable(name: &str, place: &Place, shared: &ScriptContext) -> ApiErr
 /// The error about an unknown function. `signature`: `name (type, type)`.
 fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
     let (name, types) = signature_parts(signature);
-    let got = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
+    let argument_types = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
     if name.starts_with("anon$") {
-        return ApiError::new("this function is called with the wrong number of arguments")
-            .hint(format!("it is called with ({}); an on_frame callback takes the time, |t| …", got()));
+        return ApiError::new("this function is called with the wrong number of arguments").hint(format!(
+            "it is called with ({}); an on_frame callback takes the time, |t| …",
+            argument_types()
+        ));
     }
     if let Some(error) = operator_error(signature) {
         return ApiError::new(error);
     }
     if FORBIDDEN_NAMES.iter().any(|(n, _)| *n == name) {
-        return refused(name);
+        return forbidden_name_error(name);
     }
-    let same: Vec<&Def> = shared.defs.iter().filter(|d| d.name == name).collect();
+    let with_name: Vec<&Def> = shared.defs.iter().filter(|d| d.name == name).collect();
     let receiver = types.first().and_then(|t| HandleKind::from_name(t));
     if let Some(kind) = receiver {
-        if let Some(def) = same.iter().find(|d| d.on == kind) {
-            return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len() - 1)))
-                .hint(format!("{}.{}: {}", kind.name(), def.name, def.about().join(" ")));
+        if let Some(def) = with_name.iter().find(|d| d.on == kind) {
+            return ApiError::new(format!(
+                "write {}, not with {}",
+                def.usage(),
+                format_count(types.len() - 1, "argument")
+            ))
+            .hint(format!("{}.{}: {}", kind.name(), def.name, def.about().join(" ")));
         }
         return unknown_member(name, kind.name(), shared);
     }
-    if let Some(def) = same.iter().find(|d| d.on == HandleKind::None) {
-        return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len())))
-            .hint(format!("{}: {}", def.name, def.about().join(" ")));
+    if let Some(def) = with_name.iter().find(|d| d.on == HandleKind::None) {
+        return ApiError::new(format!(
+            "write {}, not with {}",
+            def.usage(),
+            format_count(types.len(), "argument")
+        ))
+        .hint(format!("{}: {}", def.name, def.about().join(" ")));
     }
     if let Some((_, args, about)) = shared.defs.maths.iter().find(|f| f.0 == name) {
-        return ApiError::new(format!("write {name}({args}) with numbers, not {name}({})", got()))
+        return ApiError::new(format!("write {name}({args}) with numbers, not {name}({})", argument_types()))
             .hint(format!("{name}: {about}"));
     }
     // Functions of tests are not suggested: many of their names are everyday words.
-    let plain: Vec<&Def> = same.iter().filter(|d| !d.tests).copied().collect();
-    if let Some(def) = plain.first() {
-        let kinds: Vec<&str> = plain.iter().map(|d| d.on.name()).collect();
+    let outside_tests: Vec<&Def> = with_name.iter().filter(|d| !d.is_for_tests).copied().collect();
+    if let Some(def) = outside_tests.first() {
+        let kinds: Vec<&str> = outside_tests.iter().map(|d| d.on.name()).collect();
         return ApiError::new(format!(
             "{name} is a method of {}, not of {}",
             kinds.join(", "),
@@ -352,61 +371,70 @@ fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
         ))
         .hint(format!("write x.{}", def.usage()));
     }
-    let own = shared.functions.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    if let Some((_, count)) = own.iter().find(|(n, _)| n == name) {
-        return ApiError::new(format!("{name} takes {}, not {}", arguments(*count), types.len()));
+    let script_functions = shared.functions.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    if let Some((_, count)) = script_functions.iter().find(|(n, _)| n == name) {
+        return ApiError::new(format!(
+            "{name} takes {}, not {}",
+            format_count(*count, "argument"),
+            types.len()
+        ));
     }
     let globals = shared.defs.iter().filter(|d| d.on == HandleKind::None).map(|d| d.name);
     let known: Vec<&str> = globals
         .chain(shared.defs.maths.iter().map(|f| f.0))
-        .chain(own.iter().map(|(n, _)| n.as_str()))
+        .chain(script_functions.iter().map(|(n, _)| n.as_str()))
         .chain(synonyms::ALIASES.iter().map(|(alias, _)| *alias))
         .collect();
     let unknown = format!("unknown function \"{name}\"");
     // The receiver may be a number or a text, so functions are suggested first.
-    if let Some(synonym) = synonyms::of_function(shared.defs, name, HandleKind::None) {
-        return ApiError::new(format!("{unknown}{}", meaning(&synonym.name))).hint(synonym.hint);
+    if let Some(synonym) = synonyms::suggest_function(shared.defs, name, HandleKind::None) {
+        return ApiError::new(format!("{unknown}{}", suggestion_text(&synonym.name))).hint(synonym.hint);
     }
     ApiError::new(format!("{unknown}{}", did_you_mean(name, known.iter().copied())))
-        .hint(format!("called with ({})", got()))
+        .hint(format!("called with ({})", argument_types()))
 }
 
-fn arguments(count: usize) -> String {
-    if count == 1 { "1 argument".to_string() } else { format!("{count} arguments") }
+/// A count with its noun in the singular or plural: "1 argument", "2 arguments".
+pub(crate) fn format_count(count: usize, noun: &str) -> String {
+    if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
 }
 
+/// The error about an unknown method or property. `kind`: the type of the value, as Rhai names it.
 fn unknown_member(name: &str, kind: &str, shared: &ScriptContext) -> ApiError {
     let Some(on) = HandleKind::from_name(kind) else {
-        return ApiError::new(format!("{} has no \"{name}\"", a_type_word(kind)));
+        return ApiError::new(format!("{} has no \"{name}\"", type_word_with_article(kind)));
     };
     let methods: Vec<&str> = shared.defs.iter().filter(|d| d.on == on).map(|d| d.name).collect();
     if methods.contains(&name) {
         return ApiError::new(format!("{name} is a method of {kind}: write .{name}(…)"));
     }
-    let others: Vec<&str> = shared
+    let other_kinds: Vec<&str> = shared
         .defs
         .iter()
         .filter(|d| d.name == name && d.on != HandleKind::None)
         .map(|d| d.on.name())
         .collect();
-    let synonym = synonyms::of_function(shared.defs, name, on);
-    let own = |synonym: &Suggestion| methods.contains(&&*synonym.name);
+    let synonym = synonyms::suggest_function(shared.defs, name, on);
+    let is_method = |synonym: &Suggestion| methods.contains(&&*synonym.name);
     let (suggestion, hint) = match (closest(name, methods.iter().copied()), synonym) {
-        (_, Some(synonym)) if own(&synonym) => (meaning(&synonym.name), Some(synonym.hint)),
-        (Some(close), _) => (meaning(close), None),
-        (None, _) if !others.is_empty() => (format!("; it is a method of {}", others.join(", ")), None),
-        (None, Some(synonym)) => (meaning(&synonym.name), Some(synonym.hint)),
+        (_, Some(synonym)) if is_method(&synonym) => (suggestion_text(&synonym.name), Some(synonym.hint)),
+        (Some(close), _) => (suggestion_text(close), None),
+        (None, _) if !other_kinds.is_empty() => {
+            (format!("; it is a method of {}", other_kinds.join(", ")), None)
+        }
+        (None, Some(synonym)) => (suggestion_text(&synonym.name), Some(synonym.hint)),
         (None, None) => (String::new(), None),
     };
     let methods = || format!("methods of {kind}: {}", list(methods.iter().copied(), 40));
     ApiError::new(format!("{kind} has no method \"{name}\"{suggestion}")).hint(hint.unwrap_or_else(methods))
 }
 
-fn meaning(name: &str) -> String {
+fn suggestion_text(name: &str) -> String {
     format!("; did you mean \"{name}\"?")
 }
 
-fn a_type_word(rust: &str) -> String {
+/// The word for a Rust type with its article, such as "an array".
+fn type_word_with_article(rust: &str) -> String {
     let word = type_word(rust);
     let article =
         if word.starts_with(['A', 'E', 'I', 'O', 'U', 'a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };

@@ -5,7 +5,7 @@ use choreo_files::{FileError, Folder};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Why a file cannot be read, with a hint.
+/// The error that a file cannot be read or imported.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoadError {
     pub message: String,
@@ -34,8 +34,8 @@ impl std::error::Error for LoadError {}
 #[derive(Clone, Debug)]
 pub struct Folders {
     roots: Vec<Root>,
-    /// Number of leading roots that are the script's own; modules are read from these only.
-    own: usize,
+    /// Number of leading roots that are the script's own. Modules are read from these only.
+    own_root_count: usize,
     max_bytes: u64,
 }
 
@@ -45,16 +45,16 @@ struct Root {
     /// The path as the caller named it, for messages.
     given: PathBuf,
     canonical: PathBuf,
-    /// Open handle of the folder. Files are opened relative to it, so that they cannot be exchanged after they were found.
+    /// Open handle of the folder. Files are opened relative to it, so that a link that replaces a found file is not followed.
     /// `None`: the folder can be entered but not opened.
-    open: Option<Arc<Folder>>,
+    handle: Option<Arc<Folder>>,
 }
 
 impl Root {
     fn new(given: &Path) -> std::io::Result<Root> {
         let canonical = given.canonicalize()?;
-        let open = Folder::open(&canonical).ok().map(Arc::new);
-        Ok(Root { given: given.to_path_buf(), canonical, open })
+        let handle = Folder::open(&canonical).ok().map(Arc::new);
+        Ok(Root { given: given.to_path_buf(), canonical, handle })
     }
 }
 
@@ -84,7 +84,7 @@ impl Folders {
             }
             roots.push(root);
         }
-        Ok(Folders { roots, own: 1, max_bytes })
+        Ok(Folders { roots, own_root_count: 1, max_bytes })
     }
 
     /// Adds a root folder for tests. It must contain the script's folder; everything in it counts as the script's own, and names
@@ -101,16 +101,21 @@ impl Folders {
         }
         if self.base() != outer.canonical {
             self.roots.insert(1, outer);
-            self.own = 2;
+            self.own_root_count = 2;
         }
         Ok(self)
     }
 
-    /// The same access, restricted to the script's own folders, for modules.
-    pub(crate) fn base_only(&self) -> Folders {
-        Folders { roots: self.roots[..self.own].to_vec(), own: self.own, max_bytes: self.max_bytes }
+    /// Access to the script's own folders only, for modules.
+    pub(crate) fn without_search_paths(&self) -> Folders {
+        Folders {
+            roots: self.roots[..self.own_root_count].to_vec(),
+            own_root_count: self.own_root_count,
+            max_bytes: self.max_bytes,
+        }
     }
 
+    /// Canonical path of the script's folder.
     pub fn base(&self) -> &Path {
         &self.roots[0].canonical
     }
@@ -120,8 +125,8 @@ impl Folders {
         self.find_reporting(start, name, &mut |_| ())
     }
 
-    /// [`Folders::find`] with a report: `report` receives each path that was looked up in vain or is a link: a change there would
-    /// change the result.
+    /// Finds a file as [`Folders::find`] does. `report` receives each looked-up path that does not exist or is a link, because a
+    /// change there would change the result.
     pub(crate) fn find_reporting(
         &self,
         start: Option<&Path>,
@@ -129,27 +134,27 @@ impl Folders {
         report: &mut dyn FnMut(&Path),
     ) -> Result<FoundFile, LoadError> {
         let refuse = |why: &str| {
-            Err(LoadError::new(format!("cannot read \"{}\": {why}", cut(name))).hint(format!(
+            Err(LoadError::new(format!("cannot read \"{}\": {why}", shortened(name))).hint(format!(
                 "a script reads files in its own folder and in the folders given with --search: {}",
-                self.shown()
+                self.quoted_roots()
             )))
         };
         let name_slashes = name.replace('\\', "/");
-        let drive = name_slashes.as_bytes().get(1) == Some(&b':');
+        let has_drive = name_slashes.as_bytes().get(1) == Some(&b':');
         if name.is_empty() {
             return refuse("the name is empty");
         }
         if name.contains('\0') {
-            return refuse("the name holds a zero byte");
+            return refuse("the name contains a zero byte");
         }
-        if name_slashes.starts_with('/') || drive || Path::new(name).is_absolute() {
+        if name_slashes.starts_with('/') || has_drive || Path::new(name).is_absolute() {
             return refuse("it is an absolute path");
         }
         let mut escapes = true;
-        for (prefix, root) in self.starts(start) {
-            let Some(parts) = flatten(&prefix, &name_slashes) else { continue };
+        for (prefix, root) in self.lookup_folders(start) {
+            let Some(components) = normalized_components(&prefix, &name_slashes) else { continue };
             escapes = false;
-            let candidate = parts.iter().fold(root.clone(), |p, part| p.join(part));
+            let candidate = components.iter().fold(root.clone(), |p, component| p.join(component));
             let path = match candidate.canonicalize() {
                 Ok(path) => {
                     if path != candidate {
@@ -164,7 +169,7 @@ impl Folders {
                 Err(e) => {
                     report(&candidate);
                     let why = FileError::Io(e);
-                    return Err(LoadError::new(format!("cannot read \"{}\": {why}", cut(name))));
+                    return Err(LoadError::new(format!("cannot read \"{}\": {why}", shortened(name))));
                 }
             };
             if !self.roots.iter().any(|r| path.starts_with(&r.canonical)) {
@@ -181,17 +186,17 @@ impl Folders {
         if escapes {
             return refuse("it leads out of the folders this script may read");
         }
-        Err(self.missing(start, name, &name_slashes))
+        Err(self.missing_file_error(start, name, &name_slashes))
     }
 
     /// Reads a found file, up to the limit.
     pub fn read(&self, found: &FoundFile, name: &str) -> Result<Vec<u8>, LoadError> {
-        let within = |root: &Root| {
-            Some((root.open.clone()?, found.path.strip_prefix(&root.canonical).ok()?.to_path_buf()))
+        let in_root = |root: &Root| {
+            Some((root.handle.clone()?, found.path.strip_prefix(&root.canonical).ok()?.to_path_buf()))
         };
         // The script itself may lie outside the roots, because the user named it.
-        let read = match self.roots.iter().find_map(within) {
-            Some((folder, inside)) => folder.read(&inside, self.max_bytes),
+        let read = match self.roots.iter().find_map(in_root) {
+            Some((folder, relative)) => folder.read(&relative, self.max_bytes),
             None => choreo_files::read(&found.path, self.max_bytes),
         };
         read.map_err(|error| match error {
@@ -203,43 +208,45 @@ impl Folders {
     }
 
     /// Folders in which a name is looked up, each as (path components below the root, canonical root).
-    fn starts(&self, start: Option<&Path>) -> Vec<(Vec<String>, PathBuf)> {
-        let mut starts = Vec::new();
-        if let Some(start) = start.or((self.own > 1).then(|| self.base())) {
+    fn lookup_folders(&self, start: Option<&Path>) -> Vec<(Vec<String>, PathBuf)> {
+        let mut folders = Vec::new();
+        if let Some(start) = start.or((self.own_root_count > 1).then(|| self.base())) {
             for root in &self.roots {
                 if let Ok(below) = start.strip_prefix(&root.canonical) {
-                    let parts =
+                    let components =
                         below.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
-                    starts.push((parts, root.canonical.clone()));
+                    folders.push((components, root.canonical.clone()));
                 }
             }
         }
-        starts.extend(self.roots.iter().map(|root| (Vec::new(), root.canonical.clone())));
-        starts
+        folders.extend(self.roots.iter().map(|root| (Vec::new(), root.canonical.clone())));
+        folders
     }
 
-    fn shown(&self) -> String {
+    /// Paths of the roots as the caller named them, in quotes.
+    fn quoted_roots(&self) -> String {
         let names: Vec<String> =
             self.roots.iter().map(|root| format!("\"{}\"", root.given.display())).collect();
         names.join(", ")
     }
 
-    fn missing(&self, start: Option<&Path>, name: &str, name_slashes: &str) -> LoadError {
-        // Maximum number of names read from a folder to suggest one: a folder can have millions.
-        const MOST: usize = 2000;
+    /// The error that a file does not exist, with a suggestion from the files in its folder.
+    fn missing_file_error(&self, start: Option<&Path>, name: &str, name_slashes: &str) -> LoadError {
+        // Maximum number of names read from a folder, which can contain millions, to suggest one.
+        const MAX_NAMES: usize = 2000;
         let (folder, file) = name_slashes.rsplit_once('/').unwrap_or(("", name_slashes));
         let mut names = Vec::new();
-        for (prefix, root) in self.starts(start) {
-            let Some(parts) = flatten(&prefix, folder) else { continue };
-            let dir = parts.iter().fold(root, |p, part| p.join(part));
-            // A folder outside the roots that a link leads to must not be listed, either.
-            let inside =
+        for (prefix, root) in self.lookup_folders(start) {
+            let Some(components) = normalized_components(&prefix, folder) else { continue };
+            let dir = components.iter().fold(root, |p, component| p.join(component));
+            // A folder outside the roots to which a link leads must not be listed.
+            let is_inside =
                 dir.canonicalize().is_ok_and(|d| self.roots.iter().any(|r| d.starts_with(&r.canonical)));
-            if let (true, Ok(entries)) = (inside, std::fs::read_dir(&dir)) {
+            if let (true, Ok(entries)) = (is_inside, std::fs::read_dir(&dir)) {
                 names.extend(
                     entries
                         .flatten()
-                        .take(MOST)
+                        .take(MAX_NAMES)
                         .filter(|e| e.path().is_file())
                         .map(|e| e.file_name().to_string_lossy().into_owned()),
                 );
@@ -247,7 +254,8 @@ impl Folders {
         }
         names.sort();
         names.dedup();
-        let mut message = format!("cannot read \"{}\": no such file in {}", cut(name), self.shown());
+        let mut message =
+            format!("cannot read \"{}\": no such file in {}", shortened(name), self.quoted_roots());
         if let Some(close) = closest(file, names.iter().map(String::as_str)) {
             let close = if folder.is_empty() { close.to_string() } else { format!("{folder}/{close}") };
             message.push_str(&format!("; did you mean \"{close}\"?"));
@@ -261,23 +269,23 @@ impl Folders {
 }
 
 /// A name shortened for messages.
-fn cut(name: &str) -> String {
+fn shortened(name: &str) -> String {
     name.chars().take(200).collect()
 }
 
-/// The parts of `prefix/name` with `.` and `..` resolved; `None` where `..` climbs above the root.
-fn flatten(prefix: &[String], name: &str) -> Option<Vec<String>> {
-    let mut parts = prefix.to_vec();
-    for part in name.split('/') {
-        match part {
+/// The components of `prefix/name` with `.` and `..` resolved; `None` if `..` leads above the root.
+fn normalized_components(prefix: &[String], name: &str) -> Option<Vec<String>> {
+    let mut components = prefix.to_vec();
+    for component in name.split('/') {
+        match component {
             "" | "." => {}
             ".." => {
-                parts.pop()?;
+                components.pop()?;
             }
-            part => parts.push(part.to_string()),
+            component => components.push(component.to_string()),
         }
     }
-    Some(parts)
+    Some(components)
 }
 
 #[cfg(all(test, unix))]
@@ -286,9 +294,8 @@ mod tests {
     use std::fs;
     use std::os::unix::fs::symlink;
 
-    /// A file that is replaced after it was found is not read.
     #[test]
-    fn a_file_that_is_exchanged_after_it_was_found_is_refused() {
+    fn a_link_that_replaces_a_found_file_is_not_followed() {
         let outer = tempfile::tempdir().unwrap();
         let inside = outer.path().join("inside");
         fs::create_dir_all(inside.join("below")).unwrap();

@@ -1,23 +1,23 @@
 //! Constant folding in a script's text: expressions of literals alone become the literals that they evaluate to.
 
-use crate::tokens::{ScriptToken, TokenKind, Tokens, lexed};
+use crate::tokens::{ScriptToken, TokenKind, Tokens, lex};
 use rhai::{Dynamic, Engine};
 use std::ops::Range;
 
-/// Maximum characters of a folded number; a longer one is harder to read than the expression that it replaces.
-const LONGEST_NUMBER: usize = 32;
+/// Maximum number of characters of a folded number. A longer number is harder to read than the expression.
+const MAX_NUMBER_LENGTH: usize = 32;
 
 /// Byte ranges of constant expressions that contain one of the byte offsets `places`, in order, with the literals that replace
 /// them: `"post 1"` for `"post " + 1`. An expression is the text between brackets, commas and other separators. If it has names
-/// or calls, only the expressions within its brackets and interpolations are folded; one that fails to evaluate is not folded.
-/// Rhai itself evaluates.
+/// or calls, only the expressions within its brackets and interpolations are folded. An expression that fails to evaluate is not
+/// folded. Rhai evaluates the expressions.
 pub fn constant_expressions(text: &str, places: &[usize]) -> Vec<(Range<usize>, String)> {
-    let Tokens { all, inner } = lexed(text);
+    let Tokens { all, inner } = lex(text);
     let interpolations = inner.into_iter().map(|code| code.range).collect();
     let engine = choreo_sandbox::engine();
     let mut folding =
         Folding { text, tokens: all, interpolations, places, engine: &engine, found: Vec::new() };
-    folding.region(0..folding.tokens.len());
+    folding.fold_tokens(0..folding.tokens.len());
     folding.found
 }
 
@@ -33,72 +33,78 @@ struct Folding<'t> {
 
 impl Folding<'_> {
     /// Folds the expressions in a range of tokens.
-    fn region(&mut self, row: Range<usize>) {
-        let (mut start, mut at) = (row.start, row.start);
-        while at < row.end {
-            let last = if is_open(self.token(at)) { self.closing(at, row.end) } else { at };
-            if separates(self.token(at)) {
-                self.expression(start..at);
+    fn fold_tokens(&mut self, tokens: Range<usize>) {
+        let (mut start, mut at) = (tokens.start, tokens.start);
+        while at < tokens.end {
+            let last = if is_opening_bracket(self.token(at)) { self.closing(at, tokens.end) } else { at };
+            if is_separator(self.token(at)) {
+                self.fold_expression(start..at);
                 start = last + 1;
             }
             if self.token(at) == "{" {
                 // The block may be the left side of an operator.
-                let is_side =
-                    last + 1 < row.end && self.is_operator(last + 1) && !separates(self.token(last + 1));
-                match is_side {
+                let is_left_operand = last + 1 < tokens.end
+                    && self.is_operator(last + 1)
+                    && !is_separator(self.token(last + 1));
+                match is_left_operand {
                     true => start = at,
-                    false => self.region(at + 1..last),
+                    false => self.fold_tokens(at + 1..last),
                 }
             }
             at = last + 1;
         }
-        self.expression(start..row.end);
+        self.fold_expression(start..tokens.end);
     }
 
-    fn expression(&mut self, row: Range<usize>) {
-        if row.is_empty() || !self.has_place(&self.bytes(&row)) {
+    /// Folds the expression that a range of tokens forms, else the expressions inside it.
+    fn fold_expression(&mut self, tokens: Range<usize>) {
+        if tokens.is_empty() || !self.has_place(&self.bytes(&tokens)) {
             return;
         }
-        let bytes = self.bytes(&row);
-        if let Some(literal) = constant(self.engine, &self.text[bytes.clone()]) {
+        let bytes = self.bytes(&tokens);
+        if let Some(literal) = evaluated_literal(self.engine, &self.text[bytes.clone()]) {
             self.found.push((bytes, literal));
             return;
         }
-        let mut at = row.start;
-        while at < row.end {
-            if is_open(self.token(at)) {
-                let close = self.closing(at, row.end);
-                self.brackets(&row, at, close);
+        let mut at = tokens.start;
+        while at < tokens.end {
+            if is_opening_bracket(self.token(at)) {
+                let close = self.closing(at, tokens.end);
+                self.fold_brackets(&tokens, at, close);
                 at = close;
             } else if self.token(at).starts_with('`') {
-                self.string(at);
+                self.fold_string(at);
             }
             at += 1;
         }
     }
 
-    /// Folds the inside of brackets. Parentheses that only group a literal are removed where they have no effect.
-    fn brackets(&mut self, row: &Range<usize>, open: usize, close: usize) {
-        let is_group =
-            self.token(open) == "(" && close < row.end && (open == row.start || self.is_operator(open - 1));
+    /// Folds the inside of brackets. Parentheses that only group a literal are removed if they have no effect. `expression`: the
+    /// tokens of the expression around the brackets.
+    fn fold_brackets(&mut self, expression: &Range<usize>, open: usize, close: usize) {
+        let is_group = self.token(open) == "("
+            && close < expression.end
+            && (open == expression.start || self.is_operator(open - 1));
         let inside = self.bytes(&(open + 1..close));
-        let next = if close + 1 < row.end { self.token(close + 1) } else { "" };
-        let is_used = matches!(next, "." | "?." | "[" | "?[");
-        let literal = constant(self.engine, &self.text[inside.clone()]).or_else(|| {
+        let next = if close + 1 < expression.end { self.token(close + 1) } else { "" };
+        let has_member_access = matches!(next, "." | "?." | "[" | "?[");
+        let literal = evaluated_literal(self.engine, &self.text[inside.clone()]).or_else(|| {
             is_literal(&self.text[inside.clone()]).then(|| self.text[inside.clone()].to_string())
         });
         match literal {
-            Some(literal) if is_group && !is_used && !literal.starts_with('-') && self.has_place(&inside) => {
+            Some(literal)
+                if is_group && !has_member_access && !literal.starts_with('-') && self.has_place(&inside) =>
+            {
                 self.found.push((self.bytes(&(open..close + 1)), literal));
             }
-            _ => self.region(open + 1..close),
+            _ => self.fold_tokens(open + 1..close),
         }
     }
 
     /// Folds a string with interpolations, or only its constant interpolations: `${1}` becomes text.
-    fn string(&mut self, at: usize) {
+    fn fold_string(&mut self, at: usize) {
         let string = self.tokens[at].range.clone();
-        if let Some(literal) = constant(self.engine, &self.text[string.clone()]) {
+        if let Some(literal) = evaluated_literal(self.engine, &self.text[string.clone()]) {
             self.found.extend(self.has_place(&string).then_some((string, literal)));
             return;
         }
@@ -106,40 +112,40 @@ impl Folding<'_> {
         for code in
             self.interpolations.iter().filter(|code| string.contains(&code.start) && self.has_place(code))
         {
-            let whole = code.start - "$".len()..code.end;
-            let literal = constant(self.engine, &format!("`{}`", &self.text[whole.clone()]));
+            let interpolation = code.start - "$".len()..code.end;
+            let literal = evaluated_literal(self.engine, &format!("`{}`", &self.text[interpolation.clone()]));
             let shown = literal.as_deref().and_then(|literal| literal.strip_prefix('"')?.strip_suffix('"'));
             if let Some(shown) = shown.filter(|shown| !shown.contains(['`', '$', '\\'])) {
-                found.push((whole, shown.to_string()));
+                found.push((interpolation, shown.to_string()));
                 continue;
             }
             let inside = code.start + 1..code.end - 1;
             let Some(text) = self.text.get(inside.clone()) else { continue };
             let places: Vec<usize> =
                 self.places.iter().filter_map(|place| place.checked_sub(inside.start)).collect();
-            let within = constant_expressions(text, &places).into_iter();
-            found.extend(
-                within.map(|(at, literal)| (at.start + inside.start..at.end + inside.start, literal)),
-            );
+            let inner = constant_expressions(text, &places).into_iter();
+            found
+                .extend(inner.map(|(at, literal)| (at.start + inside.start..at.end + inside.start, literal)));
         }
         self.found.extend(found);
     }
 
+    /// Text of a token; empty after the last one.
     fn token(&self, at: usize) -> &str {
         self.tokens.get(at).map_or("", |token| &self.text[token.range.clone()])
     }
 
     fn is_operator(&self, at: usize) -> bool {
         let is_symbol = matches!(self.tokens[at].kind, TokenKind::Symbol | TokenKind::Prefix);
-        is_symbol && !is_close(self.token(at))
+        is_symbol && !is_closing_bracket(self.token(at))
     }
 
     /// Index of the token that closes a bracket, or `end`.
     fn closing(&self, open: usize, end: usize) -> usize {
         let mut depth = 0usize;
         for at in open..end {
-            depth += usize::from(is_open(self.token(at)));
-            depth -= usize::from(is_close(self.token(at)) && depth > 0);
+            depth += usize::from(is_opening_bracket(self.token(at)));
+            depth -= usize::from(is_closing_bracket(self.token(at)) && depth > 0);
             if depth == 0 {
                 return at;
             }
@@ -147,30 +153,31 @@ impl Folding<'_> {
         end
     }
 
-    /// Byte range from the first to the last of some tokens.
-    fn bytes(&self, row: &Range<usize>) -> Range<usize> {
-        match self.tokens.get(row.start..row.end) {
+    /// Byte range of a range of tokens.
+    fn bytes(&self, tokens: &Range<usize>) -> Range<usize> {
+        match self.tokens.get(tokens.start..tokens.end) {
             Some([first, .., last]) => first.range.start..last.range.end,
             Some([only]) => only.range.clone(),
             _ => 0..0,
         }
     }
 
+    /// Whether a byte range contains one of the requested places.
     fn has_place(&self, bytes: &Range<usize>) -> bool {
         self.places.iter().any(|place| bytes.contains(place))
     }
 }
 
-fn is_open(token: &str) -> bool {
+fn is_opening_bracket(token: &str) -> bool {
     matches!(token, "(" | "[" | "{" | "#{")
 }
 
-fn is_close(token: &str) -> bool {
+fn is_closing_bracket(token: &str) -> bool {
     matches!(token, ")" | "]" | "}")
 }
 
 /// Whether a token separates two expressions.
-fn separates(token: &str) -> bool {
+fn is_separator(token: &str) -> bool {
     matches!(
         token,
         "{" | ","
@@ -193,20 +200,20 @@ fn separates(token: &str) -> bool {
     )
 }
 
-/// The literal that a constant expression evaluates to. `None` if it is a literal already, has names, or fails.
-fn constant(engine: &Engine, expression: &str) -> Option<String> {
+/// The literal that a constant expression evaluates to. `None` if it is a literal already, contains names, or fails to evaluate.
+fn evaluated_literal(engine: &Engine, expression: &str) -> Option<String> {
     if is_literal(expression) || !is_constant(expression) {
         return None;
     }
     let value: Dynamic = engine.eval(expression).ok()?;
     let literal = literal(&value)?;
     let read: Dynamic = engine.eval(&literal).ok()?;
-    same(&value, &read).then_some(literal)
+    is_identical(&value, &read).then_some(literal)
 }
 
-/// Whether a text is one number (a sign may precede it) or one string.
+/// Whether a text is one number, with or without a sign, or one string.
 fn is_literal(text: &str) -> bool {
-    match lexed(text).all.as_slice() {
+    match lex(text).all.as_slice() {
         [only] => {
             matches!(only.kind, TokenKind::Number) || only.kind == TokenKind::Text && !text.contains("${")
         }
@@ -217,8 +224,8 @@ fn is_literal(text: &str) -> bool {
 
 /// Whether an expression consists only of numbers, strings, allowed arithmetic operators and parentheses, without comments.
 fn is_constant(expression: &str) -> bool {
-    let Tokens { all, inner } = lexed(expression);
-    let gap = |from: usize, to: usize| expression[from..to].trim().is_empty();
+    let Tokens { all, inner } = lex(expression);
+    let is_blank = |from: usize, to: usize| expression[from..to].trim().is_empty();
     let ends = all.iter().map(|token| token.range.end);
     let mut gaps = std::iter::once(0).chain(ends).zip(all.iter().map(|token| token.range.start));
     let is_part = |token: &ScriptToken| match token.kind {
@@ -234,7 +241,7 @@ fn is_constant(expression: &str) -> bool {
     };
     !all.is_empty()
         && all.iter().all(is_part)
-        && gaps.all(|(from, to)| gap(from, to))
+        && gaps.all(|(from, to)| is_blank(from, to))
         && inner.iter().all(|code| is_code(&code.range))
 }
 
@@ -246,7 +253,7 @@ fn literal(value: &Dynamic) -> Option<String> {
     if let Ok(number) = value.as_float() {
         let digits = number.to_string();
         let point = if digits.contains('.') { "" } else { ".0" };
-        let is_short = number.is_finite() && digits.len() <= LONGEST_NUMBER;
+        let is_short = number.is_finite() && digits.len() <= MAX_NUMBER_LENGTH;
         return is_short.then(|| format!("{digits}{point}"));
     }
     let text = value.read_lock::<rhai::ImmutableString>()?;
@@ -264,7 +271,7 @@ fn literal(value: &Dynamic) -> Option<String> {
 }
 
 /// Whether two values have the same type and bits.
-fn same(a: &Dynamic, b: &Dynamic) -> bool {
+fn is_identical(a: &Dynamic, b: &Dynamic) -> bool {
     match (a.as_int(), b.as_int(), a.as_float(), b.as_float()) {
         (Ok(a), Ok(b), ..) => a == b,
         (Err(_), Err(_), Ok(a), Ok(b)) => a.to_bits() == b.to_bits(),
@@ -292,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn literals_take_the_place_of_expressions() {
+    fn constant_expressions_become_literals() {
         for (text, expected) in [
             ("\"post \" + 1", "\"post 1\""),
             ("`post ${1 + 1}`", "\"post 2\""),
@@ -316,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fails_or_is_no_number_or_string_stays() {
+    fn expressions_that_fail_or_give_no_number_or_string_are_kept() {
         for text in [
             "f(1 / 0)",
             "f(9223372036854775807 + 1)",
@@ -339,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn only_expressions_around_a_place_are_folded() {
+    fn only_expressions_that_contain_a_place_are_folded() {
         let text = "a.at(1.0 / 3.0, 1 * 2.0, x + (1 + 1))";
         assert_eq!(constant_expressions(text, &[16]), [(16..23, "2.0".to_string())]);
         assert_eq!(constant_expressions(text, &[]), []);

@@ -3,8 +3,8 @@
 use crate::api::defs;
 use crate::def::Def;
 use crate::suggest::distance;
-use crate::synonyms::{self, letters, mathematics, of_topic, of_words, terms};
-pub use crate::synonyms::{Answer, Call, examples, is_about, is_in};
+use crate::synonyms::{self, answer_by_words, answer_of_topic, mathematics, normalized_term, terms};
+pub use crate::synonyms::{Answer, Call, examples, words_occur_in, words_occur_in_singular_or_plural};
 
 /// Each topic of the table of synonyms: its terms, and the answer.
 pub fn topics() -> impl Iterator<Item = (&'static [&'static str], Answer)> {
@@ -14,10 +14,11 @@ pub fn topics() -> impl Iterator<Item = (&'static [&'static str], Answer)> {
 /// The calls for a term: those of its topic, and the entries of that name. Empty for an unknown term.
 pub fn answer(term: &str) -> Answer {
     let defs = defs();
-    let mut answer = of_topic(term, defs);
+    let mut answer = answer_of_topic(term, defs);
     let wanted = term.trim_end_matches("()");
-    let spelled = letters(wanted);
-    let named = defs.all.iter().filter(|(_, def)| letters(def.name) == spelled || def.full_name() == wanted);
+    let spelled = normalized_term(wanted);
+    let named =
+        defs.all.iter().filter(|(_, def)| normalized_term(def.name) == spelled || def.full_name() == wanted);
     let calls = named.map(|(title, def)| Call::whole_entry(title, def)).chain(mathematics(wanted, defs));
     for call in calls {
         match answer.calls.iter_mut().find(|known| known.usage == call.usage) {
@@ -32,30 +33,31 @@ pub fn answer(term: &str) -> Answer {
 /// descriptions.
 pub fn search(term: &str) -> Answer {
     let defs = defs();
-    let answer = of_words(term, defs);
+    let answer = answer_by_words(term, defs);
     if !answer.calls.is_empty() {
         return answer;
     }
-    let entries = |is_it: &dyn Fn(&Def) -> bool| -> Vec<Call> {
-        let found = defs.all.iter().filter(|(_, def)| is_it(def));
+    let entries = |matches: &dyn Fn(&Def) -> bool| -> Vec<Call> {
+        let found = defs.all.iter().filter(|(_, def)| matches(def));
         found.map(|(title, def)| Call::entry(title, def)).collect()
     };
-    let mut calls = entries(&|def| is_in(term, &def.full_name()));
+    let mut calls = entries(&|def| words_occur_in(term, &def.full_name()));
     if calls.is_empty() {
-        calls = entries(&|def| is_in(term, &def.about().join("\n")));
+        calls = entries(&|def| words_occur_in(term, &def.about().join("\n")));
     }
     Answer { calls, ..Answer::default() }
 }
 
-/// The known terms and names that are spelled most like `term`, at most `most` of them.
-pub fn nearest(term: &str, most: usize) -> Vec<&'static str> {
-    let wanted = letters(term);
+/// The known terms and names whose spelling is nearest to `term`, at most `max_count`.
+pub fn nearest_terms(term: &str, max_count: usize) -> Vec<&'static str> {
+    let wanted = normalized_term(term);
     let defs = defs();
     let known = terms().chain(defs.iter().map(|def| def.name)).chain(defs.maths.iter().map(|f| f.0));
-    let mut near: Vec<(usize, &str)> =
-        known.map(|known| (distance(&wanted, &letters(known)), known)).collect();
-    near.retain(|(far, known)| *far <= wanted.chars().count().max(known.chars().count()).div_ceil(3));
-    near.sort_unstable();
-    near.dedup();
-    near.into_iter().take(most).map(|(_, known)| known).collect()
+    let mut by_distance: Vec<(usize, &str)> =
+        known.map(|known| (distance(&wanted, &normalized_term(known)), known)).collect();
+    let max_distance = |known: &str| wanted.chars().count().max(known.chars().count()).div_ceil(3);
+    by_distance.retain(|&(distance, known)| distance <= max_distance(known));
+    by_distance.sort_unstable();
+    by_distance.dedup();
+    by_distance.into_iter().take(max_count).map(|(_, known)| known).collect()
 }

@@ -1,13 +1,13 @@
-//! Copies of assets without the parts that a script hides.
+//! Copies of assets without the mesh instances that a script hides.
 
 use choreo_asset::{Asset, Mesh};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Cache of such copies: actors of the same asset that hide the same parts share one.
+/// Cache of these copies. Actors of the same asset that hide the same mesh instances share a copy.
 #[derive(Default)]
 pub(crate) struct HiddenParts {
-    /// The whole asset (kept alive) and the copy without parts, by the address of the whole and the hidden instances.
+    /// The whole asset, which is kept alive, and the copy, by the address of the whole asset and the hidden instances.
     copies: BTreeMap<(usize, BTreeSet<u32>), [Arc<Asset>; 2]>,
 }
 

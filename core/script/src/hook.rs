@@ -1,7 +1,7 @@
 //! `on_frame` callbacks: closures of the script, run as pure functions of time.
 
 use crate::api_error::{ApiError, Place};
-use crate::build::{HookDraft, ScriptContext};
+use crate::build::{FrameCallbackDraft, ScriptContext};
 use crate::diagnostic::Severity;
 use crate::errors;
 use choreo_motion::Time;
@@ -14,38 +14,39 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 thread_local! {
-    /// The edits of the callback that runs on this thread. Handle methods find them here, since a method is one
-    /// function whether it is called while the stage is built or for a frame, and frames run on many threads.
-    static FRAME: RefCell<Option<FrameEdits>> = const { RefCell::new(None) };
+    /// The edits of the callback that runs on this thread. Methods of handles write to them, because the same function is called
+    /// while the stage is built and for a frame, and frames are evaluated on many threads.
+    static FRAME_EDITS: RefCell<Option<FrameEdits>> = const { RefCell::new(None) };
     /// The budget of the callback that runs on this thread.
-    static SHARE: Cell<Share> = const { Cell::new(Share { steps: 0, until: None }) };
+    static BUDGET: Cell<Budget> = const { Cell::new(Budget { steps: 0, until: None }) };
 }
 
-/// One callback's share of the limits of a frame.
+/// The limits of one callback: its share of the limits of a frame.
 #[derive(Clone, Copy)]
-struct Share {
+struct Budget {
     steps: u64,
     until: Option<Instant>,
 }
 
 /// Name of the limit that the callback on this thread has exceeded after `steps` steps, if any.
 pub fn exceeded_limit(steps: u64) -> Option<&'static str> {
-    let share = SHARE.get();
-    if steps > share.steps {
+    let budget = BUDGET.get();
+    if steps > budget.steps {
         return Some("frame_operations");
     }
     // A single step may copy a large array, so the clock is read often.
-    let late = steps & 0x3f == 0 && share.until.is_some_and(|until| Instant::now() > until);
-    late.then_some("frame_seconds")
+    let is_late = steps & 0x3f == 0 && budget.until.is_some_and(|until| Instant::now() > until);
+    is_late.then_some("frame_seconds")
 }
 
+/// Whether a callback runs on this thread.
 pub fn in_frame() -> bool {
-    FRAME.with_borrow(Option::is_some)
+    FRAME_EDITS.with_borrow(Option::is_some)
 }
 
-/// Notes an edit of the frame being made.
-pub fn edit(change: impl FnOnce(&mut FrameEdits)) {
-    FRAME.with_borrow_mut(|frame| {
+/// Changes the edits of the callback that runs on this thread, if any.
+pub fn edit_frame(change: impl FnOnce(&mut FrameEdits)) {
+    FRAME_EDITS.with_borrow_mut(|frame| {
         if let Some(edits) = frame {
             change(edits);
         }
@@ -62,7 +63,7 @@ pub(crate) struct ScriptHook {
     shared: Arc<ScriptContext>,
     identity: String,
     /// Number of callbacks of the stage.
-    all: u64,
+    callback_count: u64,
 }
 
 impl std::fmt::Debug for ScriptHook {
@@ -72,29 +73,31 @@ impl std::fmt::Debug for ScriptHook {
 }
 
 impl ScriptHook {
-    /// `script`: hash that identifies the script with its parameters and files.
+    /// A callback. `script`: hash that identifies the script with its parameters and files; `callback_count`: number of callbacks
+    /// of the stage, which share the limits of a frame.
     pub fn new(
         engine: Arc<Engine>,
         shared: Arc<ScriptContext>,
-        draft: HookDraft,
+        draft: FrameCallbackDraft,
         script: &str,
-        all: usize,
+        callback_count: usize,
     ) -> ScriptHook {
-        let HookDraft { callback, context, at } = draft;
+        let FrameCallbackDraft { callback, context, at } = draft;
         // Captured values need no hash of their own, because they follow from the script, whose hash covers everything.
         let identity = format!("{script} {}:{}", at.line, at.column);
-        ScriptHook { engine, callback, context, at, shared, identity, all: all as u64 }
+        let callback_count = callback_count as u64;
+        ScriptHook { engine, callback, context, at, shared, identity, callback_count }
     }
 
-    /// Runs the callback, which changes `edits`.
-    fn call(&self, time: Time, edits: &mut FrameEdits) -> Result<(), Box<rhai::EvalAltResult>> {
+    /// Runs the callback, which adds to `edits`.
+    fn run_callback(&self, time: Time, edits: &mut FrameEdits) -> Result<(), Box<rhai::EvalAltResult>> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
         let context = self.context.create_context(&self.engine);
-        SHARE.set(self.share());
-        FRAME.with_borrow_mut(|frame| *frame = Some(std::mem::take(edits)));
+        BUDGET.set(self.budget());
+        FRAME_EDITS.with_borrow_mut(|frame| *frame = Some(std::mem::take(edits)));
         let result = self.callback.call_raw(&context, None, [Dynamic::from_float(time.as_secs())]);
-        if let Some(after) = FRAME.with_borrow_mut(Option::take) {
-            *edits = after;
+        if let Some(new_edits) = FRAME_EDITS.with_borrow_mut(Option::take) {
+            *edits = new_edits;
         }
         result.map(|_| ())
     }
@@ -103,37 +106,39 @@ impl ScriptHook {
     pub fn value_at(&self, time: Time) -> Result<Dynamic, crate::Diagnostic> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
         let context = self.context.create_context(&self.engine);
-        SHARE.set(self.share());
-        // The call runs as if in a frame: it cannot add to the stage, and has the limits of a frame.
-        FRAME.with_borrow_mut(|frame| *frame = Some(FrameEdits::default()));
+        BUDGET.set(self.budget());
+        // The callback runs as if for a frame: it cannot change the stage, and has the limits of a frame.
+        FRAME_EDITS.with_borrow_mut(|frame| *frame = Some(FrameEdits::default()));
         let result = self.callback.call_raw(&context, None, [Dynamic::from_float(time.as_secs())]);
-        FRAME.with_borrow_mut(|frame| *frame = None);
-        result.map_err(|e| self.explain(&e))
+        FRAME_EDITS.with_borrow_mut(|frame| *frame = None);
+        result.map_err(|e| self.explain_error(&e))
     }
 
+    /// The diagnostic of an error, at the place of the callback.
     pub(crate) fn diagnose(&self, error: &ApiError) -> crate::Diagnostic {
         self.shared.diagnose(Severity::Error, &self.at, error)
     }
 
     /// The limits of a frame divided equally among all callbacks, so that many of them take no longer than one.
-    fn share(&self) -> Share {
-        /// Shortest time share: a shorter one would be exceeded on a busy machine.
-        const LEAST: Duration = Duration::from_millis(100);
+    fn budget(&self) -> Budget {
+        /// Minimum time of a callback. A busy machine would exceed a shorter time.
+        const MIN_TIME: Duration = Duration::from_millis(100);
         let limits = &self.shared.limits;
-        let all = self.all.max(1);
-        let secs = Duration::try_from_secs_f64(limits.frame_seconds / all as f64).unwrap_or(Duration::MAX);
-        Share {
-            steps: (limits.frame_operations / all).max(1),
-            until: Instant::now().checked_add(secs.max(LEAST)),
+        let count = self.callback_count.max(1);
+        let secs = Duration::try_from_secs_f64(limits.frame_seconds / count as f64).unwrap_or(Duration::MAX);
+        Budget {
+            steps: (limits.frame_operations / count).max(1),
+            until: Instant::now().checked_add(secs.max(MIN_TIME)),
         }
     }
 
-    pub(crate) fn try_at(&self, time: Time) -> Result<(), crate::Diagnostic> {
-        self.call(time, &mut FrameEdits::default()).map_err(|e| self.explain(&e))
+    /// Runs the callback at a time, to find its errors; the edits are dropped.
+    pub(crate) fn check_at(&self, time: Time) -> Result<(), crate::Diagnostic> {
+        self.run_callback(time, &mut FrameEdits::default()).map_err(|e| self.explain_error(&e))
     }
 
-    fn explain(&self, error: &rhai::EvalAltResult) -> crate::Diagnostic {
-        let (mut place, error) = errors::explain(error, &self.at.file, &self.shared);
+    fn explain_error(&self, error: &rhai::EvalAltResult) -> crate::Diagnostic {
+        let (mut place, error) = errors::explain_error(error, &self.at.file, &self.shared);
         if place.line == 0 {
             place = self.at.clone();
         }
@@ -143,7 +148,8 @@ impl ScriptHook {
 
 impl FrameHook for ScriptHook {
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
-        self.call(time, edits).map_err(|e| StageError::Hook { error: Arc::new(self.explain(&e)), time })
+        let run = self.run_callback(time, edits);
+        run.map_err(|e| StageError::Hook { error: Arc::new(self.explain_error(&e)), time })
     }
 
     fn identity(&self) -> String {
@@ -154,41 +160,47 @@ impl FrameHook for ScriptHook {
 /// The callback with copies of its captured values. A captured variable is shared between calls, so a call that changed it would
 /// make the next frame depend on this one.
 pub(crate) fn with_copied_captures(callback: &FnPtr) -> Result<FnPtr, ApiError> {
-    let mut own = callback.clone();
-    let mut left = MOST_CAPTURED;
-    let curry =
-        callback.curry().iter().map(|v| copy_value(v, 0, &mut left)).collect::<Result<Vec<_>, _>>()?;
-    own.set_curry(curry);
-    Ok(own)
+    let mut copy = callback.clone();
+    let mut remaining = MAX_CAPTURED_VALUES;
+    let captures =
+        callback.curry().iter().map(|v| copy_value(v, 0, &mut remaining)).collect::<Result<Vec<_>, _>>()?;
+    copy.set_curry(captures);
+    Ok(copy)
 }
 
-const MOST_CAPTURED: usize = 100_000;
+/// Maximum number of values that a callback captures, those in arrays, maps and functions included.
+const MAX_CAPTURED_VALUES: usize = 100_000;
 
-fn copy_value(value: &Dynamic, depth: usize, left: &mut usize) -> Result<Dynamic, ApiError> {
-    // A closure that captures the variable that it is stored in would be copied without end.
-    const DEEPEST: usize = 32;
-    *left = left.saturating_sub(1);
-    if depth > DEEPEST || *left == 0 {
+/// A copy of a value that shares nothing with it. `remaining`: number of values that may still be copied.
+fn copy_value(value: &Dynamic, depth: usize, remaining: &mut usize) -> Result<Dynamic, ApiError> {
+    // The copy of a closure that captures its own variable would never end.
+    const MAX_DEPTH: usize = 32;
+    *remaining = remaining.saturating_sub(1);
+    if depth > MAX_DEPTH || *remaining == 0 {
         return Err(ApiError::new("on_frame: the callback captures too much").hint(format!(
-            "at most {MOST_CAPTURED} values, {DEEPEST} levels deep; does a captured variable hold the callback itself?"
+            "at most {MAX_CAPTURED_VALUES} values, {MAX_DEPTH} levels deep; does a captured variable contain the callback itself?"
         )));
     }
     let flat = value.flatten_clone();
     if let Some(array) = flat.read_lock::<rhai::Array>() {
-        let own = array.iter().map(|v| copy_value(v, depth + 1, left)).collect::<Result<rhai::Array, _>>()?;
-        return Ok(Dynamic::from_array(own));
+        let copy =
+            array.iter().map(|v| copy_value(v, depth + 1, remaining)).collect::<Result<rhai::Array, _>>()?;
+        return Ok(Dynamic::from_array(copy));
     }
     if let Some(map) = flat.read_lock::<rhai::Map>() {
-        let own: Result<rhai::Map, ApiError> =
-            map.iter().map(|(k, v)| Ok((k.clone(), copy_value(v, depth + 1, left)?))).collect();
-        return Ok(Dynamic::from_map(own?));
+        let copy: Result<rhai::Map, ApiError> =
+            map.iter().map(|(k, v)| Ok((k.clone(), copy_value(v, depth + 1, remaining)?))).collect();
+        return Ok(Dynamic::from_map(copy?));
     }
     if let Some(pointer) = flat.read_lock::<FnPtr>() {
-        let mut own = pointer.clone();
-        let curry =
-            pointer.curry().iter().map(|v| copy_value(v, depth + 1, left)).collect::<Result<Vec<_>, _>>()?;
-        own.set_curry(curry);
-        return Ok(Dynamic::from(own));
+        let mut copy = pointer.clone();
+        let captures = pointer
+            .curry()
+            .iter()
+            .map(|v| copy_value(v, depth + 1, remaining))
+            .collect::<Result<Vec<_>, _>>()?;
+        copy.set_curry(captures);
+        return Ok(Dynamic::from(copy));
     }
     Ok(flat)
 }

@@ -19,9 +19,10 @@ pub struct Import {
     changed: Condvar,
     bytes: AtomicU64,
     /// Progress from 0 to 1, as the bits of an f32.
-    part: AtomicU32,
+    progress_bits: AtomicU32,
     cancelled: AtomicBool,
-    all: Weak<ImportList>,
+    /// The list that this import belongs to, which can cancel all of its imports.
+    list: Weak<ImportList>,
 }
 
 pub(crate) type Job = Box<dyn FnOnce(&Import) -> Result<Arc<Asset>, LoadError> + Send>;
@@ -45,17 +46,17 @@ pub enum Phase {
 }
 
 impl Import {
-    pub(crate) fn new(name: &str, all: &Imports, job: Job) -> Arc<Import> {
+    pub(crate) fn new(name: &str, imports: &Imports, job: Job) -> Arc<Import> {
         let import = Arc::new(Import {
             name: name.to_string(),
             state: Mutex::new(ImportState::Queued(job)),
             changed: Condvar::new(),
             bytes: AtomicU64::new(0),
-            part: AtomicU32::new(0),
+            progress_bits: AtomicU32::new(0),
             cancelled: AtomicBool::new(false),
-            all: Arc::downgrade(&all.0),
+            list: Arc::downgrade(&imports.0),
         });
-        all.watch(&import);
+        imports.add(&import);
         import
     }
 
@@ -82,7 +83,7 @@ impl Import {
     pub fn progress(&self) -> f32 {
         match self.phase() {
             Phase::Done | Phase::Failed => 1.0,
-            _ => f32::from_bits(self.part.load(Ordering::Relaxed)),
+            _ => f32::from_bits(self.progress_bits.load(Ordering::Relaxed)),
         }
     }
 
@@ -90,10 +91,10 @@ impl Import {
         self.bytes.store(bytes, Ordering::Relaxed);
     }
 
-    /// Raises the progress. A lower value is ignored, because images are reported later than data that was decoded at the same
-    /// time. (Bits of floats from 0 up are in the order of the floats.)
-    pub(crate) fn set_progress(&self, part: f32) {
-        self.part.fetch_max(part.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
+    /// Raises the progress, 0 to 1. A lower value is ignored, because threads that decode at the same time may report in any
+    /// order. (The bits of non-negative floats have the order of the floats.)
+    pub(crate) fn raise_progress(&self, progress: f32) {
+        self.progress_bits.fetch_max(progress.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
     }
 
     /// Cancels the import. A running importer ends at the next file or progress step that it reports.
@@ -102,19 +103,20 @@ impl Import {
     }
 
     pub(crate) fn is_cancelled(&self) -> bool {
-        let all = || self.all.upgrade().is_some_and(|all| all.cancelled.load(Ordering::Relaxed));
-        self.cancelled.load(Ordering::Relaxed) || all()
+        let is_list_cancelled =
+            || self.list.upgrade().is_some_and(|list| list.cancelled.load(Ordering::Relaxed));
+        self.cancelled.load(Ordering::Relaxed) || is_list_cancelled()
     }
 
     /// The asset or the error; `None` until the import has ended.
-    pub fn settled(&self) -> Option<Result<Arc<Asset>, LoadError>> {
+    pub fn result(&self) -> Option<Result<Arc<Asset>, LoadError>> {
         match &*self.state() {
             ImportState::Done(result) => Some(result.clone()),
             _ => None,
         }
     }
 
-    /// Waits for the asset; does the work here where no worker has begun it.
+    /// Waits for the asset. Runs the import on this thread if no worker has begun it.
     ///
     /// # Errors
     /// Returns an error if the file, its importer or its options are at fault, or if the import was cancelled.
@@ -129,7 +131,7 @@ impl Import {
         }
     }
 
-    /// Runs the import on this thread if nobody has begun it.
+    /// Runs the import on this thread if no thread has begun it.
     fn run(&self) {
         let job = {
             let mut state = self.state();
@@ -145,7 +147,7 @@ impl Import {
             true => Err(self.cancelled_error()),
             // A panic becomes an error, so that waiting threads wake up.
             false => catch_unwind(AssertUnwindSafe(|| job(self))).unwrap_or_else(|_| {
-                Err(LoadError::new(format!("cannot read \"{}\": its importer has failed", self.name)))
+                Err(LoadError::new(format!("cannot read \"{}\": its importer has panicked", self.name)))
             }),
         };
         let result = if self.is_cancelled() { Err(self.cancelled_error()) } else { result };
@@ -154,7 +156,7 @@ impl Import {
     }
 
     fn cancelled_error(&self) -> LoadError {
-        LoadError::new(format!("\"{}\" was not read to its end: cancelled", self.name))
+        LoadError::new(format!("cannot read \"{}\": the import was cancelled", self.name))
     }
 
     fn state(&self) -> MutexGuard<'_, ImportState> {
@@ -185,9 +187,9 @@ pub struct ImportProgress {
 }
 
 impl Imports {
-    fn watch(&self, import: &Arc<Import>) {
+    /// Adds an import and removes those that no longer exist.
+    fn add(&self, import: &Arc<Import>) {
         let mut list = self.0.list.lock().unwrap_or_else(PoisonError::into_inner);
-        // Imports of past runs are removed.
         list.retain(|i| i.strong_count() > 0);
         list.push(Arc::downgrade(import));
     }
@@ -214,7 +216,7 @@ impl Imports {
         sum
     }
 
-    /// Cancels all imports, future ones included.
+    /// Cancels all imports, including those added later.
     pub fn cancel(&self) {
         self.0.cancelled.store(true, Ordering::Relaxed);
     }
@@ -233,7 +235,7 @@ impl PartialEq for Imports {
     }
 }
 
-/// Imports that wait for a worker, and how many workers there are.
+/// Queue of the imports that wait for a worker, and number of running workers.
 struct Pool {
     queue: VecDeque<Arc<Import>>,
     workers: usize,
@@ -254,13 +256,14 @@ pub(crate) fn submit(import: &Arc<Import>) {
     let mut pool = pool();
     pool.queue.push_back(import.clone());
     if pool.workers < cores {
-        let worker = std::thread::Builder::new().name("import".into()).stack_size(STACK).spawn(work);
-        // If no worker could be started, the waiting thread does the work.
+        let worker = std::thread::Builder::new().name("import".into()).stack_size(STACK).spawn(run_worker);
+        // If no worker could be started, the waiting thread runs the import.
         pool.workers += usize::from(worker.is_ok());
     }
 }
 
-fn work() {
+/// Runs queued imports until the queue is empty.
+fn run_worker() {
     loop {
         let next = {
             let mut pool = pool();
@@ -287,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn an_import_is_done_once_whoever_waits() {
+    fn an_import_runs_once_for_eight_waiting_threads() {
         let (all, runs) = (Imports::default(), Arc::new(AtomicUsize::new(0)));
         let counted = runs.clone();
         let import = Import::new(
@@ -299,7 +302,7 @@ mod tests {
                 Ok(asset("a"))
             }),
         );
-        assert_eq!((import.phase(), import.settled().is_none()), (Phase::Queued, true));
+        assert_eq!((import.phase(), import.result().is_none()), (Phase::Queued, true));
         submit(&import);
         std::thread::scope(|s| {
             for _ in 0..8 {
@@ -312,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn workers_take_what_nobody_waits_for() {
+    fn workers_run_imports_for_which_no_thread_waits() {
         let all = Imports::default();
         let imports: Vec<_> = (0..20).map(|_| Import::new("a", &all, Box::new(|_| Ok(asset("a"))))).collect();
         imports.iter().for_each(submit);
@@ -324,9 +327,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cancelled_fails_before_or_while_it_runs() {
+    fn a_cancelled_import_fails_whether_queued_or_running() {
         let all = Imports::default();
-        let never = Import::new("a", &all, Box::new(|_| panic!("it was cancelled")));
+        let never = Import::new("a", &all, Box::new(|_| panic!("a cancelled import has run")));
         never.cancel();
         assert!(never.wait().unwrap_err().message.contains("cancelled"));
         let stopped = Import::new(
@@ -345,9 +348,9 @@ mod tests {
     }
 
     #[test]
-    fn an_importer_that_panics_is_an_error() {
+    fn a_panic_of_an_importer_becomes_an_error() {
         let import = Import::new("a", &Imports::default(), Box::new(|_| panic!("planted")));
         submit(&import);
-        assert_eq!(import.wait().unwrap_err().message, "cannot read \"a\": its importer has failed");
+        assert_eq!(import.wait().unwrap_err().message, "cannot read \"a\": its importer has panicked");
     }
 }

@@ -12,29 +12,32 @@ pub fn legs(asset: &Asset) -> Vec<Leg> {
         return found;
     }
     let feet = [HumanBone::LeftFoot, HumanBone::RightFoot];
-    let feet = feet.iter().filter_map(|b| human(asset, *b));
-    feet.filter_map(|foot| leg_above(&asset.skeleton, foot).ok()).collect()
+    let feet = feet.iter().filter_map(|b| humanoid_joint(asset, *b));
+    feet.filter_map(|foot| leg_of_foot(&asset.skeleton, foot).ok()).collect()
 }
 
-/// The hips if they are an ancestor of all legs, else the lowest joint that is. In some skeletons the legs are children of the
-/// spine, with the pelvis beside them.
+/// The hips if they are an ancestor of all legs, else the lowest common ancestor of the legs. In some skeletons the legs are
+/// children of the spine, with the pelvis beside them.
 pub fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
     let parents = asset.skeleton.parents();
-    let above = |leg: &Leg| std::iter::successors(parents[leg.hip as usize], |j| parents[*j as usize]);
+    let ancestors = |leg: &Leg| std::iter::successors(parents[leg.hip as usize], |j| parents[*j as usize]);
     let (first, others) = legs.split_first()?;
-    let lowest = above(first).find(|joint| others.iter().all(|leg| above(leg).any(|j| j == *joint)))?;
+    let lowest =
+        ancestors(first).find(|joint| others.iter().all(|leg| ancestors(leg).any(|j| j == *joint)))?;
     let hips = HumanoidJoints::of(&asset.skeleton).joint("hips");
     let is_above =
         |hips: &u32| std::iter::successors(Some(lowest), |j| parents[*j as usize]).any(|j| j == *hips);
     Some(hips.filter(is_above).unwrap_or(lowest))
 }
 
-pub(crate) fn leg_above(skeleton: &Skeleton, foot: u32) -> Result<Leg, ApiError> {
+/// The leg that ends in a foot: the parent of the foot is the knee, and its parent is the hip.
+pub(crate) fn leg_of_foot(skeleton: &Skeleton, foot: u32) -> Result<Leg, ApiError> {
     let parents = skeleton.parents();
-    let above = parents[foot as usize].and_then(|knee| Some((knee, parents[knee as usize]?)));
-    let Some((knee, hip)) = above else {
+    let knee_and_hip = parents[foot as usize].and_then(|knee| Some((knee, parents[knee as usize]?)));
+    let Some((knee, hip)) = knee_and_hip else {
         let name = skeleton.names()[foot as usize].clone();
-        let error = format!("plant_feet: \"{name}\" has no leg of two joints above it");
+        let error =
+            format!("plant_feet: joint \"{name}\" needs a knee and a hip: a parent that has a parent");
         return Err(ApiError::new(error).focus(name));
     };
     let mut children = (0..parents.len() as u32).filter(|j| parents[*j as usize] == Some(foot));
@@ -43,7 +46,7 @@ pub(crate) fn leg_above(skeleton: &Skeleton, foot: u32) -> Result<Leg, ApiError>
 }
 
 /// The joint that the file declares for a humanoid bone, else the joint of that name.
-fn human(asset: &Asset, bone: HumanBone) -> Option<u32> {
+fn humanoid_joint(asset: &Asset, bone: HumanBone) -> Option<u32> {
     let declared = asset.skeleton.humanoid().and_then(|h| h.joint(bone));
     declared.or_else(|| asset.skeleton.find(bone.name()).map(|j| j as u32))
 }

@@ -3,20 +3,20 @@
 use crate::suggest::{did_you_mean, list};
 
 /// A mutable reference to a limit's value of either type.
-enum Slot<'a> {
+enum LimitMut<'a> {
     Whole(&'a mut u64),
     Secs(&'a mut f64),
 }
 
-impl<'a> From<&'a mut u64> for Slot<'a> {
-    fn from(value: &'a mut u64) -> Slot<'a> {
-        Slot::Whole(value)
+impl<'a> From<&'a mut u64> for LimitMut<'a> {
+    fn from(value: &'a mut u64) -> LimitMut<'a> {
+        LimitMut::Whole(value)
     }
 }
 
-impl<'a> From<&'a mut f64> for Slot<'a> {
-    fn from(value: &'a mut f64) -> Slot<'a> {
-        Slot::Secs(value)
+impl<'a> From<&'a mut f64> for LimitMut<'a> {
+    fn from(value: &'a mut f64) -> LimitMut<'a> {
+        LimitMut::Secs(value)
     }
 }
 
@@ -46,7 +46,7 @@ macro_rules! limits {
                 $about,
             ),)*];
 
-            fn slot(&mut self, name: &str) -> Option<Slot<'_>> {
+            fn limit_mut(&mut self, name: &str) -> Option<LimitMut<'_>> {
                 match name {
                     $(stringify!($name) => Some((&mut self.$name).into()),)*
                     _ => None,
@@ -95,7 +95,7 @@ limits! {
 impl Limits {
     /// Largest value of `call_levels`. Callbacks run on threads with 2 MiB of stack, which is ample for 48 levels of deeply
     /// nested expressions.
-    pub const DEEPEST: u64 = 64;
+    pub const MAX_CALL_LEVELS: u64 = 64;
 
     /// The names that [`Limits::set`] knows.
     pub fn names() -> impl Iterator<Item = &'static str> + Clone {
@@ -105,20 +105,21 @@ impl Limits {
     /// Sets a limit from the command line, `operations=50000000`.
     pub fn set(&mut self, text: &str) -> Result<(), LimitError> {
         let (name, value) = text.split_once('=').ok_or_else(|| LimitError::Form(text.to_string()))?;
-        let slot = self.slot(name).ok_or_else(|| LimitError::Unknown { name: name.to_string() })?;
-        let not = |kind| LimitError::Value { name: name.to_string(), kind, value: value.to_string() };
-        match slot {
-            Slot::Secs(slot) => {
+        let limit = self.limit_mut(name).ok_or_else(|| LimitError::Unknown { name: name.to_string() })?;
+        let value_error = |kind| LimitError::Value { name: name.to_string(), kind, value: value.to_string() };
+        match limit {
+            LimitMut::Secs(limit) => {
                 let parsed = value.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite());
-                *slot = parsed.ok_or_else(|| not("number"))?;
+                *limit = parsed.ok_or_else(|| value_error("number"))?;
             }
-            // Rhai reads 0 as "no limit", so it is not offered.
-            Slot::Whole(slot) => {
-                *slot = value.parse().ok().filter(|v| *v > 0).ok_or_else(|| not("whole number"))?;
+            // Rhai reads 0 as "no limit", so 0 is not allowed.
+            LimitMut::Whole(limit) => {
+                let parsed = value.parse().ok().filter(|v| *v > 0);
+                *limit = parsed.ok_or_else(|| value_error("whole number"))?;
             }
         }
-        if self.call_levels > Self::DEEPEST {
-            self.call_levels = Self::DEEPEST;
+        if self.call_levels > Self::MAX_CALL_LEVELS {
+            self.call_levels = Self::MAX_CALL_LEVELS;
             return Err(LimitError::TooDeep);
         }
         Ok(())
@@ -133,7 +134,7 @@ impl Limits {
         Limits::ALL.iter().map(row).collect()
     }
 
-    /// A default as text: the number, and whole KiB, MiB or GiB also in that unit.
+    /// A default as text: the number, after the same value in GiB, MiB or KiB if it is a whole number of bytes in that unit.
     pub fn shown(default: f64, about: &str) -> String {
         let units = [(30, "GiB"), (20, "MiB"), (10, "KiB")].map(|(bits, unit)| ((1u64 << bits) as f64, unit));
         match units.iter().find(|(size, _)| about.starts_with("bytes") && default % size == 0.0) {
@@ -143,7 +144,7 @@ impl Limits {
     }
 }
 
-/// Why a limit cannot be set, and what is allowed.
+/// The error that a limit of the command line cannot be set.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LimitError {
     #[error("a limit is written NAME=NUMBER, not \"{0}\"")]
@@ -156,11 +157,11 @@ pub enum LimitError {
     Unknown { name: String },
     #[error("limit {name} takes a {kind} above 0, not \"{value}\"")]
     Value { name: String, kind: &'static str, value: String },
-    #[error("limit call_levels can be raised to {} at most", Limits::DEEPEST)]
+    #[error("limit call_levels can be raised to {} at most", Limits::MAX_CALL_LEVELS)]
     TooDeep,
 }
 
-/// Hint of the error that a limit was reached.
+/// Hint of the error that a limit was reached. `now`: the limit with its unit.
 pub fn raise_hint(name: &str, now: impl std::fmt::Display) -> String {
-    format!("the limit is {now}; raise it with --limit {name}=NUMBER if the script means it")
+    format!("the limit is {now}; raise it with --limit {name}=NUMBER if the script needs more")
 }

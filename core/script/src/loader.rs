@@ -1,6 +1,6 @@
 //! The loader behind `load(…)`: finds a file by its name and imports it by a plugin, each pair of file and options once.
 
-use crate::cache::{AssetCache, CachedImport, FileStamp, Key, Remembered, SideFile};
+use crate::cache::{AssetCache, CacheKey, CachedImport, FileStamp, SideFile, StampedAsset};
 use crate::folders::{Folders, FoundFile, LoadError};
 use crate::import::{Import, Imports, submit};
 use crate::suggest::{did_you_mean, list};
@@ -18,19 +18,19 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Prefix of built-in assets: the importer "mannequin" makes `choreo:mannequin`.
 pub const BUILT_IN: &str = "choreo:";
 
-/// How a file is to be imported. The importer's options are checked later, when the importer is known.
+/// Importer, options and requested parts for the import of a file. Options are checked later, when the importer is known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportChoice {
     pub importer: Option<String>,
     pub options: ImportOptions,
-    /// Requested parts of the file, a restriction of the loader's own: a file used for its clips only decodes no mesh and no
-    /// image.
+    /// Requested parts of the file; parts that the loader itself does not request are left out in any case. No mesh or image is
+    /// decoded of a file that is used for its clips only.
     pub needs: Option<ImportScope>,
     /// Clips of the file that are played. An importer may return other clips by name only.
     pub clips: PlayedClips,
     /// Tolerance in metres within which clips are compressed by [`choreo_motion::Clip::compressed`].
     pub compress: Option<f64>,
-    /// The front of the model, in place of the one found from its skeleton and clips.
+    /// Direction of the model's front, in place of the one found from its skeleton and clips.
     pub front: Option<Front>,
     /// Options as typed on the command line.
     pub texts: Vec<(String, String)>,
@@ -50,7 +50,8 @@ pub enum PlayedClips {
 }
 
 impl ImportChoice {
-    fn complete(&self, manifest: &Manifest) -> Result<ImportOptions, OptionError> {
+    /// All options of an importer: the given ones, checked, and the defaults of the others.
+    fn complete_options(&self, manifest: &Manifest) -> Result<ImportOptions, OptionError> {
         let mut options = self.options.clone();
         for (name, value) in &mut options.0 {
             let is_color = |o: &OptionSpec| o.name == *name && matches!(o.kind, OptionKind::Color { .. });
@@ -76,18 +77,18 @@ pub struct Loader {
     cache: AssetCache,
     imports: Imports,
     /// Workers begin an import at once. Otherwise it begins when a caller waits.
-    at_once: bool,
+    imports_at_once: bool,
     state: Mutex<LoaderState>,
 }
 
 #[derive(Default)]
 struct LoaderState {
-    /// Imports by path and choice.
+    /// Imports by path and [`ImportChoice`], the latter as text.
     imports: BTreeMap<(PathBuf, String), Arc<Import>>,
     /// Canonical paths and hashes of all files read.
-    used: BTreeMap<PathBuf, [u8; 32]>,
-    /// Paths that were not found or are links.
-    looked_for: BTreeSet<PathBuf>,
+    files_read: BTreeMap<PathBuf, [u8; 32]>,
+    /// Paths that do not exist or are links.
+    missing_or_linked_paths: BTreeSet<PathBuf>,
 }
 
 impl Loader {
@@ -99,7 +100,7 @@ impl Loader {
             needs,
             cache: AssetCache::default(),
             imports: Imports::default(),
-            at_once: true,
+            imports_at_once: true,
             state: Mutex::default(),
         }
     }
@@ -110,13 +111,13 @@ impl Loader {
         self
     }
 
-    /// Makes the loader begin an import only when a caller waits for it.
-    pub(crate) fn when_waited_for(mut self) -> Loader {
-        self.at_once = false;
+    /// A loader that begins an import only when a caller waits for it.
+    pub(crate) fn importing_on_demand(mut self) -> Loader {
+        self.imports_at_once = false;
         self
     }
 
-    /// Reuses assets that other runs have put into `cache`, while their files are the same.
+    /// A loader that reuses the assets in `cache` whose files are unchanged.
     pub fn with_cache(mut self, cache: &AssetCache) -> Loader {
         self.cache = cache.clone();
         self
@@ -148,21 +149,21 @@ impl Loader {
     }
 
     /// Canonical paths and hashes of the files read so far.
-    pub fn used(&self) -> BTreeMap<PathBuf, [u8; 32]> {
-        self.state().used.clone()
+    pub fn files_read(&self) -> BTreeMap<PathBuf, [u8; 32]> {
+        self.state().files_read.clone()
     }
 
-    /// Paths that were not found so far, and links on the way to files that were found.
-    pub fn looked_for(&self) -> BTreeSet<PathBuf> {
-        self.state().looked_for.clone()
+    /// Looked-up paths that do not exist, and links on the way to files that were found.
+    pub fn missing_or_linked_paths(&self) -> BTreeSet<PathBuf> {
+        self.state().missing_or_linked_paths.clone()
     }
 
-    /// Adds paths to [`Loader::looked_for`] on which a failure depends.
-    pub(crate) fn note_looked_for(&self, files: &[PathBuf]) {
-        self.state().looked_for.extend(files.iter().cloned());
+    /// Adds paths to [`Loader::missing_or_linked_paths`], because a change there may repair an error.
+    pub(crate) fn note_missing_or_linked(&self, files: &[PathBuf]) {
+        self.state().missing_or_linked_paths.extend(files.iter().cloned());
     }
 
-    /// Calls [`Folders::find`] and adds to [`Loader::looked_for`].
+    /// Finds a file as [`Folders::find`] does, and adds the paths looked up in vain to [`Loader::missing_or_linked_paths`].
     pub(crate) fn find_in(
         &self,
         folders: &Folders,
@@ -171,12 +172,12 @@ impl Loader {
     ) -> Result<FoundFile, LoadError> {
         let mut candidates = Vec::new();
         let found = folders.find_reporting(start, name, &mut |path| candidates.push(path.to_path_buf()));
-        self.state().looked_for.extend(candidates);
+        self.state().missing_or_linked_paths.extend(candidates);
         found
     }
 
     /// Number of imports begun so far. Each pair of file and options counts once.
-    pub fn loaded(&self) -> usize {
+    pub fn import_count(&self) -> usize {
         self.state().imports.len()
     }
 
@@ -184,9 +185,10 @@ impl Loader {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn note_used(&self, path: &Path, bytes: &[u8]) {
+    /// Records that a file was read, with the hash of its content.
+    pub(crate) fn record_file_read(&self, path: &Path, bytes: &[u8]) {
         let hash = *blake3::hash(bytes).as_bytes();
-        self.state().used.insert(path.to_path_buf(), hash);
+        self.state().files_read.insert(path.to_path_buf(), hash);
     }
 
     /// Starts an import and waits for the asset.
@@ -210,7 +212,7 @@ impl Loader {
     ) -> Result<Arc<Import>, LoadError> {
         let (path, found) = match name.strip_prefix(BUILT_IN) {
             Some(_) => {
-                self.built_in(name)?;
+                self.built_in_importer(name)?;
                 (PathBuf::from(name), None)
             }
             None => {
@@ -230,12 +232,12 @@ impl Loader {
             &self.imports,
             Box::new(move |import| match loader.upgrade() {
                 Some(loader) => loader.read_and_import(&own_name, found.as_ref(), &choice, import),
-                None => Err(LoadError::new(format!("\"{own_name}\" is no longer needed"))),
+                None => Err(LoadError::new(format!("\"{own_name}\" was not loaded: its script has ended"))),
             }),
         );
         state.imports.insert(key, import.clone());
         drop(state);
-        if self.at_once {
+        if self.imports_at_once {
             submit(&import);
         }
         Ok(import)
@@ -248,27 +250,31 @@ impl Loader {
         choice: &ImportChoice,
         import: &Import,
     ) -> Result<Arc<Asset>, LoadError> {
-        let remembered = found.filter(|_| self.cache.remembers());
-        let remembered = remembered.map(|f| (f.path.clone(), format!("{name} {choice:?} {:?}", self.needs)));
-        if let Some(known) = remembered.as_ref().and_then(|key| self.cache.remembered(key)) {
-            self.state().used.extend(known.files.iter().map(|(path, _, hash)| (path.clone(), *hash)));
+        let stamp_key = found.filter(|_| self.cache.compares_file_times());
+        let stamp_key = stamp_key.map(|f| (f.path.clone(), format!("{name} {choice:?} {:?}", self.needs)));
+        if let Some(known) = stamp_key.as_ref().and_then(|key| self.cache.unchanged_asset(key)) {
+            self.state().files_read.extend(known.files.iter().map(|(path, _, hash)| (path.clone(), *hash)));
             return Ok(known.asset);
         }
         let stamp = found.and_then(|f| FileStamp::of(&f.path));
         let (source, importer) = match found {
-            None => (Source { name: name.to_string(), bytes: Arc::default() }, self.built_in(name)?.clone()),
+            None => {
+                let source = Source { name: name.to_string(), bytes: Arc::default() };
+                (source, self.built_in_importer(name)?.clone())
+            }
             Some(found) => {
                 import.set_bytes(std::fs::metadata(&found.path).map_or(0, |m| m.len()));
                 let bytes = self.folders.read(found, name)?;
                 import.set_bytes(bytes.len() as u64);
-                self.note_used(&found.path, &bytes);
+                self.record_file_read(&found.path, &bytes);
                 let source = Source { name: name.to_string(), bytes: Arc::new(bytes) };
-                let named = choice.importer.as_deref();
-                let importer = self.registry.importer_for(&source, named).map_err(from_import)?;
+                let importer_name = choice.importer.as_deref();
+                let importer =
+                    self.registry.importer_for(&source, importer_name).map_err(load_error_from_import)?;
                 (source, importer)
             }
         };
-        let options = choice.complete(importer.manifest()).map_err(from_option)?;
+        let options = choice.complete_options(importer.manifest()).map_err(load_error_from_option)?;
         let needs = choice.needs.map_or(self.needs, |n| self.needs.both(n));
         let inputs = ImportInputs {
             importer: &importer,
@@ -278,32 +284,39 @@ impl Loader {
             front: choice.front,
             needs,
         };
-        let (asset, beside) = self.import(&source, found, inputs, import)?;
-        if let (Some(key), Some(stamp), None) = (remembered, stamp, importer.file()) {
-            self.remember(key, stamp, &beside, &asset);
+        let (asset, side_files) = self.import(&source, found, inputs, import)?;
+        if let (Some(key), Some(stamp), None) = (stamp_key, stamp, importer.file()) {
+            self.cache_with_stamps(key, stamp, &side_files, &asset);
         }
         Ok(asset)
     }
 
-    /// Remembers an asset by the modification times of its files, if all of them exist and have not changed meanwhile.
-    fn remember(&self, key: (PathBuf, String), stamp: FileStamp, beside: &[String], asset: &Arc<Asset>) {
+    /// Caches an asset with the sizes and modification times of its files, if all of them exist and have not changed since the
+    /// import began.
+    fn cache_with_stamps(
+        &self,
+        key: (PathBuf, String),
+        stamp: FileStamp,
+        side_files: &[String],
+        asset: &Arc<Asset>,
+    ) {
         let start = key.0.parent();
         let found =
-            beside.iter().map(|name| self.find_in(&self.folders, start, name).map(|found| found.path));
+            side_files.iter().map(|name| self.find_in(&self.folders, start, name).map(|found| found.path));
         let Ok(mut paths) = found.collect::<Result<Vec<_>, _>>() else { return };
         paths.push(key.0.clone());
-        let used = self.used();
-        let stamped = |path: PathBuf| Some((path.clone(), FileStamp::of(&path)?, *used.get(&path)?));
+        let hashes = self.files_read();
+        let stamped = |path: PathBuf| Some((path.clone(), FileStamp::of(&path)?, *hashes.get(&path)?));
         let files = paths.into_iter().map(stamped).collect::<Option<Vec<_>>>();
-        let is_same =
+        let is_unchanged =
             |files: &Vec<(PathBuf, FileStamp, [u8; 32])>| files.last().is_some_and(|last| last.1 == stamp);
-        if let Some(files) = files.filter(is_same) {
-            self.cache.remember(key, Remembered { files, asset: asset.clone() });
+        if let Some(files) = files.filter(is_unchanged) {
+            self.cache.insert_stamped(key, StampedAsset { files, asset: asset.clone() });
         }
     }
 
     /// Imports an asset or takes it from the cache. Two threads that need the same asset import it once. Also returns the names
-    /// of the files that the importer requested beside it.
+    /// of the side files that the importer has requested.
     fn import(
         &self,
         source: &Source,
@@ -311,16 +324,16 @@ impl Loader {
         inputs: ImportInputs<'_>,
         watch: &Import,
     ) -> Result<(Arc<Asset>, Vec<String>), LoadError> {
-        let beside = |files: &[SideFile]| files.iter().map(|side| side.name.clone()).collect();
+        let names_of = |files: &[SideFile]| files.iter().map(|side| side.name.clone()).collect();
         let ImportInputs { importer, options, compress, clips, front, needs } = inputs;
         let start = found.and_then(|f| f.path.parent());
         let mut importer_name = importer.manifest().name.to_string();
         if let Some(file) = importer.file() {
-            self.note_used(&file.path, &file.bytes);
+            self.record_file_read(&file.path, &file.bytes);
             // A changed plugin makes another asset of the same bytes, so its hash is part of the key.
             importer_name.push_str(&blake3::hash(&file.bytes).to_hex());
         }
-        let key = |needs: ImportScope| Key {
+        let key = |needs: ImportScope| CacheKey {
             path: found.map_or_else(|| PathBuf::from(&source.name), |f| f.path.clone()),
             // The asset contains the name that it was loaded by.
             name: source.name.clone(),
@@ -333,43 +346,46 @@ impl Loader {
             loader: self,
             start,
             clips,
-            left_out: AtomicBool::default(),
-            read: Mutex::default(),
+            clips_left_out: AtomicBool::default(),
+            requested: Mutex::default(),
             watch,
         };
-        // Whether an asset was made of the same bytes, with the same files beside them.
-        let same = |made: &CachedImport| {
+        // Whether a cached asset was made of the same bytes and of side files that are unchanged.
+        let is_unchanged = |made: &CachedImport| {
             let files = files(clips);
-            let unchanged = |side: &SideFile| {
+            let is_side_unchanged = |side: &SideFile| {
                 let now = files.read(&side.name).ok();
                 now.map(|bytes| *blake3::hash(&bytes).as_bytes()) == side.content
             };
-            made.source == content && made.side_files.iter().all(unchanged)
+            made.source == content && made.side_files.iter().all(is_side_unchanged)
         };
         // An asset with decoded images also serves requests without them.
         if !needs.pixels
-            && let Some(more) = self.cache.existing_slot(&key(ImportScope { pixels: true, ..needs }))
+            && let Some(with_pixels) = self.cache.existing_slot(&key(ImportScope { pixels: true, ..needs }))
         {
-            let more = more.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(made) = more.as_ref().filter(|made| same(made)) {
-                return Ok((made.asset.clone(), beside(&made.side_files)));
+            let with_pixels = with_pixels.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(made) = with_pixels.as_ref().filter(|made| is_unchanged(made)) {
+                return Ok((made.asset.clone(), names_of(&made.side_files)));
             }
         }
         let slot = self.cache.slot(key(needs));
         let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(made) = slot.as_ref().filter(|made| same(made)) {
-            return Ok((made.asset.clone(), beside(&made.side_files)));
+        if let Some(made) = slot.as_ref().filter(|made| is_unchanged(made)) {
+            return Ok((made.asset.clone(), names_of(&made.side_files)));
         }
-        let mut near = files(clips);
+        let mut importer_files = files(clips);
         self.cache.count_import();
-        let mut asset = importer.import(source, &near, needs, options).map_err(from_import)?;
-        let shows_front =
+        let mut asset =
+            importer.import(source, &importer_files, needs, options).map_err(load_error_from_import)?;
+        let has_known_front =
             |asset: &Asset| front.is_some() || !Facing::of(&asset.skeleton, &[]).evidence.is_empty();
         let in_script = matches!(clips, PlayedClips::Named(_)) && needs.geometry;
-        if in_script && near.left_out.load(Ordering::Relaxed) && !shows_front(&asset) {
-            // The front can be found from all clips only, so all are imported. Without a script the front is not needed.
-            near = files(&PlayedClips::All);
-            asset = importer.import(source, &near, needs, options).map_err(from_import)?;
+        if in_script && importer_files.clips_left_out.load(Ordering::Relaxed) && !has_known_front(&asset) {
+            // The skeleton does not show the front, so all clips are imported to find it from them. Without a script the front is
+            // not needed.
+            importer_files = files(&PlayedClips::All);
+            asset =
+                importer.import(source, &importer_files, needs, options).map_err(load_error_from_import)?;
         }
         asset.name = source.name.clone();
         asset.front = front;
@@ -377,16 +393,17 @@ impl Loader {
             compress_clips(&mut asset, tolerance, watch)?;
         }
         if !needs.geometry && self.needs.geometry {
-            asset.warnings.push(clips_only_warning());
+            asset.warnings.push(no_geometry_warning());
         }
         let asset = Arc::new(asset);
-        let side_files = near.read.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let names = beside(&side_files);
+        let side_files = importer_files.requested.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let names = names_of(&side_files);
         *slot = Some(CachedImport { source: content, side_files, asset: asset.clone() });
         Ok((asset, names))
     }
 
-    fn built_in(&self, name: &str) -> Result<&Arc<dyn Importer>, LoadError> {
+    /// The importer that makes the built-in asset of a name.
+    fn built_in_importer(&self, name: &str) -> Result<&Arc<dyn Importer>, LoadError> {
         let known: Vec<(String, &Arc<dyn Importer>)> = built_in_assets(&self.registry).collect();
         if let Some((_, importer)) = known.iter().find(|(known, _)| known == name) {
             return Ok(importer);
@@ -421,32 +438,33 @@ struct ImportInputs<'a> {
     front: Option<Front>,
 }
 
-/// The warning of an asset without its geometry; it is reported only if the asset is cast.
-fn clips_only_warning() -> choreo_asset::Warning {
+/// The warning about an asset that was imported without its geometry. It is reported only if the asset is cast.
+fn no_geometry_warning() -> choreo_asset::Warning {
     choreo_asset::Warning {
         place: String::new(),
         text: "it was loaded for its clips only, so it has nothing to show; leave only: \"clips\" out".into(),
     }
 }
 
+/// Compresses all clips of an asset within a tolerance in metres. Stops if the import is cancelled.
 fn compress_clips(asset: &mut Asset, tolerance: f64, watch: &Import) -> Result<(), LoadError> {
     for clip in &mut asset.clips {
         if watch.is_cancelled() {
             break;
         }
-        let (small, _) = clip
+        let (compressed, _) = clip
             .compressed(&asset.skeleton, tolerance)
-            .map_err(|e| LoadError::new(format!("compress: {e}")))?;
-        *clip = Arc::new(small);
+            .map_err(|e| LoadError::new(format!("cannot compress clip \"{}\": {e}", clip.name)))?;
+        *clip = Arc::new(compressed);
     }
     Ok(())
 }
 
-fn from_option(e: OptionError) -> LoadError {
+fn load_error_from_option(e: OptionError) -> LoadError {
     LoadError { message: format!("importer {}", e.message), hint: e.hint }
 }
 
-fn from_import(e: ImportError) -> LoadError {
+fn load_error_from_import(e: ImportError) -> LoadError {
     LoadError { message: e.to_string(), hint: e.hint.clone() }
 }
 
@@ -455,32 +473,32 @@ struct ImporterFiles<'a> {
     loader: &'a Loader,
     start: Option<&'a Path>,
     clips: &'a PlayedClips,
-    /// Set once a clip was refused by `wants_clip`.
-    left_out: AtomicBool,
+    /// Set once `wants_clip` has refused a clip.
+    clips_left_out: AtomicBool,
     watch: &'a Import,
-    /// The files that the importer requested, found or not.
-    read: Mutex<Vec<SideFile>>,
+    /// Files that the importer has requested, found or not.
+    requested: Mutex<Vec<SideFile>>,
 }
 
 impl Files for ImporterFiles<'_> {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         if self.watch.is_cancelled() {
-            return Err(format!("cannot read \"{relative}\": cancelled"));
+            return Err(format!("cannot read \"{relative}\": the import was cancelled"));
         }
         let folders = &self.loader.folders;
         let bytes = self.loader.find_in(folders, self.start, relative).and_then(|found: FoundFile| {
             let bytes = folders.read(&found, relative)?;
-            self.loader.note_used(&found.path, &bytes);
+            self.loader.record_file_read(&found.path, &bytes);
             Ok(bytes)
         });
         let content = bytes.as_ref().ok().map(|bytes| *blake3::hash(bytes).as_bytes());
         let side = SideFile { name: relative.to_string(), content };
-        self.read.lock().unwrap_or_else(PoisonError::into_inner).push(side);
+        self.requested.lock().unwrap_or_else(PoisonError::into_inner).push(side);
         bytes.map(Arc::new).map_err(|e| e.message)
     }
 
     fn progress(&self, part: f32) -> bool {
-        self.watch.set_progress(part);
+        self.watch.raise_progress(part);
         !self.watch.is_cancelled()
     }
 
@@ -491,7 +509,7 @@ impl Files for ImporterFiles<'_> {
             PlayedClips::One(played) => name == played,
             PlayedClips::Named(names) => names.contains(name),
         };
-        self.left_out.fetch_or(!wanted, Ordering::Relaxed);
+        self.clips_left_out.fetch_or(!wanted, Ordering::Relaxed);
         wanted
     }
 }

@@ -1,8 +1,8 @@
-//! `import "steps" as steps;`: other scripts, from the script's own folder only.
+//! Modules, `import "steps" as steps;`: other scripts, from the script's own folder only.
 
 use crate::api_error::{ApiError, Place};
 use crate::build::ScriptContext;
-use crate::compile::{compile_all, constants, declare_poisons};
+use crate::compile::{compile_with_unknown_variables, declare_poisons, scope_with_constants};
 use crate::errors::throw;
 use crate::limits::raise_hint;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Shared as RhaiShared};
@@ -10,9 +10,10 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-/// Name of the empty module, which cannot be that of a file.
-pub(crate) const EMPTY: &str = "\0";
+/// Name of the empty module, which cannot be the name of a file.
+pub(crate) const EMPTY_MODULE: &str = "\0";
 
+/// The module resolver of the engine.
 pub struct Modules {
     shared: Weak<ScriptContext>,
     state: Mutex<LoadedModules>,
@@ -21,15 +22,15 @@ pub struct Modules {
 #[derive(Default)]
 struct LoadedModules {
     loaded: BTreeMap<PathBuf, RhaiShared<Module>>,
-    /// Modules being evaluated, outermost first. Importing one of these again would never end.
-    open: Vec<(PathBuf, String)>,
+    /// Modules being evaluated, outermost first: canonical paths and names. Importing one of them again would never end.
+    evaluating: Vec<(PathBuf, String)>,
     /// Canonical folder of each module, by its name in messages.
     folders: BTreeMap<String, PathBuf>,
 }
 
 impl Modules {
     pub fn new(shared: Arc<ScriptContext>) -> Modules {
-        // A weak reference, because `shared` keeps the engine alive through the contexts of hooks.
+        // A weak reference, because `shared` keeps the engine alive through the contexts of callbacks.
         Modules { shared: Arc::downgrade(&shared), state: Mutex::default() }
     }
 
@@ -46,7 +47,7 @@ impl ModuleResolver for Modules {
         path: &str,
         at: Position,
     ) -> Result<RhaiShared<Module>, Box<EvalAltResult>> {
-        if path == EMPTY {
+        if path == EMPTY_MODULE {
             return Ok(Module::new().into());
         }
         let place = Place {
@@ -65,7 +66,7 @@ impl ModuleResolver for Modules {
             ));
         }
         let name = if path.ends_with(".rhai") { path.to_string() } else { format!("{path}.rhai") };
-        let folders = shared.loader.folders().base_only();
+        let folders = shared.loader.folders().without_search_paths();
         let start = source.and_then(|s| self.state().folders.get(s).cloned());
         let start = start.or_else(|| shared.test().scene.as_ref().map(|scene| scene.folder.clone()));
         let found = shared.loader.find_in(&folders, start.as_deref(), &name).map_err(|e| {
@@ -78,9 +79,9 @@ impl ModuleResolver for Modules {
         if let Some(module) = loaded {
             return Ok(module);
         }
-        let open = self.state().open.clone();
-        if let Some(first) = open.iter().position(|(p, _)| *p == found.path) {
-            let mut chain: Vec<String> = open[first..].iter().map(|(_, n)| n.clone()).collect();
+        let evaluating = self.state().evaluating.clone();
+        if let Some(first) = evaluating.iter().position(|(p, _)| *p == found.path) {
+            let mut chain: Vec<String> = evaluating[first..].iter().map(|(_, n)| n.clone()).collect();
             chain.push(name.clone());
             return Err(fail(ApiError::new(format!(
                 "modules import each other in a circle: {}",
@@ -88,9 +89,9 @@ impl ModuleResolver for Modules {
             ))));
         }
         // Rhai counts only the imports of one file, not those that modules make in turn.
-        let (count, most) = (self.state().loaded.len() + open.len(), shared.limits.modules);
-        if count as u64 >= most {
-            return Err(fail(ApiError::new("too many imported files").hint(raise_hint("modules", most))));
+        let (count, limit) = (self.state().loaded.len() + evaluating.len(), shared.limits.modules);
+        if count as u64 >= limit {
+            return Err(fail(ApiError::new("too many imported files").hint(raise_hint("modules", limit))));
         }
         let text = read_text(&shared, &found, &name).map_err(fail)?;
         shared
@@ -101,17 +102,18 @@ impl ModuleResolver for Modules {
         if let Some(folder) = found.path.parent() {
             self.state().folders.insert(name.clone(), folder.to_path_buf());
         }
-        let (read, unknown) = compile_all(engine, &shared, &text);
-        crate::errors::note_unknown(&unknown, &name, &shared);
+        let (parsed, unknown) = compile_with_unknown_variables(engine, &shared, &text);
+        crate::errors::report_unknown_variables(&unknown, &name, &shared);
         crate::errors::mark_as_reported(&unknown, &shared);
-        let mut ast = read.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
+        let mut ast =
+            parsed.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
-        shared.of_clips_only(&ast, &name);
-        self.state().open.push((found.path.clone(), name.clone()));
-        let mut scope = constants();
+        shared.find_clips_only_loads(&ast, &name);
+        self.state().evaluating.push((found.path.clone(), name.clone()));
+        let mut scope = scope_with_constants();
         declare_poisons(&unknown, &mut scope);
         let module = Module::eval_ast_as_new(scope, &ast, engine);
-        self.state().open.pop();
+        self.state().evaluating.pop();
         let module: RhaiShared<Module> =
             module.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e, at)))?.into();
         self.state().loaded.insert(found.path, module.clone());
@@ -119,27 +121,30 @@ impl ModuleResolver for Modules {
     }
 }
 
-/// Reads a script or an unsaved text. Error: it is not UTF-8, or larger than 4 MiB.
+/// Reads a script, or its unsaved text.
+///
+/// # Errors
+/// Returns an error if the file cannot be read, is not UTF-8, or is larger than 4 MiB.
 pub(crate) fn read_text(
     shared: &ScriptContext,
     found: &crate::folders::FoundFile,
     name: &str,
 ) -> Result<String, ApiError> {
-    const LARGEST: usize = 4 << 20;
-    let bytes = match shared.unsaved.get(&found.path) {
+    const MAX_BYTES: usize = 4 << 20;
+    let bytes = match shared.unsaved_texts.get(&found.path) {
         Some(text) => text.as_bytes().to_vec(),
         None => shared.loader.folders().read(found, name)?,
     };
-    if bytes.len() > LARGEST {
+    if bytes.len() > MAX_BYTES {
         return Err(ApiError::new(format!(
-            "\"{name}\" has {} bytes; a script may have {LARGEST}",
+            "\"{name}\" has {} bytes; a script may have at most {MAX_BYTES}",
             bytes.len()
         )));
     }
-    shared.loader.note_used(&found.path, &bytes);
+    shared.loader.record_file_read(&found.path, &bytes);
     let text = String::from_utf8(bytes).map_err(|e| {
-        let good = &e.as_bytes()[..e.utf8_error().valid_up_to()];
-        let line = good.iter().filter(|b| **b == b'\n').count() + 1;
+        let valid = &e.as_bytes()[..e.utf8_error().valid_up_to()];
+        let line = valid.iter().filter(|b| **b == b'\n').count() + 1;
         ApiError::new(format!("\"{name}\" is not a text file: line {line} is not UTF-8"))
     })?;
     // Some editors put a byte order mark before the text; it takes no column.

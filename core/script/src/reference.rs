@@ -9,20 +9,20 @@ use std::fmt::Write;
 
 /// The reference of everything that a script can call, as Markdown.
 pub fn reference() -> String {
-    let mut out = String::from(HEAD);
+    let mut out = String::from(INTRODUCTION);
     for (title, tables) in TABLES {
         let _ = writeln!(out, "\n## {title}\n");
         for function in tables.iter().copied().flatten() {
             let def = &function.def;
             let forms = def.usages(&def.full_name());
-            let gives = match def.returns {
+            let result_type = match def.returns {
                 ResultType::Nothing | ResultType::Receiver => String::new(),
                 ResultType::Handle(kind) => format!(" → {}", kind.name()),
                 ResultType::Value(what) => format!(" → {what}"),
             };
-            let frame = if def.frame { " ◦" } else { "" };
-            let _ =
-                writeln!(out, "- `{}`{gives}{frame} — {}", forms.join("` or `"), def.about().join("\n  - "));
+            let frame_mark = if def.is_for_frames { " ◦" } else { "" };
+            let (usages, about) = (forms.join("` or `"), def.about().join("\n  - "));
+            let _ = writeln!(out, "- `{usages}`{result_type}{frame_mark} — {about}");
         }
     }
     let _ = writeln!(
@@ -53,7 +53,7 @@ pub fn reference() -> String {
     out
 }
 
-const HEAD: &str = "# What a script can call
+const INTRODUCTION: &str = "# What a script can call
 
 This file is generated from the tables in `core/script/src/api/`. A test compares them; `CHOREO_ACCEPT=1 cargo test --workspace --test reference` writes the file anew.
 

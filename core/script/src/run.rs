@@ -2,7 +2,7 @@
 
 use crate::api::defs;
 use crate::api_error::{ApiError, Place};
-use crate::build::{Mode, Parameter, ScriptContext, StageDraft};
+use crate::build::{Parameter, RunMode, ScriptContext, StageDraft};
 use crate::cache::AssetCache;
 use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
@@ -14,7 +14,7 @@ use crate::limits::Limits;
 use crate::lint::Places;
 use crate::loader::Loader;
 use crate::modules::read_text;
-use crate::parsed::{Parsed, Unreadable};
+use crate::parsed::{ParseFailure, ParsedScript};
 use crate::resolve::resolve;
 use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{ImportScope, Registry};
@@ -88,46 +88,46 @@ pub fn run_file(
     options: &ScriptOptions,
 ) -> Result<Script, Vec<Diagnostic>> {
     let root = options.root.as_deref();
-    let opened = open(path, root, Mode::Stage, registry, options).map_err(|e| vec![e])?;
-    on_own_thread(move || run_here(&opened.name, &opened.text, &opened.shared))
+    let opened = open(path, root, RunMode::Stage, registry, options).map_err(|e| vec![e])?;
+    on_script_thread(move || run_on_this_thread(&opened.name, &opened.text, &opened.shared))
 }
 
-/// The files that the result of a run depends on, whether it succeeded or not, for callers that watch for changes.
+/// Files on which the result of a run depends, also if it failed, for callers that watch for changes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Touched {
     /// Canonical paths of all files read, with the BLAKE3 hash of their content.
     pub read: BTreeMap<PathBuf, [u8; 32]>,
-    /// Paths that were looked up in vain, and links on the way to files that were found.
-    pub looked_for: BTreeSet<PathBuf>,
+    /// Paths that do not exist, and links on the way to files that were found.
+    pub missing_or_linked_paths: BTreeSet<PathBuf>,
 }
 
 impl Touched {
-    /// Files that a loader has touched so far.
+    /// Files that a loader has looked up or read so far.
     pub fn by(loader: &Loader) -> Touched {
-        Touched { read: loader.used(), looked_for: loader.looked_for() }
+        Touched { read: loader.files_read(), missing_or_linked_paths: loader.missing_or_linked_paths() }
     }
 }
 
-/// [`run_file`] that also returns the files on which the run depends, even if it fails.
+/// Runs a script file as [`run_file`] does, and also returns the files on which the run depends, even if it fails.
 pub fn run_file_touching(
     path: &Path,
     registry: &Registry,
     options: &ScriptOptions,
 ) -> (Result<Script, Vec<Diagnostic>>, Touched) {
-    let opened = match open(path, options.root.as_deref(), Mode::Stage, registry, options) {
+    let opened = match open(path, options.root.as_deref(), RunMode::Stage, registry, options) {
         Ok(opened) => opened,
         Err(error) => {
             let mut touched = Touched::default();
-            touched.looked_for.extend(std::path::absolute(path));
+            touched.missing_or_linked_paths.extend(std::path::absolute(path));
             return (Err(vec![error]), touched);
         }
     };
     let loader = opened.shared.loader.clone();
-    let result = on_own_thread(move || run_here(&opened.name, &opened.text, &opened.shared));
+    let result = on_script_thread(move || run_on_this_thread(&opened.name, &opened.text, &opened.shared));
     let mut touched = Touched::by(&loader);
     // A link to the script can change its target.
-    let named = std::path::absolute(path).ok().filter(|named| !touched.read.contains_key(named));
-    touched.looked_for.extend(named);
+    let link = std::path::absolute(path).ok().filter(|link| !touched.read.contains_key(link));
+    touched.missing_or_linked_paths.extend(link);
     (result, touched)
 }
 
@@ -143,14 +143,16 @@ pub(crate) struct Opened {
 pub fn open(
     path: &Path,
     root: Option<&Path>,
-    mode: Mode,
+    mode: RunMode,
     registry: &Registry,
     options: &ScriptOptions,
 ) -> Result<Opened, Diagnostic> {
     let shown = path.display().to_string();
     let fail = |e: LoadError| Diagnostic::from(ApiError::from(e));
     let Some(name) = path.file_name().map(|n| n.to_string_lossy().into_owned()) else {
-        return Err(Diagnostic::error(format!("\"{shown}\" is not a script file")));
+        return Err(Diagnostic::error(format!(
+            "\"{shown}\" is not a script file: the path has no file name"
+        )));
     };
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut folders = Folders::new(folder, &options.search_paths, options.limits.file).map_err(fail)?;
@@ -165,7 +167,7 @@ pub fn open(
         Err(_) if options.unsaved.contains_key(path) => path.to_path_buf(),
         Err(e) => return Err(Diagnostic::error(format!("cannot read script \"{shown}\": {e}"))),
     };
-    let shared = new_shared(folders, mode, registry, options);
+    let shared = new_script_context(folders, mode, registry, options);
     let found = crate::folders::FoundFile { path: canonical };
     let text = read_text(&shared, &found, &name)?;
     Ok(Opened { name: shown, text, shared })
@@ -181,21 +183,21 @@ pub fn run_text(
 ) -> Result<Script, Vec<Diagnostic>> {
     let folders = Folders::new(base_dir, &options.search_paths, options.limits.file)
         .map_err(|e| vec![ApiError::from(e).into()])?;
-    let shared = new_shared(folders, Mode::Stage, registry, options);
+    let shared = new_script_context(folders, RunMode::Stage, registry, options);
     let (name, text) = (name.to_string(), text.to_string());
-    on_own_thread(move || run_here(&name, &text, &shared))
+    on_script_thread(move || run_on_this_thread(&name, &text, &shared))
 }
 
-fn new_shared(
+fn new_script_context(
     folders: Folders,
-    mode: Mode,
+    mode: RunMode,
     registry: &Registry,
     options: &ScriptOptions,
 ) -> Arc<ScriptContext> {
     let mut loader = Loader::new(registry, folders, options.needs).with_cache(&options.assets);
     loader = loader.watched_by(&options.imports);
-    if mode == Mode::List {
-        loader = loader.when_waited_for();
+    if mode == RunMode::ListTests {
+        loader = loader.importing_on_demand();
     }
     Arc::new(ScriptContext {
         build: Mutex::new(StageDraft::default()),
@@ -205,11 +207,11 @@ fn new_shared(
         played_clips_only: options.played_clips_only,
         played_clips: OnceLock::new(),
         limits: options.limits.clone(),
-        set: options.set.clone(),
-        unsaved: options.unsaved.clone(),
+        set_parameters: options.set.clone(),
+        unsaved_texts: options.unsaved.clone(),
         sources: Mutex::default(),
         functions: Mutex::default(),
-        unknown: Mutex::default(),
+        reported_variables: Mutex::default(),
         last_token: Mutex::default(),
         deadline: Mutex::default(),
         engine: Mutex::default(),
@@ -219,11 +221,11 @@ fn new_shared(
     })
 }
 
-/// Start of the message if the system cannot start a thread for a script.
+/// Beginning of the error that the system cannot start a thread for a script.
 pub const NO_THREAD: &str = "cannot start a thread for the script: ";
 
 /// Runs `work` on a new thread, whose stack is large enough for the deepest calls and expressions that the limits allow.
-pub(crate) fn on_own_thread<T: Send + 'static>(
+pub(crate) fn on_script_thread<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Vec<Diagnostic>> + Send + 'static,
 ) -> Result<T, Vec<Diagnostic>> {
     const STACK: usize = 64 << 20;
@@ -238,31 +240,31 @@ pub(crate) fn on_own_thread<T: Send + 'static>(
 /// Makes the engine of a run and starts its time limit.
 pub fn begin(name: &str, text: &str, shared: &Arc<ScriptContext>) -> Arc<Engine> {
     shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
-    let engine = Arc::new(engine::engine(shared));
+    let engine = Arc::new(engine::make_engine(shared));
     *shared.engine.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&engine);
     let limit = Duration::try_from_secs_f64(shared.limits.seconds).unwrap_or(Duration::MAX);
     *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now().checked_add(limit);
     engine
 }
 
-/// Runs the statements of a parsed script. Errors, those of parsing included, are noted among the build's diagnostics.
+/// Runs the statements of a parsed script. Errors, those of parsing included, are added to the diagnostics of the draft.
 pub fn execute(
     engine: &Engine,
     name: &str,
     shared: &ScriptContext,
-    script: Result<(&Parsed, &AST), Unreadable>,
+    script: Result<(&ParsedScript, &AST), ParseFailure>,
 ) {
     match script {
-        Err(Unreadable { error, unknown }) => {
-            errors::note_unknown(&unknown, name, shared);
-            let (place, error) = errors::explain(&error.into(), name, shared);
-            shared.note(Severity::Error, &place, &error);
+        Err(ParseFailure { error, unknown }) => {
+            errors::report_unknown_variables(&unknown, name, shared);
+            let (place, error) = errors::explain_error(&error.into(), name, shared);
+            shared.add_diagnostic(Severity::Error, &place, &error);
         }
         Ok((parsed, ast)) => {
             errors::mark_as_reported(&parsed.unknown, shared);
             // A run of one section reports only the unknown variables in it.
-            if !matches!(shared.mode, Mode::Section(_)) {
-                errors::note_unknown(&parsed.unknown, name, shared);
+            if !matches!(shared.mode, RunMode::RunTest(_)) {
+                errors::report_unknown_variables(&parsed.unknown, name, shared);
             }
             shared
                 .clips_only
@@ -270,35 +272,44 @@ pub fn execute(
                 .unwrap_or_else(PoisonError::into_inner)
                 .extend(parsed.clips_only.iter().cloned());
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) = parsed.functions.clone();
-            shared.test().ends = parsed.ends.clone();
-            if crate::recover::run(engine, name, shared, ast, &parsed.unknown) {
-                unknown_set_names(shared);
+            shared.test().function_ends = parsed.function_ends.clone();
+            if crate::recover::run_statements(engine, name, shared, ast, &parsed.unknown) {
+                check_set_names(shared);
             }
         }
     }
     *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = None;
 }
 
-fn run_here(name: &str, text: &str, shared: &Arc<ScriptContext>) -> Result<Script, Vec<Diagnostic>> {
+/// Runs a script on the current thread.
+fn run_on_this_thread(
+    name: &str,
+    text: &str,
+    shared: &Arc<ScriptContext>,
+) -> Result<Script, Vec<Diagnostic>> {
     let engine = begin(name, text, shared);
-    let parsed = Parsed::new(&engine, shared, name, text);
+    let parsed = ParsedScript::new(&engine, shared, name, text);
     if let Ok(parsed) = &parsed {
         if shared.played_clips_only {
             // The value is set only here.
-            let _ = shared.played_clips.set(crate::clips_only::played(&parsed.ast));
+            let _ = shared.played_clips.set(crate::clips_only::played_clips(&parsed.ast));
         }
-        let declared = crate::lint::declared(&parsed.ast, name, text, shared.defs);
-        shared.build.lock().unwrap_or_else(PoisonError::into_inner).declared = declared;
+        let unused = crate::lint::unused_variables(&parsed.ast, name, text, shared.defs);
+        shared.build.lock().unwrap_or_else(PoisonError::into_inner).unused_variables = unused;
     }
     execute(&engine, name, shared, parsed.as_ref().map(|p| (p, &p.ast)).map_err(Clone::clone));
-    let script_hash = hash(text, shared);
+    let script_hash = hash_script(text, shared);
     let identity = hex(&script_hash);
     let (stage, mut places) = resolve(shared, &engine, &|_| identity.clone());
     // A file that only has tests puts nothing on stage.
     if stage.actors.is_empty() && shared.test().sections.is_empty() {
         let error = ApiError::new("nothing is on stage: no actor is cast")
             .hint("let hero = cast(\"hero\", load(\"hero.glb\")); puts one there");
-        shared.note(Severity::Warning, &Place { file: name.to_string(), ..Place::default() }, &error);
+        shared.add_diagnostic(
+            Severity::Warning,
+            &Place { file: name.to_string(), ..Place::default() },
+            &error,
+        );
     }
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     places.main = name.to_string();
@@ -306,16 +317,14 @@ fn run_here(name: &str, text: &str, shared: &Arc<ScriptContext>) -> Result<Scrip
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {
         let mut errors: Vec<Diagnostic> =
             diagnostics.into_iter().filter(|d| d.severity == Severity::Error).collect();
-        if build.more > 0 {
-            errors.push(Diagnostic::error(format!("and {} more", build.more)));
-        }
+        errors.extend(build.error_about_limit());
         return Err(errors);
     }
     let mut stage = stage;
     stage.warnings.extend(diagnostics.iter().map(ToString::to_string));
     Ok(Script {
         stage,
-        files_used: shared.loader.used().into_keys().collect(),
+        files_used: shared.loader.files_read().into_keys().collect(),
         script_hash,
         warnings: diagnostics,
         parameters: std::mem::take(&mut build.parameters),
@@ -325,13 +334,13 @@ fn run_here(name: &str, text: &str, shared: &Arc<ScriptContext>) -> Result<Scrip
 }
 
 /// Reports names given with `--set` that no `param` declares.
-fn unknown_set_names(shared: &ScriptContext) {
+fn check_set_names(shared: &ScriptContext) {
     let known: Vec<String> = {
         let build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         build.parameters.iter().map(|p| p.name.clone()).collect()
     };
     let names = || known.iter().map(String::as_str);
-    for (name, _) in &shared.set {
+    for (name, _) in &shared.set_parameters {
         if known.contains(name) {
             continue;
         }
@@ -340,14 +349,15 @@ fn unknown_set_names(shared: &ScriptContext) {
             did_you_mean(name, names())
         ))
         .hint(match known.as_slice() {
-            [] => "it declares none; param(\"name\", default) declares one".to_string(),
+            [] => "the script declares no parameters; param(\"name\", default) declares one".to_string(),
             _ => format!("parameters: {}", list(names(), 30)),
         });
-        shared.note(Severity::Error, &Place::default(), &error);
+        shared.add_diagnostic(Severity::Error, &Place::default(), &error);
     }
 }
 
-fn hash(text: &str, shared: &ScriptContext) -> [u8; 32] {
+/// Hash of the script's text, its parameters and the content of all files used.
+fn hash_script(text: &str, shared: &ScriptContext) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -362,7 +372,7 @@ fn hash(text: &str, shared: &ScriptContext) -> [u8; 32] {
         }
     }
     // Sorted by hash, so that the paths of the files do not matter.
-    let mut files: Vec<[u8; 32]> = shared.loader.used().into_values().collect();
+    let mut files: Vec<[u8; 32]> = shared.loader.files_read().into_values().collect();
     files.sort_unstable();
     for file in files {
         add(&file);

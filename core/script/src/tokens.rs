@@ -42,7 +42,7 @@ impl TokenKind {
 
 /// Code inside an interpolated string: `${…}`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct InnerCode {
+pub struct InterpolatedCode {
     /// Byte range of the code with its braces.
     pub range: Range<usize>,
     /// Byte ranges of the tokens of the code, braces included. The text of strings inside the code is not included.
@@ -53,7 +53,7 @@ pub struct InnerCode {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tokens {
     pub all: Vec<ScriptToken>,
-    pub inner: Vec<InnerCode>,
+    pub inner: Vec<InterpolatedCode>,
 }
 
 /// Byte ranges of all tokens, in order.
@@ -62,8 +62,8 @@ pub fn token_ranges(text: &str) -> Vec<Range<usize>> {
 }
 
 /// Byte ranges of all tokens, and the code inside interpolated strings, in order.
-pub fn tokens_with_inner(text: &str) -> (Vec<Range<usize>>, Vec<InnerCode>) {
-    let Tokens { all, inner } = lexed(text);
+pub fn tokens_and_interpolations(text: &str) -> (Vec<Range<usize>>, Vec<InterpolatedCode>) {
+    let Tokens { all, inner } = lex(text);
     (all.into_iter().map(|token| token.range).collect(), inner)
 }
 
@@ -77,25 +77,25 @@ pub fn is_name(text: &str) -> bool {
 
 /// All tokens, in order.
 pub(crate) fn tokens(text: &str) -> Vec<ScriptToken> {
-    lexed(text).all
+    lex(text).all
 }
 
-/// The tokens of a text as Rhai's own lexer finds them.
-pub(crate) fn lexed(text: &str) -> Tokens {
+/// The tokens of a text, found by Rhai's lexer.
+pub(crate) fn lex(text: &str) -> Tokens {
     let engine = Engine::new_raw();
     let texts = [text];
     let (mut tokens, control) = engine.lex(&texts);
     let mut cursor = Cursor { text, line: 1, column: 0, byte: 0 };
     let Tokens { all: mut found, mut inner } = Tokens::default();
-    // Stack of open interpolated strings: first byte, and number of open braces inside.
+    // Stack of interpolated strings that are not closed yet: first byte, and number of open braces inside.
     let mut strings: Vec<(usize, usize)> = Vec::new();
-    let mut is_text = false;
+    let mut continues_string = false;
     let string = |range: Range<usize>| ScriptToken { range, kind: TokenKind::Text };
     while let Some((token, at)) = tokens.next() {
         let before = Position::new(at.line().unwrap_or(1) as u16, at.position().unwrap_or(1) as u16 - 1);
         let start = cursor.advance_to(before);
         let end = cursor.advance_to(tokens.pos);
-        let resumed = std::mem::take(&mut is_text);
+        let is_string_part = std::mem::take(&mut continues_string);
         let is_outermost = strings.len() == 1;
         match &token {
             Token::EOF => break,
@@ -105,9 +105,9 @@ pub(crate) fn lexed(text: &str) -> Tokens {
             }
             // A documentation comment of a function.
             Token::Comment(_) => {}
-            Token::InterpolatedString(_) if !resumed => strings.push((start, 0)),
+            Token::InterpolatedString(_) if !is_string_part => strings.push((start, 0)),
             Token::InterpolatedString(_) => {}
-            Token::StringConstant(_) if resumed => {
+            Token::StringConstant(_) if is_string_part => {
                 if let (Some((start, _)), true) = (strings.pop(), strings.is_empty()) {
                     found.push(string(start..end));
                 }
@@ -123,7 +123,7 @@ pub(crate) fn lexed(text: &str) -> Tokens {
                 }
                 Some((_, depth)) => {
                     if is_outermost && *depth == 0 {
-                        inner.push(InnerCode { range: start..end, tokens: Vec::new() });
+                        inner.push(InterpolatedCode { range: start..end, tokens: Vec::new() });
                     }
                     if let Some(code) = inner.last_mut() {
                         code.range.end = end;
@@ -131,8 +131,8 @@ pub(crate) fn lexed(text: &str) -> Tokens {
                     }
                     *depth += usize::from(matches!(token, Token::LeftBrace | Token::MapStart));
                     *depth -= usize::from(token == Token::RightBrace && *depth > 0);
-                    is_text = token == Token::RightBrace && *depth == 0;
-                    control.borrow_mut().is_within_text = is_text;
+                    continues_string = token == Token::RightBrace && *depth == 0;
+                    control.borrow_mut().is_within_text = continues_string;
                 }
             },
         }
@@ -141,7 +141,7 @@ pub(crate) fn lexed(text: &str) -> Tokens {
     Tokens { all: found, inner }
 }
 
-/// A comment.
+/// Place and kind of a comment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CommentRange {
     pub range: Range<usize>,
@@ -221,12 +221,12 @@ impl Cursor<'_> {
 mod tests {
     use super::*;
 
-    fn texts(text: &str) -> Vec<&str> {
+    fn token_texts(text: &str) -> Vec<&str> {
         token_ranges(text).into_iter().map(|range| &text[range]).collect()
     }
 
     #[test]
-    fn tokens_are_found_where_they_stand() {
+    fn token_ranges_cover_tokens_but_not_comments() {
         let text = "let é = f(); // no\n/* /* b */ */ x.y(-1.5, \"a\\\"(\", 'c', #{ t: 2 })";
         let expected = [
             "let",
@@ -253,24 +253,24 @@ mod tests {
             "}",
             ")",
         ];
-        assert_eq!(texts(text), expected);
-        assert_eq!(texts("1.f(1..2)"), ["1", ".", "f", "(", "1", "..", "2", ")"]);
+        assert_eq!(token_texts(text), expected);
+        assert_eq!(token_texts("1.f(1..2)"), ["1", ".", "f", "(", "1", "..", "2", ")"]);
     }
 
     #[test]
-    fn an_interpolated_string_is_one_token() {
+    fn an_interpolated_or_unclosed_string_is_one_token() {
         assert_eq!(
-            texts("a(`x ${b(#{ c: `${d}` })} y ${e} `, 1)"),
+            token_texts("a(`x ${b(#{ c: `${d}` })} y ${e} `, 1)"),
             ["a", "(", "`x ${b(#{ c: `${d}` })} y ${e} `", ",", "1", ")"]
         );
-        assert_eq!(texts("a(\"x\n b"), ["a", "(", "\"x\n b"]);
-        assert_eq!(texts("a(`x ${b"), ["a", "(", "`x ${b"]);
+        assert_eq!(token_texts("a(\"x\n b"), ["a", "(", "\"x\n b"]);
+        assert_eq!(token_texts("a(`x ${b"), ["a", "(", "`x ${b"]);
     }
 
     #[test]
     fn code_inside_strings_has_tokens() {
         let text = "é(`x ${ b + f(#{ c: `${d} y` }) } z ${e.g}`); `${h";
-        let (_, inner) = tokens_with_inner(text);
+        let (_, inner) = tokens_and_interpolations(text);
         let codes: Vec<(&str, Vec<&str>)> = inner
             .into_iter()
             .map(|code| (&text[code.range], code.tokens.into_iter().map(|token| &text[token]).collect()))
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn comments_are_found_between_tokens() {
+    fn nested_and_unclosed_comments_are_found_in_a_gap() {
         let text = " // é /*\r\n/* /* b */ */// c\n\n /* open";
         let found: Vec<(&str, bool, bool)> = comments(text, 0..text.len())
             .into_iter()
@@ -301,13 +301,13 @@ mod tests {
     }
 
     #[test]
-    fn keywords_are_no_names() {
+    fn is_name_accepts_identifiers_only() {
         assert!(["a", "_b", "loops", "sun"].into_iter().all(is_name));
         assert!(!["loop", "new", "print", "1a", "a b", "a.b", "é", "", "-a", "a-"].into_iter().any(is_name));
     }
 
     #[test]
-    fn tokens_have_kinds() {
+    fn tokens_have_the_kind_of_their_syntax() {
         use TokenKind::{Error, Number, Prefix, Symbol, Text, Word};
         let kinds: Vec<TokenKind> =
             tokens("/// doc\nlet a = -b - -1.5 * !c(`${d}`, 'e') \\").into_iter().map(|t| t.kind).collect();

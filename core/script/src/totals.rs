@@ -7,8 +7,8 @@ use choreo_asset::{Asset, Image};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// The error that a total exceeds its limit, at the place of the first actor that makes it too large.
-pub fn too_much(build: &StageDraft, limits: &Limits) -> Option<(Place, ApiError)> {
+/// The error that a total over all actors exceeds its limit, at the place of the first actor with which it does.
+pub fn error_of_totals(build: &StageDraft, limits: &Limits) -> Option<(Place, ApiError)> {
     let mut sums = [
         ("joints", limits.joints, 0u64),
         ("instances", limits.instances, 0),
@@ -39,6 +39,7 @@ pub fn too_much(build: &StageDraft, limits: &Limits) -> Option<(Place, ApiError)
     None
 }
 
+/// Name of a limit in messages.
 fn display_name(name: &str) -> &str {
     match name {
         "instances" => "meshes",

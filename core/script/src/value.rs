@@ -17,15 +17,17 @@ use std::sync::Arc;
 /// Index of a dead handle.
 const DEAD: usize = usize::MAX;
 
+/// Handle of an asset, which may still be imported.
 #[derive(Clone, Debug)]
 pub(crate) struct AssetRef {
-    pub from: Arc<Load>,
+    pub load: Arc<Load>,
     pub dead: bool,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct ClipRef {
     pub clip: Arc<Clip>,
+    /// The asset for whose skeleton the clip is made.
     pub asset: Arc<Asset>,
     pub dead: bool,
 }
@@ -80,7 +82,7 @@ pub(crate) struct EffectRef {
     pub plugin: Arc<str>,
 }
 
-/// Handle of a stage in a test: the section's own or one of `stage_of`.
+/// Handle of a stage in a test: the section's own stage, or one that `stage_of` has made.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StageRef(pub usize);
 
@@ -91,30 +93,30 @@ pub(crate) struct PlanRef {
     pub dead: bool,
 }
 
-/// Handle of everything that another script has put on the stage of a test.
+/// Handle of the objects that another script, run by `scene`, has put on the stage of a test.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SceneRef(pub usize);
 
-/// Image sequence; all images have the same size.
+/// Image sequence. All images have the same size.
 #[derive(Clone, Debug)]
 pub struct ImageSequenceRef {
-    pub pictures: Arc<dyn ImageSource>,
+    pub images: Arc<dyn ImageSource>,
     pub hashes: Vec<ContentHash>,
-    /// The alpha mode that covers all of them.
+    /// Alpha mode that is sufficient for all images.
     pub alpha: AlphaMode,
 }
 
 /// An image with its sampler.
 #[derive(Clone, Debug)]
 pub(crate) struct ImageRef {
-    /// The image. If [`ImageRef::file`] holds its pixels, it is opaque and has none itself.
+    /// The image. If [`ImageRef::file`] contains its pixels, it is opaque and has no pixels itself.
     pub image: Arc<Image>,
-    /// The encoded file, if its pixels are decoded only on demand by [`ImageRef::decoded`].
+    /// The encoded file, if the pixels are decoded on demand by [`ImageRef::decoded`].
     pub file: Option<Arc<Encoded<Vec<u8>>>>,
     pub sampler: Sampler,
     pub dead: bool,
     /// The image sequence, if there is one; `image` is its first image.
-    pub files: Option<ImageSequenceRef>,
+    pub sequence: Option<ImageSequenceRef>,
 }
 
 impl ImageRef {
@@ -124,19 +126,19 @@ impl ImageRef {
             file: None,
             sampler: Sampler::default(),
             dead: true,
-            files: None,
+            sequence: None,
         }
     }
 
     /// The image with its pixels, decoded if needed.
     pub fn decoded(&self) -> Result<Arc<Image>, ApiError> {
         let Some(file) = &self.file else { return Ok(self.image.clone()) };
-        file.decode().map_err(|problem| undecodable("image", &file.name, problem))
+        file.decode().map_err(|problem| decoding_error("image", &file.name, problem))
     }
 }
 
-/// The error that an image file cannot be decoded. It begins with `what`.
-pub(crate) fn undecodable(what: &str, name: &str, p: Problem) -> ApiError {
+/// The error that an image file cannot be decoded. `what`: the function or option for which it is decoded.
+pub(crate) fn decoding_error(what: &str, name: &str, p: Problem) -> ApiError {
     let error = ApiError::new(format!("{what}: \"{name}\": {}", p.what)).focus(name);
     match p.hint {
         Some(hint) => error.hint(hint),
@@ -248,7 +250,7 @@ macro_rules! handles {
 }
 
 handles! {
-    Asset: AssetRef, |h| h.dead, AssetRef { from: Arc::new(Load::dead()), dead: true };
+    Asset: AssetRef, |h| h.dead, AssetRef { load: Arc::new(Load::failed()), dead: true };
     Image: ImageRef, |h| h.dead, ImageRef::dead();
     Clip: ClipRef, |h| h.dead, ClipRef { clip: Arc::default(), asset: Arc::default(), dead: true };
     Actor: ActorRef, |h| h.id == DEAD, ActorRef { id: DEAD, asset: Arc::default() };
@@ -268,7 +270,7 @@ handles! {
 }
 
 impl HandleKind {
-    /// The kind with a name, such as "Actor".
+    /// The handle type of a name, such as "Actor".
     pub fn from_name(name: &str) -> Option<HandleKind> {
         HandleKind::HANDLES.iter().copied().find(|k| k.name() == name)
     }

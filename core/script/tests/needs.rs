@@ -1,4 +1,4 @@
-//! Parts of a file that are not needed are not made. Alone in its process, so that meshes and images can be counted.
+//! Parts of a file that a script does not need are not imported. This test has a process of its own, so that it can count meshes and images.
 
 mod common;
 
@@ -8,22 +8,22 @@ use choreo_script::testing::{TestOptions, list_sections, run_section};
 use common::*;
 use std::sync::atomic::Ordering;
 
-/// Meshes and images made since the last look.
-fn made() -> (usize, usize) {
-    (MESHES_MADE.swap(0, Ordering::Relaxed), PICTURES_DECODED.swap(0, Ordering::Relaxed))
+/// Numbers of meshes made and images decoded since the last call.
+fn take_import_counts() -> (usize, usize) {
+    (MESHES_MADE.swap(0, Ordering::Relaxed), IMAGES_DECODED.swap(0, Ordering::Relaxed))
 }
 
 #[test]
-fn what_is_not_needed_is_not_made() {
-    a_file_for_its_clips_alone();
-    the_script_shows_it_by_itself();
-    nobody_draws();
-    sections_that_look_at_no_picture();
-    clips_that_are_not_played();
+fn parts_not_requested_are_not_imported() {
+    only_clips_imports_no_meshes();
+    clips_only_use_is_found_in_the_script();
+    imports_without_pixels_decode_no_images();
+    sections_without_image_tests_decode_no_images();
+    unplayed_clips_are_not_decoded();
 }
 
 /// Only the played clips are decoded, for commands that draw or describe a scene once.
-fn clips_that_are_not_played() {
+fn unplayed_clips_are_not_decoded() {
     let options = ScriptOptions { played_clips_only: true, ..ScriptOptions::default() };
     let decoded = |text: &str, options: &ScriptOptions| {
         CLIPS_DECODED.store(0, Ordering::Relaxed);
@@ -38,41 +38,41 @@ fn clips_that_are_not_played() {
     assert_eq!(decoded(one, &options), 1);
     assert_eq!(decoded(two, &options), 4, "each of two files has both names");
     assert_eq!(decoded(one, &ScriptOptions::default()), 3);
-    // A front that shows in clips alone shows in all of them.
+    // All clips are decoded to find a front that the skeleton does not show.
     let facing = r#"let m = load("hero.toy"); cast("a", m).play(m.clip("Run"));"#;
     assert_eq!(decoded(facing, &options), 1 + 3);
-    // A clip by number is known only when the script runs.
+    // The name of a clip given by number is known only when the script runs.
     let any = r#"let m = load("hero.toy"); let n = 1; cast("a", m).play(m.clip(n));"#;
     assert_eq!(decoded(any, &options), 3);
-    // The names are all there, in messages too.
+    // All names are known, also to messages.
     let wrong = r#"let m = load("hero.toy"); cast("a", m).play(m.clip("Rum"));"#;
     let errors = assets().run_text(wrong, &options).unwrap_err();
     assert!(show(&errors).contains("did you mean \"Run\"?"), "{}", show(&errors));
 }
 
-fn a_file_for_its_clips_alone() {
-    good(
+fn only_clips_imports_no_meshes() {
+    run_or_panic(
         r#"
         let moves = load("moves.toy", #{ only: "clips" });
         let again = load("moves.toy", #{ only: "clips" });
         if moves.clips() != ["Walk", "Run", "Wave"] { throw "no clips" }
         "#,
     );
-    assert_eq!(made(), (0, 0));
-    good(r#"cast("a", load("hero.toy")).play(load("moves.toy", #{ only: "clips" }).clip("Walk"));"#);
-    assert_eq!(made(), (1, 1), "the hero's");
-    // Cast all the same: it plays, and its warning states why nothing is seen.
-    let script = good(r#"cast("a", load("moves.toy", #{ only: "clips" }));"#);
+    assert_eq!(take_import_counts(), (0, 0));
+    run_or_panic(r#"cast("a", load("hero.toy")).play(load("moves.toy", #{ only: "clips" }).clip("Walk"));"#);
+    assert_eq!(take_import_counts(), (1, 1), "the hero's");
+    // An actor of such a file plays clips; its warning says why it is invisible.
+    let script = run_or_panic(r#"cast("a", load("moves.toy", #{ only: "clips" }));"#);
     let asset = &script.stage.actors[0].asset;
     assert!(asset.meshes.is_empty() && asset.warnings[0].text.contains("loaded for its clips only"));
     let errors = run(r#"load("moves.toy", #{ only: "clip" });"#).unwrap_err();
     assert!(show(&errors).contains("load: only"), "{}", show(&errors));
-    assert_eq!(made(), (0, 0));
+    assert_eq!(take_import_counts(), (0, 0));
 }
 
-/// The same without a word: the text shows that nothing but clips is used.
-fn the_script_shows_it_by_itself() {
-    let script = good(
+/// Files of which the script uses only clips are imported like those loaded with `only: "clips"`.
+fn clips_only_use_is_found_in_the_script() {
+    let script = run_or_panic(
         r#"
         let hero = load("hero.toy");
         let moves = load("moves.toy");
@@ -81,9 +81,9 @@ fn the_script_shows_it_by_itself() {
         on_frame(|t| { let n = moves; });
         "#,
     );
-    // A closure that does something else with it: it may be anything.
-    assert_eq!((made(), script.places.clips_only.len()), ((2, 2), 0));
-    let script = good(
+    // A closure copies the asset to a variable, so its uses are unknown.
+    assert_eq!((take_import_counts(), script.places.clips_only.len()), ((2, 2), 0));
+    let script = run_or_panic(
         r#"
         let hero = load("hero.toy");
         let moves = load("moves.toy");
@@ -92,29 +92,29 @@ fn the_script_shows_it_by_itself() {
         cast("boris", hero).at(1.0, 0.0, 0.0).play(load("models/knight.toy").clip(moves.clips()[2]));
         "#,
     );
-    assert_eq!(made(), (1, 1), "the hero's");
-    let left: Vec<(&str, usize)> =
+    assert_eq!(take_import_counts(), (1, 1), "the hero's");
+    let clips_only: Vec<(&str, usize)> =
         script.places.clips_only.iter().map(|(file, at)| (file.as_str(), at.line)).collect();
-    assert_eq!(left, [("moves.toy", 3), ("models/knight.toy", 6)]);
+    assert_eq!(clips_only, [("moves.toy", 3), ("models/knight.toy", 6)]);
     assert!(script.stage.actors[0].asset.warnings.is_empty());
-    // One of two loads of a file is cast: it is imported once, with all that is in it.
-    good(
+    // A file that is loaded twice and cast once is imported once, with its meshes.
+    run_or_panic(
         r#"
         let moves = load("hero.toy");
         cast("anna", load("hero.toy")).play(moves.clip("Walk"));
         "#,
     );
-    assert_eq!(made(), (1, 1));
+    assert_eq!(take_import_counts(), (1, 1));
 }
 
 /// No image is decoded for `check`, `info` and `pose`.
-fn nobody_draws() {
+fn imports_without_pixels_decode_no_images() {
     let options = ScriptOptions { needs: ImportScope::NO_PIXELS, ..ScriptOptions::default() };
     assets().run_text(r#"cast("a", load("hero.toy"));"#, &options).unwrap();
-    assert_eq!(made(), (1, 0));
+    assert_eq!(take_import_counts(), (1, 0));
 }
 
-fn sections_that_look_at_no_picture() {
+fn sections_without_image_tests_decode_no_images() {
     let folder = Folder::new(&[
         ("hero.toy", ""),
         ("a.rhai", r#"test("one", || { expect(cast("a", load("hero.toy"))).at(0).visible(); });"#),
@@ -127,10 +127,10 @@ fn sections_that_look_at_no_picture() {
         assert_eq!(list_sections(&path, &registry(), &options).unwrap().len(), 1);
         let run = run_section(&path, 0, &registry(), &options).unwrap();
         assert!(run.errors.is_empty(), "{}", show(&run.errors));
-        made()
+        take_import_counts()
     };
     assert_eq!(run("a.rhai"), (1, 0));
     assert_eq!(run("b.rhai"), (1, 1));
-    // Found out after a first run, and run again.
+    // The need for images is known only after the first run, so the section is run again.
     assert_eq!(run("c.rhai"), (2, 1));
 }

@@ -165,7 +165,7 @@ impl Session {
         let of_plugins = self.files.iter().flat_map(Listing::used_files);
         let read = touched.read.keys().cloned().chain(of_plugins).collect();
         interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
-        for path in touched.looked_for {
+        for path in touched.missing_or_linked_paths {
             let there = content_of(&path);
             interest.files.entry(path).or_insert(there);
         }
@@ -319,9 +319,9 @@ impl Session {
         let loader = Arc::new(loader.with_cache(&self.assets).watched_by(&self.imports));
         let name = built_in.or_else(|| path.file_name().and_then(|n| n.to_str())).unwrap_or_default();
         let loaded = loader.load(name, &self.source.import);
-        let Touched { read, looked_for } = Touched::by(&loader);
+        let Touched { read, missing_or_linked_paths } = Touched::by(&loader);
         touched.read.extend(read);
-        touched.looked_for.extend(looked_for);
+        touched.missing_or_linked_paths.extend(missing_or_linked_paths);
         loaded.map_err(|e| file_error(path, e.message, e.hint))
     }
 }

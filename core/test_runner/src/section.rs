@@ -103,7 +103,7 @@ fn judge(
     let mut pictures = Vec::new();
     if !run.errors.is_empty() {
         let mut texts = vec![diagnostics_text(&run.errors)];
-        for e in run.expected.iter().filter(|e| !e.met) {
+        for e in run.expected.iter().filter(|e| !e.has_occurred) {
             texts.push(format!("{}:{}: expected, but it did not occur: {}", case.file, e.line, e.text));
         }
         outcome.status = Status::Error(texts.join("\n"));
@@ -120,7 +120,7 @@ fn judge(
     let mut skipped = None;
     if run.broken.is_empty() {
         for expectation in &run.expectations {
-            let Claim::Picture(wanted) = &expectation.claim else { continue };
+            let Claim::Image(wanted) = &expectation.claim else { continue };
             if run.timeout.is_some_and(|timeout| timeout.check().is_err()) {
                 break;
             }
@@ -141,7 +141,7 @@ fn judge(
             };
             pictures.push((golden_image::path_of(&case.path, &wanted.name), read));
         }
-        if let Some(stage) = run.stages.first().filter(|_| run.info.as_it_stands()) {
+        if let Some(stage) = run.stages.first().filter(|_| run.info.is_whole_file()) {
             outcome.checks.push(check_drawable(case, stage, painter));
         }
     }

@@ -46,7 +46,7 @@ fn a_retargeting_warning_can_be_allowed() {
     };
     let run = script("");
     assert!(run.code == 1 && run.err.contains(" [retarget_rest]\n"), "{}", run.err);
-    let how = "if it is intended, // allow: retarget_rest above the line silences this";
+    let how = "if it is intended, write // allow: retarget_rest in the line above";
     assert!(run.err.contains(how), "{}", run.err);
     let run = script("// allow: retarget_rest\n");
     assert_eq!((run.code, run.err.as_str()), (0, ""), "{}", run.out);

@@ -9,7 +9,7 @@ use crate::terminal::page::Page;
 use crate::terminal::pages;
 use choreo_plugin::Manifest;
 use choreo_plugin::suggest::{did_you_mean, list};
-use choreo_script::help::{Answer, Call, answer, is_in, nearest, search};
+use choreo_script::help::{Answer, Call, answer, nearest_terms, search, words_occur_in};
 use choreo_session::plugin_files;
 use clap::CommandFactory;
 use serde_json::{Value, json};
@@ -51,7 +51,7 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
         answer.calls.insert(0, command);
     }
     if answer.calls.is_empty() {
-        let near: Vec<String> = nearest(&term, 5).iter().map(|near| format!("\"{near}\"")).collect();
+        let near: Vec<String> = nearest_terms(&term, 5).iter().map(|near| format!("\"{near}\"")).collect();
         let near =
             if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(", ")) };
         return Err(Failure::Usage(format!(
@@ -95,7 +95,7 @@ fn describe_effect(call: &mut Call, term: &str, app: &App) {
     let Some(effect) = app.registry.effect(&name) else { return };
     let manifest = effect.manifest();
     call.about = Some(manifest.about.clone());
-    if is_in(term, &name) || is_in(&name, term) {
+    if words_occur_in(term, &name) || words_occur_in(&name, term) {
         call.details = option_rows(manifest).lines().map(|row| row.trim().to_string()).collect();
     }
     let page = format!("plugins/effects/{name}/README.md");

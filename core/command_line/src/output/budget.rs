@@ -117,7 +117,7 @@ mod tests {
         let error = b.write_all(&[0]).unwrap_err().to_string();
         assert_eq!(
             error,
-            "the output is too large\n    hint: the limit is 10 bytes; raise it with --limit output=NUMBER if the script means it"
+            "the output is too large\n    hint: the limit is 10 bytes; raise it with --limit output=NUMBER if the script needs more"
         );
     }
 }

@@ -2,7 +2,7 @@
 //! and tables, and `choreo help --page NAME` prints one.
 
 use crate::App;
-use choreo_script::help::{Call, is_about};
+use choreo_script::help::{Call, words_occur_in_singular_or_plural};
 
 /// A page: path in the sources, and text.
 pub type PageText = (&'static str, &'static str);
@@ -74,7 +74,7 @@ fn search_page((path, text): PageText, term: &str) -> Vec<Call> {
         if let Some(title) = line.strip_prefix('#') {
             heading = title.trim_start_matches('#').trim();
             let first = lines.clone().find(|line| !line.is_empty());
-            if is_about(term, heading) {
+            if words_occur_in_singular_or_plural(term, heading) {
                 let about = first.filter(|line| !line.starts_with(['#', '|', '`', '!', '[']));
                 let mut call = call(heading, about, heading);
                 if heading == RULES_HEADING {

@@ -1,11 +1,11 @@
 //! Actors: assets on stage, their transforms, parents, morph targets, keyframes and clips.
 
-pub(crate) use super::look_at::before_start;
+pub(crate) use super::look_at::before_start_error;
 use super::{expression, keys};
 use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, fields, number_in, radians, rgb, unknown};
 use crate::hook;
-use crate::procedural::MOST_WIDE;
+use crate::procedural::MAX_LINE_WIDTH;
 use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
 use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::Time;
@@ -117,7 +117,7 @@ fn cast(c: &mut Call) -> Reply {
     let Some(asset) = c.value(1).try_cast::<AssetRef>() else {
         return Err(c.wrong(1, "an Asset, from load(…) or shape(…)"));
     };
-    let asset = c.shared.asset(&asset.from)?;
+    let asset = c.shared.asset(&asset.load)?;
     let mut build = c.build();
     check_limit(build.actors.len(), "actors", &c.shared.limits)?;
     if let Some(before) = build.actors.iter().find(|a| a.actor.name == name) {
@@ -135,9 +135,9 @@ fn cast(c: &mut Call) -> Reply {
     build.actors.push(ActorDraft {
         actor,
         at,
-        placed: false,
-        looks: Vec::new(),
-        constraints: Vec::new(),
+        is_placed: false,
+        look_at_places: Vec::new(),
+        constraint_places: Vec::new(),
         root: None,
         joint_keys: Vec::new(),
         walks: Vec::new(),
@@ -148,45 +148,48 @@ fn cast(c: &mut Call) -> Reply {
     Ok(Dynamic::from(ActorRef { id, asset }))
 }
 
-/// Changes the draft while the stage is built, or notes an edit of the frame.
+/// Changes the draft while the stage is built, or adds an edit of the frame in a callback.
 pub(super) fn change(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
     let this: ActorRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.actors.push((this.id, edit)));
+        hook::edit_frame(|e| e.actors.push((this.id, edit)));
     } else {
         draft(c.build().actor(this.id)?);
     }
     c.receiver()
 }
 
-/// [`change`] for position and rotation. Error: `walk_to` sets them already.
-fn place(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
+/// Changes position or rotation as [`change`] does.
+///
+/// # Errors
+/// Returns an error if `walk_to` sets position and rotation already.
+fn change_placement(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
     let this: ActorRef = c.this()?;
     if !c.in_frame {
-        c.build().actor(this.id)?.not_walking(c.def.name)?;
+        c.build().actor(this.id)?.check_not_walking(c.def.name)?;
     }
     change(c, edit, draft)
 }
 
 fn at(c: &mut Call) -> Reply {
     let p = c.point(0)?;
-    place(c, ActorEdit::MoveTo(p), |d| {
-        d.placement().translation = p;
-        d.placed = true;
+    change_placement(c, ActorEdit::MoveTo(p), |d| {
+        d.placement_mut().translation = p;
+        d.is_placed = true;
     })
 }
 
 fn move_by(c: &mut Call) -> Reply {
     let offset = c.point(0)?;
-    place(c, ActorEdit::MoveBy(offset), |d| {
-        d.placement().translation += offset;
-        d.placed = true;
+    change_placement(c, ActorEdit::MoveBy(offset), |d| {
+        d.placement_mut().translation += offset;
+        d.is_placed = true;
     })
 }
 
 fn rotate_by(c: &Call, rotation: DQuat) -> Reply {
-    place(c, ActorEdit::Turn(rotation), |d| {
-        let placement = d.placement();
+    change_placement(c, ActorEdit::Turn(rotation), |d| {
+        let placement = d.placement_mut();
         placement.rotation = (rotation * placement.rotation).normalize();
     })
 }
@@ -219,7 +222,7 @@ fn face(c: &mut Call) -> Reply {
     let target = c.target(0)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
-    draft.not_walking("face")?;
+    draft.check_not_walking("face")?;
     draft.actor.face = None;
     draft.face_point = None;
     match target {
@@ -242,14 +245,14 @@ fn attach(c: &mut Call) -> Reply {
         c.options(1, if c.in_frame { &["scale"] } else { &["scale", "from", "until", "blend", "keep"] })?;
     let mut change = ParentChange::default();
     fields::fill(c, &o, &mut change)?;
-    let mut parent = timed(&o, Some(to), change)?;
+    let mut parent = parenting(&o, Some(to), change)?;
     if o.one_of("scale", &["keep", "inherit"])? == Some("inherit") {
         parent.scale = ParentScale::Inherit;
     }
     if let (Some(start), Some(until)) = (change.from, change.until)
         && until <= start
     {
-        return Err(before_start("attach: until", until, start));
+        return Err(before_start_error("attach: until", until, start));
     }
     add_parent(c, ParentDraft { parent, until: change.until, at: c.place.clone() })
 }
@@ -261,13 +264,13 @@ fn detach(c: &mut Call) -> Reply {
     if change.from.is_none() && !c.in_frame {
         return Err(ApiError::new("detach: from is missing").hint("give a time: .detach(#{ from: 2.0 })"));
     }
-    let parent = timed(&o, None, change)?;
+    let parent = parenting(&o, None, change)?;
     add_parent(c, ParentDraft { parent, until: None, at: c.place.clone() })
 }
 
-/// A parent with the options `blend` and `keep`. Without a start time the parent holds from the beginning, so `keep` is
-/// off.
-fn timed(o: &Options, to: Option<Attachment>, change: ParentChange) -> Result<Parenting, ApiError> {
+/// A parent with its start time and the options `blend` and `keep`. A parent without a start time is in effect from the beginning
+/// of the stage, so `keep` does not apply.
+fn parenting(o: &Options, to: Option<Attachment>, change: ParentChange) -> Result<Parenting, ApiError> {
     let ParentChange { from: start, blend, keep, .. } = change;
     if start.is_none() && (blend.is_some() || keep == Some(true)) {
         let error =
@@ -283,7 +286,7 @@ fn timed(o: &Options, to: Option<Attachment>, change: ParentChange) -> Result<Pa
 fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     let this: ActorRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.actors.push((this.id, ActorEdit::Attach(draft.parent))));
+        hook::edit_frame(|e| e.actors.push((this.id, ActorEdit::Attach(draft.parent))));
         return c.receiver();
     }
     let mut build = c.build();
@@ -298,7 +301,7 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
         return Err(ApiError::new(text).hint("give each attachment a time of its own: #{ from: 2.0 }"));
     }
     actor.parents.push(draft);
-    actor.placed = true;
+    actor.is_placed = true;
     c.receiver()
 }
 
@@ -314,16 +317,16 @@ pub fn attachment(c: &Call, i: usize) -> Result<Attachment, ApiError> {
     Err(c.wrong(i, "an Actor or a Joint"))
 }
 
-fn visible(c: &Call, visible: bool) -> Reply {
+fn set_visible(c: &Call, visible: bool) -> Reply {
     change(c, ActorEdit::Visible(visible), |d| d.actor.visible = visible)
 }
 
 fn hide(c: &mut Call) -> Reply {
-    visible(c, false)
+    set_visible(c, false)
 }
 
 fn show(c: &mut Call) -> Reply {
-    visible(c, true)
+    set_visible(c, true)
 }
 
 fn tint(c: &mut Call) -> Reply {
@@ -333,20 +336,20 @@ fn tint(c: &mut Call) -> Reply {
 
 fn width(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    has_pen(&this.asset, "width")?;
-    let width = number_in(&c.value(0), "width: width", 0.0, f64::from(MOST_WIDE))? as f32;
+    check_has_line_width(&this.asset, "width")?;
+    let width = number_in(&c.value(0), "width: width", 0.0, f64::from(MAX_LINE_WIDTH))? as f32;
     change(c, ActorEdit::LineWidth(width), |d| d.actor.line_width = Some(width))
 }
 
 fn count(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    has_copies(&this.asset, "count")?;
+    check_has_copies(&this.asset, "count")?;
     let count = number_in(&c.value(0), "count: number", 0.0, f64::from(u32::MAX))? as u32;
     change(c, ActorEdit::Copies(count), |d| d.actor.copies = Some(count))
 }
 
 /// Refuses an asset without copies (instances), which has no count to set.
-pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
+pub fn check_has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
     if asset.has_copies() {
         return Ok(());
     }
@@ -355,7 +358,7 @@ pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
 }
 
 /// Refuses an asset without lines or points that have a width.
-fn has_pen(asset: &Asset, function: &str) -> Result<(), ApiError> {
+fn check_has_line_width(asset: &Asset, function: &str) -> Result<(), ApiError> {
     if asset.materials.iter().any(|m| m.line_style.is_some()) {
         return Ok(());
     }
@@ -363,7 +366,7 @@ fn has_pen(asset: &Asset, function: &str) -> Result<(), ApiError> {
     Err(ApiError::new(text).hint("give lines(…) a width, points(…) a size, or either of them metres"))
 }
 
-/// (Mesh instance, morph target) pairs of all targets with a name, or of the target with an index in every instance.
+/// Pairs of mesh instance and morph target: all targets with a name, or the target with an index in every instance.
 pub fn morph_targets(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<Vec<(u32, u32)>, ApiError> {
     let mesh = |i: &MeshInstance| asset.meshes.get(i.mesh as usize);
     let mut found = Vec::new();
@@ -402,7 +405,7 @@ fn morph(c: &mut Call) -> Reply {
     let weight = c.number_in(1, -1000.0, 1000.0)? as f32;
     let targets = morph_targets(&this.asset, &c.value(0), &c.label(0))?;
     if c.in_frame {
-        hook::edit(|e| {
+        hook::edit_frame(|e| {
             let edit = |(instance, target)| (this.id, ActorEdit::Morph { instance, target, weight });
             e.actors.extend(targets.into_iter().map(edit));
         });
@@ -444,16 +447,19 @@ fn key_channels(c: &Call, asset: &Asset) -> Result<Vec<Channel>, ApiError> {
     };
     let morph = weights("morph", Property::Morph { instance: 0, target: 0 }, (-1000.0, 1000.0));
     let expression = weights("expression", Property::Expression { expression: 0 }, (0.0, 1.0));
-    let keyed = keys::property(c, &[keys::keyed_properties::<Actor>(), vec![morph, expression]].concat())?;
+    let keyed =
+        keys::named_property(c, &[keys::keyed_properties::<Actor>(), vec![morph, expression]].concat())?;
     let targets: Vec<Property> = match keyed.name {
-        "width" => has_pen(asset, "key").map(|()| vec![keyed.property])?,
-        "count" => has_copies(asset, "key").map(|()| vec![keyed.property])?,
+        "width" => check_has_line_width(asset, "key").map(|()| vec![keyed.property])?,
+        "count" => check_has_copies(asset, "key").map(|()| vec![keyed.property])?,
         "morph" => {
             let found = morph_targets(asset, &c.value(1), "key: name")?.into_iter();
             found.map(|(instance, target)| Property::Morph { instance, target }).collect()
         }
         "expression" => {
-            vec![Property::Expression { expression: expression::find(asset, &c.value(1), "key: name")? }]
+            vec![Property::Expression {
+                expression: expression::find_expression(asset, &c.value(1), "key: name")?,
+            }]
         }
         _ => vec![keyed.property],
     };
@@ -466,12 +472,13 @@ fn key(c: &mut Call) -> Reply {
     let channels = key_channels(c, &this.asset)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
-    let places = |channel: &Channel| matches!(channel.property, Property::Translation | Property::Rotation);
-    if channels.iter().any(places) {
-        draft.not_walking("key")?;
+    let moves_actor =
+        |channel: &Channel| matches!(channel.property, Property::Translation | Property::Rotation);
+    if channels.iter().any(moves_actor) {
+        draft.check_not_walking("key")?;
     }
-    draft.placed |= channels.iter().any(|ch| ch.property == Property::Translation);
-    keys::replace(&mut draft.actor.channels, channels);
+    draft.is_placed |= channels.iter().any(|ch| ch.property == Property::Translation);
+    keys::replace_channels(&mut draft.actor.channels, channels);
     c.receiver()
 }
 
@@ -480,7 +487,7 @@ fn play(c: &mut Call) -> Reply {
     let clip = super::cue::bound_clip(c, 0, &this.asset)?;
     let chain = c.build().chains.len();
     check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
-    let origin = c.build().offset;
+    let origin = c.build().sequence_start;
     let mut cue = CueDraft { origin, ..CueDraft::new(chain, clip, c.place.clone()) };
     super::cue::read_options(c, 1, &mut cue)?;
     let mut build = c.build();

@@ -1,4 +1,4 @@
-//! `load`, and what an asset contains: clips, joints, morph targets, expressions and cameras.
+//! Loading of assets, and their contents: clips, joints, morph targets, expressions and cameras.
 
 use crate::call::{ApiError, Call, Reply, api, describe, one_of, unknown};
 use crate::limits::raise_hint;
@@ -62,15 +62,15 @@ fn load(c: &mut Call) -> Reply {
                 continue;
             }
             if key == "compress" {
-                choice.compress = Some(tolerance(value)?);
+                choice.compress = Some(compression_tolerance(value)?);
                 continue;
             }
             choice.options.0.insert(key.to_string(), option_value(key, value)?);
         }
     }
-    let (loaded, most) = (c.shared.loader.loaded(), c.shared.limits.files);
-    if loaded as u64 >= most {
-        let error = ApiError::new("load: too many files").hint(raise_hint("files", most));
+    let (count, limit) = (c.shared.loader.import_count(), c.shared.limits.files);
+    if count as u64 >= limit {
+        let error = ApiError::new("load: too many files").hint(raise_hint("files", limit));
         return Err(ApiError { fatal: true, ..error });
     }
     let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());
@@ -82,13 +82,13 @@ fn load(c: &mut Call) -> Reply {
         choice.needs = Some(ImportScope::CLIPS);
     }
     choice.clips = c.shared.played_clips.get().cloned().unwrap_or_default();
-    let begun = c.shared.loader.start(start.as_deref(), &name, &choice);
-    let import = begun.map_err(|e| ApiError::from(e).focus(name))?;
-    let from = c.build().add_import_load(import, &c.place, clips_only);
-    Ok(Dynamic::from(AssetRef { from, dead: false }))
+    let started = c.shared.loader.start(start.as_deref(), &name, &choice);
+    let import = started.map_err(|e| ApiError::from(e).focus(name))?;
+    let load = c.build().add_import_load(import, &c.place, clips_only);
+    Ok(Dynamic::from(AssetRef { load, dead: false }))
 }
 
-fn tolerance(value: &Dynamic) -> Result<f64, ApiError> {
+fn compression_tolerance(value: &Dynamic) -> Result<f64, ApiError> {
     let metres = value.as_float().or_else(|_| value.as_int().map(|n| n as f64));
     metres.ok().filter(|m| (1e-6..=0.1).contains(m)).ok_or_else(|| {
         let got = describe(value);
@@ -97,6 +97,7 @@ fn tolerance(value: &Dynamic) -> Result<f64, ApiError> {
     })
 }
 
+/// The value of an importer's option.
 fn option_value(key: &str, value: &Dynamic) -> Result<OptionValue, ApiError> {
     if let Ok(n) = value.as_int() {
         return Ok(OptionValue::Number(n as f64));
@@ -126,9 +127,9 @@ fn clip(c: &mut Call) -> Reply {
     let found: Arc<Clip> = if let Ok(index) = wanted.as_int() {
         usize::try_from(index).ok().and_then(|i| clips.get(i)).cloned().ok_or_else(|| {
             ApiError::new(format!(
-                "there is no clip {index} in \"{}\": it has {} clips, numbered from 0",
+                "there is no clip {index} in \"{}\": it has {}, numbered from 0",
                 asset.name,
-                clips.len()
+                crate::errors::format_count(clips.len(), "clip")
             ))
         })?
     } else if wanted.is_string() {
@@ -146,20 +147,20 @@ fn clip(c: &mut Call) -> Reply {
     Ok(Dynamic::from(ClipRef { clip: found, asset, dead: false }))
 }
 
-fn texts<'a>(names: impl Iterator<Item = &'a str>) -> Reply {
+fn text_array<'a>(names: impl Iterator<Item = &'a str>) -> Reply {
     Ok(Dynamic::from_array(names.map(|n| Dynamic::from(n.to_string())).collect()))
 }
 
 fn clips(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
     c.build().mark_used(&asset);
-    texts(asset.clips.iter().map(|clip| clip.name.as_str()))
+    text_array(asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
 fn joints(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
     c.build().mark_used(&asset);
-    texts(asset.skeleton.names().iter().map(String::as_str))
+    text_array(asset.skeleton.names().iter().map(String::as_str))
 }
 
 fn morphs(c: &mut Call) -> Reply {
@@ -169,7 +170,7 @@ fn morphs(c: &mut Call) -> Reply {
         asset.meshes.iter().flat_map(|m| m.morph_names.iter().map(String::as_str)).collect();
     names.sort_unstable();
     names.dedup();
-    texts(names.into_iter())
+    text_array(names.into_iter())
 }
 
 fn duration(c: &mut Call) -> Reply {

@@ -1,6 +1,6 @@
 //! Cameras: placement, projection and cuts.
 
-use super::actor::before_start;
+use super::actor::before_start_error;
 use super::keys;
 use crate::build::{CameraDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, radians, unknown, wrong};
@@ -68,7 +68,7 @@ api! {
     Camera.key("property, keys, how?") = key;
 }
 
-fn draft(c: &Call, name: String) -> CameraDraft {
+fn new_draft(c: &Call, name: String) -> CameraDraft {
     CameraDraft {
         camera: Camera { name, ..Camera::default() },
         at: c.place.clone(),
@@ -96,11 +96,11 @@ fn camera(c: &mut Call) -> Reply {
         .focus(name)
         .hint("keep it in a variable: let wide = camera(\"wide\");"));
     }
-    build.cameras.push(draft(c, name));
+    build.cameras.push(new_draft(c, name));
     Ok(Dynamic::from(CameraRef(build.cameras.len() - 1)))
 }
 
-fn change(c: &Call, change: impl FnOnce(&mut CameraDraft)) -> Reply {
+fn change_draft(c: &Call, change: impl FnOnce(&mut CameraDraft)) -> Reply {
     let this: CameraRef = c.this()?;
     change(c.build().camera(this.0)?);
     c.receiver()
@@ -108,29 +108,29 @@ fn change(c: &Call, change: impl FnOnce(&mut CameraDraft)) -> Reply {
 
 fn at(c: &mut Call) -> Reply {
     let position = c.point(0)?;
-    set(c, CameraEdit::MoveTo(position), |k| k.position = Some(position))
+    change_or_edit(c, CameraEdit::MoveTo(position), |k| k.position = Some(position))
 }
 
-/// Notes an edit of the camera for the frame that a callback runs for.
-fn edit(c: &Call, edit: CameraEdit) -> Reply {
+/// Adds an edit of the camera to the frame of the running callback.
+fn edit_frame(c: &Call, edit: CameraEdit) -> Reply {
     let this: CameraRef = c.this()?;
-    hook::edit(|e| e.cameras.push((this.0, edit)));
+    hook::edit_frame(|e| e.cameras.push((this.0, edit)));
     c.receiver()
 }
 
-/// Changes the draft while the stage is built, or notes an edit of the frame.
-fn set(c: &Call, of_frame: CameraEdit, draft: impl FnOnce(&mut CameraDraft)) -> Reply {
-    if c.in_frame { edit(c, of_frame) } else { change(c, draft) }
+/// Changes the draft while the stage is built, or adds an edit of the frame in a callback.
+fn change_or_edit(c: &Call, of_frame: CameraEdit, draft: impl FnOnce(&mut CameraDraft)) -> Reply {
+    if c.in_frame { edit_frame(c, of_frame) } else { change_draft(c, draft) }
 }
 
 /// Seconds that a camera takes to turn to its next target.
-const BLEND: f64 = 0.5;
+const DEFAULT_BLEND_SECS: f64 = 0.5;
 
 fn look_at(c: &mut Call) -> Reply {
     let target = c.target(0)?;
     let o = c.options(1, if c.in_frame { &[] } else { &["from", "until", "blend"] })?;
     if c.in_frame {
-        return edit(c, CameraEdit::LookAt(target));
+        return edit_frame(c, CameraEdit::LookAt(target));
     }
     let start = o.get("from").map(|v| c.stage_time(&v, "look_at: from")).transpose()?;
     let until = o.get("until").map(|v| c.stage_time(&v, "look_at: until")).transpose()?;
@@ -140,12 +140,12 @@ fn look_at(c: &mut Call) -> Reply {
             let error = ApiError::new("look_at: blend needs the start time of the change");
             return Err(error.hint("give the option from: #{ from: 2.0, blend: 0.5 }"));
         }
-        return change(c, |k| k.look_at = Some(target));
+        return change_draft(c, |k| k.look_at = Some(target));
     }
     if let (Some(start), Some(until)) = (start, until)
         && until <= start
     {
-        return Err(before_start("look_at: until", until, start));
+        return Err(before_start_error("look_at: until", until, start));
     }
     let start = start.unwrap_or(Time::MIN);
     let this: CameraRef = c.this()?;
@@ -158,22 +158,22 @@ fn look_at(c: &mut Call) -> Reply {
         let error = ApiError::new(format!("look_at: this camera looks at another target {when}"));
         return Err(error.hint("give each target a time of its own: #{ from: 2.0 }"));
     }
-    let blend = blend.unwrap_or(Time::from_secs(BLEND));
+    let blend = blend.unwrap_or(Time::from_secs(DEFAULT_BLEND_SECS));
     looks.push((CameraLook { target: Some(target), start, blend }, until));
     c.receiver()
 }
 
-fn rotated(c: &Call, rotation: DQuat) -> Reply {
-    set(c, CameraEdit::Turn(rotation), |k| k.rotation = (rotation * k.rotation).normalize())
+fn rotate_by(c: &Call, rotation: DQuat) -> Reply {
+    change_or_edit(c, CameraEdit::Turn(rotation), |k| k.rotation = (rotation * k.rotation).normalize())
 }
 
 fn turn(c: &mut Call) -> Reply {
-    rotated(c, DQuat::from_rotation_y(radians(c.number(0)?)))
+    rotate_by(c, DQuat::from_rotation_y(radians(c.number(0)?)))
 }
 
 fn rotate(c: &mut Call) -> Reply {
     let rotation = keys::angles_or_quaternion(c)?;
-    rotated(c, rotation)
+    rotate_by(c, rotation)
 }
 
 fn shake(c: &mut Call) -> Reply {
@@ -184,10 +184,10 @@ fn shake(c: &mut Call) -> Reply {
     let start = match start {
         Some(start) => start,
         None if c.in_frame => Time::ZERO,
-        None => c.build().offset,
+        None => c.build().sequence_start,
     };
     if let Some(until) = end.filter(|until| *until <= start) {
-        return Err(before_start("shake: until", until, start));
+        return Err(before_start_error("shake: until", until, start));
     }
     let seed = o.read("seed", |v, label| match v.as_int().map(u32::try_from) {
         Ok(Ok(seed)) => Ok(seed),
@@ -204,7 +204,7 @@ fn shake(c: &mut Call) -> Reply {
     };
     if c.in_frame {
         let shake = CameraShake { seed: seed.unwrap_or(0), ..shake };
-        return edit(c, CameraEdit::Shake(shake));
+        return edit_frame(c, CameraEdit::Shake(shake));
     }
     let this: CameraRef = c.this()?;
     let mut build = c.build();
@@ -221,11 +221,11 @@ fn follow(c: &mut Call) -> Reply {
     if offset.length() < 1e-9 {
         return Err(ApiError::new("follow: offset must not be zero, the camera would be inside its target"));
     }
-    rig(c, Rig::Follow { target, offset })
+    set_rig(c, Rig::Follow { target, offset })
 }
 
-fn rig(c: &Call, rig: Rig) -> Reply {
-    set(c, CameraEdit::Rig(rig.clone()), |k| k.rig = Some(rig))
+fn set_rig(c: &Call, rig: Rig) -> Reply {
+    change_or_edit(c, CameraEdit::Rig(rig.clone()), |k| k.rig = Some(rig))
 }
 
 fn orbit(c: &mut Call) -> Reply {
@@ -233,41 +233,41 @@ fn orbit(c: &mut Call) -> Reply {
     let [distance, elevation, azimuth, speed] = &Rig::ORBIT;
     let all = Rig::ORBIT.map(|option| option.name);
     let o = c.options(1, if c.in_frame { &all[..3] } else { &all[..] })?;
-    // The azimuth in a callback is that of the frame, so there is no speed.
-    let speed = if c.in_frame { 0.0 } else { number(&o, speed)? };
+    // In a callback the azimuth is given for each frame, so there is no speed.
+    let speed = if c.in_frame { 0.0 } else { rig_number(&o, speed)? };
     let orbit = Rig::Orbit {
         target,
-        distance: number(&o, distance)?,
-        elevation: number(&o, elevation)?.to_radians(),
-        azimuth: radians(number(&o, azimuth)?),
+        distance: rig_number(&o, distance)?,
+        elevation: rig_number(&o, elevation)?.to_radians(),
+        azimuth: radians(rig_number(&o, azimuth)?),
         speed: speed.to_radians(),
     };
-    rig(c, orbit)
+    set_rig(c, orbit)
 }
 
 fn frame(c: &mut Call) -> Reply {
     let [azimuth, elevation] = &Rig::FRAME;
     let o = c.options(0, &Rig::FRAME.map(|option| option.name))?;
-    let (azimuth, elevation) = (number(&o, azimuth)?, number(&o, elevation)?);
-    rig(c, Rig::Frame { azimuth: radians(azimuth), elevation: elevation.to_radians() })
+    let (azimuth, elevation) = (rig_number(&o, azimuth)?, rig_number(&o, elevation)?);
+    set_rig(c, Rig::Frame { azimuth: radians(azimuth), elevation: elevation.to_radians() })
 }
 
 /// The value of a number option, or its default.
-fn number(options: &Options, of: &RigOption) -> Result<f64, ApiError> {
+fn rig_number(options: &Options, of: &RigOption) -> Result<f64, ApiError> {
     let [least, most] = of.range;
     Ok(options.number_in(of.name, least, most)?.unwrap_or(of.default))
 }
 
 /// Allowed fields of view, degrees.
-const FOV: (f64, f64) = (0.1, 179.0);
+const FOV_RANGE_DEG: (f64, f64) = (0.1, 179.0);
 
 fn fov(c: &mut Call) -> Reply {
-    let (low, high) = FOV;
-    perspective(c, c.number_in(0, low, high)?.to_radians() as f32)
+    let (low, high) = FOV_RANGE_DEG;
+    set_field_of_view(c, c.number_in(0, low, high)?.to_radians() as f32)
 }
 
-fn perspective(c: &Call, yfov: f32) -> Reply {
-    set(c, CameraEdit::FieldOfView(yfov), |k| {
+fn set_field_of_view(c: &Call, yfov: f32) -> Reply {
+    change_or_edit(c, CameraEdit::FieldOfView(yfov), |k| {
         k.perspective = Some(yfov);
         k.ortho = None;
     })
@@ -275,12 +275,12 @@ fn perspective(c: &Call, yfov: f32) -> Reply {
 
 fn focal_length(c: &mut Call) -> Reply {
     let millimetres = c.number_in(0, 0.2, 13_000.0)?;
-    perspective(c, Camera::yfov(millimetres) as f32)
+    set_field_of_view(c, Camera::yfov(millimetres) as f32)
 }
 
 fn ortho(c: &mut Call) -> Reply {
     let height = c.number_in(0, 1e-6, 1e9)? as f32;
-    set(c, CameraEdit::Height(height), |k| {
+    change_or_edit(c, CameraEdit::Height(height), |k| {
         k.ortho = Some(height);
         k.perspective = None;
     })
@@ -288,12 +288,12 @@ fn ortho(c: &mut Call) -> Reply {
 
 fn near(c: &mut Call) -> Reply {
     let near = c.number_in(0, 1e-6, 1e9)? as f32;
-    set(c, CameraEdit::Near(near), |k| k.near = Some(near))
+    change_or_edit(c, CameraEdit::Near(near), |k| k.near = Some(near))
 }
 
 fn far(c: &mut Call) -> Reply {
     let far = c.number_in(0, 1e-5, 1e15)? as f32;
-    set(c, CameraEdit::Far(far), |k| k.far = Some(far))
+    change_or_edit(c, CameraEdit::Far(far), |k| k.far = Some(far))
 }
 
 fn cut(c: &mut Call) -> Reply {
@@ -310,19 +310,19 @@ fn cut(c: &mut Call) -> Reply {
 
 fn key(c: &mut Call) -> Reply {
     // Whether the rig allows keyframes is known only at the end of the script.
-    let channel = keys::channel(c, keys::property(c, &keys::keyed_properties::<Camera>())?, 1)?;
-    change(c, |k| {
+    let channel = keys::channel(c, keys::named_property(c, &keys::keyed_properties::<Camera>())?, 1)?;
+    change_draft(c, |k| {
         if k.position.is_none() && channel.property == Property::Translation {
             k.position = Some(DVec3::ZERO);
         }
         if channel.property.is_lens() {
             k.camera.channels.retain(|c| !c.property.is_lens());
         }
-        keys::replace(&mut k.camera.channels, vec![channel]);
+        keys::replace_channels(&mut k.camera.channels, vec![channel]);
     })
 }
 
-fn find_camera(c: &Call, asset: &Asset) -> Result<u32, ApiError> {
+fn camera_index(c: &Call, asset: &Asset) -> Result<u32, ApiError> {
     let names = || asset.cameras.iter().map(|k| k.name.as_str()).collect::<Vec<_>>();
     if asset.cameras.is_empty() {
         return Err(ApiError::new(format!("camera: \"{}\" has no camera", asset.name)));
@@ -339,8 +339,9 @@ fn find_camera(c: &Call, asset: &Asset) -> Result<u32, ApiError> {
         let n = asset.cameras.len();
         return found.ok_or_else(|| {
             ApiError::new(format!(
-                "there is no camera {index} in \"{}\": it has {n}, numbered from 0",
-                asset.name
+                "there is no camera {index} in \"{}\": it has {}, numbered from 0",
+                asset.name,
+                crate::errors::format_count(n, "camera")
             ))
         });
     }
@@ -351,7 +352,7 @@ fn find_camera(c: &Call, asset: &Asset) -> Result<u32, ApiError> {
         .ok_or_else(|| unknown("camera", &name, &format!(" in \"{}\"", asset.name), names()))
 }
 
-fn file_camera(c: &Call, actor: usize, camera: u32) -> Reply {
+fn handle_of_file_camera(c: &Call, actor: usize, camera: u32) -> Reply {
     let mut build = c.build();
     check_limit(build.cameras.len(), "cameras", &c.shared.limits)?;
     let owner = build.actor(actor)?;
@@ -360,7 +361,7 @@ fn file_camera(c: &Call, actor: usize, camera: u32) -> Reply {
     if let Some(again) = build.cameras.iter().position(|k| k.rig == Some(Rig::File { actor, camera })) {
         return Ok(Dynamic::from(CameraRef(again)));
     }
-    let mut k = draft(c, name);
+    let mut k = new_draft(c, name);
     k.rig = Some(Rig::File { actor, camera });
     build.cameras.push(k);
     Ok(Dynamic::from(CameraRef(build.cameras.len() - 1)))
@@ -368,17 +369,17 @@ fn file_camera(c: &Call, actor: usize, camera: u32) -> Reply {
 
 pub fn of_actor(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    let camera = find_camera(c, &this.asset)?;
-    file_camera(c, this.id, camera)
+    let camera = camera_index(c, &this.asset)?;
+    handle_of_file_camera(c, this.id, camera)
 }
 
 pub fn of_asset(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    let camera = find_camera(c, &asset)?;
+    let camera = camera_index(c, &asset)?;
     let actor = c.build().actors.iter().position(|a| std::sync::Arc::ptr_eq(&a.actor.asset, &asset));
     let actor = actor.ok_or_else(|| {
         ApiError::new(format!("camera: no actor is cast from \"{}\" yet", asset.name))
             .hint("cast it first: its camera moves with the actor")
     })?;
-    file_camera(c, actor, camera)
+    handle_of_file_camera(c, actor, camera)
 }

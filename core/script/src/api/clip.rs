@@ -3,12 +3,13 @@
 use super::joint_names::find_joint;
 use crate::call::{ApiError, Call, Options, Reply, api, describe};
 use crate::diagnostic::Severity;
+use crate::errors::format_count;
 use crate::limits::raise_hint;
 use crate::suggest::list;
 use crate::value::{AssetRef, ClipRef};
 use choreo_asset::Asset;
 use choreo_motion::retarget::{
-    Coverage, Retarget, RetargetOptions as Fit, RetargetReport, Translations, bind_or_retarget,
+    Coverage, Retarget, RetargetOptions, RetargetReport, Translations, bind_or_retarget,
 };
 use choreo_motion::{Clip, bind_by_name};
 use choreo_stage::Mirroring;
@@ -45,15 +46,15 @@ api! {
 
 /// Makes a handle of a clip that a script has made, and counts its keyframes against the limit.
 pub fn clip_handle(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
-    count(c, &clip)?;
+    count_keyframes(c, &clip)?;
     Ok(Dynamic::from(ClipRef { clip: Arc::new(clip), asset, dead: false }))
 }
 
-fn count(c: &Call, clip: &Clip) -> Result<(), ApiError> {
+fn count_keyframes(c: &Call, clip: &Clip) -> Result<(), ApiError> {
     let keys: usize = clip.curves().iter().map(|curve| curve.times.len()).sum();
     let mut build = c.build();
-    build.clip_keys += keys as u64;
-    if build.clip_keys > c.shared.limits.clip_keys {
+    build.clip_keyframe_count += keys as u64;
+    if build.clip_keyframe_count > c.shared.limits.clip_keys {
         let error = ApiError::new(format!("{}: too many keys in clips that the script makes", c.def.name));
         return Err(ApiError {
             fatal: true,
@@ -76,17 +77,18 @@ fn mirror(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     let skeleton = &this.asset.skeleton;
     let map = mirroring(c, &this.asset)?;
-    let lost = map.joints.unpaired().iter().filter(|joint| this.clip.animates(**joint));
-    let lost: Vec<&str> = lost.map(|joint| skeleton.names()[*joint as usize].as_str()).collect();
-    if !lost.is_empty() {
+    let unpaired = map.joints.unpaired().iter().filter(|joint| this.clip.animates(**joint));
+    let unpaired: Vec<&str> = unpaired.map(|joint| skeleton.names()[*joint as usize].as_str()).collect();
+    if !unpaired.is_empty() {
         let text = format!(
-            "mirror: clip \"{}\" of \"{}\" moves {} joints without a partner on the other side, which stay at rest: {}",
+            "mirror: clip \"{}\" of \"{}\" moves {} without a partner on the other side, which {} at rest: {}",
             this.clip.name,
             this.asset.name,
-            lost.len(),
-            list(lost.iter().copied(), 12)
+            format_count(unpaired.len(), "joint"),
+            if unpaired.len() == 1 { "stays" } else { "stay" },
+            list(unpaired.iter().copied(), 12)
         );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("mirror_partial"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("mirror_partial"));
     }
     let mut clip = map.clip(&this.asset, &this.clip);
     clip.name = format!("{} mirrored", this.clip.name);
@@ -94,23 +96,24 @@ fn mirror(c: &mut Call) -> Reply {
 }
 
 /// Retarget options for a clip of asset `of` on asset `on`.
-fn retarget_options(c: &Call, of: &Asset, on: &Asset) -> Result<Fit, ApiError> {
+fn retarget_options(c: &Call, of: &Asset, on: &Asset) -> Result<RetargetOptions, ApiError> {
     let o = c.options(1, &["joints", "scale", "translations", "floor", "align"])?;
-    let mut fit = Fit { joints: joints(&o, of, on)?, ..Fit::default() };
-    fit.scale = o.number_in("scale", 1e-6, 1e6)?;
+    let mut options = RetargetOptions { joints: partner_joints(&o, of, on)?, ..RetargetOptions::default() };
+    options.scale = o.number_in("scale", 1e-6, 1e6)?;
     if let Some(moving) = o.one_of("translations", &["hips", "all", "none"])? {
-        fit.translations = match moving {
+        options.translations = match moving {
             "hips" => Translations::Hips,
             "all" => Translations::All,
             _ => Translations::None,
         };
     }
-    fit.floor = o.flag("floor")?.unwrap_or(fit.floor);
-    fit.align = o.flag("align")?.unwrap_or(fit.align);
-    Ok(fit)
+    options.floor = o.flag("floor")?.unwrap_or(options.floor);
+    options.align = o.flag("align")?.unwrap_or(options.align);
+    Ok(options)
 }
 
-fn joints(o: &Options, of: &Asset, on: &Asset) -> Result<BTreeMap<u32, Option<u32>>, ApiError> {
+/// The option `joints`: pairs of a joint of asset `on` and its partner in asset `of`; `None` for no partner.
+fn partner_joints(o: &Options, of: &Asset, on: &Asset) -> Result<BTreeMap<u32, Option<u32>>, ApiError> {
     let Some(given) = o.get("joints") else { return Ok(BTreeMap::new()) };
     let wrong =
         || ApiError::new(format!("{} must be an object map, got {}", o.label("joints"), describe(&given)));
@@ -132,15 +135,16 @@ fn joints(o: &Options, of: &Asset, on: &Asset) -> Result<BTreeMap<u32, Option<u3
     map.iter().map(pair).collect()
 }
 
-fn other(c: &Call) -> Result<Arc<Asset>, ApiError> {
+/// The asset given as the first argument, marked as used.
+fn target_asset(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let asset = c.value(0).try_cast::<AssetRef>().ok_or_else(|| c.wrong(0, "an Asset, as from load(…)"))?;
-    let asset = c.shared.asset(&asset.from)?;
+    let asset = c.shared.asset(&asset.load)?;
     c.build().mark_used(&asset);
     Ok(asset)
 }
 
 fn retarget(c: &mut Call) -> Reply {
-    let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
+    let (this, on): (ClipRef, _) = (c.this()?, target_asset(c)?);
     c.build().mark_used(&this.asset);
     // The result without options is the same as of Actor.play: a clip made for this character stays unchanged.
     let fitted = match c.len() {
@@ -157,7 +161,7 @@ fn retarget(c: &mut Call) -> Reply {
 }
 
 fn bind_raw(c: &mut Call) -> Reply {
-    let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
+    let (this, on): (ClipRef, _) = (c.this()?, target_asset(c)?);
     c.build().mark_used(&this.asset);
     let (clip, lacking) = bind_by_name(&this.clip, &this.asset.skeleton, &on.skeleton);
     if clip.curves().is_empty() && !this.clip.curves().is_empty() {
@@ -174,12 +178,12 @@ fn bind_raw(c: &mut Call) -> Reply {
             moved.len(),
             list(lacking.iter().map(String::as_str), 12)
         );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_partial"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_partial"));
     }
     clip_handle(c, clip, on)
 }
 
-/// Checks a clip bound or retargeted to another skeleton. Reports joints that are lost. Error: no joint is left.
+/// Checks a clip bound or retargeted to another skeleton. Reports joints that are unpaired. Error: no joint is left.
 fn check_bound_clip(
     c: &Call,
     of: &ClipRef,
@@ -190,34 +194,40 @@ fn check_bound_clip(
         return Err(NoMatchingJoints::new(&of.clip, &of.asset, on, &coverage.left_out).error(&of.clip));
     }
     if let Some(report) = &report {
-        note(c, of, on, report);
-        not_standing(c, of, on, report);
+        warn_about_tolerance(c, of, on, report);
+        warn_about_rest_poses(c, of, on, report);
     }
     // Retargeting between characters leaves out joints outside the known body parts, such as twist joints, without a
     // warning.
     if !coverage.parts.is_empty() || (report.is_none() && !coverage.left_out.is_empty()) {
-        c.shared.note(Severity::Warning, &c.place, &partial(of, on, &coverage).rule("retarget_partial"));
+        c.shared.add_diagnostic(
+            Severity::Warning,
+            &c.place,
+            &partial_retarget_warning(of, on, &coverage).rule("retarget_partial"),
+        );
     }
     Ok(clip)
 }
 
 /// The warning that body parts stay at rest. If no parts are known, it lists joints.
-fn partial(of: &ClipRef, on: &Asset, coverage: &Coverage) -> ApiError {
+fn partial_retarget_warning(of: &ClipRef, on: &Asset, coverage: &Coverage) -> ApiError {
     let clip = format!("clip \"{}\" of \"{}\" on \"{}\"", of.clip.name, of.asset.name, on.name);
     if coverage.parts.is_empty() {
         let (count, names) = (coverage.left_out.len(), coverage.left_out.iter().map(String::as_str));
         return ApiError::new(format!(
-            "{clip}: {count} animated joints have no partner of the same name: {}",
+            "{clip}: {} {} no partner of the same name: {}",
+            format_count(count, "animated joint"),
+            if count == 1 { "has" } else { "have" },
             list(names, 12)
         ));
     }
-    ApiError::new(format!("{clip}: {}", coverage_line(coverage))).hint(
+    ApiError::new(format!("{clip}: {}", describe_coverage(coverage))).hint(
         "name their partners: clip.retarget(asset, #{ joints: #{ \"its joint\": \"joint of the clip\" } }); clip.mapping(asset) lists the pairs",
     )
 }
 
 /// A summary such as "9 of 61 animated joints have a partner; these body parts stay at rest: left arm, head".
-fn coverage_line(coverage: &Coverage) -> String {
+fn describe_coverage(coverage: &Coverage) -> String {
     let parts = match coverage.parts.is_empty() {
         true => String::new(),
         false => format!("; these body parts stay at rest: {}", coverage.parts.join(", ")),
@@ -252,17 +262,18 @@ impl NoMatchingJoints {
 }
 
 /// Warns that a retargeted clip has too many keys to stay within the tolerance.
-fn note(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
+fn warn_about_tolerance(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
     if report.coarse {
         let text = format!(
             "clip \"{}\" of \"{}\" on \"{}\": it has too many keys to be retargeted within the tolerance",
             of.clip.name, of.asset.name, on.name
         );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_coarse"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_coarse"));
     }
 }
 
-fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
+/// Warns about a rest pose, of the clip's character or of the target, that does not stand on both feet.
+fn warn_about_rest_poses(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
     if !report.rests_standing {
         let error = ApiError::new(format!(
             "clip \"{}\" of \"{}\" on \"{}\": the rest pose of \"{}\" does not stand on both feet, as is common in files of clips \
@@ -270,7 +281,7 @@ fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
             of.clip.name, of.asset.name, on.name, of.asset.name
         ));
         let hint = "retarget it to the character that it was made for first: clip.retarget(its_character).retarget(asset)";
-        c.shared.note(Severity::Warning, &c.place, &error.hint(hint).rule("retarget_rest"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &error.hint(hint).rule("retarget_rest"));
     }
     if !report.target_stands {
         let error = ApiError::new(format!(
@@ -278,22 +289,27 @@ fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
              on the ground",
             of.clip.name, of.asset.name, on.name, on.name
         ));
-        c.shared.note(Severity::Warning, &c.place, &error.rule("retarget_rest"));
+        c.shared.add_diagnostic(Severity::Warning, &c.place, &error.rule("retarget_rest"));
     }
 }
 
 fn mapping(c: &mut Call) -> Reply {
-    let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
+    let (this, on): (ClipRef, _) = (c.this()?, target_asset(c)?);
     c.build().mark_used(&this.asset);
-    let fit = retarget_options(c, &this.asset, &on)?;
-    let lines = mapping_lines(&this.asset, &on, &this.clip, fit).map_err(|e| e.error(&this.clip))?;
+    let options = retarget_options(c, &this.asset, &on)?;
+    let lines = mapping_lines(&this.asset, &on, &this.clip, options).map_err(|e| e.error(&this.clip))?;
     Ok(Dynamic::from_array(lines.into_iter().map(Dynamic::from).collect()))
 }
 
 /// Report of a retarget, one line per joint: "upperarm.l ← LeftArm (by body, turned 43° at rest)". Error: no joint
 /// follows.
-pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Vec<String>, NoMatchingJoints> {
-    let retarget = Retarget::new(&of.skeleton, &on.skeleton, fit);
+pub fn mapping_lines(
+    of: &Asset,
+    on: &Asset,
+    clip: &Clip,
+    options: RetargetOptions,
+) -> Result<Vec<String>, NoMatchingJoints> {
+    let retarget = Retarget::new(&of.skeleton, &on.skeleton, options);
     let coverage = retarget.coverage(clip);
     if coverage.moved > 0 && coverage.followed() == 0 {
         return Err(NoMatchingJoints::new(clip, of, on, &coverage.left_out));
@@ -331,7 +347,7 @@ pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Ve
         ));
     }
     if !coverage.left_out.is_empty() {
-        lines.push(coverage_line(&coverage));
+        lines.push(describe_coverage(&coverage));
         lines.push(format!("without a partner: {}", list(coverage.left_out.iter().map(String::as_str), 48)));
     }
     Ok(lines)
@@ -339,12 +355,12 @@ pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Ve
 
 /// A clip on an actor's skeleton: bound unchanged if the joints match, else retargeted. Joints that are lost are
 /// reported.
-pub fn fit(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
+pub fn fit_to_skeleton(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
     let fitted = bind_or_retarget(&given.clip, &given.asset.skeleton, &asset.skeleton);
     let retargeted = fitted.2.is_some();
     let clip = check_bound_clip(c, given, asset, fitted)?;
     if retargeted {
-        count(c, &clip)?;
+        count_keyframes(c, &clip)?;
     }
     Ok(clip)
 }

@@ -73,7 +73,7 @@ fn new_clip(c: &mut Call) -> Reply {
 }
 
 /// Returns the edited clip of the receiver, for the same asset.
-fn edit<E: std::fmt::Display>(c: &Call, edit: impl FnOnce(&Clip, &Asset) -> Result<Clip, E>) -> Reply {
+fn make_edited<E: std::fmt::Display>(c: &Call, edit: impl FnOnce(&Clip, &Asset) -> Result<Clip, E>) -> Reply {
     let this: ClipRef = c.this()?;
     let clip = edit(&this.clip, &this.asset).map_err(|e| ApiError::new(format!("{}: {e}", c.def.name)))?;
     clip_handle(c, clip, this.asset)
@@ -81,22 +81,22 @@ fn edit<E: std::fmt::Display>(c: &Call, edit: impl FnOnce(&Clip, &Asset) -> Resu
 
 fn cut(c: &mut Call) -> Reply {
     let (from, until) = (c.duration(0)?, c.duration(1)?);
-    edit(c, |clip, _| clip.cut(from, until))
+    make_edited(c, |clip, _| clip.cut(from, until))
 }
 
 fn append(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     let next = super::cue::bound_clip(c, 0, &this.asset)?;
-    edit(c, |clip, asset| clip.joined(&next, &asset.skeleton))
+    make_edited(c, |clip, asset| clip.joined(&next, &asset.skeleton))
 }
 
 fn reverse(c: &mut Call) -> Reply {
-    edit(c, |clip, _| Ok::<_, String>(clip.reversed()))
+    make_edited(c, |clip, _| Ok::<_, String>(clip.reversed()))
 }
 
 fn speed(c: &mut Call) -> Reply {
     let factor = c.number(0)?;
-    edit(c, |clip, _| clip.at_speed(factor))
+    make_edited(c, |clip, _| clip.at_speed(factor))
 }
 
 fn offset(c: &mut Call) -> Reply {
@@ -108,19 +108,19 @@ fn offset(c: &mut Call) -> Reply {
         moved: o.point("move")?.unwrap_or(DVec3::ZERO),
         turned: angles.map_or(DQuat::IDENTITY, euler),
     };
-    edit(c, |clip, asset| clip.offset(joint, by, &asset.skeleton))
+    make_edited(c, |clip, asset| clip.offset(joint, by, &asset.skeleton))
 }
 
 fn smooth(c: &mut Call) -> Reply {
     let window = c.duration(0)?;
-    edit(c, |clip, _| clip.smoothed(window))
+    make_edited(c, |clip, _| clip.smoothed(window))
 }
 
 fn resample(c: &mut Call) -> Reply {
     let fps = c.number_in(0, 0.001, 1000.0)?;
     let rate =
         FrameRate::from_fps(fps).map_err(|why| ApiError::new(format!("resample: fps {why}, got {fps:?}")))?;
-    edit(c, |clip, _| clip.baked(rate).map(|(clip, _)| clip))
+    make_edited(c, |clip, _| clip.baked(rate).map(|(clip, _)| clip))
 }
 
 fn reduce(c: &mut Call) -> Reply {
@@ -129,12 +129,12 @@ fn reduce(c: &mut Call) -> Reply {
         Some("shared") => KeptTimes::Shared,
         _ => KeptTimes::Fewest,
     };
-    edit(c, |clip, asset| clip.reduced(&asset.skeleton, tolerance, keep).map(|(clip, _)| clip))
+    make_edited(c, |clip, asset| clip.reduced(&asset.skeleton, tolerance, keep).map(|(clip, _)| clip))
 }
 
 fn compress(c: &mut Call) -> Reply {
     let tolerance = c.number_in(0, 1e-6, 0.1)?;
-    edit(c, |clip, asset| clip.compressed(&asset.skeleton, tolerance).map(|(clip, _)| clip))
+    make_edited(c, |clip, asset| clip.compressed(&asset.skeleton, tolerance).map(|(clip, _)| clip))
 }
 
 fn additive(c: &mut Call) -> Reply {
@@ -145,7 +145,7 @@ fn subtractive(c: &mut Call) -> Reply {
     difference_from_reference(c, true)
 }
 
-fn difference_from_reference(c: &Call, taken_away: bool) -> Reply {
+fn difference_from_reference(c: &Call, subtracts: bool) -> Reply {
     let this: ClipRef = c.this()?;
     let mut pose = Pose::rest(&this.asset.skeleton);
     let time = match super::cue::reference(c, &this.clip)? {
@@ -156,7 +156,7 @@ fn difference_from_reference(c: &Call, taken_away: bool) -> Reply {
     if let Some(time) = time {
         Sample { clip: &this.clip, time, pose: &mut pose }.run();
     }
-    edit(c, |clip, asset| clip.difference_from(&pose, &asset.skeleton, taken_away))
+    make_edited(c, |clip, asset| clip.difference_from(&pose, &asset.skeleton, subtracts))
 }
 
 fn byte_count(c: &mut Call) -> Reply {
@@ -177,10 +177,10 @@ fn key_count(c: &mut Call) -> Reply {
 fn key(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     let joint = find_joint(&this.asset, &c.text(1)?)?;
-    let channel = keys::channel(c, keys::property(c, &keys::keyed_properties::<Placement>())?, 2)?;
-    edit(c, |clip, asset| {
+    let channel = keys::channel(c, keys::named_property(c, &keys::keyed_properties::<Placement>())?, 2)?;
+    make_edited(c, |clip, asset| {
         let mut curves = clip.curves().to_vec();
-        let curve = curve(asset, joint, &channel);
+        let curve = curve_in_parent_space(asset, joint, &channel);
         curves.retain(|c| (c.joint, c.path) != (joint, curve.path));
         curves.push(curve);
         Clip::new(clip.name.clone(), clip.joint_count(), curves)
@@ -188,7 +188,7 @@ fn key(c: &mut Call) -> Reply {
 }
 
 /// Converts keyframes relative to the rest pose to a curve in the space of the joint's parent.
-pub fn curve(asset: &Asset, joint: u32, channel: &Channel) -> Curve {
+pub fn curve_in_parent_space(asset: &Asset, joint: u32, channel: &Channel) -> Curve {
     let skeleton = &asset.skeleton;
     let rest = &skeleton.rest()[joint as usize];
     let cubic = channel.interpolation == Interpolation::CubicSpline;

@@ -1,14 +1,14 @@
-//! The comparisons that end an `expect(…)`. Each is recorded with its place and judged when the stage is finished.
+//! The comparisons that end an `expect(…)`. Each is recorded with its place and judged when the stage is complete.
 
 use super::expect::{camera_subject, contact, subject};
 use super::expected_values::{events, formula, rotation_goal, tolerance};
-use super::test::record;
-use super::values::value;
+use super::test::record_expectation;
+use super::values::plain_value;
 use crate::call::{ApiError, Call, Reply, api, numbers, point};
 use crate::test_data::{
-    Claim, EventPattern, EventsTest, Flag, InFrame, Measure, NumberGoal, NumberTest, RotationGoal, SameOther,
-    SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity, VectorTest,
-    When,
+    Claim, ComparedObject, ComparedWith, EventPattern, EventsTest, Flag, InFrame, Measure, NumberGoal,
+    NumberTest, RotationGoal, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal,
+    VectorQuantity, VectorTest, When,
 };
 use crate::value::{ActorRef, CameraRef, ExpectRef, StageRef};
 use choreo_motion::Time;
@@ -85,7 +85,7 @@ fn add_claim(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
             c.def.name
         )));
     }
-    record(c, &expect, claim)?;
+    record_expectation(c, &expect, claim)?;
     expect.negated = false;
     expect.sometime = false;
     Ok(Dynamic::from(expect))
@@ -125,9 +125,9 @@ fn near(c: &mut Call) -> Reply {
             Claim::Rotation { quantity: quantity.clone(), goal, tolerance_deg }
         }
         Measure::Value(got) => {
-            let goal = value(&c.value(0), 0).filter(numeric);
+            let goal = plain_value(&c.value(0), 0).filter(is_numeric);
             let goal = goal.ok_or_else(|| c.wrong(0, "a number or an array of numbers"))?;
-            if !numeric(got) {
+            if !is_numeric(got) {
                 return Err(c.not_for("a number or an array of numbers", &expect.measure));
             }
             let test = ValueTest::Near { goal, tolerance: tolerance(c, 1e-9)? };
@@ -138,16 +138,16 @@ fn near(c: &mut Call) -> Reply {
     add_claim(c, expect, claim)
 }
 
-fn numeric(v: &Value) -> bool {
+fn is_numeric(v: &Value) -> bool {
     match v {
         Value::Int(_) | Value::Number(_) => true,
-        Value::List(list) => list.iter().all(numeric),
+        Value::List(list) => list.iter().all(is_numeric),
         _ => false,
     }
 }
 
 /// Records a comparison of a number that changes over time, or of a plain number.
-fn number_test(c: &Call, of_number: NumberTest, of_value: ValueTest) -> Reply {
+fn compare_number(c: &Call, of_number: NumberTest, of_value: ValueTest) -> Reply {
     let expect: ExpectRef = c.this()?;
     let claim = match &expect.measure {
         Measure::Number(quantity) => Claim::Number { quantity: quantity.clone(), test: of_number },
@@ -165,12 +165,12 @@ fn number_test(c: &Call, of_number: NumberTest, of_value: ValueTest) -> Reply {
 
 fn below(c: &mut Call) -> Reply {
     let limit = c.number(0)?;
-    number_test(c, NumberTest::Below(limit), ValueTest::Below(limit))
+    compare_number(c, NumberTest::Below(limit), ValueTest::Below(limit))
 }
 
 fn above(c: &mut Call) -> Reply {
     let limit = c.number(0)?;
-    number_test(c, NumberTest::Above(limit), ValueTest::Above(limit))
+    compare_number(c, NumberTest::Above(limit), ValueTest::Above(limit))
 }
 
 fn between(c: &mut Call) -> Reply {
@@ -178,7 +178,7 @@ fn between(c: &mut Call) -> Reply {
     if low > high {
         return Err(ApiError::new(format!("between: low must not be above high, got {low} and {high}")));
     }
-    number_test(c, NumberTest::Between(low, high), ValueTest::Between(low, high))
+    compare_number(c, NumberTest::Between(low, high), ValueTest::Between(low, high))
 }
 
 fn within(c: &mut Call) -> Reply {
@@ -204,7 +204,7 @@ fn equals(c: &mut Call) -> Reply {
             Claim::Number { quantity: quantity.clone(), test: NumberTest::Between(wanted, wanted) }
         }
         Measure::Value(got) => {
-            let wanted = value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
+            let wanted = plain_value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
             Claim::Value { got: got.clone(), test: ValueTest::Equals(wanted) }
         }
         Measure::Events(_) => return exactly(c),
@@ -222,7 +222,7 @@ fn contains(c: &mut Call) -> Reply {
     let claim = match &expect.measure {
         Measure::Texts(texts) => Claim::Texts { texts: *texts, test: TextsTest::Contains(c.text(0)?) },
         Measure::Value(got @ (Value::Text(_) | Value::List(_))) => {
-            let part = value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
+            let part = plain_value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
             if let (Value::Text(_), false) = (got, matches!(part, Value::Text(_))) {
                 return Err(c.wrong(0, "text"));
             }
@@ -259,7 +259,7 @@ fn empty(c: &mut Call) -> Reply {
     add_claim(c, expect, claim)
 }
 
-fn event_test(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest) -> Reply {
+fn compare_events(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest) -> Reply {
     let expect: ExpectRef = c.this()?;
     let Measure::Events(of) = expect.measure else {
         let error = c.not_for("events", &expect.measure);
@@ -270,15 +270,15 @@ fn event_test(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest
 }
 
 fn exactly(c: &mut Call) -> Reply {
-    event_test(c, EventsTest::Exactly)
+    compare_events(c, EventsTest::Exactly)
 }
 
 fn in_order(c: &mut Call) -> Reply {
-    event_test(c, EventsTest::InOrder)
+    compare_events(c, EventsTest::InOrder)
 }
 
 /// The actor that is tested.
-fn actor(c: &Call) -> Result<usize, ApiError> {
+fn tested_actor(c: &Call) -> Result<usize, ApiError> {
     let expect: ExpectRef = c.this()?;
     match &expect.measure {
         Measure::Vector(VectorQuantity::Position(Subject::Actor(actor), None)) => Ok(*actor),
@@ -287,20 +287,20 @@ fn actor(c: &Call) -> Result<usize, ApiError> {
 }
 
 fn visible(c: &mut Call) -> Reply {
-    let (expect, actor): (ExpectRef, usize) = (c.this()?, actor(c)?);
+    let (expect, actor): (ExpectRef, usize) = (c.this()?, tested_actor(c)?);
     add_claim(c, expect, Claim::Flag(Flag::Visible(actor)))
 }
 
 fn on(c: &mut Call) -> Reply {
     let (expect, camera): (ExpectRef, usize) = (c.this()?, camera_subject(c)?);
-    add_claim(c, expect, Claim::Flag(Flag::On(camera)))
+    add_claim(c, expect, Claim::Flag(Flag::CameraActive(camera)))
 }
 
 fn has_effect(c: &mut Call) -> Reply {
     let expect: ExpectRef = c.this()?;
     let name = c.text(0)?;
     match &expect.measure {
-        Measure::Whole(SameWhat::Stage) => add_claim(c, expect, Claim::Flag(Flag::Effect(name))),
+        Measure::Object(ComparedObject::Stage) => add_claim(c, expect, Claim::Flag(Flag::Effect(name))),
         other => Err(c.not_for("stage()", other)),
     }
 }
@@ -312,7 +312,7 @@ fn on_floor(c: &mut Call) -> Reply {
 }
 
 fn in_frame(c: &mut Call) -> Reply {
-    let (expect, actor): (ExpectRef, usize) = (c.this()?, actor(c)?);
+    let (expect, actor): (ExpectRef, usize) = (c.this()?, tested_actor(c)?);
     let o = c.options(0, &["camera", "margin", "height", "upright"])?;
     let camera = match o.get("camera") {
         None => None,
@@ -348,24 +348,26 @@ fn same_as(c: &mut Call) -> Reply {
     let expect: ExpectRef = c.this()?;
     let given = c.value(0);
     let what = match &expect.measure {
-        Measure::Whole(what) => *what,
-        Measure::Vector(VectorQuantity::Position(Subject::Actor(actor), None)) => SameWhat::Pose(*actor),
+        Measure::Object(what) => *what,
+        Measure::Vector(VectorQuantity::Position(Subject::Actor(actor), None)) => {
+            ComparedObject::Pose(*actor)
+        }
         other => return Err(c.not_for("stage() or an Actor", other)),
     };
-    let other = if let Some(stage) = given.read_lock::<StageRef>().filter(|_| what == SameWhat::Stage) {
-        SameOther::Stage(stage.0)
-    } else if let Some(actor) = given.read_lock::<ActorRef>().filter(|_| what != SameWhat::Stage) {
-        SameOther::Actor(actor.id)
+    let other = if let Some(stage) = given.read_lock::<StageRef>().filter(|_| what == ComparedObject::Stage) {
+        ComparedWith::Stage(stage.0)
+    } else if let Some(actor) = given.read_lock::<ActorRef>().filter(|_| what != ComparedObject::Stage) {
+        ComparedWith::Actor(actor.id)
     } else if given.is_int() || given.is_float() {
         if !matches!(expect.when, When::At(_)) {
             return Err(ApiError::new("same_as: comparing two times needs .at with the first one")
                 .hint("write .at(1.0).same_as(2.0)"));
         }
-        SameOther::Time(c.time(0)?)
+        ComparedWith::Time(c.time(0)?)
     } else {
         let allowed = match what {
-            SameWhat::Stage => "another stage, as from stage_of, or a time",
-            SameWhat::Pose(_) => "another Actor, or a time",
+            ComparedObject::Stage => "another stage, as from stage_of, or a time",
+            ComparedObject::Pose(_) => "another Actor, or a time",
         };
         return Err(c.wrong(0, allowed));
     };
@@ -395,7 +397,7 @@ fn costs_at_most(c: &mut Call) -> Reply {
         return Err(c.wrong(1, "a stage, as from stage_of"));
     };
     match &expect.measure {
-        Measure::Whole(SameWhat::Stage) => add_claim(c, expect, Claim::Cost { other, factor }),
+        Measure::Object(ComparedObject::Stage) => add_claim(c, expect, Claim::Cost { other, factor }),
         other => Err(c.not_for("a stage", other)),
     }
 }

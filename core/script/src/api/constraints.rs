@@ -1,11 +1,11 @@
 //! Constraints: inverse kinematics (reach), aim, foot locking, mirroring, joint limits; and spring bones.
 
-use super::actor::before_start;
+use super::actor::before_start_error;
 use super::joint_names::find_joint;
 use super::spring_bones::{collider, spring, springs, wind};
 use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, fields, radians, text};
-use crate::legs::{hips, leg_above, legs};
+use crate::legs::{hips, leg_of_foot, legs};
 use crate::suggest::list;
 use crate::value::{ActorRef, ConstraintRef, JointRef};
 use choreo_motion::Time;
@@ -67,28 +67,28 @@ api! {
     Actor.wind("x, y, z | velocity") = wind, in_frames;
 }
 
-fn add(c: &Call, actor: usize, goal: Constraint) -> Reply {
+fn add_constraint(c: &Call, actor: usize, goal: Constraint) -> Reply {
     let mut build = c.build();
     let draft = build.actor(actor)?;
     check_limit(draft.actor.constraints.len(), "constraints of one actor", &c.shared.limits)?;
-    draft.constraints.push(c.place.clone());
+    draft.constraint_places.push(c.place.clone());
     draft.actor.constraints.push(goal);
     Ok(Dynamic::from(ConstraintRef { actor, index: draft.actor.constraints.len() - 1 }))
 }
 
-fn goal(c: &Call, kind: ConstraintKind, o: &Options) -> Result<Constraint, ApiError> {
+fn constraint(c: &Call, kind: ConstraintKind, o: &Options) -> Result<Constraint, ApiError> {
     let weight = o.number_in("weight", 0.0, 1.0)?.unwrap_or(1.0) as f32;
     let goal = Constraint { weight, ..Constraint::new(kind) };
-    let (start, end, fade) = span(c, o, goal.start)?;
+    let (start, end, fade) = fade_span(c, o, goal.start)?;
     Ok(Constraint { start, end, fade, ..goal })
 }
 
 /// The options `from`, `until` and `fade` of a constraint.
-pub(super) fn span(c: &Call, o: &Options, start: Time) -> Result<(Time, Option<Time>, Time), ApiError> {
+pub(super) fn fade_span(c: &Call, o: &Options, start: Time) -> Result<(Time, Option<Time>, Time), ApiError> {
     let time = |name: &str| o.get(name).map(|v| c.stage_time(&v, &o.label(name))).transpose();
     let (start, end) = (time("from")?.unwrap_or(start), time("until")?);
     if let Some(end) = end.filter(|end| *end < start) {
-        return Err(before_start("until", end, start));
+        return Err(before_start_error("until", end, start));
     }
     Ok((start, end, o.duration("fade")?.unwrap_or(Time::from_secs(0.3))))
 }
@@ -118,7 +118,7 @@ fn reach(c: &mut Call) -> Reply {
             .hint("root must be a joint above the one that reaches"));
     }
     if joints.len() < 2 {
-        let error = format!("reach: \"{}\" has no joint above it that could bend", name(end));
+        let error = format!("reach: joint \"{}\" has no parent joint that could bend", name(end));
         return Err(ApiError::new(error).focus(name(end)));
     }
     if target == (Target::Joint { actor: this.id, joint: end }) {
@@ -136,7 +136,7 @@ fn reach(c: &mut Call) -> Reply {
         soft: o.number_in("soft", 0.0, 1.0)?.unwrap_or(0.05),
         keep_rotation: o.flag("keep")?.unwrap_or(false),
     });
-    add(c, this.id, goal(c, kind, &o)?)
+    add_constraint(c, this.id, constraint(c, kind, &o)?)
 }
 
 fn aim(c: &mut Call) -> Reply {
@@ -172,15 +172,19 @@ fn aim(c: &mut Call) -> Reply {
                 shares
             }
             _ => {
-                let count = joints.len();
+                let numbers = crate::errors::format_count(joints.len(), "number");
                 return Err(ApiError::new(format!(
-                    "aim: shares must be {count} numbers from 0, one a joint"
+                    "aim: shares must be an array of {numbers} from 0 up, one for each joint"
                 )));
             }
         },
     };
     let limit = radians(o.number_in("limit", 0.0, 180.0)?.unwrap_or(80.0));
-    add(c, this.id, goal(c, ConstraintKind::Aim(AimConstraint { joints, shares, target, limit }), &o)?)
+    add_constraint(
+        c,
+        this.id,
+        constraint(c, ConstraintKind::Aim(AimConstraint { joints, shares, target, limit }), &o)?,
+    )
 }
 
 fn plant_feet(c: &mut Call) -> Reply {
@@ -194,7 +198,7 @@ fn plant_feet(c: &mut Call) -> Reply {
                 return Err(crate::call::wrong(&names, &label, "an array of joints' names"));
             };
             let foot = |name: &Dynamic| find_joint(&this.asset, &text(name, &label)?);
-            names.iter().map(|n| leg_above(skeleton, foot(n)?)).collect::<Result<_, _>>()?
+            names.iter().map(|n| leg_of_foot(skeleton, foot(n)?)).collect::<Result<_, _>>()?
         }
         None => legs(&this.asset),
     };
@@ -218,10 +222,10 @@ fn plant_feet(c: &mut Call) -> Reply {
             None => vec![one(&given)?],
         },
     };
-    add(
+    add_constraint(
         c,
         this.id,
-        goal(c, ConstraintKind::FootLock(FootLock { legs, hips, ground, ..FootLock::default() }), &o)?,
+        constraint(c, ConstraintKind::FootLock(FootLock { legs, hips, ground, ..FootLock::default() }), &o)?,
     )
 }
 
@@ -229,10 +233,10 @@ fn mirror(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let o = c.options(0, &["weight", "from", "until", "fade"])?;
     let mirroring = super::clip::mirroring(c, &this.asset)?;
-    add(c, this.id, goal(c, ConstraintKind::Mirror(Arc::new(mirroring)), &o)?)
+    add_constraint(c, this.id, constraint(c, ConstraintKind::Mirror(Arc::new(mirroring)), &o)?)
 }
 
-fn change(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>) -> Reply {
+fn change_constraint(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>) -> Reply {
     let this: ConstraintRef = c.this()?;
     if let Some(goal) = c.build().actor(this.actor)?.actor.constraints.get_mut(this.index) {
         change(goal)?;
@@ -242,7 +246,7 @@ fn change(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>
 
 fn from(c: &mut Call) -> Reply {
     let t = c.time(0)?;
-    change(c, |g| {
+    change_constraint(c, |g| {
         g.start = t;
         Ok(())
     })
@@ -250,9 +254,9 @@ fn from(c: &mut Call) -> Reply {
 
 fn until(c: &mut Call) -> Reply {
     let t = c.time(0)?;
-    change(c, |g| {
+    change_constraint(c, |g| {
         if t < g.start {
-            return Err(before_start("until", t, g.start));
+            return Err(before_start_error("until", t, g.start));
         }
         g.end = Some(t);
         Ok(())
@@ -261,7 +265,7 @@ fn until(c: &mut Call) -> Reply {
 
 fn fade(c: &mut Call) -> Reply {
     let t = c.duration(0)?;
-    change(c, |g| {
+    change_constraint(c, |g| {
         g.fade = t;
         Ok(())
     })
@@ -269,7 +273,7 @@ fn fade(c: &mut Call) -> Reply {
 
 fn weight(c: &mut Call) -> Reply {
     let w = c.number_in(0, 0.0, 1.0)? as f32;
-    change(c, |g| {
+    change_constraint(c, |g| {
         g.weight = w;
         Ok(())
     })

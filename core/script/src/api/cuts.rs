@@ -17,7 +17,8 @@ api! {
 fn cuts(c: &mut Call) -> Reply {
     let name = c.text(0)?;
     let bytes = c.shared.read_file(&name)?;
-    let list = clips(&bytes).map_err(|e| ApiError::new(format!("cuts: \"{name}\" {e}")).focus(&name))?;
+    let list =
+        clips_of_timeline(&bytes).map_err(|e| ApiError::new(format!("cuts: \"{name}\" {e}")).focus(&name))?;
     let place = c.place.clone();
     let mut build = c.build();
     for clip in list {
@@ -33,14 +34,14 @@ fn cuts(c: &mut Call) -> Reply {
     Ok(Dynamic::UNIT)
 }
 
-/// A clip of the list: camera name, time of the cut, and duration of the dissolve.
+/// A clip of the edit list: camera name, time of the cut, and duration of the dissolve.
 struct ListedClip {
     name: String,
     at: Time,
     dissolve: Time,
 }
 
-/// Why a list of cuts cannot be read.
+/// The error that an edit list cannot be read.
 #[derive(Debug, thiserror::Error)]
 enum CutListError {
     #[error("is not an OpenTimelineIO file: {0}")]
@@ -54,12 +55,12 @@ enum CutListError {
 }
 
 /// The clips of the first track of kind "Video" that has clips.
-fn clips(bytes: &[u8]) -> Result<Vec<ListedClip>, CutListError> {
+fn clips_of_timeline(bytes: &[u8]) -> Result<Vec<ListedClip>, CutListError> {
     let timeline: Value = serde_json::from_slice(bytes)?;
-    let schema = |value: &Value, name: &str| {
+    let has_schema = |value: &Value, name: &str| {
         value["OTIO_SCHEMA"].as_str().is_some_and(|s| s.split('.').next() == Some(name))
     };
-    if !schema(&timeline, "Timeline") {
+    if !has_schema(&timeline, "Timeline") {
         return Err(CutListError::NoTimeline);
     }
     let tracks = timeline["tracks"]["children"].as_array().map_or(&[][..], Vec::as_slice);
@@ -68,12 +69,12 @@ fn clips(bytes: &[u8]) -> Result<Vec<ListedClip>, CutListError> {
         .iter()
         .filter(|track| track["kind"] == "Video")
         .map(children)
-        .find(|children| children.iter().any(|child| schema(child, "Clip")))
+        .find(|children| children.iter().any(|child| has_schema(child, "Clip")))
         .ok_or(CutListError::NoClips)?;
     let (mut list, mut now, mut offsets) = (Vec::new(), 0.0, (0.0, 0.0));
     for (number, child) in track.iter().enumerate() {
         let no_duration = || CutListError::NoDuration(number + 1);
-        if schema(child, "Transition") {
+        if has_schema(child, "Transition") {
             let offset = |name: &str| seconds(&child[name]).ok_or_else(no_duration);
             offsets = (offset("in_offset")?, offset("out_offset")?);
             continue;
@@ -83,7 +84,7 @@ fn clips(bytes: &[u8]) -> Result<Vec<ListedClip>, CutListError> {
         let duration = seconds(&child["source_range"]["duration"])
             .or_else(|| available.iter().find_map(|media| seconds(&media["available_range"]["duration"])))
             .ok_or_else(no_duration)?;
-        if schema(child, "Clip") {
+        if has_schema(child, "Clip") {
             list.push(ListedClip {
                 name: child["name"].as_str().unwrap_or_default().to_string(),
                 at: Time::from_secs(f64::max(now - offsets.0, 0.0)),

@@ -53,22 +53,22 @@ fn effect(c: &mut Call) -> Reply {
             return Err(error.hint(format!("{known}; packages of plugins: choreo plugins list{faulty}")));
         }
         Err(fault) => {
-            c.shared.loader.note_looked_for(&fault.files);
+            c.shared.loader.note_missing_or_linked(&fault.files);
             return Err(ApiError::new(&fault.text));
         }
     };
     if let Some(file) = plugin.file() {
-        c.shared.loader.note_used(&file.path, &file.bytes);
+        c.shared.loader.record_file_read(&file.path, &file.bytes);
         for beside in &file.beside {
             if let Ok(bytes) = &beside.bytes {
-                c.shared.loader.note_used(&beside.path, bytes);
+                c.shared.loader.record_file_read(&beside.path, bytes);
             }
         }
     }
     let off_screen = plugin.off_screen_actors();
     let mut used = EffectUse { plugin: name.clone(), off_screen, ..EffectUse::default() };
     let options = &plugin.manifest().options;
-    // Each number of a color or vector has a name, too. Samples of curves are not set one by one.
+    // Each component of a color or vector has a name of its own; samples of curves have none.
     let has_names = |o: &&OptionSpec| matches!(o.kind, OptionKind::Color { .. } | OptionKind::Vector { .. });
     let numbers_of: Vec<String> =
         options.iter().filter(has_names).flat_map(OptionSpec::number_names).collect();
@@ -77,9 +77,9 @@ fn effect(c: &mut Call) -> Reply {
     names.extend(options.iter().filter_map(|o| o.name.strip_suffix("_r")));
     let o = c.options(1, &names)?;
     for (key, value) in &o.map {
-        match chosen_image(c, plugin, key, value)? {
-            Some(image) => put_image(&mut used, image),
-            None => assign(&mut used, plugin, key, value)?,
+        match image_of_texture_parameter(c, plugin, key, value)? {
+            Some(image) => set_image(&mut used, image),
+            None => set_parameter(&mut used, plugin, key, value)?,
         }
     }
     let mut build = c.build();
@@ -89,12 +89,13 @@ fn effect(c: &mut Call) -> Reply {
     Ok(Dynamic::from(EffectRef { id: build.effects.len() - 1, plugin: name.into() }))
 }
 
-/// A parameter of an effect, or one number ("tint_r") of a parameter with several.
+/// A parameter of an effect, or one component, such as "tint_r", of a parameter with several numbers.
 enum Parameter<'a> {
     Whole(&'a OptionSpec),
-    /// A color whose numbers "tint_r", "tint_g" and "tint_b" are declared as separate parameters.
+    /// A color whose components "tint_r", "tint_g" and "tint_b" are declared as separate parameters.
     Color([String; 3]),
-    Number(&'a OptionSpec, String),
+    /// The component with this name.
+    Component(&'a OptionSpec, String),
 }
 
 fn parameter<'a>(plugin: &'a Effect, name: &str) -> Result<Parameter<'a>, ApiError> {
@@ -107,7 +108,7 @@ fn parameter<'a>(plugin: &'a Effect, name: &str) -> Result<Parameter<'a>, ApiErr
         return Ok(Parameter::Color(parts));
     }
     let of_number = options.iter().find(|o| o.number_of(name).is_some());
-    of_number.map(|option| Parameter::Number(option, name.into())).ok_or_else(|| {
+    of_number.map(|option| Parameter::Component(option, name.into())).ok_or_else(|| {
         let place = format!(" of effect \"{}\"", plugin.manifest().name);
         unknown("parameter", name, &place, options.iter().map(|o| o.name.as_str()))
     })
@@ -115,21 +116,21 @@ fn parameter<'a>(plugin: &'a Effect, name: &str) -> Result<Parameter<'a>, ApiErr
 
 impl Parameter<'_> {
     /// Names of the numbers that the parameter sets.
-    fn names(&self) -> Vec<String> {
+    fn number_names(&self) -> Vec<String> {
         match self {
             Parameter::Whole(spec) => spec.number_names().collect(),
             Parameter::Color(parts) => parts.to_vec(),
-            Parameter::Number(_, name) => vec![name.clone()],
+            Parameter::Component(_, name) => vec![name.clone()],
         }
     }
 
     /// The numbers that the effect receives for a value.
     fn read(&self, value: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
         let spec = match self {
-            Parameter::Number(spec, _) => {
+            Parameter::Component(spec, _) => {
                 let [min, max] = spec.bounds().unwrap_or([f64::MIN, f64::MAX]);
-                let number = one_number(value).filter(|n| (min..=max).contains(n));
-                let wrong = || wrong(&format!("from {min} to {max}"), spec, label, value);
+                let number = int_or_float(value).filter(|n| (min..=max).contains(n));
+                let wrong = || value_error(&format!("from {min} to {max}"), spec, label, value);
                 return number.map(|n| vec![n]).ok_or_else(wrong);
             }
             Parameter::Color(_) => return color_numbers(value, label),
@@ -138,7 +139,7 @@ impl Parameter<'_> {
         if matches!(spec.kind, OptionKind::Color { .. }) {
             return color_numbers(value, label);
         }
-        as_numbers(spec, value).ok_or_else(|| wrong(&allowed(spec), spec, label, value))
+        effect_numbers(spec, value).ok_or_else(|| value_error(&allowed_values(spec), spec, label, value))
     }
 }
 
@@ -148,7 +149,7 @@ fn color_numbers(value: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
 }
 
 /// Sets a parameter to a value, or to the distance of an actor or joint from the camera.
-fn assign(used: &mut EffectUse, plugin: &Effect, name: &str, value: &Dynamic) -> Result<(), ApiError> {
+fn set_parameter(used: &mut EffectUse, plugin: &Effect, name: &str, value: &Dynamic) -> Result<(), ApiError> {
     let target = match value.read_lock::<ActorRef>() {
         Some(actor) => Some(Target::Actor(actor.id)),
         None => value.read_lock::<JointRef>().map(|j| Target::Joint { actor: j.actor, joint: j.joint }),
@@ -163,15 +164,15 @@ fn assign(used: &mut EffectUse, plugin: &Effect, name: &str, value: &Dynamic) ->
         used.distances.sort_by(|a, b| a.parameter.cmp(&b.parameter));
         return Ok(());
     }
-    for (name, number) in numbers(plugin, name, value)? {
+    for (name, number) in named_numbers(plugin, name, value)? {
         used.distances.retain(|distance| distance.parameter != name);
-        put(&mut used.parameters, name, number);
+        set_sorted(&mut used.parameters, name, number);
     }
     Ok(())
 }
 
 /// The image of a value if the parameter is a texture, else `None`.
-fn chosen_image(
+fn image_of_texture_parameter(
     c: &Call,
     plugin: &Effect,
     name: &str,
@@ -185,7 +186,10 @@ fn chosen_image(
     let image = if let Some(image) = value.read_lock::<ImageRef>() {
         image.decoded()?
     } else {
-        let file = value.clone().into_string().map_err(|_| wrong(&allowed(spec), spec, &label, value))?;
+        let file = value
+            .clone()
+            .into_string()
+            .map_err(|_| value_error(&allowed_values(spec), spec, &label, value))?;
         files::decoded_image(c, &label, &file)?
     };
     let (w, h, most) = (image.width, image.height, EffectTexture::MOST);
@@ -196,14 +200,14 @@ fn chosen_image(
     Ok(Some(EffectImageUse { parameter: name.into(), hash: image.content_hash(), image }))
 }
 
-fn put_image(used: &mut EffectUse, image: EffectImageUse) {
+fn set_image(used: &mut EffectUse, image: EffectImageUse) {
     used.images.retain(|other| other.parameter != image.parameter);
     used.images.push(image);
     used.images.sort_by(|a, b| a.parameter.cmp(&b.parameter));
 }
 
-/// Refuses a texture parameter, which cannot change over time.
-fn changing(plugin: &Effect, name: &str, function: &str) -> Result<(), ApiError> {
+/// Returns an error for a texture parameter, which cannot change over time.
+fn check_can_change(plugin: &Effect, name: &str, function: &str) -> Result<(), ApiError> {
     match parameter(plugin, name)? {
         Parameter::Whole(OptionSpec { kind: OptionKind::Texture { .. }, .. }) => {
             let text = format!("{function}: the texture \"{name}\" cannot change over time");
@@ -215,35 +219,35 @@ fn changing(plugin: &Effect, name: &str, function: &str) -> Result<(), ApiError>
 }
 
 /// Names and values of the numbers that a value sets.
-fn numbers(plugin: &Effect, name: &str, value: &Dynamic) -> Result<Vec<(String, f64)>, ApiError> {
+fn named_numbers(plugin: &Effect, name: &str, value: &Dynamic) -> Result<Vec<(String, f64)>, ApiError> {
     let parameter = parameter(plugin, name)?;
     let read = parameter.read(value, &format!("{}: {name}", plugin.manifest().name))?;
-    Ok(parameter.names().into_iter().zip(read).collect())
+    Ok(parameter.number_names().into_iter().zip(read).collect())
 }
 
-fn wrong(allowed: &str, spec: &OptionSpec, label: &str, value: &Dynamic) -> ApiError {
+fn value_error(allowed: &str, spec: &OptionSpec, label: &str, value: &Dynamic) -> ApiError {
     ApiError::new(format!("{label} must be {allowed}, got {}", describe(value))).hint(&spec.about)
 }
 
 /// Sets a parameter in a list sorted by name, because the order of calls must not change the stage.
-fn put<T>(parameters: &mut Vec<(String, T)>, name: String, value: T) {
+fn set_sorted<T>(parameters: &mut Vec<(String, T)>, name: String, value: T) {
     parameters.retain(|(n, _)| *n != name);
     parameters.push((name, value));
     parameters.sort_by(|a, b| a.0.cmp(&b.0));
 }
 
-fn one_number(value: &Dynamic) -> Option<f64> {
+fn int_or_float(value: &Dynamic) -> Option<f64> {
     value.as_float().or_else(|_| value.as_int().map(|n| n as f64)).ok()
 }
 
 /// The numbers that an effect receives for a value. A text becomes its index in the list of allowed texts, a curve its samples.
-fn as_numbers(spec: &OptionSpec, value: &Dynamic) -> Option<Vec<f64>> {
+fn effect_numbers(spec: &OptionSpec, value: &Dynamic) -> Option<Vec<f64>> {
     match &spec.kind {
         OptionKind::Number { min, max, .. } => {
-            one_number(value).filter(|n| (*min..=*max).contains(n)).map(|n| vec![n])
+            int_or_float(value).filter(|n| (*min..=*max).contains(n)).map(|n| vec![n])
         }
         OptionKind::Integer { min, max, .. } => {
-            let n = one_number(value).filter(|n| n.fract() == 0.0)?;
+            let n = int_or_float(value).filter(|n| n.fract() == 0.0)?;
             (*min as f64..=*max as f64).contains(&n).then(|| vec![n])
         }
         OptionKind::Bool { .. } => value.as_bool().ok().map(|b| vec![f64::from(u8::from(b))]),
@@ -260,13 +264,13 @@ fn as_numbers(spec: &OptionSpec, value: &Dynamic) -> Option<Vec<f64>> {
             let within = keys.iter().all(|[_, y]| (*min..=*max).contains(y));
             (is_curve(&keys) && within).then(|| curve_table(&keys).to_vec())
         }
-        // Colors and textures are read elsewhere.
+        // Colors are read by `Parameter::read`, textures by `image_of_texture_parameter`.
         _ => None,
     }
 }
 
 /// The allowed values of a parameter, for messages.
-fn allowed(spec: &OptionSpec) -> String {
+fn allowed_values(spec: &OptionSpec) -> String {
     let unit = if spec.unit.is_empty() { String::new() } else { format!(" {}", spec.unit) };
     match &spec.kind {
         OptionKind::Number { min, max, .. } => format!("from {min} to {max}{unit}"),
@@ -274,37 +278,37 @@ fn allowed(spec: &OptionSpec) -> String {
     }
 }
 
-fn plugin(c: &Call, this: &EffectRef) -> Result<Effect, ApiError> {
+fn effect_plugin(c: &Call, this: &EffectRef) -> Result<Effect, ApiError> {
     let found = c.shared.loader.registry().effect(&this.plugin).cloned();
     found.ok_or_else(|| ApiError::new(format!("effect \"{}\" no longer exists", this.plugin)))
 }
 
 fn set(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
-    let (plugin, name) = (plugin(c, &this)?, c.text(0)?);
+    let (plugin, name) = (effect_plugin(c, &this)?, c.text(0)?);
     if c.in_frame {
-        changing(&plugin, &name, "set")?;
-        let new = numbers(&plugin, &name, &c.value(1))?;
-        hook::edit(|edits| {
+        check_can_change(&plugin, &name, "set")?;
+        let new = named_numbers(&plugin, &name, &c.value(1))?;
+        hook::edit_frame(|edits| {
             let edit = |(parameter, value)| EffectEdit { effect: this.id, parameter, value };
             edits.effects.extend(new.into_iter().map(edit));
         });
         return c.receiver();
     }
-    let image = chosen_image(c, &plugin, &name, &c.value(1))?;
+    let image = image_of_texture_parameter(c, &plugin, &name, &c.value(1))?;
     let mut build = c.build();
     let used = build.effect(this.id)?;
     match image {
-        Some(image) => put_image(used, image),
-        None => assign(used, &plugin, &name, &c.value(1))?,
+        Some(image) => set_image(used, image),
+        None => set_parameter(used, &plugin, &name, &c.value(1))?,
     }
     c.receiver()
 }
 
 fn key(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
-    let (plugin, name) = (plugin(c, &this)?, c.text(0)?);
-    changing(&plugin, &name, "key")?;
+    let (plugin, name) = (effect_plugin(c, &this)?, c.text(0)?);
+    check_can_change(&plugin, &name, "key")?;
     let parameter = parameter(&plugin, &name)?;
     let step = match &parameter {
         Parameter::Whole(spec) => {
@@ -313,15 +317,15 @@ fn key(c: &mut Call) -> Reply {
                 OptionKind::Bool { .. } | OptionKind::Text { .. } | OptionKind::Integer { .. }
             )
         }
-        Parameter::Color(_) | Parameter::Number(..) => false,
+        Parameter::Color(_) | Parameter::Component(..) => false,
     };
     let read = |v: &Dynamic, label: &str| parameter.read(v, label);
-    let channels = keys::parts(c, Property::Parameter, step, &read)?;
-    let named: Vec<(String, Channel)> = parameter.names().into_iter().zip(channels).collect();
+    let channels = keys::component_channels(c, Property::Parameter, step, &read)?;
+    let named: Vec<(String, Channel)> = parameter.number_names().into_iter().zip(channels).collect();
     let mut build = c.build();
     let used = build.effect(this.id)?;
     used.distances.retain(|distance| distance.parameter != name);
-    named.into_iter().for_each(|(name, keys)| put(&mut used.keys, name, keys));
+    named.into_iter().for_each(|(name, keys)| set_sorted(&mut used.keys, name, keys));
     c.receiver()
 }
 
@@ -337,7 +341,7 @@ fn until(c: &mut Call) -> Reply {
     let t = c.time(0)?;
     let start = c.build().effect(this.id)?.start;
     if t < start {
-        return Err(super::actor::before_start("until", t, start));
+        return Err(super::actor::before_start_error("until", t, start));
     }
     c.build().effect(this.id)?.end = Some(t);
     c.receiver()
@@ -352,11 +356,11 @@ fn on(c: &mut Call) -> Reply {
     };
     let o = c.options(1, &["material"])?;
     let (mut targets, mut cameras) = (Vec::new(), Vec::new());
-    for one in &all {
-        if let Some(camera) = one.read_lock::<CameraRef>() {
+    for item in &all {
+        if let Some(camera) = item.read_lock::<CameraRef>() {
             cameras.push(camera.0);
-        } else if let Some(actor) = one.read_lock::<ActorRef>() {
-            targets.extend(targets_of(&actor, &o)?);
+        } else if let Some(actor) = item.read_lock::<ActorRef>() {
+            targets.extend(effect_targets(&actor, &o)?);
         } else {
             return Err(c.wrong(0, "an Actor or an array of them, or a Camera"));
         }
@@ -364,11 +368,11 @@ fn on(c: &mut Call) -> Reply {
     if all.is_empty() {
         return Err(c.wrong(0, "an Actor or an array of them, or a Camera"));
     }
-    if !targets.is_empty() && !plugin(c, &this)?.applies_to_actors() {
+    if !targets.is_empty() && !effect_plugin(c, &this)?.applies_to_actors() {
         let text = "on: post effects cover the whole image, not single actors";
         return Err(ApiError::new(text).hint("leave .on(…) out, or give it a camera"));
     }
-    if targets.iter().any(|t| t.material.is_some()) && plugin(c, &this)?.hook() == Hook::Overlay {
+    if targets.iter().any(|t| t.material.is_some()) && effect_plugin(c, &this)?.hook() == Hook::Overlay {
         let text = "on: this effect draws beside whole actors, not on single materials";
         return Err(ApiError::new(text).hint("leave material out"));
     }
@@ -386,7 +390,7 @@ fn on(c: &mut Call) -> Reply {
     let used = build.effect(this.id)?;
     used.on.extend(targets);
     used.cameras.extend(cameras);
-    // The order in which targets are named does not matter.
+    // The order of targets in the script does not matter.
     used.on.sort_unstable();
     used.on.dedup();
     used.cameras.sort_unstable();
@@ -395,7 +399,7 @@ fn on(c: &mut Call) -> Reply {
 }
 
 /// The targets of an effect on an actor: the whole actor, or the materials that the options name.
-fn targets_of(actor: &ActorRef, o: &Options) -> Result<Vec<EffectTarget>, ApiError> {
+fn effect_targets(actor: &ActorRef, o: &Options) -> Result<Vec<EffectTarget>, ApiError> {
     let target = |material| EffectTarget { actor: actor.id, material };
     Ok(match named_materials(o, "on", &actor.asset)? {
         None => vec![target(None)],

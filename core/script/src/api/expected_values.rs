@@ -1,7 +1,7 @@
 //! The expected values of comparisons: functions of time, rotations, lists of events.
 
 use super::expect::subject;
-use crate::build::{HookDraft, ScriptContext};
+use crate::build::{FrameCallbackDraft, ScriptContext};
 use crate::call::{ApiError, Call, euler, numbers};
 use crate::hook::{ScriptHook, with_copied_captures};
 use crate::test_data::{EventPattern, Formula, RotationGoal};
@@ -15,8 +15,8 @@ pub fn tolerance(c: &Call, default: f64) -> Result<f64, ApiError> {
     if c.len() < 2 { Ok(default) } else { c.number_in(1, 0.0, 1e12) }
 }
 
-/// A function of time in an argument, which returns N numbers, N being one of `widths`. `None` if the argument is no
-/// function.
+/// The function of time in an argument; `None` if the argument is no function. `widths`: allowed counts of the numbers that the
+/// function returns.
 pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Formula>, ApiError> {
     let Some(callback) = c.value(i).try_cast::<FnPtr>() else { return Ok(None) };
     let callback = with_copied_captures(&callback)?;
@@ -29,7 +29,7 @@ pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Fo
         context.global.num_operations = Default::default();
         context
     };
-    let draft = HookDraft { callback, context, at: c.place.clone() };
+    let draft = FrameCallbackDraft { callback, context, at: c.place.clone() };
     let shared: Arc<ScriptContext> = c.shared.clone();
     let hook = ScriptHook::new(engine, shared, draft, "", 1);
     Ok(Some(Formula(Arc::new(move |time| {
@@ -81,7 +81,7 @@ pub(crate) fn rotation_goal(c: &Call) -> Result<RotationGoal, ApiError> {
 pub fn events(c: &Call) -> Result<(Vec<EventPattern>, Time), ApiError> {
     let allowed = "an array of [time, text] or of texts";
     let given = c.value(0);
-    let one = |v: &Dynamic| -> Result<EventPattern, ApiError> {
+    let pattern = |v: &Dynamic| -> Result<EventPattern, ApiError> {
         if v.is_string() {
             return Ok(EventPattern { at: None, text: crate::call::text(v, "")? });
         }
@@ -93,10 +93,10 @@ pub fn events(c: &Call) -> Result<(Vec<EventPattern>, Time), ApiError> {
         Ok(EventPattern { at: Some(at), text: crate::call::text(&pair[1], "")? })
     };
     let patterns = if given.is_string() {
-        vec![one(&given)?]
+        vec![pattern(&given)?]
     } else {
         let Some(array) = given.read_lock::<rhai::Array>() else { return Err(c.wrong(0, allowed)) };
-        array.iter().map(one).collect::<Result<Vec<_>, _>>()?
+        array.iter().map(pattern).collect::<Result<Vec<_>, _>>()?
     };
     Ok((patterns, Time::from_secs(tolerance(c, 1e-6)?)))
 }

@@ -8,7 +8,7 @@ use choreo_stage::ActorEdit;
 use rhai::Dynamic;
 
 /// Index of the expression with a name.
-pub fn find(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<u32, ApiError> {
+pub fn find_expression(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<u32, ApiError> {
     let name = text(wanted, label)?;
     if let Some(index) = asset.expressions.iter().position(|e| e.name == name) {
         return Ok(index as u32);
@@ -25,7 +25,7 @@ pub fn find(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<u32, ApiErro
 pub fn of_actor(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let weight = c.number_in(1, 0.0, 1.0)? as f32;
-    let expression = find(&this.asset, &c.value(0), &c.label(0))?;
+    let expression = find_expression(&this.asset, &c.value(0), &c.label(0))?;
     change(c, ActorEdit::Expression { expression, weight }, |draft| {
         draft.actor.expressions.retain(|(e, _)| *e != expression);
         draft.actor.expressions.push((expression, weight));

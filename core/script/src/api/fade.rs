@@ -22,17 +22,23 @@ fn fade_in(c: &mut Call) -> Reply {
     let seconds = c.duration(0)?;
     let o = c.options(1, &["from", "color"])?;
     let from = o.get("from").map(|v| c.stage_time(&v, "fade_in: from")).transpose()?;
-    let from = from.unwrap_or(c.build().offset);
+    let from = from.unwrap_or(c.build().sequence_start);
     let color = o.color("color")?.unwrap_or(Vec4::W);
     let mut build = c.build();
     // Fades to a color that ended before this time end here.
     let drafts = build.fades.clone();
-    for out in drafts.iter().filter(|fade| fade.out && fade.at <= from) {
-        let layer = build.layer_2d(out.layer)?;
+    for fade_out in drafts.iter().filter(|fade| fade.fades_out && fade.at <= from) {
+        let layer = build.layer_2d(fade_out.layer)?;
         layer.end = Some(layer.end.map_or(from, |end| end.min(from)));
     }
     drop(build);
-    add(c, color, (from, 1.0), (from + seconds, 0.0), FadeDraft { layer: 0, out: false, at: from })
+    add_fade_panel(
+        c,
+        color,
+        (from, 1.0),
+        (from + seconds, 0.0),
+        FadeDraft { layer: 0, fades_out: false, at: from },
+    )
 }
 
 fn fade_out(c: &mut Call) -> Reply {
@@ -45,11 +51,17 @@ fn fade_out(c: &mut Call) -> Reply {
     };
     let until = until.unwrap_or(last_frame);
     let color = o.color("color")?.unwrap_or(Vec4::W);
-    add(c, color, (until - seconds, 0.0), (until, 1.0), FadeDraft { layer: 0, out: true, at: until })
+    add_fade_panel(
+        c,
+        color,
+        (until - seconds, 0.0),
+        (until, 1.0),
+        FadeDraft { layer: 0, fades_out: true, at: until },
+    )
 }
 
 /// Adds a panel over the whole image, whose opacity is keyed from `first` to `second`, each (time, opacity).
-fn add(c: &Call, color: Vec4, first: (Time, f64), second: (Time, f64), fade: FadeDraft) -> Reply {
+fn add_fade_panel(c: &Call, color: Vec4, first: (Time, f64), second: (Time, f64), fade: FadeDraft) -> Reply {
     let mut layer = Layer2d::new(Layer2dContent::Panel { size: DVec2::ONE, color });
     layer.start = first.0;
     layer.channels = vec![Channel {
@@ -60,8 +72,8 @@ fn add(c: &Call, color: Vec4, first: (Time, f64), second: (Time, f64), fade: Fad
     }];
     let mut build = c.build();
     check_limit(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
-    let ins = build.fades.iter().filter(|fade| !fade.out && fade.at >= second.0);
-    layer.end = if fade.out { ins.map(|fade| fade.at).min() } else { Some(second.0) };
+    let fade_ins = build.fades.iter().filter(|fade| !fade.fades_out && fade.at >= second.0);
+    layer.end = if fade.fades_out { fade_ins.map(|fade| fade.at).min() } else { Some(second.0) };
     let index = build.layers_2d.len();
     build.layers_2d.push(layer);
     build.fades.push(FadeDraft { layer: index, ..fade });

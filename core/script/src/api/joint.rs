@@ -40,33 +40,33 @@ fn joints(c: &mut Call) -> Reply {
     Ok(Dynamic::from_array(this.asset.skeleton.names().iter().map(|n| Dynamic::from(n.clone())).collect()))
 }
 
-fn joint_edit(c: &Call, rotation: DQuat) -> Reply {
+fn turn_joint_in_frame(c: &Call, rotation: DQuat) -> Reply {
     let this: JointRef = c.this()?;
     if !c.in_frame {
         return Err(ApiError::new(format!("{} of a joint works inside on_frame only", c.def.name))
             .hint("on_frame(|t| actor.joint(\"…\").turn(10.0 * sin(t)))"));
     }
     let rotation = rotation.as_quat().normalize();
-    hook::edit(|e| e.actors.push((this.actor, ActorEdit::TurnJoint { joint: this.joint, rotation })));
+    hook::edit_frame(|e| e.actors.push((this.actor, ActorEdit::TurnJoint { joint: this.joint, rotation })));
     c.receiver()
 }
 
 fn joint_turn(c: &mut Call) -> Reply {
     let degrees = c.number(0)?;
-    joint_edit(c, DQuat::from_rotation_y(radians(degrees)))
+    turn_joint_in_frame(c, DQuat::from_rotation_y(radians(degrees)))
 }
 
 fn joint_rotate(c: &mut Call) -> Reply {
     let degrees = DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?);
-    joint_edit(c, euler(degrees))
+    turn_joint_in_frame(c, euler(degrees))
 }
 
 fn key(c: &mut Call) -> Reply {
     let this: JointRef = c.this()?;
-    let channel = keys::channel(c, keys::property(c, &keys::keyed_properties::<Placement>())?, 1)?;
+    let channel = keys::channel(c, keys::named_property(c, &keys::keyed_properties::<Placement>())?, 1)?;
     let mut build = c.build();
     let drafts = &mut build.actor(this.actor)?.joint_keys;
-    let curve = clip_edit::curve(&this.asset, this.joint, &channel);
+    let curve = clip_edit::curve_in_parent_space(&this.asset, this.joint, &channel);
     drafts.retain(|(c, _)| (c.joint, c.path) != (curve.joint, curve.path));
     drafts.push((curve, c.place.clone()));
     c.receiver()

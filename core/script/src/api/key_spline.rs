@@ -1,7 +1,7 @@
 //! Tangents of single keyframes, `[time, value, #{ in_tangent: …, out_tangent: … }]`. A span with such a tangent at an
 //! end is a cubic Hermite spline; with a weight, too, it is a Bézier curve in time and value.
 
-use super::keys::{count, steps_of_ease, tangents};
+use super::keys::{count_keyframes, steps_of_ease, tangents};
 use crate::call::{ApiError, Call, Options, number, number_in, numbers, wrong};
 use choreo_motion::{Ease, Time};
 use rhai::Dynamic;
@@ -10,9 +10,9 @@ use rhai::Dynamic;
 const DEFAULT_WEIGHT: f64 = 1.0 / 3.0;
 /// Number of Hermite pieces for each number of a span with weights, evenly spaced in the curve parameter. For weights
 /// of 0.8 the largest error is 1e-5 of the change.
-const PIECES: usize = 32;
+const BEZIER_SAMPLES: usize = 32;
 /// Largest tangent of a point, per second: the largest distance from the origin.
-const STEEPEST: f64 = 1e15;
+const MAX_TANGENT: f64 = 1e15;
 const OPTIONS: [&str; 7] =
     ["ease", "tangent", "in_tangent", "out_tangent", "weight", "in_weight", "out_weight"];
 
@@ -21,20 +21,20 @@ const OPTIONS: [&str; 7] =
 pub(super) struct KeyShape {
     /// Easing of the span before the keyframe.
     pub ease: Option<Ease>,
-    pub incoming: Side,
-    pub outgoing: Side,
+    pub incoming: KeySide,
+    pub outgoing: KeySide,
 }
 
 /// One side of a keyframe.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Side {
+pub(super) struct KeySide {
     /// Change per second of each number; `None`: the tangent of the interpolation.
     tangent: Option<Vec<f64>>,
     /// Length of the Bézier handle of each number, as a share of the span.
     weight: Option<Vec<f64>>,
 }
 
-impl Side {
+impl KeySide {
     pub fn is_given(&self) -> bool {
         self.tangent.is_some() || self.weight.is_some()
     }
@@ -42,11 +42,11 @@ impl Side {
 
 /// Form in which a script gives the tangents of a property.
 #[derive(Clone, Copy)]
-pub(super) enum Form {
+pub(super) enum TangentForm {
     /// One number for all components, or one for each.
     Numbers {
         /// Count of numbers that a script gives; further ones are zero.
-        least: usize,
+        min_count: usize,
         /// Count of numbers of the value.
         width: usize,
         /// Factor from the unit of scripts to that of the stage.
@@ -58,70 +58,70 @@ pub(super) enum Form {
     None(&'static str),
 }
 
-impl Form {
-    pub fn numbers(width: usize) -> Form {
-        Form::Numbers { least: width, width, factor: 1.0 }
+impl TangentForm {
+    pub fn numbers(width: usize) -> TangentForm {
+        TangentForm::Numbers { min_count: width, width, factor: 1.0 }
     }
 
     fn read(self, v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
         let read = match (self, numbers(v)) {
-            (Form::None(why), _) => return Err(ApiError::new(format!("{label}: {why}"))),
-            (Form::Angles, Some(three)) if three.len() == 3 => three,
-            (Form::Angles, None) => number(v, label)
+            (TangentForm::None(why), _) => return Err(ApiError::new(format!("{label}: {why}"))),
+            (TangentForm::Angles, Some(three)) if three.len() == 3 => three,
+            (TangentForm::Angles, None) => number(v, label)
                 .map(|y| vec![0.0, y, 0.0])
                 .map_err(|_| wrong(v, label, "degrees per second about y, or [x, y, z]"))?,
-            (Form::Angles, Some(_)) => {
+            (TangentForm::Angles, Some(_)) => {
                 return Err(wrong(v, label, "degrees per second about y, or [x, y, z]"));
             }
-            (Form::Numbers { least, width, factor }, Some(mut all))
-                if (least..=width).contains(&all.len()) =>
+            (TangentForm::Numbers { min_count, width, factor }, Some(mut all))
+                if (min_count..=width).contains(&all.len()) =>
             {
                 all.resize(width, 0.0);
                 all.iter().map(|n| n * factor).collect()
             }
-            (Form::Numbers { width, factor, .. }, None) if v.is_int() || v.is_float() => {
+            (TangentForm::Numbers { width, factor, .. }, None) if v.is_int() || v.is_float() => {
                 vec![number(v, label)? * factor; width]
             }
-            (Form::Numbers { least: 1, .. }, _) => {
+            (TangentForm::Numbers { min_count: 1, .. }, _) => {
                 return Err(wrong(v, label, "a number, the change per second"));
             }
-            (Form::Numbers { least, .. }, _) => {
-                let allowed = format!("{least} numbers, the change per second of each, or one for all");
+            (TangentForm::Numbers { min_count, .. }, _) => {
+                let allowed = format!("{min_count} numbers, the change per second of each, or one for all");
                 return Err(wrong(v, label, &allowed));
             }
         };
-        match read.iter().all(|n| n.abs() <= STEEPEST) {
+        match read.iter().all(|n| n.abs() <= MAX_TANGENT) {
             true => Ok(read),
             false => Err(wrong(v, label, "within ±1e15 per second")),
         }
     }
 
     fn weights(self, v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
-        let (least, width) = match self {
-            Form::Numbers { least, width, .. } => (least, width),
-            Form::Angles => (3, 3),
-            Form::None(why) => return Err(ApiError::new(format!("{label}: {why}"))),
+        let (min_count, width) = match self {
+            TangentForm::Numbers { min_count, width, .. } => (min_count, width),
+            TangentForm::Angles => (3, 3),
+            TangentForm::None(why) => return Err(ApiError::new(format!("{label}: {why}"))),
         };
         match v.read_lock::<rhai::Array>() {
-            Some(all) if (least..=width).contains(&all.len()) => {
+            Some(all) if (min_count..=width).contains(&all.len()) => {
                 let mut weights: Vec<f64> =
                     all.iter().map(|w| number_in(w, label, 0.0, 1.0)).collect::<Result<_, _>>()?;
                 weights.resize(width, DEFAULT_WEIGHT);
                 Ok(weights)
             }
-            Some(_) => Err(wrong(v, label, &format!("a number from 0 to 1, or {least} of them"))),
+            Some(_) => Err(wrong(v, label, &format!("a number from 0 to 1, or {min_count} of them"))),
             None => Ok(vec![number_in(v, label, 0.0, 1.0)?; width]),
         }
     }
 }
 
 /// Reads the easing or the map of tangents after the value of keyframe `n`. Messages begin with `of`.
-pub(super) fn read(
+pub(super) fn read_key_shape(
     c: &Call,
     given: Option<&Dynamic>,
     of: &str,
     n: usize,
-    form: Form,
+    form: TangentForm,
 ) -> Result<KeyShape, ApiError> {
     let Some(given) = given else { return Ok(KeyShape::default()) };
     let ease = |v: &Dynamic| super::easing::ease_of(v, &format!("{of}: ease of key {n}"));
@@ -131,15 +131,15 @@ pub(super) fn read(
     let o = Options { function: format!("{of}: key {n}"), map };
     o.check(c, &OPTIONS)?;
     let ease = o.get("ease").map(|v| ease(&v)).transpose()?;
-    let side = |way: &str| -> Result<Side, ApiError> {
-        let [tangent, weight] = ["tangent", "weight"].map(|what| format!("{way}_{what}"));
+    let side = |direction: &str| -> Result<KeySide, ApiError> {
+        let [tangent, weight] = ["tangent", "weight"].map(|what| format!("{direction}_{what}"));
         let tangent = o.read(&tangent, |v, label| form.read(v, label))?;
         let weight = o.read(&weight, |v, label| form.weights(v, label))?;
-        Ok(Side { tangent, weight })
+        Ok(KeySide { tangent, weight })
     };
     let tangent = o.read("tangent", |v, label| form.read(v, label))?;
     let weight = o.read("weight", |v, label| form.weights(v, label))?;
-    let [mut incoming, mut outgoing]: [Side; 2] = [side("in")?, side("out")?];
+    let [mut incoming, mut outgoing]: [KeySide; 2] = [side("in")?, side("out")?];
     if ease.is_some() && incoming.is_given() {
         let text = format!("{of}: key {n} has both an ease and an incoming tangent: give only one of them");
         return Err(ApiError::new(text));
@@ -196,11 +196,11 @@ impl Spline {
             match &shapes[next].ease {
                 Some(ease) => {
                     let steps = steps_of_ease(span.ticks);
-                    count(c, steps as usize)?;
+                    count_keyframes(c, steps as usize)?;
                     for step in 1..=steps {
                         let share = step as f64 / steps as f64;
                         let weight = if step == steps { 1.0 } else { ease.at(share) };
-                        spline.straight_to(span.time_at(step, steps), span.mixed(weight));
+                        spline.push_straight(span.time_at(step, steps), span.interpolated(weight));
                     }
                 }
                 None if span.has_no_weights() => {
@@ -208,8 +208,8 @@ impl Spline {
                     spline.push(times[next], values[next].clone(), span.tangents[1].clone());
                 }
                 None => {
-                    count(c, PIECES * values[0].len())?;
-                    span.pieces(&mut spline);
+                    count_keyframes(c, BEZIER_SAMPLES * values[0].len())?;
+                    span.append_samples(&mut spline);
                 }
             }
         }
@@ -224,7 +224,7 @@ impl Spline {
     }
 
     /// Appends a key with a straight line from the last one.
-    fn straight_to(&mut self, time: Time, value: Vec<f64>) {
+    fn push_straight(&mut self, time: Time, value: Vec<f64>) {
         let last = self.times.len() - 1;
         let chord = slopes(&self.values[last], &value, time - self.times[last]);
         self.outgoing.push(chord.clone());
@@ -240,7 +240,7 @@ fn slopes(from: &[f64], to: &[f64], span: Time) -> Vec<f64> {
 struct Span<'a> {
     from: Time,
     ticks: Time,
-    ends: [&'a [f64]; 2],
+    end_values: [&'a [f64]; 2],
     tangents: [Vec<f64>; 2],
     weights: [Option<&'a [f64]>; 2],
 }
@@ -264,7 +264,7 @@ impl<'a> Span<'a> {
         Span {
             from: times[keys[0]],
             ticks,
-            ends,
+            end_values: ends,
             tangents,
             weights: sides.map(|side| side.weight.as_deref()),
         }
@@ -278,14 +278,14 @@ impl<'a> Span<'a> {
         self.from + Time((i128::from(self.ticks.0) * i128::from(step) / i128::from(steps)) as i64)
     }
 
-    fn mixed(&self, weight: f64) -> Vec<f64> {
-        self.ends[0].iter().zip(self.ends[1]).map(|(a, b)| a + (b - a) * weight).collect()
+    fn interpolated(&self, weight: f64) -> Vec<f64> {
+        self.end_values[0].iter().zip(self.end_values[1]).map(|(a, b)| a + (b - a) * weight).collect()
     }
 
-    fn number(&self, part: usize) -> Bezier {
+    fn bezier(&self, part: usize) -> Bezier {
         let secs = self.ticks.as_secs();
         let weight = |end: usize| self.weights[end].map_or(DEFAULT_WEIGHT, |all| all[part]);
-        let (a, b) = (self.ends[0][part], self.ends[1][part]);
+        let (a, b) = (self.end_values[0][part], self.end_values[1][part]);
         Bezier {
             secs,
             weights: [weight(0), weight(1)],
@@ -299,11 +299,11 @@ impl<'a> Span<'a> {
     }
 
     /// Appends short Hermite spans that approximate the Bézier curves of all numbers, up to the end of this span.
-    fn pieces(&self, spline: &mut Spline) {
-        let curves: Vec<Bezier> = (0..self.ends[0].len()).map(|part| self.number(part)).collect();
+    fn append_samples(&self, spline: &mut Spline) {
+        let curves: Vec<Bezier> = (0..self.end_values[0].len()).map(|part| self.bezier(part)).collect();
         // Evenly spaced in the parameter of each curve, so that keys are dense where a curve is steep.
-        let inner = (1..PIECES).flat_map(|n| {
-            let parameter = n as f64 / PIECES as f64;
+        let inner = (1..BEZIER_SAMPLES).flat_map(|n| {
+            let parameter = n as f64 / BEZIER_SAMPLES as f64;
             curves.iter().map(move |curve| curve.time(parameter))
         });
         let mut times: Vec<Time> = inner.map(|share| self.ticks.scaled(share)).collect();
@@ -317,7 +317,7 @@ impl<'a> Span<'a> {
         spline.outgoing.push(of(0, 1));
         for key in 1..times.len() {
             let is_last = key + 1 == times.len();
-            let value = if is_last { self.ends[1].to_vec() } else { of(key, 0) };
+            let value = if is_last { self.end_values[1].to_vec() } else { of(key, 0) };
             spline.push(self.from + times[key], value, of(key, 1));
             if !is_last {
                 spline.outgoing.push(of(key, 1));

@@ -1,6 +1,6 @@
 //! Keyframes of properties: `.key("position", [[t, value], …], how)`.
 
-use super::key_spline::{self, Form, KeyShape, Spline};
+use super::key_spline::{self, KeyShape, Spline, TangentForm};
 use crate::call::fields::pair;
 use crate::call::{ApiError, Call, color, describe, euler, number, number_in, numbers, one_of, wrong};
 use crate::limits::raise_hint;
@@ -33,8 +33,8 @@ pub const INTERPOLATIONS: &[&str] = &["linear", "step", "smooth", "cubic", "catm
 type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
 
 /// The channels of a `.key(property, keys, how?)` call on a value of the stage.
-pub fn of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiError> {
-    let keyed = property(c, &keyed_properties::<T>())?;
+pub fn channels_of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiError> {
+    let keyed = named_property(c, &keyed_properties::<T>())?;
     let is_it = |field: &&Field<T>| field.keyed.is_some_and(|(name, _)| name == keyed.name);
     if let Some(why) = T::FIELDS.iter().find(is_it).and_then(|field| (field.lacks)(of)) {
         let text = format!("key: {why}, so \"{}\" has no keys here", keyed.name);
@@ -44,7 +44,7 @@ pub fn of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiError> {
 }
 
 /// The property that the first argument of a `.key(property, …)` call names.
-pub fn property(c: &Call, all: &[KeyedProperty]) -> Result<KeyedProperty, ApiError> {
+pub fn named_property(c: &Call, all: &[KeyedProperty]) -> Result<KeyedProperty, ApiError> {
     let names: Vec<&'static str> = all.iter().map(|keyed| keyed.name).collect();
     let name = one_of(&c.value(0), "key: property", &names)?;
     let found = all.iter().find(|keyed| keyed.name == name).copied();
@@ -66,17 +66,17 @@ pub fn channel(c: &Call, keyed: KeyedProperty, at: usize) -> Result<Channel, Api
     let KeyedProperty { of_type, property, .. } = keyed;
     let is_quaternion = |key: &Key| numbers(&key.value).is_some_and(|n| n.len() == 4);
     let of_quaternions = of_type == FieldType::Rotation && keys.iter().any(is_quaternion);
-    let shapes = shapes(c, &keys, "key", given, form(of_type, property, of_quaternions))?;
+    let shapes = key_shapes(c, &keys, "key", given, tangent_form(of_type, property, of_quaternions))?;
     let how = given.how;
     match of_type {
         FieldType::Rotation if of_quaternions => {
             let turns = values(&|v, l| Ok(quaternion(v, l)?.to_array().to_vec()))?;
-            quaternions(c, how, &times, turns, &shapes)
+            quaternion_channel(c, how, &times, turns, &shapes)
         }
         FieldType::Rotation => {
-            let angles = values(&angles)?;
+            let angles = values(&euler_degrees)?;
             if let Some(spline) = Spline::of(c, how, (&times, &angles), &shapes, false)? {
-                return rotation(
+                return euler_channel(
                     c,
                     how,
                     &spline.times,
@@ -84,14 +84,14 @@ pub fn channel(c: &Call, keyed: KeyedProperty, at: usize) -> Result<Channel, Api
                     Some(EulerSpline::with_own_tangents(&spline)),
                 );
             }
-            let (times, angles) = eased(c, &times, angles, &shapes, straight)?;
+            let (times, angles) = sample_easings(c, &times, angles, &shapes, lerp_components)?;
             let spline =
                 tangents(how).map(|t| Spline::symmetric(&times, &angles, t.of(&times, &angles, false)));
-            rotation(c, how, &times, &angles, spline.as_ref().map(EulerSpline::without_own_tangents))
+            euler_channel(c, how, &times, &angles, spline.as_ref().map(EulerSpline::without_own_tangents))
         }
         FieldType::Direction => {
             let ways = values(&|v, l| Ok(Call::direction(v, l)?.normalize().to_array().to_vec()))?;
-            quaternions(c, how, &times, turns_between(&ways), &shapes)
+            quaternion_channel(c, how, &times, rotations_between(&ways), &shapes)
         }
         // Flags such as visibility change at the keyframe, whatever `how` says.
         FieldType::Flag => {
@@ -119,7 +119,7 @@ fn shaped_channel(
     if let Some(spline) = Spline::of(c, how, (times, &values), shapes, property == Property::Translation)? {
         return Ok(spline_channel(property, &spline, 0..property.width()));
     }
-    let (times, values) = eased(c, times, values, shapes, straight)?;
+    let (times, values) = sample_easings(c, times, values, shapes, lerp_components)?;
     Ok(make_channel(property, how, &times, &values))
 }
 
@@ -138,15 +138,19 @@ fn spline_channel(property: Property, spline: &Spline, parts: std::ops::Range<us
 }
 
 /// Form in which a script gives the tangents of a property.
-fn form(of_type: FieldType, property: Property, of_quaternions: bool) -> Form {
+fn tangent_form(of_type: FieldType, property: Property, of_quaternions: bool) -> TangentForm {
     let width = property.width();
-    let numbers = |least: usize, factor: f64| Form::Numbers { least, width, factor };
+    let numbers = |least: usize, factor: f64| TangentForm::Numbers { min_count: least, width, factor };
     match of_type {
-        FieldType::Rotation if of_quaternions => Form::None("quaternions have no tangents; key degrees"),
-        FieldType::Rotation => Form::Angles,
-        FieldType::Direction => Form::None("directions have no tangents"),
-        FieldType::Flag => Form::None("true and false hold until the next key, so they have no tangents"),
-        FieldType::Kelvin => Form::None("a color temperature has no tangents; key the color"),
+        FieldType::Rotation if of_quaternions => {
+            TangentForm::None("quaternions have no tangents; key degrees")
+        }
+        FieldType::Rotation => TangentForm::Angles,
+        FieldType::Direction => TangentForm::None("directions have no tangents"),
+        FieldType::Flag => {
+            TangentForm::None("true and false hold until the next key, so they have no tangents")
+        }
+        FieldType::Kelvin => TangentForm::None("a color temperature has no tangents; key the color"),
         FieldType::Degrees(..) => numbers(1, 1f64.to_radians()),
         FieldType::Pair => numbers(2, 1.0),
         FieldType::Color => numbers(3, 1.0),
@@ -160,18 +164,18 @@ fn components(v: &Dynamic, label: &str, of_type: FieldType, width: usize) -> Res
         FieldType::Number(low, high, _) => Ok(vec![number_in(v, label, low, high)?; width]),
         FieldType::Degrees(low, high) => Ok(vec![number_in(v, label, low, high)?.to_radians()]),
         FieldType::Kelvin => {
-            let warm = number_in(v, label, crate::color::KELVIN.0, crate::color::KELVIN.1)?;
-            Ok(crate::color::kelvin(warm).to_array().map(f64::from).to_vec())
+            let warm = number_in(v, label, crate::color::KELVIN_RANGE.0, crate::color::KELVIN_RANGE.1)?;
+            Ok(crate::color::black_body_color(warm).to_array().map(f64::from).to_vec())
         }
         FieldType::Color => Ok(color(v, label)?.to_array()[..width].iter().map(|v| f64::from(*v)).collect()),
-        FieldType::Scale => factors(v, label),
+        FieldType::Scale => scale_factors(v, label),
         FieldType::Pair => pair(v, label).map(|p| vec![p.x, p.y, 0.0]),
-        _ => three(v, label),
+        _ => point_components(v, label),
     }
 }
 
 /// Rotations from −Z (as in glTF) to unit vectors. Each continues from the one before by the shortest arc.
-fn turns_between(ways: &[Vec<f64>]) -> Vec<Vec<f64>> {
+fn rotations_between(ways: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let (mut way, mut turn) = (DVec3::NEG_Z, DQuat::IDENTITY);
     let turned = ways.iter().map(|next| {
         let next = DVec3::from_slice(next);
@@ -184,7 +188,12 @@ fn turns_between(ways: &[Vec<f64>]) -> Vec<Vec<f64>> {
 
 /// Channels of a property whose value has several numbers, one channel each. The keyframes are the second argument, `how` the third.
 /// `step`: the value cannot be interpolated and holds until the next keyframe, whatever `how` says.
-pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<Vec<Channel>, ApiError> {
+pub fn component_channels(
+    c: &Call,
+    property: Property,
+    step: bool,
+    read: &Reader,
+) -> Result<Vec<Channel>, ApiError> {
     let given = read_interpolation(c, 2)?;
     let given = if step { KeyInterpolation { how: "step", ease: None } } else { given };
     let keys = read_keys(c, &c.value(1), "key")?;
@@ -193,20 +202,20 @@ pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<
     let values = values.collect::<Result<Vec<_>, _>>()?;
     let count = values.first().map_or(0, Vec::len);
     let form = match step {
-        true => Form::None("its values hold until the next key, so they have no tangents"),
-        false => Form::numbers(count),
+        true => TangentForm::None("its values hold until the next key, so they have no tangents"),
+        false => TangentForm::numbers(count),
     };
-    let shapes = shapes(c, &keys, "key", given, form)?;
+    let shapes = key_shapes(c, &keys, "key", given, form)?;
     if let Some(spline) = Spline::of(c, given.how, (&times, &values), &shapes, false)? {
         return Ok((0..count).map(|n| spline_channel(property, &spline, n..n + 1)).collect());
     }
-    let (times, values) = eased(c, &times, values, &shapes, straight)?;
+    let (times, values) = sample_easings(c, &times, values, &shapes, lerp_components)?;
     let part = |n: usize| values.iter().map(|v| vec![v[n]]).collect::<Vec<_>>();
     Ok((0..count).map(|n| make_channel(property, given.how, &times, &part(n))).collect())
 }
 
 /// Adds channels, which replace those of the same property.
-pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
+pub fn replace_channels(channels: &mut Vec<Channel>, new: Vec<Channel>) {
     for channel in new {
         channels.retain(|c| c.property != channel.property);
         channels.push(channel);
@@ -244,7 +253,7 @@ pub fn read_interpolation(c: &Call, i: usize) -> Result<KeyInterpolation, ApiErr
 }
 
 /// The channel of keyframes with one number each, [[time, number], …].
-pub fn scalars(
+pub fn scalar_channel(
     c: &Call,
     value: &Dynamic,
     label: &str,
@@ -256,7 +265,7 @@ pub fn scalars(
     let one = |(i, key): (usize, &Key)| Ok(vec![read(&key.value, &format!("{label}: key {i}"))?]);
     let values = keys.iter().enumerate().map(one).collect::<Result<Vec<_>, ApiError>>()?;
     let times: Vec<Time> = keys.iter().map(|key| key.time).collect();
-    let shapes = shapes(c, &keys, label, given, Form::numbers(1))?;
+    let shapes = key_shapes(c, &keys, label, given, TangentForm::numbers(1))?;
     shaped_channel(c, property, given.how, &times, values, &shapes)
 }
 
@@ -276,7 +285,7 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<Key>, ApiError> 
     if rows.is_empty() {
         return Err(ApiError::new(format!("{of}: there must be at least one key, [[time, value], …]")));
     }
-    count(c, rows.len())?;
+    count_keyframes(c, rows.len())?;
     let mut keys: Vec<Key> = Vec::with_capacity(rows.len());
     for (n, row) in rows.iter().enumerate() {
         // A third element must be an easing or a map, not a number: [x, y, z] is a value without a time.
@@ -309,16 +318,16 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<Key>, ApiError> 
 }
 
 /// Easing and tangents of each keyframe: its own, else the easing of all.
-fn shapes(
+fn key_shapes(
     c: &Call,
     keys: &[Key],
     of: &str,
     given: KeyInterpolation,
-    form: Form,
+    form: TangentForm,
 ) -> Result<Vec<KeyShape>, ApiError> {
     let KeyInterpolation { how, ease: all } = given;
     let shape = |(n, key): (usize, &Key)| {
-        let shape = key_spline::read(c, key.shape.as_ref(), of, n, form)?;
+        let shape = key_spline::read_key_shape(c, key.shape.as_ref(), of, n, form)?;
         if shape.ease.is_some() && how != "linear" {
             return Err(ApiError::new(format!(
                 "{of}: ease of key {n}: a key with an ease is always linear, not \"{how}\""
@@ -335,12 +344,12 @@ fn shapes(
     Ok(shapes)
 }
 
-fn straight(a: &[f64], b: &[f64], w: f64) -> Vec<f64> {
+fn lerp_components(a: &[f64], b: &[f64], w: f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a + (b - a) * w).collect()
 }
 
 /// Samples the spans that have an easing: adds 60 keyframes per second, at least 16 per span.
-fn eased(
+fn sample_easings(
     c: &Call,
     times: &[Time],
     values: Vec<Vec<f64>>,
@@ -352,7 +361,7 @@ fn eased(
         if let (Some(KeyShape { ease: Some(ease), .. }), 1..) = (shapes.get(i), i) {
             let span = (times[i] - times[i - 1]).0;
             let steps = steps_of_ease(Time(span));
-            count(c, steps as usize)?;
+            count_keyframes(c, steps as usize)?;
             for step in 1..steps {
                 let w = ease.at(step as f64 / steps as f64);
                 out.push(mix(&values[i - 1], value, w));
@@ -372,21 +381,21 @@ pub(super) fn steps_of_ease(span: Time) -> i64 {
     (libm::ceil(span.as_secs() * 60.0) as i64).max(16).min(span.0)
 }
 
-pub(super) fn count(c: &Call, more: usize) -> Result<(), ApiError> {
+pub(super) fn count_keyframes(c: &Call, more: usize) -> Result<(), ApiError> {
     let mut build = c.build();
-    build.keys += more as u64;
-    if build.keys > c.shared.limits.keys {
+    build.keyframe_count += more as u64;
+    if build.keyframe_count > c.shared.limits.keys {
         let error = ApiError::new("key: too many keys on this stage");
         return Err(ApiError { fatal: true, ..error.hint(raise_hint("keys", c.shared.limits.keys)) });
     }
     Ok(())
 }
 
-fn three(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+fn point_components(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     crate::call::point(v, label).map(|p| p.to_array().to_vec())
 }
 
-fn factors(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+fn scale_factors(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     /// Largest factor, as for `scale`. Unlike there, 0 is allowed.
     const LARGEST: f64 = 1e6;
     let three = match numbers(v).filter(|n| n.len() == 3) {
@@ -399,7 +408,7 @@ fn factors(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     }
 }
 
-fn angles(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+fn euler_degrees(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     match numbers(v).filter(|n| n.len() == 3) {
         Some(three) => Ok(three),
         None => number(v, label)
@@ -429,7 +438,7 @@ pub fn quaternion(v: &Dynamic, label: &str) -> Result<DQuat, ApiError> {
 }
 
 /// The channel of quaternion keyframes: slerp on the shortest arc, at constant speed or with easings.
-fn quaternions(
+fn quaternion_channel(
     c: &Call,
     how: &str,
     times: &[Time],
@@ -449,7 +458,7 @@ fn quaternions(
     };
     let slerp =
         |a: &[f64], b: &[f64], w| DQuat::from_slice(a).slerp(DQuat::from_slice(b), w).to_array().to_vec();
-    let (times, values) = eased(c, times, values, shapes, slerp)?;
+    let (times, values) = sample_easings(c, times, values, shapes, slerp)?;
     Ok(make_channel(Property::Rotation, how, &times, &values))
 }
 
@@ -479,15 +488,15 @@ fn make_channel(property: Property, how: &str, times: &[Time], values: &[Vec<f64
 /// Converts keyframes of Euler angles to quaternion keyframes, dense enough that the shortest arcs between them follow
 /// the path of the angles: 0 to 360 degrees is a whole turn. Linear rotation about one axis is exact; otherwise there
 /// is a keyframe every 5 degrees.
-fn rotation(
+fn euler_channel(
     c: &Call,
     how: &str,
     times: &[Time],
     degrees: &[Vec<f64>],
     euler_spline: Option<EulerSpline>,
 ) -> Result<Channel, ApiError> {
-    const LARGEST_STEP: f64 = 120.0;
-    const SMALL_STEP: f64 = 5.0;
+    const MAX_STEP_ONE_AXIS: f64 = 120.0;
+    const MAX_STEP: f64 = 5.0;
     if degrees.iter().flatten().any(|d| d.abs() > 1e9) {
         return Err(ApiError::new("key: angles must be within ±1e9 degrees"));
     }
@@ -497,18 +506,19 @@ fn rotation(
     let mut out = vec![quat([degrees[0][0], degrees[0][1], degrees[0][2]])];
     for i in 1..times.len() {
         let span = times[i] - times[i - 1];
-        let widest = match &euler_spline {
-            Some(euler_spline) if euler_spline.own => euler_spline.widest(i, span),
+        let path_degrees = match &euler_spline {
+            Some(euler_spline) if euler_spline.has_own_tangents => euler_spline.max_path_degrees(i, span),
             _ => (0..3).map(|n| (degrees[i][n] - degrees[i - 1][n]).abs()).fold(0.0, f64::max),
         };
         let is_straight = euler_spline
             .as_ref()
-            .is_none_or(|euler_spline| euler_spline.own && euler_spline.is_straight(i, span));
-        let step = if how == "linear" && one_axis && is_straight { LARGEST_STEP } else { SMALL_STEP };
+            .is_none_or(|euler_spline| euler_spline.has_own_tangents && euler_spline.is_straight(i, span));
+        let step = if how == "linear" && one_axis && is_straight { MAX_STEP_ONE_AXIS } else { MAX_STEP };
         // A cubic can overshoot its ends, so it gets at least 16 keys.
         let least = if is_straight { 1.0 } else { 16.0 };
-        let steps = if how == "step" { 1.0 } else { libm::ceil(widest / step).max(least).min(span.0 as f64) };
-        count(c, steps.min(1e9) as usize)?;
+        let steps =
+            if how == "step" { 1.0 } else { libm::ceil(path_degrees / step).max(least).min(span.0 as f64) };
+        count_keyframes(c, steps.min(1e9) as usize)?;
         for s in 1..=steps as i64 {
             let w = s as f64 / steps;
             let value = std::array::from_fn(|n| {
@@ -545,16 +555,16 @@ fn rotation(
 struct EulerSpline<'a> {
     spline: &'a Spline,
     /// Keyframes have their own tangents, so that the curve may overshoot.
-    own: bool,
+    has_own_tangents: bool,
 }
 
 impl EulerSpline<'_> {
     fn with_own_tangents(spline: &Spline) -> EulerSpline<'_> {
-        EulerSpline { spline, own: true }
+        EulerSpline { spline, has_own_tangents: true }
     }
 
     fn without_own_tangents(spline: &Spline) -> EulerSpline<'_> {
-        EulerSpline { spline, own: false }
+        EulerSpline { spline, has_own_tangents: false }
     }
 
     /// The tangents of number `n` at both ends of the span before key `i`.
@@ -563,7 +573,7 @@ impl EulerSpline<'_> {
     }
 
     /// Upper bound in degrees of the path of any angle in the span before key `i`: the length of its Bézier polygon.
-    fn widest(&self, i: usize, span: Time) -> f64 {
+    fn max_path_degrees(&self, i: usize, span: Time) -> f64 {
         let third = span.as_secs() / 3.0;
         let way = |n: usize| {
             let [start, end] = self.tangents(i, n).map(|tangent| tangent * third);

@@ -23,7 +23,7 @@ api! {
     ///   default, or "right"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in
     ///   font). Characters that the font lacks are drawn in another built-in font, else in one of the system, with a
     ///   warning. Letters run from left to right and are not joined.
-    text("words, options?") -> Layer2d = text, options(|| fields::describe_options(&plain(), &METHODS));
+    text("words, options?") -> Layer2d = text, options(|| fields::describe_options(&default_layer(), &METHODS));
     /// Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor
     /// and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and
     /// fit ("contain": as large as fits, "cover": fills the frame).
@@ -67,12 +67,12 @@ api! {
 const METHODS: [&str; 5] = ["scale", "from", "until", "fade", "under"];
 
 /// Option names of a 2D layer: those of all layers, and `more`.
-fn known<'a>(flat: &Layer2d, more: &[&'a str]) -> Vec<&'a str> {
-    [&fields::names(flat, &METHODS)[..], &["anchor"], more].concat()
+fn option_names<'a>(layer: &Layer2d, more: &[&'a str]) -> Vec<&'a str> {
+    [&fields::names(layer, &METHODS)[..], &["anchor"], more].concat()
 }
 
 /// A 2D layer with default values.
-fn plain() -> Layer2d {
+fn default_layer() -> Layer2d {
     Layer2d::new(Layer2dContent::Panel { size: DVec2::ONE, color: Vec4::W })
 }
 
@@ -89,33 +89,36 @@ const ANCHORS: [(&str, [f64; 2]); 9] = [
 ];
 
 /// Reads the options that all 2D layers have, and adds the layer to the stage.
-fn add(c: &Call, o: &Options, content: Layer2dContent) -> Reply {
-    let mut flat = Layer2d::new(content);
-    fields::fill(c, o, &mut flat)?;
+fn add_layer(c: &Call, o: &Options, content: Layer2dContent) -> Reply {
+    let mut layer = Layer2d::new(content);
+    fields::fill(c, o, &mut layer)?;
     if let Some(name) = o.one_of("anchor", &ANCHORS.map(|(name, _)| name))? {
         let found = ANCHORS.iter().find(|(known, _)| *known == name);
-        flat.anchor = found.map_or(flat.anchor, |(_, at)| DVec2::from_array(*at));
+        layer.anchor = found.map_or(layer.anchor, |(_, at)| DVec2::from_array(*at));
     }
     let mut build = c.build();
     check_limit(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
-    build.layers_2d.push(flat);
+    build.layers_2d.push(layer);
     build.layer_2d_places.push(c.place.clone());
     Ok(Dynamic::from(Layer2dRef(build.layers_2d.len() - 1)))
 }
 
-fn color(o: &Options, usual: Vec4) -> Result<Vec4, ApiError> {
-    Ok(o.color("color")?.unwrap_or(usual))
+fn color_option(o: &Options, default: Vec4) -> Result<Vec4, ApiError> {
+    Ok(o.color("color")?.unwrap_or(default))
 }
 
 fn text(c: &mut Call) -> Reply {
     let words = c.text(0)?;
-    let o = c.options(1, &known(&plain(), &["size", "color", "font", "width", "align", "line_height"]))?;
+    let o = c.options(
+        1,
+        &option_names(&default_layer(), &["size", "color", "font", "width", "align", "line_height"]),
+    )?;
     let font = match o.text("font")? {
         Some(name) => Font::new(&name, c.shared.read_file(&name)?)
             .map_err(|e| ApiError::new(format!("text: \"{name}\" {e}")).focus(&name))?,
         None => Font::built_in(),
     };
-    fonts::warn(c, &font, &words);
+    fonts::warn_about_missing_characters(c, &font, &words);
     let content = Layer2dContent::Text {
         words,
         font,
@@ -127,15 +130,15 @@ fn text(c: &mut Call) -> Reply {
             _ => Align::Center,
         },
         line_height: o.number_in("line_height", 0.1, 10.0)?.unwrap_or(1.25),
-        color: color(&o, Vec4::ONE)?,
+        color: color_option(&o, Vec4::ONE)?,
         outline: None,
         panel: None,
     };
-    add(c, &o, content)
+    add_layer(c, &o, content)
 }
 
 fn picture(c: &mut Call) -> Reply {
-    let o = c.options(1, &known(&plain(), &["height", "width", "fit"]))?;
+    let o = c.options(1, &option_names(&default_layer(), &["height", "width", "fit"]))?;
     let given = c.value(0);
     let image: Arc<Image> = match given.read_lock::<ImageRef>().map(|i| i.decoded()).transpose()? {
         Some(image) => image,
@@ -163,39 +166,39 @@ fn picture(c: &mut Call) -> Reply {
         _ => return Err(ApiError::new("picture: give one of height, width and fit")),
     };
     let hash = image.content_hash();
-    add(c, &o, Layer2dContent::Picture { image, hash, fit })
+    add_layer(c, &o, Layer2dContent::Picture { image, hash, fit })
 }
 
 fn panel(c: &mut Call) -> Reply {
-    let o = c.options(0, &known(&plain(), &["size", "color"]))?;
+    let o = c.options(0, &option_names(&default_layer(), &["size", "color"]))?;
     let size = match o.get("size") {
         Some(size) => pair(&size, "panel: size")?,
         None => DVec2::ONE,
     };
-    let color = color(&o, Vec4::W)?;
-    add(c, &o, Layer2dContent::Panel { size, color })
+    let color = color_option(&o, Vec4::W)?;
+    add_layer(c, &o, Layer2dContent::Panel { size, color })
 }
 
 fn letterbox(c: &mut Call) -> Reply {
     let ratio = c.number_in(0, 0.1, 10.0)?;
     let o = c.options(1, &["color", "opacity"])?;
-    let color = color(&o, Vec4::W)?;
-    add(c, &o, Layer2dContent::Bars { ratio, color })
+    let color = color_option(&o, Vec4::W)?;
+    add_layer(c, &o, Layer2dContent::Bars { ratio, color })
 }
 
-fn change(c: &Call, change: impl FnOnce(&mut Layer2d)) -> Reply {
+fn change_layer(c: &Call, change: impl FnOnce(&mut Layer2d)) -> Reply {
     let this: Layer2dRef = c.this()?;
     change(c.build().layer_2d(this.0)?);
     c.receiver()
 }
 
 /// Changes the layer while the stage is built, or notes an edit of the frame.
-fn set(c: &Call, edit: Layer2dEdit, draft: impl FnOnce(&mut Layer2d)) -> Reply {
+fn change_or_edit(c: &Call, edit: Layer2dEdit, draft: impl FnOnce(&mut Layer2d)) -> Reply {
     if !c.in_frame {
-        return change(c, draft);
+        return change_layer(c, draft);
     }
     let this: Layer2dRef = c.this()?;
-    hook::edit(|e| e.layers_2d.push((this.0, edit)));
+    hook::edit_frame(|e| e.layers_2d.push((this.0, edit)));
     c.receiver()
 }
 
@@ -204,36 +207,38 @@ fn at(c: &mut Call) -> Reply {
         1 => pair(&c.value(0), "at")?,
         _ => DVec2::new(c.number_in(0, -1e6, 1e6)?, c.number_in(1, -1e6, 1e6)?),
     };
-    set(c, Layer2dEdit::At(at), |flat| flat.at = at)
+    change_or_edit(c, Layer2dEdit::At(at), |layer| layer.at = at)
 }
 
 fn opacity(c: &mut Call) -> Reply {
     let opacity = c.number_in(0, 0.0, 1.0)?;
-    set(c, Layer2dEdit::Opacity(opacity), |flat| flat.opacity = opacity)
+    change_or_edit(c, Layer2dEdit::Opacity(opacity), |layer| layer.opacity = opacity)
 }
 
 fn words(c: &mut Call) -> Reply {
-    let said = c.text(0)?;
+    let text = c.text(0)?;
     let this: Layer2dRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(said))));
+        hook::edit_frame(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(text))));
         return c.receiver();
     }
     let font = match &mut c.build().layer_2d(this.0)?.content {
         Layer2dContent::Text { words, font, .. } => {
-            words.clone_from(&said);
+            words.clone_from(&text);
             font.clone()
         }
         _ => return Err(ApiError::new("words: only a text has words")),
     };
-    fonts::warn(c, &font, &said);
+    fonts::warn_about_missing_characters(c, &font, &text);
     c.receiver()
 }
 
 fn outline(c: &mut Call) -> Reply {
     let o = c.options(0, &["color", "width"])?;
-    let outline =
-        TextOutline { color: color(&o, Vec4::W)?, width: o.number_in("width", 0.0, 1.0)?.unwrap_or(0.08) };
+    let outline = TextOutline {
+        color: color_option(&o, Vec4::W)?,
+        width: o.number_in("width", 0.0, 1.0)?.unwrap_or(0.08),
+    };
     change_text_layer(c, |content| {
         if let Layer2dContent::Text { outline: of_text, .. } = content {
             *of_text = Some(outline);
@@ -249,7 +254,7 @@ fn text_panel(c: &mut Call) -> Reply {
         Some(_) => DVec2::splat(o.number_in("padding", 0.0, 10.0)?.unwrap_or_default()),
     };
     let panel = TextPanel {
-        color: color(&o, Vec4::W * 0.6)?,
+        color: color_option(&o, Vec4::W * 0.6)?,
         padding,
         radius: o.number_in("radius", 0.0, 10.0)?.unwrap_or(0.2),
     };
@@ -266,13 +271,13 @@ fn change_text_layer(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) ->
     if !matches!(c.build().layer_2d(this.0)?.content, Layer2dContent::Text { .. }) {
         return Err(ApiError::new(format!("{}: only a text has this", c.def.name)));
     }
-    change(c, |flat| change_text(&mut flat.content))
+    change_layer(c, |layer| change_text(&mut layer.content))
 }
 
 /// Runs the method with the name of a field.
 fn field(c: &mut Call) -> Reply {
     let (field, value) = fields::field_and_value::<Layer2d>(c)?;
-    change(c, |flat| (field.set)(flat, value))
+    change_layer(c, |layer| (field.set)(layer, value))
 }
 
 fn until(c: &mut Call) -> Reply {
@@ -280,15 +285,15 @@ fn until(c: &mut Call) -> Reply {
     let this: Layer2dRef = c.this()?;
     let start = c.build().layer_2d(this.0)?.start;
     if t < start {
-        return Err(super::actor::before_start("until", t, start));
+        return Err(super::actor::before_start_error("until", t, start));
     }
-    change(c, |flat| flat.end = Some(t))
+    change_layer(c, |layer| layer.end = Some(t))
 }
 
 fn key(c: &mut Call) -> Reply {
     let this: Layer2dRef = c.this()?;
-    let flat = c.build().layer_2d(this.0)?.clone();
-    let channels = keys::of(c, &flat)?;
-    keys::replace(&mut c.build().layer_2d(this.0)?.channels, channels);
+    let layer = c.build().layer_2d(this.0)?.clone();
+    let channels = keys::channels_of(c, &layer)?;
+    keys::replace_channels(&mut c.build().layer_2d(this.0)?.channels, channels);
     c.receiver()
 }

@@ -84,7 +84,7 @@ fn describe_options(light: &StageLight) -> String {
 }
 
 /// Reads and checks the option map of a light.
-fn options(c: &Call, light: &StageLight) -> Result<Options, ApiError> {
+fn light_options(c: &Call, light: &StageLight) -> Result<Options, ApiError> {
     let more: &[&str] = match light.light.kind {
         LightKind::Directional => &["shadow", "name"],
         LightKind::Point => &["attenuation", "shadow", "name"],
@@ -94,7 +94,7 @@ fn options(c: &Call, light: &StageLight) -> Result<Options, ApiError> {
 }
 
 /// Adds a light with its options to the stage.
-fn add(c: &Call, o: &Options, mut light: StageLight) -> Reply {
+fn add_light(c: &Call, o: &Options, mut light: StageLight) -> Reply {
     if o.get("color").is_some() && o.get("kelvin").is_some() {
         return Err(ApiError::new(format!("{}: give color or kelvin, not both", o.function)));
     }
@@ -142,19 +142,19 @@ fn shadow(c: &Call, o: &Options) -> Result<Option<Shadow>, ApiError> {
 
 fn sun(c: &mut Call) -> Reply {
     let light = default_sun();
-    let o = options(c, &light)?;
-    add(c, &o, light)
+    let o = light_options(c, &light)?;
+    add_light(c, &o, light)
 }
 
 fn point(c: &mut Call) -> Reply {
     let light = default_point();
-    let o = options(c, &light)?;
-    add(c, &o, light)
+    let o = light_options(c, &light)?;
+    add_light(c, &o, light)
 }
 
 fn spot(c: &mut Call) -> Reply {
     let mut light = default_spot();
-    let o = options(c, &light)?;
+    let o = light_options(c, &light)?;
     let position = o.point("position")?.unwrap_or(light.position);
     let direction = match (o.get("direction"), o.target("look_at")?) {
         (Some(_), Some(_)) => return Err(ApiError::new("spot: give direction or look_at, not both")),
@@ -176,7 +176,7 @@ fn spot(c: &mut Call) -> Reply {
         return Err(ApiError::new(format!("spot: inner must be less than outer, got {inner} and {outer}")));
     }
     light.light.kind = LightKind::Spot { inner: inner.to_radians() as f32, outer: outer.to_radians() as f32 };
-    add(c, &o, light)
+    add_light(c, &o, light)
 }
 
 /// Reads ambient light from above and from below, linear: a color, a strength of white light, or
@@ -216,19 +216,19 @@ fn ambient(c: &mut Call) -> Reply {
         down *= strength;
     }
     if c.in_frame {
-        hook::edit(|e| e.ambient = Some((up, down)));
+        hook::edit_frame(|e| e.ambient = Some((up, down)));
         return Ok(Dynamic::UNIT);
     }
     let mut build = c.build();
     (build.settings.ambient_up, build.settings.ambient_down) = (up, down);
-    (build.ambient_given, build.ambient_at) = (true, Some(c.place.clone()));
+    (build.sets_ambient, build.ambient_at) = (true, Some(c.place.clone()));
     Ok(Dynamic::UNIT)
 }
 
-fn change(c: &Call, edit: LightEdit, change: impl FnOnce(&mut StageLight)) -> Reply {
+fn change_or_edit(c: &Call, edit: LightEdit, change: impl FnOnce(&mut StageLight)) -> Reply {
     let this: LightRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.lights.push((this.0, edit)));
+        hook::edit_frame(|e| e.lights.push((this.0, edit)));
     } else {
         change(c.build().light(this.0)?);
     }
@@ -237,17 +237,17 @@ fn change(c: &Call, edit: LightEdit, change: impl FnOnce(&mut StageLight)) -> Re
 
 fn at(c: &mut Call) -> Reply {
     let position = c.point(0)?;
-    change(c, LightEdit::MoveTo(position), |l| l.position = position)
+    change_or_edit(c, LightEdit::MoveTo(position), |l| l.position = position)
 }
 
 fn intensity(c: &mut Call) -> Reply {
     let intensity = c.number_in(0, 0.0, 1e9)? as f32;
-    change(c, LightEdit::Intensity(intensity), |l| l.light.intensity = intensity)
+    change_or_edit(c, LightEdit::Intensity(intensity), |l| l.light.intensity = intensity)
 }
 
 fn set_color(c: &mut Call) -> Reply {
     let color = rgb_arg(c, 0)?;
-    change(c, LightEdit::Color(color), |l| l.light.color = color)
+    change_or_edit(c, LightEdit::Color(color), |l| l.light.color = color)
 }
 
 fn attach(c: &mut Call) -> Reply {
@@ -260,7 +260,7 @@ fn attach(c: &mut Call) -> Reply {
 fn key(c: &mut Call) -> Reply {
     let this: LightRef = c.this()?;
     let light = c.build().light(this.0)?.clone();
-    let channels = keys::of(c, &light)?;
-    keys::replace(&mut c.build().light(this.0)?.channels, channels);
+    let channels = keys::channels_of(c, &light)?;
+    keys::replace_channels(&mut c.build().light(this.0)?.channels, channels);
     c.receiver()
 }

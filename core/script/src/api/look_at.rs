@@ -1,6 +1,6 @@
 //! The look-at constraint of heads and eyes: `look_at`.
 
-use super::constraints::span;
+use super::constraints::fade_span;
 use super::joint_names::find_joint;
 use crate::build::check_limit;
 use crate::call::{ApiError, Call, Reply, api};
@@ -33,7 +33,7 @@ fn look_at(c: &mut Call) -> Reply {
     let weight = o.number_in("weight", 0.0, 1.0)?.unwrap_or(1.0) as f32;
     let joint = match o.text("joint")? {
         Some(name) => find_joint(&this.asset, &name)?,
-        None => head(&this.asset).ok_or_else(|| {
+        None => head_joint(&this.asset).ok_or_else(|| {
             let names = this.asset.skeleton.names().iter().map(String::as_str);
             ApiError::new(format!("look_at: \"{}\" has no joint \"Head\" to turn", this.asset.name))
                 .hint(format!("name another, #{{ joint: … }}: {}", list(names, 24)))
@@ -42,23 +42,23 @@ fn look_at(c: &mut Call) -> Reply {
     if target == (Target::Joint { actor: this.id, joint }) {
         return Err(ApiError::new("look_at: a joint cannot look at itself"));
     }
-    let offset = c.build().offset;
-    let (start, end, fade) = span(c, &o, offset)?;
+    let offset = c.build().sequence_start;
+    let (start, end, fade) = fade_span(c, &o, offset)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
     check_limit(draft.actor.look_at.len(), "look_at targets of one actor", &c.shared.limits)?;
-    draft.looks.push(c.place.clone());
+    draft.look_at_places.push(c.place.clone());
     draft.actor.look_at.push(LookAt { joint, target, start, end, fade, weight });
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
 }
 
 /// The head that the file declares, else the joint "Head".
-fn head(asset: &Asset) -> Option<u32> {
+fn head_joint(asset: &Asset) -> Option<u32> {
     let declared = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
     declared.or_else(|| asset.skeleton.find("Head").map(|j| j as u32))
 }
 
-fn look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> Reply {
+fn change_look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> Reply {
     let this: LookRef = c.this()?;
     if let Some(look) = c.build().actor(this.actor)?.actor.look_at.get_mut(this.index) {
         change(look)?;
@@ -68,7 +68,7 @@ fn look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> R
 
 fn look_from(c: &mut Call) -> Reply {
     let t = c.time(0)?;
-    look(c, |l| {
+    change_look(c, |l| {
         l.start = t;
         Ok(())
     })
@@ -76,22 +76,22 @@ fn look_from(c: &mut Call) -> Reply {
 
 fn look_until(c: &mut Call) -> Reply {
     let t = c.time(0)?;
-    look(c, |l| {
+    change_look(c, |l| {
         if t < l.start {
-            return Err(before_start("until", t, l.start));
+            return Err(before_start_error("until", t, l.start));
         }
         l.end = Some(t);
         Ok(())
     })
 }
 
-pub(crate) fn before_start(name: &str, t: Time, start: Time) -> ApiError {
+pub(crate) fn before_start_error(name: &str, t: Time, start: Time) -> ApiError {
     ApiError::new(format!("{name}: {} s is before the start, {} s", t.as_secs(), start.as_secs()))
 }
 
 fn look_fade(c: &mut Call) -> Reply {
     let t = c.duration(0)?;
-    look(c, |l| {
+    change_look(c, |l| {
         l.fade = t;
         Ok(())
     })
@@ -99,7 +99,7 @@ fn look_fade(c: &mut Call) -> Reply {
 
 fn look_weight(c: &mut Call) -> Reply {
     let w = c.number_in(0, 0.0, 1.0)? as f32;
-    look(c, |l| {
+    change_look(c, |l| {
         l.weight = w;
         Ok(())
     })

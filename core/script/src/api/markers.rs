@@ -4,7 +4,7 @@ use crate::call::{ApiError, Call, unknown};
 use choreo_motion::{Clip, Time};
 use std::sync::Arc;
 
-pub(crate) fn find(markers: &[(String, Time)], name: &str, place: &str) -> Result<Time, ApiError> {
+pub(crate) fn find_marker(markers: &[(String, Time)], name: &str, place: &str) -> Result<Time, ApiError> {
     let found = markers.iter().find(|(known, _)| known == name).map(|(_, time)| *time);
     let known = markers.iter().map(|(known, _)| known.as_str()).collect::<Vec<_>>();
     found.ok_or_else(|| unknown("marker", name, place, known))
@@ -13,6 +13,6 @@ pub(crate) fn find(markers: &[(String, Time)], name: &str, place: &str) -> Resul
 /// Time of a marker of a clip, in seconds of the clip.
 pub(crate) fn clip_marker(c: &Call, clip: &Arc<Clip>, name: &str) -> Result<Time, ApiError> {
     let build = c.build();
-    let markers = build.notes_of(clip).map_or(&[][..], |notes| &notes.markers);
-    find(markers, name, &format!(" in clip \"{}\"", clip.name))
+    let markers = build.clip_notes_of(clip).map_or(&[][..], |notes| &notes.markers);
+    find_marker(markers, name, &format!(" in clip \"{}\"", clip.name))
 }

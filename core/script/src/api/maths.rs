@@ -109,7 +109,7 @@ fn quaternion(v: &Dynamic, name: &str) -> Result<DQuat, Box<EvalAltResult>> {
     super::keys::quaternion(v, name).map_err(|e| crate::errors::throw(e, crate::call::Place::default()))
 }
 
-fn quaternions(engine: &mut Engine) {
+fn register_quaternions(engine: &mut Engine) {
     engine.register_fn("quaternion", |axis: Dynamic, degrees: Dynamic| -> QuaternionArray {
         let axis = crate::call::Call::direction(&axis, "quaternion: axis");
         let axis = axis.map_err(|e| crate::errors::throw(e, crate::call::Place::default()))?;
@@ -129,7 +129,7 @@ fn quaternions(engine: &mut Engine) {
 }
 
 pub fn register(engine: &mut Engine) {
-    quaternions(engine);
+    register_quaternions(engine);
     numbers!(engine, "sin", |x| libm::sin(x));
     numbers!(engine, "cos", |x| libm::cos(x));
     numbers!(engine, "tan", |x| libm::tan(x));
@@ -199,12 +199,12 @@ pub fn register(engine: &mut Engine) {
             Ok(w * w * (3.0 - 2.0 * w))
         },
     );
-    parsers(engine);
-    random(engine);
+    register_parsers(engine);
+    register_random(engine);
 }
 
-fn parsers(engine: &mut Engine) {
-    let bad = |what: &str, text: &str| -> Box<EvalAltResult> {
+fn register_parsers(engine: &mut Engine) {
+    let not_a_number = |what: &str, text: &str| -> Box<EvalAltResult> {
         let shown: String = text.chars().take(40).collect();
         Box::new(EvalAltResult::ErrorArithmetic(
             format!("{what}: \"{shown}\" is not a number"),
@@ -212,19 +212,21 @@ fn parsers(engine: &mut Engine) {
         ))
     };
     engine.register_fn("parse_int", move |text: ImmutableString| {
-        text.trim().parse::<i64>().map_err(|_| bad("parse_int", &text))
+        text.trim().parse::<i64>().map_err(|_| not_a_number("parse_int", &text))
     });
     engine.register_fn("parse_int", move |text: ImmutableString, radix: i64| {
         let radix = u32::try_from(radix).ok().filter(|radix| (2..=36).contains(radix));
         let digits = text.trim();
-        radix.and_then(|radix| i64::from_str_radix(digits, radix).ok()).ok_or_else(|| bad("parse_int", &text))
+        radix
+            .and_then(|radix| i64::from_str_radix(digits, radix).ok())
+            .ok_or_else(|| not_a_number("parse_int", &text))
     });
     engine.register_fn("parse_float", move |text: ImmutableString| {
-        text.trim().parse::<f64>().map_err(|_| bad("parse_float", &text))
+        text.trim().parse::<f64>().map_err(|_| not_a_number("parse_float", &text))
     });
 }
 
-fn random(engine: &mut Engine) {
+fn register_random(engine: &mut Engine) {
     engine.register_fn("rand", |seed: Dynamic| -> Result<f64, Box<EvalAltResult>> {
         Ok(unit_interval(splitmix64(seed_of(&seed)?)))
     });

@@ -97,8 +97,8 @@ fn materials(c: &mut Call) -> Reply {
 }
 
 fn made(c: &Call, asset: Arc<Asset>) -> Reply {
-    let from = c.build().add_procedural_load(&asset, &c.place);
-    Ok(Dynamic::from(AssetRef { from, dead: false }))
+    let load = c.build().add_procedural_load(&asset, &c.place);
+    Ok(Dynamic::from(AssetRef { load, dead: false }))
 }
 
 fn shape(c: &mut Call) -> Reply {

@@ -1,6 +1,6 @@
 //! Root motion, in-place playback and path following.
 
-use crate::build::{RootDraft, RootUse};
+use crate::build::{RootMotionDraft, RootMotionUse};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::{ActorRef, ClipRef, CueRef};
 use choreo_motion::contacts::{self, Contacts, Foot};
@@ -36,35 +36,35 @@ api! {
     Clip.contacts("joints?") -> "array of maps" = clip_contacts;
 }
 
-fn read(c: &Call, used: RootUse) -> Result<(Option<String>, RootDraft), ApiError> {
+fn read_root_motion(c: &Call, used: RootMotionUse) -> Result<(Option<String>, RootMotionDraft), ApiError> {
     let o = c.options(0, &["joint", "horizontal", "vertical", "yaw"])?;
     let parts = RootParts {
         horizontal: o.flag("horizontal")?.unwrap_or(true),
         vertical: o.flag("vertical")?.unwrap_or(false),
         yaw: o.flag("yaw")?,
     };
-    Ok((o.text("joint")?, RootDraft { joint: None, parts, used }))
+    Ok((o.text("joint")?, RootMotionDraft { joint: None, parts, used }))
 }
 
-fn of_actor(c: &Call, used: RootUse) -> Reply {
+fn set_of_actor(c: &Call, used: RootMotionUse) -> Reply {
     let this: ActorRef = c.this()?;
-    let (joint, mut draft) = read(c, used)?;
+    let (joint, mut draft) = read_root_motion(c, used)?;
     draft.joint = joint.map(|name| super::joint_names::find_joint(&this.asset, &name)).transpose()?;
     c.build().actor(this.id)?.root = Some(draft);
     c.receiver()
 }
 
 fn actor_root(c: &mut Call) -> Reply {
-    of_actor(c, RootUse::Carries)
+    set_of_actor(c, RootMotionUse::MovesActor)
 }
 
 fn actor_in_place(c: &mut Call) -> Reply {
-    of_actor(c, RootUse::InPlace)
+    set_of_actor(c, RootMotionUse::InPlace)
 }
 
-fn of_cue(c: &Call, used: RootUse) -> Reply {
+fn set_of_cue(c: &Call, used: RootMotionUse) -> Reply {
     let this: CueRef = c.this()?;
-    let (joint, mut draft) = read(c, used)?;
+    let (joint, mut draft) = read_root_motion(c, used)?;
     let asset = {
         let mut build = c.build();
         let chain = build.cue(this.0)?.chain;
@@ -77,15 +77,15 @@ fn of_cue(c: &Call, used: RootUse) -> Reply {
 }
 
 fn cue_root(c: &mut Call) -> Reply {
-    of_cue(c, RootUse::Carries)
+    set_of_cue(c, RootMotionUse::MovesActor)
 }
 
 fn cue_in_place(c: &mut Call) -> Reply {
-    of_cue(c, RootUse::InPlace)
+    set_of_cue(c, RootMotionUse::InPlace)
 }
 
 /// The largest number of points of a path. Each point costs memory, and hand-written paths are far shorter.
-const MOST_POINTS: usize = 10_000;
+const MAX_POINTS: usize = 10_000;
 
 fn path(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
@@ -93,8 +93,8 @@ fn path(c: &mut Call) -> Reply {
     let Some(rows) = value.read_lock::<rhai::Array>() else {
         return Err(c.wrong(0, "an array of points, [[x, y, z], …]"));
     };
-    if rows.len() > MOST_POINTS {
-        return Err(ApiError::new(format!("path: at most {MOST_POINTS} points, got {}", rows.len())));
+    if rows.len() > MAX_POINTS {
+        return Err(ApiError::new(format!("path: at most {MAX_POINTS} points, got {}", rows.len())));
     }
     let point = |(i, v): (usize, &Dynamic)| crate::call::point(v, &format!("path: point {i}"));
     let points = rows.iter().enumerate().map(point).collect::<Result<Vec<_>, _>>()?;
@@ -110,9 +110,9 @@ fn path(c: &mut Call) -> Reply {
     let path_following = PathFollowing { path, start: start.unwrap_or(Time::ZERO), pace, turns };
     let mut build = c.build();
     let draft = build.actor(this.id)?;
-    draft.not_walking("path")?;
+    draft.check_not_walking("path")?;
     draft.actor.path_following = Some(Arc::new(path_following));
-    draft.placed = true;
+    draft.is_placed = true;
     c.receiver()
 }
 

@@ -1,6 +1,6 @@
 //! Markers of clips and of the stage, footsteps of clips, and sequences for several actors.
 
-use super::markers::{clip_marker, find};
+use super::markers::{clip_marker, find_marker};
 use crate::build::{ClipNotes, StageDraft};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::{ActorRef, ClipRef};
@@ -23,10 +23,10 @@ api! {
 }
 
 /// The largest number of markers of one clip, and of the stage.
-const MOST_MARKERS: usize = 10_000;
+const MAX_MARKERS: usize = 10_000;
 
-fn notes<'a>(build: &'a mut MutexGuard<'_, StageDraft>, clip: &Arc<Clip>) -> &'a mut ClipNotes {
-    let notes = || ClipNotes { _clip: clip.clone(), markers: Vec::new(), steps: None };
+fn clip_notes_mut<'a>(build: &'a mut MutexGuard<'_, StageDraft>, clip: &Arc<Clip>) -> &'a mut ClipNotes {
+    let notes = || ClipNotes { _clip: clip.clone(), markers: Vec::new(), footstep_times: None };
     build.clip_notes.entry(Arc::as_ptr(clip) as usize).or_insert_with(notes)
 }
 
@@ -38,10 +38,10 @@ fn check_within_clip(clip: &Clip, time: Time, label: &str) -> Result<Time, ApiEr
     Err(ApiError::new(format!("{label} at {at} s is after the end of clip \"{}\", {end} s", clip.name)))
 }
 
-fn set(markers: &mut Vec<(String, Time)>, name: String, time: Time) -> Result<(), ApiError> {
+fn set_marker(markers: &mut Vec<(String, Time)>, name: String, time: Time) -> Result<(), ApiError> {
     markers.retain(|(known, _)| *known != name);
-    if markers.len() >= MOST_MARKERS {
-        return Err(ApiError::new(format!("marker: at most {MOST_MARKERS} markers")));
+    if markers.len() >= MAX_MARKERS {
+        return Err(ApiError::new(format!("marker: at most {MAX_MARKERS} markers")));
     }
     markers.push((name, time));
     Ok(())
@@ -54,7 +54,7 @@ fn marker_of_clip(c: &mut Call) -> Reply {
         return Ok(Dynamic::from_float(clip_marker(c, &this.clip, &name)?.as_secs()));
     }
     let time = check_within_clip(&this.clip, c.duration(1)?, "marker")?;
-    set(&mut notes(&mut c.build(), &this.clip).markers, name, time)?;
+    set_marker(&mut clip_notes_mut(&mut c.build(), &this.clip).markers, name, time)?;
     c.receiver()
 }
 
@@ -68,21 +68,21 @@ fn steps(c: &mut Call) -> Reply {
     if times.windows(2).any(|pair| pair[1] <= pair[0]) {
         return Err(ApiError::new("steps: the times must increase"));
     }
-    notes(&mut c.build(), &this.clip).steps = Some(times);
+    clip_notes_mut(&mut c.build(), &this.clip).footstep_times = Some(times);
     c.receiver()
 }
 
 fn marker_of_stage(c: &mut Call) -> Reply {
     let name = c.name(0)?;
     let time = match c.len() {
-        1 => find(&c.build().markers, &name, "")?,
+        1 => find_marker(&c.build().markers, &name, "")?,
         _ => {
             let time = c.time(1)?;
-            set(&mut c.build().markers, name, time)?;
+            set_marker(&mut c.build().markers, name, time)?;
             time
         }
     };
-    Ok(Dynamic::from_float((time - c.build().offset).as_secs()))
+    Ok(Dynamic::from_float((time - c.build().sequence_start).as_secs()))
 }
 
 fn perform(c: &mut Call) -> Reply {
@@ -100,14 +100,14 @@ fn perform(c: &mut Call) -> Reply {
     let o = c.options(2, &["from", "stagger"])?;
     let from = o.get("from").map(|v| crate::call::time(&v, "perform: from")).transpose()?;
     let stagger = o.get("stagger").map(|v| crate::call::time(&v, "perform: stagger")).transpose()?;
-    let before = c.build().offset;
+    let before = c.build().sequence_start;
     let mut begin = before + from.unwrap_or(Time::ZERO);
     for actor in actors {
-        c.build().offset = begin;
+        c.build().sequence_start = begin;
         let result = what.call_within_context::<Dynamic>(c.context, (actor,));
-        c.build().offset = before;
+        c.build().sequence_start = before;
         if let Err(error) = result {
-            return super::test::failed(c, *error);
+            return super::test::report_failure(c, *error);
         }
         begin += stagger.unwrap_or(Time::ZERO);
     }

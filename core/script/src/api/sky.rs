@@ -17,9 +17,9 @@ api! {
     /// - Options: {}.
     sky("panorama, options?") -> Sky = sky, options(|| fields::describe_options(&Sky::new(Panorama::studio()), &[]));
     /// Sets the rotation about the vertical axis, in degrees counter-clockwise seen from above.
-    Sky.turn("degrees") = change, in_frames;
+    Sky.turn("degrees") = set_field, in_frames;
     /// Sets the factor of the sky's light (default 1).
-    Sky.strength("value") = change, in_frames;
+    Sky.strength("value") = set_field, in_frames;
     /// Animates "turn" or "strength" with keyframes [[time, value], …]. `how`, easing and tangents
     /// as in Actor.key.
     Sky.key("property, keys, how?") = key;
@@ -47,7 +47,7 @@ fn sky(c: &mut Call) -> Reply {
                 error.hint.clone().unwrap_or_else(|| "or name a panorama file, like \"hall.hdr\"".into());
             return Err(error.hint(hint));
         }
-        true => Arc::new(read(c, &name)?),
+        true => Arc::new(read_panorama(c, &name)?),
     };
     let mut sky = Sky::new(panorama);
     fields::fill(c, &o, &mut sky)?;
@@ -57,7 +57,7 @@ fn sky(c: &mut Call) -> Reply {
     Ok(Dynamic::from(SkyRef(0)))
 }
 
-fn read(c: &Call, name: &str) -> Result<Panorama, ApiError> {
+fn read_panorama(c: &Call, name: &str) -> Result<Panorama, ApiError> {
     let bytes = c.shared.read_file(name)?;
     let mut panorama = choreo_importer_kit::panorama::panorama(name, &bytes).map_err(|problem| {
         let text = ApiError::new(format!("sky: \"{}\" {}", problem.place, problem.what)).focus(name);
@@ -71,12 +71,14 @@ fn read(c: &Call, name: &str) -> Result<Panorama, ApiError> {
     Ok(panorama)
 }
 
-fn change(c: &mut Call) -> Reply {
+fn set_field(c: &mut Call) -> Reply {
     let (field, value) = fields::field_and_value::<Sky>(c)?;
     match (c.in_frame, value) {
         (false, value) => (field.set)(c.build().sky()?, value),
-        (true, FieldValue::Number(turn)) if field.name == "turn" => hook::edit(|e| e.sky.turn = Some(turn)),
-        (true, FieldValue::Number(strength)) => hook::edit(|e| e.sky.strength = Some(strength as f32)),
+        (true, FieldValue::Number(turn)) if field.name == "turn" => {
+            hook::edit_frame(|e| e.sky.turn = Some(turn))
+        }
+        (true, FieldValue::Number(strength)) => hook::edit_frame(|e| e.sky.strength = Some(strength as f32)),
         (true, _) => {}
     }
     c.receiver()
@@ -84,7 +86,7 @@ fn change(c: &mut Call) -> Reply {
 
 fn key(c: &mut Call) -> Reply {
     let sky = c.build().sky()?.clone();
-    let channels = keys::of(c, &sky)?;
-    keys::replace(&mut c.build().sky()?.channels, channels);
+    let channels = keys::channels_of(c, &sky)?;
+    keys::replace_channels(&mut c.build().sky()?.channels, channels);
     c.receiver()
 }

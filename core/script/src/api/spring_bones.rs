@@ -16,7 +16,7 @@ use std::sync::Arc;
 const GRAVITY: f64 = 9.81;
 
 /// Changes the spring bones of an actor, which are empty at first if its file has none.
-fn swinging(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
+fn change_springs(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
     let this: ActorRef = c.this()?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
@@ -26,18 +26,18 @@ fn swinging(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
 
 pub fn spring(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    let joints = matching(&this.asset, &c.value(0), &c.label(0))?;
+    let joints = matching_joints(&this.asset, &c.value(0), &c.label(0))?;
     let mut spring = SpringParameters::default();
     let o = c.options(1, &[fields::names(&spring, &[]), vec!["center"]].concat())?;
     fields::fill(c, &o, &mut spring)?;
     let SpringParameters { frequency, damping, gravity, radius } = spring;
     let center = o.text("center")?.map(|name| find_joint(&this.asset, &name)).transpose()?;
-    swinging(c, |springs| {
+    change_springs(c, |springs| {
         let colliders: Vec<u32> = (0..springs.rig.colliders().len() as u32).collect();
         for joint in joints {
             springs.rig.add(RigBone {
                 joint,
-                tail: tail(&this.asset, joint),
+                tail: bone_tail(&this.asset, joint),
                 spring: SpringBone::new(frequency, damping),
                 gravity: DVec3::NEG_Y * (GRAVITY * gravity),
                 pull: DVec3::ZERO,
@@ -51,7 +51,7 @@ pub fn spring(c: &mut Call) -> Reply {
 
 /// Tail of a spring bone in joint space: the position of the first child, else a continuation of the bone from the
 /// parent with the same length.
-fn tail(asset: &Asset, joint: u32) -> glam::Vec3 {
+fn bone_tail(asset: &Asset, joint: u32) -> glam::Vec3 {
     let (parents, rest) = (asset.skeleton.parents(), asset.skeleton.rest());
     let child = (0..parents.len()).find(|j| parents[*j] == Some(joint));
     let own = rest[joint as usize];
@@ -79,7 +79,7 @@ pub fn springs(c: &mut Call) -> Reply {
             t.as_secs()
         )));
     }
-    swinging(c, |springs| {
+    change_springs(c, |springs| {
         springs.rig.ground = ground.or(springs.rig.ground);
         springs.pre_roll = pre_roll.unwrap_or(springs.pre_roll);
     })
@@ -99,7 +99,7 @@ pub fn collider(c: &mut Call) -> Reply {
         }
         None => ColliderShape::Sphere { offset, radius: radius as f32, inside: false },
     };
-    swinging(c, |springs| {
+    change_springs(c, |springs| {
         let index = springs.rig.add_collider(SpringCollider { joint, shape });
         springs.rig.bones_mut().for_each(|bone| bone.colliders.push(index));
     })
@@ -109,14 +109,14 @@ pub fn wind(c: &mut Call) -> Reply {
     let velocity = c.point(0)?.clamp_length_max(1e4);
     if c.in_frame {
         let this: ActorRef = c.this()?;
-        hook::edit(|e| e.actors.push((this.id, ActorEdit::Wind(velocity))));
+        hook::edit_frame(|e| e.actors.push((this.id, ActorEdit::Wind(velocity))));
         return c.receiver();
     }
-    swinging(c, |springs| springs.wind = velocity)
+    change_springs(c, |springs| springs.wind = velocity)
 }
 
 /// Indices of the joints that a text or an array of texts selects: a name, "Name.." with all below, or a pattern with `*`.
-fn matching(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, ApiError> {
+fn matching_joints(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, ApiError> {
     let patterns = match given.read_lock::<rhai::Array>() {
         Some(array) => array.iter().map(|v| text(v, label)).collect::<Result<Vec<_>, _>>()?,
         None => vec![text(given, label)?],
@@ -129,7 +129,7 @@ fn matching(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, Api
         if name.contains('*') {
             let parts: Vec<String> = name.split('*').map(str::to_ascii_lowercase).collect();
             for (joint, name) in skeleton.names().iter().enumerate() {
-                now[joint] = like(&name.to_ascii_lowercase(), &parts);
+                now[joint] = matches_wildcards(&name.to_ascii_lowercase(), &parts);
             }
             if !now.contains(&true) {
                 let error = format!("no joint of skeleton \"{}\" matches \"{pattern}\"", asset.name);
@@ -148,7 +148,7 @@ fn matching(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, Api
 }
 
 /// Whether a text matches a pattern that was split at `*`.
-fn like(text: &str, parts: &[String]) -> bool {
+fn matches_wildcards(text: &str, parts: &[String]) -> bool {
     let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return false };
     let Some(mut rest) = text.strip_prefix(first.as_str()) else { return false };
     for part in &parts[1..parts.len() - 1] {
@@ -161,11 +161,19 @@ fn like(text: &str, parts: &[String]) -> bool {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn patterns() {
-        let like = |text: &str, pattern: &str| {
-            super::like(text, &pattern.split('*').map(str::to_string).collect::<Vec<_>>())
+    fn wildcards_match_whole_names() {
+        let matches_wildcards = |text: &str, pattern: &str| {
+            super::matches_wildcards(text, &pattern.split('*').map(str::to_string).collect::<Vec<_>>())
         };
-        assert!(like("hair_front_1", "*hair*") && like("hair", "hair*") && like("tail3", "t*3"));
-        assert!(!like("head", "*hair*") && !like("aba", "ab*ba") && like("abba", "ab*ba"));
+        assert!(
+            matches_wildcards("hair_front_1", "*hair*")
+                && matches_wildcards("hair", "hair*")
+                && matches_wildcards("tail3", "t*3")
+        );
+        assert!(
+            !matches_wildcards("head", "*hair*")
+                && !matches_wildcards("aba", "ab*ba")
+                && matches_wildcards("abba", "ab*ba")
+        );
     }
 }

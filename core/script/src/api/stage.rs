@@ -1,6 +1,6 @@
 //! Stage settings, parameters and per-frame callbacks: `stage`, `f`, `param`, `on_frame`.
 
-use crate::build::{HookDraft, Parameter, check_limit};
+use crate::build::{FrameCallbackDraft, Parameter, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, color, numbers, point, rgb, wrong};
 use crate::hook::with_copied_captures;
 use crate::limits::raise_hint;
@@ -49,7 +49,7 @@ api! {
 fn stage(c: &mut Call) -> Reply {
     let this = StageRef(c.shared.test().current_stage);
     if c.len() == 0 {
-        if c.shared.test().running {
+        if c.shared.test().is_running {
             return Ok(Dynamic::from(this));
         }
         return Err(ApiError::new("stage: options are missing").hint("write stage(#{ … })"));
@@ -80,8 +80,8 @@ fn stage(c: &mut Call) -> Reply {
     if let Some(size) = o.get("size") {
         s.size = read_size(c, &size)?;
     }
-    let counted = read_rate(c, &o, &mut s)?;
-    if let Some(length) = counted.or(o.duration("length")?) {
+    let length_in_frames = read_rate(c, &o, &mut s)?;
+    if let Some(length) = length_in_frames.or(o.duration("length")?) {
         if length == Time::ZERO {
             return Err(ApiError::new("stage: length must be above 0 s"));
         }
@@ -107,7 +107,7 @@ fn stage(c: &mut Call) -> Reply {
     let mut build = c.build();
     build.settings = s;
     if ambient.is_some() {
-        (build.ambient_given, build.ambient_at) = (true, None);
+        (build.sets_ambient, build.ambient_at) = (true, None);
     }
     build.settings_at = Some(place);
     Ok(Dynamic::from(this))
@@ -135,9 +135,9 @@ fn read_rate(c: &Call, o: &Options, s: &mut Settings) -> Result<Option<Time>, Ap
         FrameRate::from_fps(fps).map_err(|why| ApiError::new(format!("stage: fps {why}, got {fps:?}")))?;
     let own_length = o.number("length").ok().flatten();
     let changed = s.fps != c.build_fps();
-    match c.build().frames_used.clone().filter(|_| changed) {
+    match c.build().frame_calls.clone().filter(|_| changed) {
         Some((_, 1, frame, time)) if own_length == Some(time) => {
-            Ok(Some(Time::from_secs(seconds(s.fps, frame))))
+            Ok(Some(Time::from_secs(frame_secs(s.fps, frame))))
         }
         Some((place, ..)) => Err(ApiError::new(format!(
             "stage: fps cannot change after f(…) in line {} has counted frames",
@@ -212,17 +212,17 @@ fn frame(c: &mut Call) -> Reply {
     if c.in_frame {
         // The rate cannot change any more.
         let rate = c.build_fps();
-        return Ok(Dynamic::from_float(seconds(rate, n)));
+        return Ok(Dynamic::from_float(frame_secs(rate, n)));
     }
     let place = c.place.clone();
     let mut build = c.build();
-    let time = seconds(build.settings.fps, n);
-    let (place, count) = build.frames_used.take().map_or((place, 0), |(first, count, ..)| (first, count));
-    build.frames_used = Some((place, count + 1, n, time));
+    let time = frame_secs(build.settings.fps, n);
+    let (place, count) = build.frame_calls.take().map_or((place, 0), |(first, count, ..)| (first, count));
+    build.frame_calls = Some((place, count + 1, n, time));
     Ok(Dynamic::from_float(time))
 }
 
-fn seconds(rate: FrameRate, frame: f64) -> f64 {
+fn frame_secs(rate: FrameRate, frame: f64) -> f64 {
     if frame.fract() == 0.0 {
         return rate.time_of(frame as i64).as_secs();
     }
@@ -246,18 +246,19 @@ fn param(c: &mut Call) -> Reply {
         return Err(ApiError::new(format!("param: \"{name}\" is already declared in line {}", before.line)));
     }
     check_limit(c.build().parameters.len(), "parameters", &c.shared.limits)?;
-    let of_scene = c.shared.test().scene.as_ref().map(|scene| scene.set.clone());
-    let set = of_scene.as_ref().unwrap_or(&c.shared.set);
+    let of_scene = c.shared.test().scene.as_ref().map(|scene| scene.set_parameters.clone());
+    let set = of_scene.as_ref().unwrap_or(&c.shared.set_parameters);
     let given = set.iter().rev().find(|(n, _)| *n == name).map(|(_, v)| v.clone());
     let value = match &given {
         None => default.clone(),
         Some(text) => parse_parameter(kind, text).ok_or_else(|| {
             ApiError::new(format!("param: --set {name}={text} is not {}", kind_in_words(kind)))
-                .hint(format!("the default is {}", show(&default)))
+                .hint(format!("the default is {}", display_value(&default)))
         })?,
     };
     let line = c.place.line;
-    let parameter = Parameter { name, kind, default: show(&default), value: show(&value), about, line };
+    let parameter =
+        Parameter { name, kind, default: display_value(&default), value: display_value(&value), about, line };
     c.build().parameters.push(parameter);
     Ok(value)
 }
@@ -303,7 +304,7 @@ fn parse_parameter(kind: &str, text: &str) -> Option<Dynamic> {
     }
 }
 
-pub fn show(v: &Dynamic) -> String {
+pub fn display_value(v: &Dynamic) -> String {
     match numbers(v) {
         Some(values) => values.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
         None => v.to_string(),
@@ -314,7 +315,7 @@ fn on_frame(c: &mut Call) -> Reply {
     let Some(callback) = c.value(0).try_cast::<FnPtr>() else {
         return Err(c.wrong(0, "a function of the time, |t| …"));
     };
-    check_limit(c.build().hooks.len(), "on_frame callbacks", &c.shared.limits)?;
+    check_limit(c.build().frame_callbacks.len(), "on_frame callbacks", &c.shared.limits)?;
     let callback = with_copied_captures(&callback)?;
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
     let context = {
@@ -323,7 +324,7 @@ fn on_frame(c: &mut Call) -> Reply {
         context
     };
     let at = c.place.clone();
-    c.build().hooks.push(HookDraft { callback, context, at });
+    c.build().frame_callbacks.push(FrameCallbackDraft { callback, context, at });
     Ok(Dynamic::UNIT)
 }
 

@@ -1,13 +1,13 @@
 //! `test`, and what a test can use: other scripts, stages, render plans, golden images.
 
-use crate::build::{Mode, ScriptContext, check_limit};
+use crate::build::{RunMode, ScriptContext, check_limit};
 use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers, unknown};
-use crate::compile::{compile, constants};
+use crate::compile::{compile, scope_with_constants};
 use crate::diagnostic::Severity;
 use crate::errors;
 use crate::hook::with_copied_captures;
 use crate::modules::read_text;
-use crate::resolve::finish_stage;
+use crate::resolve::resolve_test_stage;
 use crate::suggest::{did_you_mean, list};
 use crate::test_data::{Claim, ImageExpectation, PendingExpect, PlanOptions, RunningScript, SectionInfo};
 use crate::value::{ActorRef, CameraRef, ExpectRef, HandleKind, LightRef, PlanRef, SceneRef, StageRef};
@@ -43,18 +43,18 @@ api! {
     ///   default, or "vulkan").
     /// - Allowed difference: tolerance (per channel, in steps of 255, default 4), {}.
     /// - `large: true` allows a golden image of more than 40 KiB.
-    expect_image("name, options?") -> () = expect_image, in_tests, options(limits);
+    expect_image("name, options?") -> () = expect_image, in_tests, options(document_metrics);
 }
 
 fn test(c: &mut Call) -> Reply {
-    let reply = section(c);
+    let reply = run_or_list_section(c);
     if reply.is_err() {
-        c.shared.test().refused = true;
+        c.shared.test().has_failed_test_call = true;
     }
     reply
 }
 
-fn section(c: &mut Call) -> Reply {
+fn run_or_list_section(c: &mut Call) -> Reply {
     if belongs_to_other_section(c) {
         return Ok(Dynamic::UNIT);
     }
@@ -69,7 +69,7 @@ fn section(c: &mut Call) -> Reply {
     let info = section_info(c, name, &section)?;
     {
         let mut test = c.shared.test();
-        if test.running {
+        if test.is_running {
             return Err(ApiError::new("a section cannot hold another one"));
         }
         // Sections of a script that `scene` runs are not sections of this file.
@@ -84,20 +84,20 @@ fn section(c: &mut Call) -> Reply {
             return Err(error.focus(info.name));
         }
         check_limit(test.sections.len(), "sections", &c.shared.limits)?;
-        let index = test.wanted.as_ref().map_or(info.index, |wanted| wanted.index);
+        let index = test.wanted_section.as_ref().map_or(info.index, |wanted| wanted.index);
         test.sections.push(info);
         test.calls.push((c.place.line, c.place.column));
-        if c.shared.mode != Mode::Section(index) {
+        if c.shared.mode != RunMode::RunTest(index) {
             return Ok(Dynamic::UNIT);
         }
-        test.running = true;
-        test.ran = true;
+        test.is_running = true;
+        test.has_started = true;
     }
     let result = section.call_within_context::<Dynamic>(c.context, ());
     end_section(c.shared);
-    c.shared.test().running = false;
+    c.shared.test().is_running = false;
     match result {
-        Err(e) => failed(c, *e),
+        Err(e) => report_failure(c, *e),
         Ok(_) => Ok(Dynamic::UNIT),
     }
 }
@@ -105,15 +105,15 @@ fn section(c: &mut Call) -> Reply {
 /// Notes errors about `expect` calls of a section without a comparison, and about modifiers without effect.
 fn end_section(shared: &ScriptContext) {
     let pending_expects = std::mem::take(&mut shared.test().pending_expects);
-    for PendingExpect { place, comparisons, unused } in pending_expects {
+    for PendingExpect { place, comparisons, unused_modifier } in pending_expects {
         if comparisons == 0 {
             let error = ApiError::new("this expect has no comparison")
                 .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
-            shared.note(Severity::Error, &place, &error);
-        } else if let Some((name, place)) = unused {
+            shared.add_diagnostic(Severity::Error, &place, &error);
+        } else if let Some((name, place)) = unused_modifier {
             let error = ApiError::new(format!("{name} has no effect: no comparison comes after it"))
                 .hint(format!("write .{name}(…) before the comparison"));
-            shared.note(Severity::Error, &place, &error);
+            shared.add_diagnostic(Severity::Error, &place, &error);
         }
     }
 }
@@ -121,28 +121,28 @@ fn end_section(shared: &ScriptContext) {
 /// Whether a call of `test` is skipped, because the sections of the file are known and another one is run.
 fn belongs_to_other_section(c: &Call) -> bool {
     let test = c.shared.test();
-    let Some(wanted) = test.wanted.as_ref().filter(|_| !test.running) else { return false };
+    let Some(wanted) = test.wanted_section.as_ref().filter(|_| !test.is_running) else { return false };
     c.value(0).read_lock::<ImmutableString>().is_some_and(|name| *name != wanted.name)
 }
 
 /// Notes the error that ended a function of the script, and returns normally. An exceeded limit ends the script.
-pub(super) fn failed(c: &Call, error: EvalAltResult) -> Reply {
-    let (mut place, explained) = errors::explain(&error, &c.place.file, c.shared);
+pub(super) fn report_failure(c: &Call, error: EvalAltResult) -> Reply {
+    let (mut place, explained) = errors::explain_error(&error, &c.place.file, c.shared);
     if place.line == 0 {
         place = c.place.clone();
     }
-    c.shared.note(Severity::Error, &place, &explained);
-    if is_final(&error) {
+    c.shared.add_diagnostic(Severity::Error, &place, &explained);
+    if ends_script(&error) {
         return Err(ApiError { fatal: true, ..ApiError::silent() });
     }
     Ok(Dynamic::UNIT)
 }
 
-fn is_final(error: &EvalAltResult) -> bool {
+fn ends_script(error: &EvalAltResult) -> bool {
     match error {
         EvalAltResult::ErrorTerminated(..) => true,
         EvalAltResult::ErrorInFunctionCall(_, _, inner, _) | EvalAltResult::ErrorInModule(_, inner, _) => {
-            is_final(inner)
+            ends_script(inner)
         }
         _ => false,
     }
@@ -161,7 +161,7 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
         Ok(reason)
     };
     let mut skip = reason("skip")?;
-    for file in texts(&o, "needs")? {
+    for file in text_list(&o, "needs")? {
         let missing = c.shared.loader.folders().find(None, &file).err();
         skip = skip.or(missing.map(|_| format!("needs {file}, which does not exist here")));
     }
@@ -171,15 +171,15 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
         name,
         file: c.place.file.clone(),
         line: c.place.line,
-        end_line: test.ends.get(section.fn_name()).copied().unwrap_or(0).max(c.place.line),
+        end_line: test.function_ends.get(section.fn_name()).copied().unwrap_or(0).max(c.place.line),
         skip,
         fails: reason("fails")?,
-        tags: texts(&o, "tags")?,
+        tags: text_list(&o, "tags")?,
     })
 }
 
 /// Reads an option that is one text or an array of texts.
-fn texts(o: &Options, name: &str) -> Result<Vec<String>, ApiError> {
+fn text_list(o: &Options, name: &str) -> Result<Vec<String>, ApiError> {
     let Some(given) = o.get(name) else { return Ok(Vec::new()) };
     if let Some(array) = given.read_lock::<rhai::Array>() {
         return array.iter().map(|v| crate::call::text(v, &o.label(name))).collect();
@@ -196,7 +196,7 @@ fn scene(c: &mut Call) -> Reply {
             let Some(map) = given.read_lock::<Map>() else {
                 return Err(crate::call::wrong(&given, "scene: set", "an object map like #{ name: value }"));
             };
-            map.iter().map(|(k, v)| (k.to_string(), super::stage::show(v))).collect()
+            map.iter().map(|(k, v)| (k.to_string(), super::stage::display_value(v))).collect()
         }
     };
     if let Some(before) = c.shared.test().scene_at.clone() {
@@ -219,34 +219,34 @@ fn scene(c: &mut Call) -> Reply {
         let mut test = c.shared.test();
         test.scene_at = Some(c.place.clone());
         test.scenes.push((name.clone(), c.place.clone()));
-        test.scene = Some(RunningScript { folder, set: set.clone() });
-        test.running = false;
+        test.scene = Some(RunningScript { folder, set_parameters: set.clone() });
+        test.is_running = false;
     }
     // The parameters of the other script are kept apart.
     let own = std::mem::take(&mut c.build().parameters);
     let result = run_scene(c, &name, &text);
-    let its = std::mem::replace(&mut c.build().parameters, own);
+    let scene_parameters = std::mem::replace(&mut c.build().parameters, own);
     {
         let mut test = c.shared.test();
         test.scene = None;
-        test.running = true;
+        test.is_running = true;
     }
     if let Err(e) = result {
-        let (place, explained) = errors::explain(&e, &name, c.shared);
-        c.shared.note(Severity::Error, &place, &explained);
-        if is_final(&e) {
+        let (place, explained) = errors::explain_error(&e, &name, c.shared);
+        c.shared.add_diagnostic(Severity::Error, &place, &explained);
+        if ends_script(&e) {
             return Err(ApiError { fatal: true, ..ApiError::silent() });
         }
     }
-    let known = || its.iter().map(|p| p.name.as_str());
+    let known = || scene_parameters.iter().map(|p| p.name.as_str());
     if let Some((wrong, _)) = set.iter().find(|(n, _)| !known().any(|k| k == n)) {
         return Err(ApiError::new(format!(
             "scene: \"{name}\" has no parameter \"{wrong}\"{}",
             did_you_mean(wrong, known())
         ))
         .focus(wrong.clone())
-        .hint(match its.as_slice() {
-            [] => "it declares none; param(\"name\", default) declares one".to_string(),
+        .hint(match scene_parameters.as_slice() {
+            [] => "the scene declares no parameters; param(\"name\", default) declares one".to_string(),
             _ => format!("parameters: {}", list(known(), 30)),
         }));
     }
@@ -258,12 +258,12 @@ fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>>
     let engine = c.context.engine();
     let mut ast = compile(engine, c.shared, text)?;
     ast.set_source(name);
-    c.shared.of_clips_only(&ast, name);
-    engine.run_ast_with_scope(&mut constants(), &ast)
+    c.shared.find_clips_only_loads(&ast, name);
+    engine.run_ast_with_scope(&mut scope_with_constants(), &ast)
 }
 
 /// Refuses a scene handle of another stage than the one being built.
-fn of_scene(c: &Call) -> Result<(), ApiError> {
+fn check_scene_stage(c: &Call) -> Result<(), ApiError> {
     let scene: SceneRef = c.this()?;
     if scene.0 == c.shared.test().current_stage {
         return Ok(());
@@ -272,7 +272,7 @@ fn of_scene(c: &Call) -> Result<(), ApiError> {
 }
 
 fn actor(c: &mut Call) -> Reply {
-    of_scene(c)?;
+    check_scene_stage(c)?;
     let name = c.text(0)?;
     let build = c.build();
     match build.actors.iter().position(|d| d.actor.name == name) {
@@ -285,7 +285,7 @@ fn actor(c: &mut Call) -> Reply {
 }
 
 fn camera(c: &mut Call) -> Reply {
-    of_scene(c)?;
+    check_scene_stage(c)?;
     let name = c.text(0)?;
     let build = c.build();
     match build.cameras.iter().position(|d| d.camera.name == name) {
@@ -298,13 +298,14 @@ fn camera(c: &mut Call) -> Reply {
 }
 
 fn light(c: &mut Call) -> Reply {
-    of_scene(c)?;
+    check_scene_stage(c)?;
     let index = c.value(0).as_int().map_err(|_| c.wrong(0, "the number of a light, from 0"))?;
     let count = c.build().lights.len();
     match usize::try_from(index).ok().filter(|i| *i < count) {
         Some(index) => Ok(Dynamic::from(LightRef(index))),
         None => Err(ApiError::new(format!(
-            "there is no light {index}: the scene has {count} lights, numbered from 0"
+            "there is no light {index}: the scene has {}, numbered from 0",
+            errors::format_count(count, "light")
         ))),
     }
 }
@@ -316,7 +317,7 @@ fn stage_of(c: &mut Call) -> Reply {
     // Captured values are copied and must not contain handles, which belong to the outer stage.
     let build = with_copied_captures(&build)?;
     for value in build.curry() {
-        no_handles(value)?;
+        check_no_handles(value)?;
     }
     let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
         return Err(ApiError::new("stage_of: the script has ended"));
@@ -333,16 +334,16 @@ fn stage_of(c: &mut Call) -> Reply {
     let result = build.call_within_context::<Dynamic>(c.context, ());
     let ended = match result {
         Ok(_) => Ok(()),
-        Err(e) => failed(c, *e).map(|_| ()),
+        Err(e) => report_failure(c, *e).map(|_| ()),
     };
-    let (mut stage, broken) = finish_stage(c.shared, &engine);
+    let (mut stage, broken) = resolve_test_stage(c.shared, &engine);
     let inner = std::mem::replace(&mut *c.build(), outer);
     {
         let mut build = c.build();
         let warnings = inner.diagnostics.iter().filter(|d| d.severity == Severity::Warning);
         stage.warnings.extend(warnings.map(ToString::to_string));
-        inner.diagnostics.into_iter().for_each(|d| build.note(d));
-        build.more += inner.more;
+        inner.diagnostics.into_iter().for_each(|d| build.add_diagnostic(d));
+        build.diagnostics_beyond_limit += inner.diagnostics_beyond_limit;
         build.printed.extend(inner.printed);
     }
     {
@@ -358,7 +359,7 @@ fn stage_of(c: &mut Call) -> Reply {
 }
 
 /// Refuses values that contain handles of a stage, because a handle is an index into the stage that it was made for.
-fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
+fn check_no_handles(value: &Dynamic) -> Result<(), ApiError> {
     let kind = crate::value::kind_of(value);
     if !matches!(
         kind,
@@ -376,25 +377,25 @@ fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
         .hint("inside, cast actors of its own; assets and clips can be shared"));
     }
     if let Some(array) = value.read_lock::<rhai::Array>() {
-        return array.iter().try_for_each(no_handles);
+        return array.iter().try_for_each(check_no_handles);
     }
     if let Some(map) = value.read_lock::<Map>() {
-        return map.values().try_for_each(no_handles);
+        return map.values().try_for_each(check_no_handles);
     }
     if let Some(pointer) = value.read_lock::<FnPtr>() {
-        return pointer.curry().iter().try_for_each(no_handles);
+        return pointer.curry().iter().try_for_each(check_no_handles);
     }
     Ok(())
 }
 
 fn plan(c: &mut Call) -> Reply {
     let o = c.options(0, &["size", "samples"])?;
-    let options = PlanOptions { size: size(&o)?, samples: samples(&o)? };
+    let options = PlanOptions { size: size_option(&o)?, samples: samples_option(&o)? };
     Ok(Dynamic::from(PlanRef { options, dead: false }))
 }
 
 /// Reads the size in pixels, with the same range as in `stage`.
-fn size(o: &Options) -> Result<Option<[u32; 2]>, ApiError> {
+fn size_option(o: &Options) -> Result<Option<[u32; 2]>, ApiError> {
     let Some(size) = o.get("size") else { return Ok(None) };
     let sides = numbers(&size).filter(|n| n.len() == 2);
     let sides = sides.filter(|n| n.iter().all(|v| v.fract() == 0.0 && (1.0..=16384.0).contains(v)));
@@ -407,7 +408,7 @@ fn size(o: &Options) -> Result<Option<[u32; 2]>, ApiError> {
     }
 }
 
-fn samples(o: &Options) -> Result<Option<u32>, ApiError> {
+fn samples_option(o: &Options) -> Result<Option<u32>, ApiError> {
     match o.number("samples")? {
         Some(samples) if samples != 1.0 && samples != 4.0 => {
             Err(ApiError::new(format!("{} must be 1 or 4, got {samples}", o.label("samples"))))
@@ -417,7 +418,7 @@ fn samples(o: &Options) -> Result<Option<u32>, ApiError> {
 }
 
 /// Documentation of the image metrics and their limits, for the reference.
-fn limits() -> String {
+fn document_metrics() -> String {
     let one = |m: ImageMetric| format!("{} ({}, 0 to 1, default {})", m.name, m.doc, m.limit);
     METRICS.map(one).join(", ")
 }
@@ -444,17 +445,17 @@ fn expect_image(c: &mut Call) -> Reply {
     for (limit, metric) in limits.iter_mut().zip(METRICS) {
         *limit = o.number_in(metric.name, 0.0, 1.0)?.unwrap_or(*limit);
     }
-    let picture = ImageExpectation {
+    let expectation = ImageExpectation {
         at: o.get("at").map(|v| crate::call::time(&v, &o.label("at"))).transpose()?.unwrap_or(Time::ZERO),
-        size: size(&o)?,
-        samples: samples(&o)?,
+        size: size_option(&o)?,
+        samples: samples_option(&o)?,
         device: o.one_of("device", &["cpu", "vulkan"])?.map(str::to_string),
         tolerance: tolerance.map_or(default.tolerance, |t| t as u8),
         limits,
         large: o.flag("large")?.unwrap_or(false),
         ..default
     };
-    let same = |claim: &Claim| matches!(claim, Claim::Picture(p) if p.name == name);
+    let same = |claim: &Claim| matches!(claim, Claim::Image(p) if p.name == name);
     if let Some(before) = c.shared.test().expectations.iter().find(|e| same(&e.claim)) {
         return Err(ApiError::new(format!(
             "expect_image: the name \"{name}\" is already taken in line {}",
@@ -464,17 +465,17 @@ fn expect_image(c: &mut Call) -> Reply {
     }
     let stage = c.shared.test().current_stage;
     let expect = ExpectRef { stage, ..ExpectRef::dead() };
-    record(c, &expect, Claim::Picture(picture))?;
+    record_expectation(c, &expect, Claim::Image(expectation))?;
     Ok(Dynamic::UNIT)
 }
 
 /// Records a comparison, to be judged when the stage is finished.
-pub fn record(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError> {
+pub fn record_expectation(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError> {
     let place: Place = c.place.clone();
     let source = c.shared.source_line(&place.file, place.line).trim().to_string();
     let mut test = c.shared.test();
     check_limit(test.expectations.len(), "expectations", &c.shared.limits)?;
-    test.compared(expect.id);
+    test.count_comparison(expect.id);
     test.expectations.push(expect.expectation(claim, place, source));
     Ok(())
 }

@@ -34,10 +34,10 @@ pub(crate) const PLAN_COUNTS: &[(&str, PlanCount)] = &[
 ];
 
 /// Converts a plain value, arrays and maps of plain values included.
-pub fn value(v: &Dynamic, depth: usize) -> Option<Value> {
+pub fn plain_value(v: &Dynamic, depth: usize) -> Option<Value> {
     // Maximum nesting: deeper values are not written by hand.
-    const DEEPEST: usize = 16;
-    if depth > DEEPEST {
+    const MAX_DEPTH: usize = 16;
+    if depth > MAX_DEPTH {
         return None;
     }
     let v = v.flatten_clone();
@@ -57,10 +57,10 @@ pub fn value(v: &Dynamic, depth: usize) -> Option<Value> {
         return Some(Value::Text(v.to_string()));
     }
     if let Some(array) = v.read_lock::<rhai::Array>() {
-        return array.iter().map(|e| value(e, depth + 1)).collect::<Option<_>>().map(Value::List);
+        return array.iter().map(|e| plain_value(e, depth + 1)).collect::<Option<_>>().map(Value::List);
     }
     if let Some(map) = v.read_lock::<Map>() {
-        let pair = |(k, v): (&rhai::Identifier, &Dynamic)| Some((k.to_string(), value(v, depth + 1)?));
+        let pair = |(k, v): (&rhai::Identifier, &Dynamic)| Some((k.to_string(), plain_value(v, depth + 1)?));
         return map.iter().map(pair).collect::<Option<_>>().map(Value::Map);
     }
     None

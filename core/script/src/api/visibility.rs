@@ -40,7 +40,7 @@ fn hide_parts(c: &mut Call) -> Reply {
         let named = |names: &[&str; 2]| names.iter().any(|name| matches(pattern.as_bytes(), name.as_bytes()));
         hidden.extend((0..).zip(&names).filter(|(_, names)| named(names)).map(|(index, _)| index));
         if hidden.len() == known {
-            return Err(no_part(pattern, &asset.name, &names));
+            return Err(unknown_part_error(pattern, &asset.name, &names));
         }
     }
     if patterns.is_empty() {
@@ -51,7 +51,7 @@ fn hide_parts(c: &mut Call) -> Reply {
 }
 
 /// The error that no mesh, and no node with a mesh, has a name. It suggests names that contain it.
-fn no_part(pattern: &str, asset: &str, names: &[[&str; 2]]) -> ApiError {
+fn unknown_part_error(pattern: &str, asset: &str, names: &[[&str; 2]]) -> ApiError {
     let mut known: Vec<&str> = names.as_flattened().iter().copied().filter(|name| !name.is_empty()).collect();
     known.sort_unstable();
     known.dedup();
@@ -72,7 +72,7 @@ fn no_part(pattern: &str, asset: &str, names: &[[&str; 2]]) -> ApiError {
 
 fn from(c: &mut Call) -> Reply {
     let t = c.time(0)?;
-    change(c, |keys| {
+    change_visibility_keys(c, |keys| {
         keys.retain(|(at, _)| *at > t);
         if t > Time::ZERO {
             keys.push((Time::ZERO, false));
@@ -83,7 +83,7 @@ fn from(c: &mut Call) -> Reply {
 
 fn until(c: &mut Call) -> Reply {
     let t = c.time(0)?;
-    change(c, |keys| {
+    change_visibility_keys(c, |keys| {
         if keys.is_empty() && t > Time::ZERO {
             keys.push((Time::ZERO, true));
         }
@@ -93,7 +93,7 @@ fn until(c: &mut Call) -> Reply {
 }
 
 /// Changes the keyframes of visibility.
-fn change(c: &Call, change: impl FnOnce(&mut Vec<(Time, bool)>)) -> Reply {
+fn change_visibility_keys(c: &Call, change: impl FnOnce(&mut Vec<(Time, bool)>)) -> Reply {
     let this: ActorRef = c.this()?;
     {
         let mut build = c.build();
@@ -110,7 +110,7 @@ fn change(c: &Call, change: impl FnOnce(&mut Vec<(Time, bool)>)) -> Reply {
             times: all.iter().map(|(at, _)| *at).collect(),
             values: all.iter().map(|(_, on)| f64::from(u8::from(*on))).collect(),
         };
-        keys::replace(channels, vec![channel]);
+        keys::replace_channels(channels, vec![channel]);
     }
     c.receiver()
 }

@@ -1,9 +1,9 @@
 //! Walks to a point, as keyframes of the actor and cues of its base layer: turn, start, walk and stop.
 
-use super::cue::bound;
-use crate::build::{ActorDraft, Chain, CueDraft, RootDraft, RootUse, StageDraft, check_limit};
+use super::cue::bind_clip;
+use crate::build::{ActorDraft, Chain, CueDraft, RootMotionDraft, RootMotionUse, StageDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api};
-use crate::cue_times::times;
+use crate::cue_times::times_of_cue;
 use crate::value::{ActorRef, ClipRef, CueRef};
 use crate::walk::{Walk, WalkPace, WalkPlan, channels};
 use choreo_asset::Asset;
@@ -53,7 +53,7 @@ fn walk_to(c: &mut Call) -> Reply {
     let face = o.target("face")?;
     check_limit(c.build().cues.len() + 2, "cues", &c.shared.limits)?;
     let mut build = c.build();
-    let origin = build.offset;
+    let origin = build.sequence_start;
     let face = match face {
         None => None,
         Some(Target::Point(point)) => Some(point),
@@ -66,13 +66,12 @@ fn walk_to(c: &mut Call) -> Reply {
         }
     };
     let draft = build.actor(this.id)?;
-    let (start, rotation) = begin(draft)?;
-    let from = from.or(draft.walks.last().map(|walk| walk.turned)).unwrap_or(origin);
-    if let Some(before) = draft.walks.last().filter(|walk| from < walk.turned) {
+    let (start, rotation) = start_placement(draft)?;
+    let from = from.or(draft.walks.last().map(|walk| walk.turned_until)).unwrap_or(origin);
+    if let Some(before) = draft.walks.last().filter(|walk| from < walk.turned_until) {
         let text = format!("walk_to: begins at {} s, before the last walk ends", from.as_secs());
-        return Err(
-            ApiError::new(text).hint(format!("give the option from: {} or later", before.turned.as_secs()))
-        );
+        return Err(ApiError::new(text)
+            .hint(format!("give the option from: {} or later", before.turned_until.as_secs())));
     }
     let own_speed = clip_speed(&this.asset, &clip) * draft.actor.transform.scale.z.abs();
     if own_speed < SLOWEST {
@@ -83,8 +82,8 @@ fn walk_to(c: &mut Call) -> Reply {
         Some(arrive) => WalkPace::Arrive(arrive),
         None => WalkPace::Speed(speed.unwrap_or(own_speed)),
     };
-    let ahead = this.asset.front().direction();
-    let walk = Walk::new(WalkPlan { from, start, rotation, point, ahead, fade, pace, face })?;
+    let front = this.asset.front().direction();
+    let walk = Walk::new(WalkPlan { from, start, rotation, point, front, fade, pace, face })?;
     let factor = walk.speed / own_speed;
     if !(1.0 / FASTEST..=FASTEST).contains(&factor) {
         let text = format!(
@@ -94,41 +93,45 @@ fn walk_to(c: &mut Call) -> Reply {
         return Err(ApiError::new(text).hint("choose another time or speed, or a clip that runs"));
     }
     draft.walks.push(walk.clone());
-    draft.placed = true;
+    draft.is_placed = true;
     let channels = channels(&draft.walks);
-    super::keys::replace(&mut draft.actor.channels, channels.into());
-    let playing = playing(&build, this.id, from);
+    super::keys::replace_channels(&mut draft.actor.channels, channels.into());
+    let playing = base_clip_at(&build, this.id, from);
     let idle = own_idle.or_else(|| playing.clone()).ok_or_else(|| {
         let hint = "play the clip for standing before, or name it: #{ idle: hero.clip(\"Idle\") }";
         ApiError::new("walk_to: the actor plays no clip when it starts").hint(hint)
     })?;
     if playing.is_none() {
-        add_cue(&mut build, c, this.id, (&idle, origin), Time::ZERO);
+        add_in_place_cue(&mut build, c, this.id, (&idle, origin), Time::ZERO);
     }
-    let id = add_cue(&mut build, c, this.id, (&clip, walk.walks_from), fade);
+    let id = add_in_place_cue(&mut build, c, this.id, (&clip, walk.accelerates_from), fade);
     let walking = build.cue(id)?;
     (walking.until, walking.repeat) = (Some(walk.until), Some(Repeat::Loop));
     walking.cue.speed = factor;
-    add_cue(&mut build, c, this.id, (&idle, walk.stops_from), fade);
+    add_in_place_cue(&mut build, c, this.id, (&idle, walk.decelerates_from), fade);
     Ok(Dynamic::from(CueRef(id)))
 }
 
+/// The clip that an option names, bound to the skeleton of an asset.
 fn clip_option(c: &Call, o: &Options, name: &str, asset: &Arc<Asset>) -> Result<Option<Arc<Clip>>, ApiError> {
     let Some(value) = o.get(name) else { return Ok(None) };
     let Some(given) = value.clone().try_cast::<ClipRef>() else {
         return Err(crate::call::wrong(&value, &o.label(name), "a Clip, as in asset.clip(\"name\")"));
     };
-    bound(c, &given, asset).map(Some)
+    bind_clip(c, &given, asset).map(Some)
 }
 
-/// Position and rotation at which the next walk begins. Error: keyframes, a path or `.face` set them.
-fn begin(draft: &ActorDraft) -> Result<(DVec3, DQuat), ApiError> {
+/// Position and rotation at which the next walk begins.
+///
+/// # Errors
+/// Returns an error if keyframes, a path or `.face` set them.
+fn start_placement(draft: &ActorDraft) -> Result<(DVec3, DQuat), ApiError> {
     if let Some(walk) = draft.walks.last() {
-        return Ok((walk.point, walk.rotation()));
+        return Ok((walk.point, walk.final_rotation()));
     }
-    let keyed =
+    let has_keys =
         draft.actor.channels.iter().any(|c| matches!(c.property, Property::Translation | Property::Rotation));
-    if keyed
+    if has_keys
         || draft.actor.path_following.is_some()
         || draft.actor.face.is_some()
         || draft.face_point.is_some()
@@ -148,18 +151,18 @@ fn clip_speed(asset: &Asset, clip: &Arc<Clip>) -> f64 {
 }
 
 /// The clip of the last cue of an actor's base layer that has begun by a time.
-fn playing(build: &StageDraft, actor: usize, time: Time) -> Option<Arc<Clip>> {
-    let of_base = |id: &usize| {
+fn base_clip_at(build: &StageDraft, actor: usize, time: Time) -> Option<Arc<Clip>> {
+    let is_on_base_layer = |id: &usize| {
         let chain = &build.chains[build.cues[*id].chain];
         chain.actor == actor && !chain.is_layer()
     };
-    let begun = (0..build.cues.len()).filter(of_base).map(|id| (times(build, id).0, id));
-    let last = begun.filter(|(start, _)| *start <= time).max()?;
+    let starts = (0..build.cues.len()).filter(is_on_base_layer).map(|id| (times_of_cue(build, id).0, id));
+    let last = starts.filter(|(start, _)| *start <= time).max()?;
     Some(build.cues[last.1].cue.clip.clone())
 }
 
 /// Adds a cue that plays in place to the base layer of an actor.
-fn add_cue(
+fn add_in_place_cue(
     build: &mut StageDraft,
     c: &Call,
     actor: usize,
@@ -170,7 +173,8 @@ fn add_cue(
     let mut cue = CueDraft::new(build.chains.len() - 1, clip.clone(), c.place.clone());
     cue.start = Some(start);
     cue.cue.fade_in = fade;
-    cue.root = Some(RootDraft { joint: None, parts: RootParts::default(), used: RootUse::InPlace });
+    cue.root =
+        Some(RootMotionDraft { joint: None, parts: RootParts::default(), used: RootMotionUse::InPlace });
     build.cues.push(cue);
     build.cues.len() - 1
 }

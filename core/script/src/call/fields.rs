@@ -16,8 +16,8 @@ fn value(c: &Call, v: &Dynamic, label: &str, of_type: FieldType) -> Result<Field
         FieldType::Flag => FieldValue::Flag(v.as_bool().map_err(|_| wrong(v, label, "true or false"))?),
         FieldType::Color => FieldValue::Color(color(v, label)?),
         FieldType::Kelvin => {
-            let (low, high) = crate::color::KELVIN;
-            FieldValue::Color(crate::color::kelvin(number_in(v, label, low, high)?).extend(1.0))
+            let (low, high) = crate::color::KELVIN_RANGE;
+            FieldValue::Color(crate::color::black_body_color(number_in(v, label, low, high)?).extend(1.0))
         }
         FieldType::Direction => {
             FieldValue::Vector(Call::direction(v, label)?.as_vec3().normalize().as_dvec3())
@@ -72,7 +72,7 @@ pub fn describe_options<T: Described>(of: &T, without: &[&str]) -> String {
             FieldType::Number(low, high, unit) => parts.extend([unit.into(), format!("{low} to {high}")]),
             FieldType::Degrees(low, high) => parts.extend(["degrees".into(), format!("{low} to {high}")]),
             FieldType::Kelvin => {
-                let (low, high) = crate::color::KELVIN;
+                let (low, high) = crate::color::KELVIN_RANGE;
                 parts.push(format!("{low} to {high}, in place of color"));
             }
             FieldType::Duration => parts.push("seconds".into()),

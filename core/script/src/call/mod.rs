@@ -44,8 +44,8 @@ macro_rules! api {
                 args: $args,
                 returns: $crate::call::api!(@returns $($returns)?),
                 doc: &[$($doc),+],
-                frame: false,
-                tests: false,
+                is_for_frames: false,
+                is_for_tests: false,
                 options: None,
             })$(.$mark($($mark_arg)?))*,
             run: $run,
@@ -72,7 +72,7 @@ pub(crate) type Reply = Result<Dynamic, ApiError>;
 
 /// The text `; did you mean "bloom"?` for the synonym `glow` and the misspelling `blom`; empty without a suggestion.
 fn did_you_mean_text<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
-    match synonyms::of_value(name, known.clone()) {
+    match synonyms::suggest_value(name, known.clone()) {
         Some(known) => format!("; did you mean \"{known}\"?"),
         None => did_you_mean(name, known),
     }
@@ -140,7 +140,7 @@ impl Call<'_, '_> {
 
     /// The asset of the receiver. Waits while it is still being imported.
     pub(crate) fn this_asset(&self) -> Result<Arc<Asset>, ApiError> {
-        self.shared.asset(&self.this::<AssetRef>()?.from)
+        self.shared.asset(&self.this::<AssetRef>()?.load)
     }
 
     /// The receiver, to return for chaining.
@@ -176,7 +176,7 @@ impl Call<'_, '_> {
         self.stage_time(&self.value(i), &self.label(i))
     }
     pub(crate) fn stage_time(&self, value: &Dynamic, label: &str) -> Result<Time, ApiError> {
-        Ok(time(value, label)? + self.build().offset)
+        Ok(time(value, label)? + self.build().sequence_start)
     }
     pub fn duration(&self, i: usize) -> Result<Time, ApiError> {
         duration(&self.value(i), &self.label(i))
@@ -253,7 +253,7 @@ impl Options {
         let Some(key) = self.map.keys().find(|k| !known.contains(&k.as_str())) else { return Ok(()) };
         let options = format!("options: {}", list(known.iter().copied(), 30));
         let near = closest(key, known.iter().copied());
-        let synonym = synonyms::of_option(c.shared.defs, key, &self.function, known);
+        let synonym = synonyms::suggest_option(c.shared.defs, key, &self.function, known);
         let (meant, hint) = match (near, synonym) {
             (_, Some(synonym)) if known.contains(&&*synonym.name) || near.is_none() => {
                 (Some(synonym.name), format!("{}\n{options}", synonym.hint).trim_start().to_string())

@@ -176,7 +176,7 @@ pub fn target(v: &Dynamic, label: &str) -> Result<Target, ApiError> {
 pub fn color(v: &Dynamic, label: &str) -> Result<Vec4, ApiError> {
     if v.is_string() {
         let name = text(v, label)?;
-        return color::parse(&name).map_err(|e| {
+        return color::parse_color(&name).map_err(|e| {
             ApiError::new(format!("{label}: {}", e.message))
                 .focus(name)
                 .hint("a color is a CSS name, \"#rrggbb\" or [r, g, b] with numbers from 0 to 1")
@@ -184,9 +184,9 @@ pub fn color(v: &Dynamic, label: &str) -> Result<Vec4, ApiError> {
     }
     match numbers(v).as_deref() {
         Some(c @ ([_, _, _] | [_, _, _, _])) if c.iter().all(|c| (0.0..=1.0).contains(c)) => Ok(Vec4::new(
-            color::linear(c[0]),
-            color::linear(c[1]),
-            color::linear(c[2]),
+            color::linear_from_srgb(c[0]),
+            color::linear_from_srgb(c[1]),
+            color::linear_from_srgb(c[2]),
             c.get(3).map_or(1.0, |a| *a as f32),
         )),
         Some([_, _, _] | [_, _, _, _]) => {

@@ -1,19 +1,20 @@
-//! Whether a blank belongs between two pieces on one line.
+//! Whether a blank belongs between two tokens or comments on one line.
 
-use super::pieces::{Piece, Role};
+use super::format_tokens::{FormatToken, Role};
 
 /// Whether a blank belongs between two neighbors on one line. `has_blank`: whether the text has one now, which decides where
 /// both are allowed.
-pub fn blank(before: &Piece, next: &Piece, has_blank: bool) -> bool {
-    style_wants_blank(before, next, has_blank) || would_join(before.text, next.text)
+pub fn needs_blank(before: &FormatToken, next: &FormatToken, has_blank: bool) -> bool {
+    has_blank_by_style(before, next, has_blank) || would_merge(before.text, next.text)
 }
 
-fn style_wants_blank(before: &Piece, next: &Piece, has_blank: bool) -> bool {
+/// Whether the style puts a blank between two neighbors.
+fn has_blank_by_style(before: &FormatToken, next: &FormatToken, has_blank: bool) -> bool {
     use Role::{
         BlockComment, CallMark, Close, ClosureEnd, ClosureStart, Colon, Dot, LineComment, Open, Operand,
         Other, Prefix, RangeOperator, Separator,
     };
-    let is_block = |piece: &Piece| matches!(piece.text, "{" | "#{" | "}");
+    let is_block = |token: &FormatToken| matches!(token.text, "{" | "#{" | "}");
     match (before.role, next.role) {
         (_, LineComment) => true,
         (BlockComment, Separator) => false,
@@ -32,8 +33,11 @@ fn style_wants_blank(before: &Piece, next: &Piece, has_blank: bool) -> bool {
 }
 
 /// Whether two tokens without a blank between them would be read as different tokens: `- -1`, `| |`, `1. ..`.
-fn would_join(before: &str, next: &str) -> bool {
-    let ends = |c| before.ends_with(c) && next.starts_with(c);
+fn would_merge(before: &str, next: &str) -> bool {
+    let has_on_both_sides = |c| before.ends_with(c) && next.starts_with(c);
     let is_number = before.starts_with(|c: char| c.is_ascii_digit() || c == '-');
-    ends('-') || ends('+') || ends('|') || (is_number && ends('.'))
+    has_on_both_sides('-')
+        || has_on_both_sides('+')
+        || has_on_both_sides('|')
+        || (is_number && has_on_both_sides('.'))
 }

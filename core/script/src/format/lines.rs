@@ -1,95 +1,104 @@
 //! Line breaks and indentation.
 
-use super::pieces::{Piece, Role};
+use super::format_tokens::{FormatToken, Role};
 
-/// The beginning of a line.
+/// The beginning of a line: blank line before it, and indentation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Line {
-    /// Whether a blank line stands before it.
-    pub apart: bool,
+pub struct LineStart {
+    /// Whether a blank line precedes it.
+    pub has_blank_line: bool,
     /// Steps of indentation.
     pub depth: usize,
 }
 
-/// An open bracket, or the text as a whole.
-struct Frame {
+/// An open bracket with its content, or the text as a whole.
+struct BracketFrame {
     /// Depth of a line that begins with the closing bracket.
-    outer: usize,
+    closing_depth: usize,
     /// Depth of lines that begin a statement or element.
-    inner: usize,
-    /// Depth of the line in which the current statement or element began; `None` between two of them.
-    element: Option<usize>,
-    /// Depth of the line with the keyword whose block follows.
-    control: Option<usize>,
-    /// The closing bracket has a line of its own, because what the bracket contains begins on a new line.
-    spread: bool,
-    /// A block of statements, after which a statement may begin without `;`.
+    content_depth: usize,
+    /// Depth of the line in which the current statement or element began; `None` between statements or elements.
+    element_depth: Option<usize>,
+    /// Depth of the line with a keyword, such as `if`, whose block follows.
+    keyword_depth: Option<usize>,
+    /// The content begins on a new line, so the closing bracket gets a line, too.
+    is_multiline: bool,
+    /// The brackets enclose statements, after which a statement may begin without `;`.
     is_block: bool,
 }
 
-/// The line that each piece begins, if any. Line breaks are the author's, except that a closing bracket gets one if its opening
-/// bracket is followed by one.
-pub fn lines(pieces: &[Piece]) -> Vec<Option<Line>> {
-    let base = Frame { outer: 0, inner: 0, element: None, control: None, spread: false, is_block: true };
-    let mut layout = Layout { pieces, frames: vec![base], depth: 0 };
-    (0..pieces.len()).map(|index| layout.step(index)).collect()
+/// The line that each token or comment begins, if any. Line breaks are the author's, except that a closing bracket gets a line
+/// break if its opening bracket is followed by one.
+pub fn line_starts(tokens: &[FormatToken]) -> Vec<Option<LineStart>> {
+    let whole_text = BracketFrame {
+        closing_depth: 0,
+        content_depth: 0,
+        element_depth: None,
+        keyword_depth: None,
+        is_multiline: false,
+        is_block: true,
+    };
+    let mut layout = Layout { tokens, frames: vec![whole_text], depth: 0 };
+    (0..tokens.len()).map(|index| layout.next_line_start(index)).collect()
 }
 
 struct Layout<'p, 'a> {
-    pieces: &'p [Piece<'a>],
-    frames: Vec<Frame>,
+    tokens: &'p [FormatToken<'a>],
+    frames: Vec<BracketFrame>,
     /// Depth of the current line.
     depth: usize,
 }
 
 impl Layout<'_, '_> {
-    fn step(&mut self, index: usize) -> Option<Line> {
-        let piece = &self.pieces[index];
-        let closes_spread = piece.role == Role::Close && self.top().spread;
-        let begins = index == 0 || piece.breaks > 0 || closes_spread;
-        let line = begins.then(|| {
+    /// The line that the next token or comment begins, if any. Updates the frames.
+    fn next_line_start(&mut self, index: usize) -> Option<LineStart> {
+        let token = &self.tokens[index];
+        let closes_multiline = token.role == Role::Close && self.top().is_multiline;
+        let begins_line = index == 0 || token.line_breaks > 0 || closes_multiline;
+        let line = begins_line.then(|| {
             self.depth = self.depth_of(index);
-            let before = index.checked_sub(1).map(|before| &self.pieces[before]);
-            let opens = before.is_none_or(|before| before.role == Role::Open);
-            Line { apart: piece.breaks > 1 && !opens && piece.role != Role::Close, depth: self.depth }
+            let before = index.checked_sub(1).map(|before| &self.tokens[before]);
+            let is_first = before.is_none_or(|before| before.role == Role::Open);
+            let has_blank_line = token.line_breaks > 1 && !is_first && token.role != Role::Close;
+            LineStart { has_blank_line, depth: self.depth }
         });
-        if !piece.is_comment() {
-            self.follow(index);
+        if !token.is_comment() {
+            self.update_frames(index);
         }
         line
     }
 
-    fn top(&mut self) -> &mut Frame {
+    fn top(&mut self) -> &mut BracketFrame {
         // The frame of the text as a whole is never closed.
         let last = self.frames.len() - 1;
         &mut self.frames[last]
     }
 
-    /// The piece at `index` or the first one after it that is not a comment.
-    fn token(&self, index: usize) -> Option<&Piece<'_>> {
-        self.pieces[index.min(self.pieces.len())..].iter().find(|piece| !piece.is_comment())
+    /// The first token at `index` or after it.
+    fn token_from(&self, index: usize) -> Option<&FormatToken<'_>> {
+        self.tokens[index.min(self.tokens.len())..].iter().find(|token| !token.is_comment())
     }
 
-    fn before(&self, index: usize) -> Option<&Piece<'_>> {
-        self.pieces[..index].iter().rev().find(|piece| !piece.is_comment())
+    /// The last token before `index`.
+    fn token_before(&self, index: usize) -> Option<&FormatToken<'_>> {
+        self.tokens[..index].iter().rev().find(|token| !token.is_comment())
     }
 
-    /// Depth of a line that begins with a piece. A comment is as deep as the token after it; before a closing bracket it is as
-    /// deep as the content of the brackets.
+    /// Depth of a line that begins with the token or comment at `index`. A comment is as deep as the token after it; before a
+    /// closing bracket it is as deep as the content of the brackets.
     fn depth_of(&self, index: usize) -> usize {
         let Some(frame) = self.frames.last() else { return 0 };
-        let Some(token) = self.token(index) else { return frame.inner };
-        let is_comment = self.pieces[index].is_comment();
-        match frame.element {
-            _ if token.role == Role::Close && is_comment => frame.inner,
-            _ if token.role == Role::Close => frame.outer,
-            None => frame.inner,
+        let Some(token) = self.token_from(index) else { return frame.content_depth };
+        let is_comment = self.tokens[index].is_comment();
+        match frame.element_depth {
+            _ if token.role == Role::Close && is_comment => frame.content_depth,
+            _ if token.role == Role::Close => frame.closing_depth,
+            None => frame.content_depth,
             Some(element) => {
-                let heads_block =
-                    token.text == "{" && self.before(index).is_some_and(|b| b.role != Role::Separator);
-                if heads_block || continues_block(token) && self.before(index).is_some_and(|b| b.text == "}")
-                {
-                    frame.control.unwrap_or(element)
+                let before = self.token_before(index);
+                let opens_block = token.text == "{" && before.is_some_and(|b| b.role != Role::Separator);
+                if opens_block || continues_block(token) && before.is_some_and(|b| b.text == "}") {
+                    frame.keyword_depth.unwrap_or(element)
                 } else {
                     element + 1
                 }
@@ -97,62 +106,62 @@ impl Layout<'_, '_> {
         }
     }
 
-    /// Updates the open frames with a token.
-    fn follow(&mut self, index: usize) {
-        let (piece, depth) = (&self.pieces[index], self.depth);
-        match piece.role {
+    /// Updates the frames with a token: opens or closes a bracket, begins or ends a statement.
+    fn update_frames(&mut self, index: usize) {
+        let (token, depth) = (&self.tokens[index], self.depth);
+        match token.role {
             Role::Close => {
                 if self.frames.len() > 1 {
                     let closed = self.frames.pop();
-                    let continues_statement = self.token(index + 1).is_some_and(continues_statement);
+                    let continues_statement = self.token_from(index + 1).is_some_and(continues_statement);
                     if closed.is_some_and(|closed| closed.is_block) && !continues_statement {
-                        self.top().element = None;
+                        self.top().element_depth = None;
                     }
                 }
                 return;
             }
             Role::Separator => {
                 let top = self.top();
-                (top.element, top.control) = (None, None);
+                (top.element_depth, top.keyword_depth) = (None, None);
                 return;
             }
             _ => {}
         }
         let top = self.top();
-        top.element.get_or_insert(depth);
-        if piece.role == Role::Keyword && heads(piece.text) {
-            top.control = Some(depth);
+        top.element_depth.get_or_insert(depth);
+        if token.role == Role::Keyword && is_block_keyword(token.text) {
+            top.keyword_depth = Some(depth);
         }
-        if piece.role == Role::Open {
+        if token.role == Role::Open {
             let is_closure = self
-                .before(index)
+                .token_before(index)
                 .is_some_and(|before| matches!(before.role, Role::ClosureEnd | Role::ClosureEmpty));
-            let is_block = piece.text == "{" && !is_closure;
-            let spread = self.spread(index);
-            let control = if is_block { self.top().control.take() } else { None };
-            let outer = control.unwrap_or(depth);
-            self.frames.push(Frame {
-                outer,
-                inner: outer + 1,
-                element: None,
-                control: None,
-                spread,
+            let is_block = token.text == "{" && !is_closure;
+            let is_multiline = self.is_multiline(index);
+            let keyword_depth = if is_block { self.top().keyword_depth.take() } else { None };
+            let closing_depth = keyword_depth.unwrap_or(depth);
+            self.frames.push(BracketFrame {
+                closing_depth,
+                content_depth: closing_depth + 1,
+                element_depth: None,
+                keyword_depth: None,
+                is_multiline,
                 is_block,
             });
         }
     }
 
     /// Whether the content of a bracket begins on a new line.
-    fn spread(&self, open: usize) -> bool {
-        let inside = &self.pieces[open + 1..];
-        let first = inside.iter().position(|piece| !piece.is_comment()).unwrap_or(inside.len());
-        let broken = inside.iter().take(first + 1).any(|piece| piece.breaks > 0);
-        broken && inside.get(first).is_some_and(|token| token.role != Role::Close)
+    fn is_multiline(&self, open: usize) -> bool {
+        let inside = &self.tokens[open + 1..];
+        let first = inside.iter().position(|token| !token.is_comment()).unwrap_or(inside.len());
+        let has_break = inside.iter().take(first + 1).any(|token| token.line_breaks > 0);
+        has_break && inside.get(first).is_some_and(|token| token.role != Role::Close)
     }
 }
 
-/// Whether a keyword is followed by a block.
-fn heads(word: &str) -> bool {
+/// Whether a block follows a keyword.
+fn is_block_keyword(word: &str) -> bool {
     matches!(
         word,
         "if" | "else" | "for" | "while" | "until" | "loop" | "do" | "fn" | "switch" | "try" | "catch"
@@ -160,12 +169,12 @@ fn heads(word: &str) -> bool {
 }
 
 /// Whether a token continues the statement of the block before it, as `else` does.
-fn continues_block(token: &Piece) -> bool {
+fn continues_block(token: &FormatToken) -> bool {
     token.role == Role::Keyword && matches!(token.text, "else" | "catch" | "while" | "until")
 }
 
 /// Whether a token after a closed block continues the same statement.
-fn continues_statement(token: &Piece) -> bool {
+fn continues_statement(token: &FormatToken) -> bool {
     matches!(token.role, Role::Dot | Role::Binary | Role::Separator | Role::Close)
         || token.role == Role::Keyword && matches!(token.text, "else" | "catch")
 }

@@ -2,24 +2,24 @@
 //! keep their layout; the text of comments and strings stays the same.
 //!
 //! ```text
-//! text ─► pieces (Rhai's tokens, comments) ─► lines (where they begin, how deep), blanks ─► comments (aligned) ─► edits
+//! text ─► format tokens (Rhai's tokens, comments) ─► line starts, blanks ─► aligned comments ─► edits
 //! ```
 
 mod blanks;
 mod comments;
+mod format_tokens;
 mod lines;
-mod pieces;
 mod strings;
 
-use lines::Line;
-use pieces::{Piece, Role, pieces};
+use format_tokens::{FormatToken, Role, format_tokens};
+use lines::LineStart;
 use std::fmt;
 use std::ops::Range;
 use strings::{formatted_string, is_same_string};
 
 /// Number of blanks of one step of indentation.
-const STEP: usize = 4;
-const MARK: &str = "\u{feff}";
+const INDENTATION: usize = 4;
+const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// A change of a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,12 +40,13 @@ pub struct FormatError {
 
 impl FormatError {
     /// An error about the word at a byte.
-    fn at(text: &str, byte: usize, what: &str) -> FormatError {
+    fn at_word(text: &str, byte: usize, what: &str) -> FormatError {
         let found: String = text[byte..].chars().take_while(|c| !c.is_whitespace()).take(12).collect();
-        FormatError::about(text, byte, &found, what)
+        FormatError::at_text(text, byte, &found, what)
     }
 
-    fn about(text: &str, byte: usize, found: &str, what: &str) -> FormatError {
+    /// An error about the text `found` at a byte.
+    fn at_text(text: &str, byte: usize, found: &str, what: &str) -> FormatError {
         let before = &text[..byte];
         FormatError {
             line: before.matches('\n').count() + 1,
@@ -65,17 +66,17 @@ impl std::error::Error for FormatError {}
 
 /// The formatted script. Formatting is idempotent.
 pub fn formatted(text: &str) -> Result<String, FormatError> {
-    Ok(applied(text, &edits(text)?))
+    Ok(apply_edits(text, &edits(text)?))
 }
 
-/// The edits that format a script, in order. It is checked that tokens and comments stay the same.
+/// The edits that format a script, in order. They change neither tokens nor the text of comments, which is checked.
 pub fn edits(text: &str) -> Result<Vec<Edit>, FormatError> {
-    let start = if text.starts_with(MARK) { MARK.len() } else { 0 };
+    let start = if text.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let script = &text[start..];
-    let pieces = pieces(script)?;
-    balanced(script, &pieces)?;
-    let mut edits = changes(script, &pieces);
-    if !is_same(&pieces, &applied(script, &edits)) {
+    let tokens = format_tokens(script)?;
+    check_brackets(script, &tokens)?;
+    let mut edits = unchecked_edits(script, &tokens);
+    if !has_same_tokens(&tokens, &apply_edits(script, &edits)) {
         let message =
             "formatting would change what the script does; please report this with the script".to_string();
         return Err(FormatError { line: 1, column: 1, message });
@@ -86,19 +87,20 @@ pub fn edits(text: &str) -> Result<Vec<Edit>, FormatError> {
     Ok(edits)
 }
 
-/// Applies edits, which must be in order.
-fn applied(text: &str, edits: &[Edit]) -> String {
-    let (mut new, mut behind) = (String::with_capacity(text.len()), 0);
+/// The text with edits applied, which must be in order.
+fn apply_edits(text: &str, edits: &[Edit]) -> String {
+    let (mut new, mut copied) = (String::with_capacity(text.len()), 0);
     for edit in edits {
-        new.push_str(&text[behind..edit.range.start]);
+        new.push_str(&text[copied..edit.range.start]);
         new.push_str(&edit.text);
-        behind = edit.range.end;
+        copied = edit.range.end;
     }
-    new + &text[behind..]
+    new + &text[copied..]
 }
 
-fn is_same(pieces_before: &[Piece], text: &str) -> bool {
-    let same = |(old, new): (&Piece, &Piece)| {
+/// Whether a formatted text has the tokens and comments that were read before.
+fn has_same_tokens(before: &[FormatToken], text: &str) -> bool {
+    let is_same = |(old, new): (&FormatToken, &FormatToken)| {
         old.role == new.role
             && match old.role {
                 Role::BlockComment => old.text.lines().map(str::trim).eq(new.text.lines().map(str::trim)),
@@ -106,70 +108,76 @@ fn is_same(pieces_before: &[Piece], text: &str) -> bool {
                 _ => old.text == new.text,
             }
     };
-    pieces(text).is_ok_and(|new| new.len() == pieces_before.len() && pieces_before.iter().zip(&new).all(same))
+    format_tokens(text).is_ok_and(|new| new.len() == before.len() && before.iter().zip(&new).all(is_same))
 }
 
-/// Checks that every bracket has its partner.
-fn balanced(text: &str, pieces: &[Piece]) -> Result<(), FormatError> {
-    let mut open: Vec<&Piece> = Vec::new();
-    for piece in pieces {
-        match piece.role {
-            Role::Open => open.push(piece),
+/// Checks that each bracket is closed, and that each closing bracket closes one.
+fn check_brackets(text: &str, tokens: &[FormatToken]) -> Result<(), FormatError> {
+    let mut open: Vec<&FormatToken> = Vec::new();
+    for token in tokens {
+        match token.role {
+            Role::Open => open.push(token),
             Role::Close => {
                 let expected = open.pop().map(|open| match open.text {
                     "(" => ")",
                     "[" | "?[" => "]",
                     _ => "}",
                 });
-                if expected != Some(piece.text) {
-                    return Err(FormatError::about(text, piece.range.start, piece.text, "closes no bracket"));
+                if expected != Some(token.text) {
+                    return Err(FormatError::at_text(
+                        text,
+                        token.range.start,
+                        token.text,
+                        "closes no bracket",
+                    ));
                 }
             }
             _ => {}
         }
     }
     match open.last() {
-        Some(piece) => Err(FormatError::about(text, piece.range.start, piece.text, "is never closed")),
+        Some(token) => Err(FormatError::at_text(text, token.range.start, token.text, "is never closed")),
         None => Ok(()),
     }
 }
 
-/// The line break or blanks before a piece.
+/// The line break or blanks before a token or comment.
 #[derive(Clone, Copy, Debug)]
 enum Gap {
-    Line(Line),
+    Line(LineStart),
     Blanks(usize),
 }
 
-fn changes(text: &str, pieces: &[Piece]) -> Vec<Edit> {
-    let mut gaps: Vec<Gap> = Vec::with_capacity(pieces.len());
-    for (index, line) in lines::lines(pieces).into_iter().enumerate() {
+/// The edits that format a script, not yet checked.
+fn unchecked_edits(text: &str, tokens: &[FormatToken]) -> Vec<Edit> {
+    let mut gaps: Vec<Gap> = Vec::with_capacity(tokens.len());
+    for (index, line) in lines::line_starts(tokens).into_iter().enumerate() {
         gaps.push(match (line, index.checked_sub(1)) {
             (Some(line), _) => Gap::Line(line),
             (None, Some(before)) => {
-                let there = pieces[before].range.end < pieces[index].range.start;
-                Gap::Blanks(usize::from(blanks::blank(&pieces[before], &pieces[index], there)))
+                let has_blank = tokens[before].range.end < tokens[index].range.start;
+                Gap::Blanks(usize::from(blanks::needs_blank(&tokens[before], &tokens[index], has_blank)))
             }
             (None, None) => Gap::Blanks(0),
         });
     }
-    comments::align(text, pieces, &mut gaps);
+    comments::align_trailing_comments(text, tokens, &mut gaps);
     let line_break = if text.contains("\r\n") { "\r\n" } else { "\n" };
     let mut edits = Edits { text, edits: Vec::new() };
-    let mut behind = 0;
-    for (piece, gap) in pieces.iter().zip(&gaps) {
-        edits.replace(behind..piece.range.start, gap_text(*gap, behind == 0, line_break));
-        if let (Role::BlockComment, Gap::Line(line)) = (piece.role, gap) {
-            let moved = comments::align_comment(text, piece, line.depth * STEP, line_break);
-            edits.replace(piece.range.clone(), moved);
+    let mut last_end = 0;
+    for (token, gap) in tokens.iter().zip(&gaps) {
+        edits.replace(last_end..token.range.start, gap_text(*gap, last_end == 0, line_break));
+        if let (Role::BlockComment, Gap::Line(line)) = (token.role, gap) {
+            let moved = comments::moved_comment(text, token, line.depth * INDENTATION, line_break);
+            edits.replace(token.range.clone(), moved);
         }
-        if piece.text.starts_with('`') {
-            edits.replace(piece.range.clone(), formatted_string(piece.text));
+        if token.text.starts_with('`') {
+            edits.replace(token.range.clone(), formatted_string(token.text));
         }
-        behind = piece.range.end;
+        last_end = token.range.end;
     }
-    let end = if pieces.is_empty() { "" } else { line_break };
-    edits.replace(behind..text.len(), end.to_string());
+    let end = if tokens.is_empty() { "" } else { line_break };
+    edits.replace(last_end..text.len(), end.to_string());
     edits.edits
 }
 
@@ -178,12 +186,13 @@ fn gap_text(gap: Gap, is_first: bool, line_break: &str) -> String {
         Gap::Blanks(count) => " ".repeat(count),
         Gap::Line(_) if is_first => String::new(),
         Gap::Line(line) => {
-            let breaks = line_break.repeat(1 + usize::from(line.apart));
-            format!("{breaks}{}", " ".repeat(line.depth * STEP))
+            let breaks = line_break.repeat(1 + usize::from(line.has_blank_line));
+            format!("{breaks}{}", " ".repeat(line.depth * INDENTATION))
         }
     }
 }
 
+/// List of edits of a text, without those that change nothing.
 struct Edits<'a> {
     text: &'a str,
     edits: Vec<Edit>,
@@ -203,14 +212,15 @@ mod tests {
     use crate::tokens::tokens;
     use std::path::{Path, PathBuf};
 
-    fn check(text: &str, expected: &str) {
+    /// Asserts the formatted text, and that formatting it again changes nothing.
+    fn check_formatted(text: &str, expected: &str) {
         let new = formatted(text).unwrap_or_else(|e| panic!("{e}: {text}"));
         assert_eq!(new, expected, "{text}");
         assert_eq!(formatted(&new).unwrap(), new, "not idempotent");
     }
 
     #[test]
-    fn blanks_stand_where_they_belong() {
+    fn blanks_are_added_and_removed_by_style() {
         let cases = [
             ("let  a=1+2*-b ;", "let a = 1 + 2 * -b;"),
             ("a - -1; a- -b; - -c;", "a - -1; a - -b; - -c;"),
@@ -227,12 +237,12 @@ mod tests {
             ("return-1;return;x+=1;let f=|x|-x;", "return -1; return; x += 1; let f = |x| -x;"),
         ];
         for (text, expected) in cases {
-            check(text, &format!("{expected}\n"));
+            check_formatted(text, &format!("{expected}\n"));
         }
     }
 
     #[test]
-    fn lines_are_indented_by_what_they_continue() {
+    fn lines_are_indented_by_brackets_and_continued_statements() {
         let text = "\n\nfn f(a,\n b) {\n\n\n  if a\n && b {\n c();   // d\n  \n  \n /* e\n    f */\n }\n else {\n g() }\n  // h\n\n}\n\
             hero.play(x)\n.until(2)\n  // i\n  .then(y, #{\n fade: 1,\n speed:\n 2 }).from(\n1);\nlet k =\n[\n1,2];\n\
             do {\n a\n} while b;\ntest(\"l\", || {\nm(n\n+ o,\np);\nfor q in r { s() }\nt();\n});\n\n\n\n// u";
@@ -240,22 +250,22 @@ mod tests {
             else {\n        g()\n    }\n    // h\n}\nhero.play(x)\n    .until(2)\n    // i\n    .then(y, #{\n        fade: 1,\n        \
             speed:\n            2\n    }).from(\n        1\n    );\nlet k =\n    [\n        1, 2\n    ];\n\
             do {\n    a\n} while b;\ntest(\"l\", || {\n    m(n\n        + o,\n        p);\n    for q in r { s() }\n    t();\n});\n\n// u\n";
-        check(text, expected);
+        check_formatted(text, expected);
     }
 
     #[test]
-    fn comments_in_one_column_stay_in_one() {
-        check(
+    fn trailing_comments_in_one_column_stay_aligned() {
+        check_formatted(
             "let a=1;      // x\nlet bcd = 2;  // y\nlet e;   // z\n\nf();              // v",
             "let a = 1;    // x\nlet bcd = 2;  // y\nlet e; // z\n\nf(); // v\n",
         );
     }
 
     #[test]
-    fn texts_of_all_kinds_are_kept_or_refused() {
-        check("", "");
-        check(" \n\n", "");
-        check("\u{feff}a ;\r\n\r\n\r\n  b( `x\r\n  y` )", "\u{feff}a;\r\n\r\nb(`x\r\n  y`)\r\n");
+    fn empty_texts_and_line_breaks_are_kept_and_invalid_texts_refused() {
+        check_formatted("", "");
+        check_formatted(" \n\n", "");
+        check_formatted("\u{feff}a ;\r\n\r\n\r\n  b( `x\r\n  y` )", "\u{feff}a;\r\n\r\nb(`x\r\n  y`)\r\n");
         let refused = [
             ("f(1", "1:2: not formatted: \"(\" is never closed"),
             ("a;\n f[1)", "2:5: not formatted: \")\" closes no bracket"),
@@ -268,11 +278,11 @@ mod tests {
         }
     }
 
-    fn scripts(folder: &Path, found: &mut Vec<PathBuf>) {
+    fn find_scripts(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             if path.is_dir() {
-                scripts(&path, found);
+                find_scripts(&path, found);
             } else if path.extension().is_some_and(|extension| extension == "rhai") {
                 found.push(path);
             }
@@ -287,7 +297,7 @@ mod tests {
         let mut paths = Vec::new();
         ["scripts", "tests/suite", "tests/bench", "plugins"]
             .iter()
-            .for_each(|folder| scripts(&root.join(folder), &mut paths));
+            .for_each(|folder| find_scripts(&root.join(folder), &mut paths));
         assert!(paths.len() > 100, "{}", paths.len());
         let mut refused = 0;
         for path in paths {
@@ -300,12 +310,12 @@ mod tests {
                     continue;
                 }
             };
-            let texts = |text: &str| -> Vec<String> {
+            let token_texts = |text: &str| -> Vec<String> {
                 tokens(text).into_iter().map(|t| text[t.range].to_string()).collect()
             };
             let ragged: String = text.lines().map(|line| format!("  {}\n", line.trim())).collect();
             if let Ok(again) = formatted(&ragged) {
-                assert_eq!(texts(&again), texts(&ragged), "{}", path.display());
+                assert_eq!(token_texts(&again), token_texts(&ragged), "{}", path.display());
                 assert_eq!(formatted(&again).unwrap(), again, "{}", path.display());
             }
             assert!(new == text, "{} is not formatted: choreo format {0}", path.display());

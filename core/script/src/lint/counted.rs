@@ -3,7 +3,7 @@
 //!
 //! Texts, trees and lists are private to this module, so that no rule can read them uncounted.
 
-use crate::build::{Declared, LoadDraft, StageDraft};
+use crate::build::{LoadDraft, StageDraft, UnusedVariable};
 use rhai::{AST, ASTNode, Stmt};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -11,10 +11,10 @@ use std::sync::Arc;
 /// Adds steps to the counter of this thread; does nothing outside tests.
 #[cfg(not(test))]
 #[inline(always)]
-fn count(_: usize) {}
+fn count_steps(_: usize) {}
 
 #[cfg(test)]
-use steps::count;
+use steps::count_steps;
 #[cfg(test)]
 pub(super) use steps::take_step_count;
 
@@ -33,9 +33,9 @@ impl<'a> Source<'a> {
     }
 
     /// Calls `visit` with name and place of each variable that the file declares.
-    pub fn for_variables(&self, mut visit: impl FnMut(&str, LineColumn)) {
+    pub fn visit_variables(&self, mut visit: impl FnMut(&str, LineColumn)) {
         self.ast.walk(&mut |nodes| {
-            count(1);
+            count_steps(1);
             if let Some(ASTNode::Stmt(Stmt::Var(variable, _, position))) = nodes.last()
                 && let (Some(line), Some(column)) = (position.line(), position.position())
             {
@@ -46,9 +46,9 @@ impl<'a> Source<'a> {
     }
 
     /// Number of occurrences of each word of the text.
-    pub fn words(&self) -> HashMap<&'a str, usize> {
+    pub fn count_words(&self) -> HashMap<&'a str, usize> {
         let mut counts = HashMap::new();
-        count(self.text.len());
+        count_steps(self.text.len());
         let words = self.text.split(|c: char| !c.is_alphanumeric() && c != '_');
         words.filter(|word| !word.is_empty()).for_each(|word| *counts.entry(word).or_default() += 1);
         counts
@@ -59,7 +59,7 @@ impl<'a> Source<'a> {
         let mut found = SortedPositions(Vec::new());
         let (mut line, mut column) = (1, 1);
         for (byte, c) in self.text.char_indices() {
-            count(1);
+            count_steps(1);
             if parts.iter().any(|part| self.text[byte..].starts_with(part)) {
                 found.0.push((line, column));
             }
@@ -75,9 +75,9 @@ pub(super) struct SortedPositions(Vec<LineColumn>);
 
 impl SortedPositions {
     /// The first place at or after `from`.
-    pub fn next(&self, from: LineColumn) -> Option<LineColumn> {
+    pub fn first_from(&self, from: LineColumn) -> Option<LineColumn> {
         let is_before = |at: &LineColumn| {
-            count(1);
+            count_steps(1);
             *at < from
         };
         self.0.get(self.0.partition_point(is_before)).copied()
@@ -93,12 +93,12 @@ impl<'a> Drafts<'a> {
     }
 
     pub fn loads(&self) -> impl Iterator<Item = &'a LoadDraft> {
-        self.0.loads.iter().inspect(|_| count(1))
+        self.0.loads.iter().inspect(|_| count_steps(1))
     }
 
     /// Variables that nothing reads.
-    pub fn declared(&self) -> impl Iterator<Item = &'a Declared> {
-        self.0.declared.iter().inspect(|_| count(1))
+    pub fn unused_variables(&self) -> impl Iterator<Item = &'a UnusedVariable> {
+        self.0.unused_variables.iter().inspect(|_| count_steps(1))
     }
 }
 
@@ -108,13 +108,13 @@ pub(super) struct Lines<'a>(BTreeMap<&'a str, Vec<&'a str>>);
 impl<'a> Lines<'a> {
     /// Splits the texts (by file) to lines, once for all findings.
     pub fn of(sources: &'a BTreeMap<String, Arc<str>>) -> Lines<'a> {
-        sources.values().for_each(|text| count(text.len()));
+        sources.values().for_each(|text| count_steps(text.len()));
         Lines(sources.iter().map(|(file, text)| (file.as_str(), text.lines().collect())).collect())
     }
 
     /// A line of a file by its number from 1.
     pub fn get(&self, file: &str, number: usize) -> Option<&'a str> {
-        count(1);
+        count_steps(1);
         self.0.get(file)?.get(number.checked_sub(1)?).copied()
     }
 }
@@ -127,7 +127,7 @@ mod steps {
         static STEPS: Cell<usize> = const { Cell::new(0) };
     }
 
-    pub(super) fn count(steps: usize) {
+    pub(super) fn count_steps(steps: usize) {
         STEPS.set(STEPS.get() + steps);
     }
 

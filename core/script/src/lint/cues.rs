@@ -3,60 +3,62 @@
 use super::PlacedFinding;
 use crate::build::{CueDraft, StageDraft};
 use crate::check::rounded_secs;
-use crate::cue_times::all_times;
+use crate::cue_times::times_of_cues;
+use crate::errors::format_count;
 use choreo_motion::Time;
 use choreo_stage::{LayerMode, Repeat, Subject};
 
 /// A cue with its start and end.
-struct Timed<'a> {
+struct TimedCue<'a> {
     draft: &'a CueDraft,
     start: Time,
     /// `None`: the cue repeats without end.
     end: Option<Time>,
-    layer: bool,
+    is_layer: bool,
 }
 
-impl Timed<'_> {
+impl TimedCue<'_> {
     fn name(&self) -> &str {
         &self.draft.cue.clip.name
     }
 
-    /// Whether the script asks for the clip to play once, so that holding the last pose is intended.
+    /// Whether the script requests that the clip plays once, so that holding the last pose is intended.
     fn plays_once(&self) -> bool {
         self.draft.repeat == Some(Repeat::Once)
     }
 }
 
+/// Finds cues of all actors that leave a gap, freeze, hide each other or are cut off.
 pub fn check_cues(build: &StageDraft, found: &mut Vec<PlacedFinding>) {
-    let times = all_times(build);
-    let timed: Vec<Timed> = build
+    let times = times_of_cues(build);
+    let timed: Vec<TimedCue> = build
         .cues
         .iter()
         .zip(&times)
         .map(|(draft, (start, end))| {
-            let layer = build.chains[draft.chain].is_layer();
-            Timed { draft, start: *start, end: *end, layer }
+            let is_layer = build.chains[draft.chain].is_layer();
+            TimedCue { draft, start: *start, end: *end, is_layer }
         })
         .collect();
     let mut next_in_chain: Vec<Option<usize>> = vec![None; timed.len()];
     for (id, cue) in timed.iter().enumerate() {
-        if let Some(before) = cue.draft.after {
+        if let Some(before) = cue.draft.predecessor {
             next_in_chain[before] = Some(id);
         }
     }
     // A hold that is shorter than a frame is not visible.
     let frame = build.settings.fps.time_of(1);
-    let mut of_actors: Vec<Vec<&Timed>> = vec![Vec::new(); build.actors.len()];
+    let mut cues_by_actor: Vec<Vec<&TimedCue>> = vec![Vec::new(); build.actors.len()];
     for cue in &timed {
-        of_actors[build.chains[cue.draft.chain].actor].push(cue);
+        cues_by_actor[build.chains[cue.draft.chain].actor].push(cue);
     }
-    for (actor, cues) in of_actors.iter().enumerate() {
-        let mut base: Vec<&Timed> = cues.iter().filter(|t| !t.layer).copied().collect();
+    for (actor, cues) in cues_by_actor.iter().enumerate() {
+        let mut base: Vec<&TimedCue> = cues.iter().filter(|t| !t.is_layer).copied().collect();
         base.sort_by_key(|t| t.start);
         let subject = Subject::Actor(actor);
-        base_layer(build, subject, &build.actors[actor].actor.name, &base, frame, found);
-        let upper: Vec<&Timed> = cues.iter().filter(|t| t.layer).copied().collect();
-        layers(build, &upper, found);
+        check_base_layer(build, subject, &build.actors[actor].actor.name, &base, frame, found);
+        let upper: Vec<&TimedCue> = cues.iter().filter(|t| t.is_layer).copied().collect();
+        check_layers(build, &upper, found);
     }
     for (id, cue) in timed.iter().enumerate() {
         let subject = Subject::Actor(build.chains[cue.draft.chain].actor);
@@ -64,11 +66,12 @@ pub fn check_cues(build: &StageDraft, found: &mut Vec<PlacedFinding>) {
     }
 }
 
-fn base_layer(
+/// Finds cues of an actor's base layer that leave a gap, freeze or overlap. `frame`: duration of a frame.
+fn check_base_layer(
     build: &StageDraft,
     subject: Subject,
     actor: &str,
-    base: &[&Timed],
+    base: &[&TimedCue],
     frame: Time,
     found: &mut Vec<PlacedFinding>,
 ) {
@@ -98,8 +101,8 @@ fn base_layer(
             found.push(finding.hint("leave .until out to let it play on, or add .once() if it is intended"));
         }
         // A cue that begins over the end of another is a crossfade.
-        let covered = a.start < b.start && b.start + b.draft.cue.fade_in + frame <= end;
-        if covered && a.draft.chain != b.draft.chain && b.start < length {
+        let is_cut_short = a.start < b.start && b.start + b.draft.cue.fade_in + frame <= end;
+        if is_cut_short && a.draft.chain != b.draft.chain && b.start < length {
             let text = format!(
                 "clip \"{}\" is to play until {} s, but \"{}\" takes over at {} s",
                 a.name(),
@@ -130,31 +133,32 @@ fn base_layer(
     }
 }
 
-/// Maximum number of earlier layers that a layer is compared with: more at once are not written by hand.
-const MOST_LAYERS: usize = 32;
+/// Maximum number of earlier layers with which a layer is compared. Scripts written by hand have fewer.
+const MAX_COMPARED_LAYERS: usize = 32;
 
 /// Finds pairs of layers that move the same joints at the same time.
-fn layers(build: &StageDraft, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
+fn check_layers(build: &StageDraft, upper: &[&TimedCue], found: &mut Vec<PlacedFinding>) {
     for (i, b) in upper.iter().enumerate() {
-        for a in &upper[i.saturating_sub(MOST_LAYERS)..i] {
+        for a in &upper[i.saturating_sub(MAX_COMPARED_LAYERS)..i] {
             let chains = [a, b].map(|t| &build.chains[t.draft.chain]);
             // Additive layers share joints with the layers below by design, and so do layers of equal priority.
-            let meant = chains.iter().any(|chain| chain.mode != LayerMode::Override)
+            let is_intended = chains.iter().any(|chain| chain.mode != LayerMode::Override)
                 || chains[0].priority.is_some() && chains[0].priority == chains[1].priority;
-            if a.draft.chain == b.draft.chain || meant {
+            if a.draft.chain == b.draft.chain || is_intended {
                 continue;
             }
             let joints = build.actors[chains[0].actor].actor.asset.skeleton.len();
             let masks = chains.map(|chain| chain.mask.as_deref());
             let moves = |mask: Option<&[f32]>, joint: usize| mask.is_none_or(|m| m[joint] > 0.0);
-            let shared = (0..joints).filter(|j| masks.iter().all(|mask| moves(*mask, *j))).count();
+            let shared_joints = (0..joints).filter(|j| masks.iter().all(|mask| moves(*mask, *j))).count();
             let from = a.start.max(b.start);
             let to = a.end.unwrap_or(Time::MAX).min(b.end.unwrap_or(Time::MAX)).min(build.settings.length);
-            if shared > 0 && from < to {
+            if shared_joints > 0 && from < to {
                 let text = format!(
-                    "\"{}\" and \"{}\" both move {shared} joints from {} s to {} s: the {} layer wins",
+                    "\"{}\" and \"{}\" both move {} from {} s to {} s: the {} layer wins",
                     a.name(),
                     b.name(),
+                    format_count(shared_joints, "joint"),
                     rounded_secs(from),
                     rounded_secs(to),
                     if chains[0].priority == chains[1].priority { "later" } else { "higher" },
@@ -165,16 +169,17 @@ fn layers(build: &StageDraft, upper: &[&Timed], found: &mut Vec<PlacedFinding>) 
     }
 }
 
-fn check_cue(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<PlacedFinding>) {
-    let Timed { draft, start, end, layer } = cue;
+/// Finds a cue that is never visible, never reaches full weight or is cut off. `next`: the next cue of its chain.
+fn check_cue(cue: &TimedCue, subject: Subject, next: Option<&TimedCue>, found: &mut Vec<PlacedFinding>) {
+    let TimedCue { draft, start, end, is_layer } = cue;
     let (name, place) = (cue.name(), &draft.at);
     let length = draft.length();
-    if !draft.counts() {
+    if !draft.has_weight() {
         let text = format!("clip \"{name}\" is never seen: its weight is 0");
         found.push(PlacedFinding::warning("weight_zero", place, text).about(subject, *start));
     }
     let Some(end) = *end else { return };
-    if end <= Time::ZERO && (*layer || next.is_some()) {
+    if end <= Time::ZERO && (*is_layer || next.is_some()) {
         let text = format!(
             "clip \"{name}\" is never seen: it is over at {} s, before the stage begins",
             rounded_secs(end)
@@ -182,24 +187,26 @@ fn check_cue(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Ve
         found.push(PlacedFinding::warning("before_start", place, text).about(subject, *start));
         return;
     }
-    let slot = end - *start;
+    let cue_length = end - *start;
     let fade_out = draft.fade_out.unwrap_or(draft.cue.fade_in);
-    if *layer && next.is_none() && draft.cue.fade_in <= slot && draft.cue.fade_in + fade_out > slot {
+    let fades_meet = draft.cue.fade_in <= cue_length && draft.cue.fade_in + fade_out > cue_length;
+    if *is_layer && next.is_none() && fades_meet {
         let text = format!(
             "clip \"{name}\" fades in over {} s and out over {} s, but its cue lasts {} s: it never reaches full weight",
             rounded_secs(draft.cue.fade_in),
             rounded_secs(fade_out),
-            rounded_secs(slot)
+            rounded_secs(cue_length)
         );
         found.push(PlacedFinding::warning("fades_meet", place, text).about(subject, *start));
     }
-    // The cue is still visible while the next one fades in over it.
-    let active = slot + next.map_or(Time::ZERO, |n| n.draft.cue.fade_in);
-    if draft.until.is_some() && slot > Time::ZERO && active < length && draft.trim.is_none() {
+    // The cue is still visible while the next cue fades in over it.
+    let visible_length = cue_length + next.map_or(Time::ZERO, |n| n.draft.cue.fade_in);
+    let is_cut_off = cue_length > Time::ZERO && visible_length < length;
+    if draft.until.is_some() && is_cut_off && draft.trim.is_none() {
         let text = format!(
             "clip \"{name}\" takes {} s, its cue {} s: its end is cut off",
             rounded_secs(length),
-            rounded_secs(slot)
+            rounded_secs(cue_length)
         );
         found.push(PlacedFinding::note("cut_off", place, text));
     }

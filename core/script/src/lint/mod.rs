@@ -12,7 +12,7 @@ mod cues;
 mod unused;
 
 use crate::api_error::Place;
-use crate::build::{Declared, StageDraft};
+use crate::build::{StageDraft, UnusedVariable};
 use crate::def::Defs;
 use crate::diagnostic::{Diagnostic, Severity, allows};
 use choreo_motion::{Clip, Time};
@@ -31,7 +31,7 @@ pub(crate) struct PlacedFinding {
     pub text: String,
     pub hint: Option<String>,
     pub subject: Subject,
-    /// The time on stage; zero where the finding has none.
+    /// Time on stage; zero if the finding does not belong to a time.
     pub at: Time,
 }
 
@@ -58,6 +58,7 @@ impl PlacedFinding {
         self
     }
 
+    /// Sets the subject and the time on stage.
     pub fn about(mut self, subject: Subject, at: Time) -> PlacedFinding {
         (self.subject, self.at) = (subject, at);
         self
@@ -73,18 +74,18 @@ pub(crate) fn script_findings(build: &StageDraft) -> Vec<PlacedFinding> {
 }
 
 /// Variables of a file that nothing reads.
-pub(crate) fn declared(ast: &AST, file: &str, text: &str, defs: &Defs) -> Vec<Declared> {
-    unused::declared(&Source::new(ast, text), file, defs)
+pub(crate) fn unused_variables(ast: &AST, file: &str, text: &str, defs: &Defs) -> Vec<UnusedVariable> {
+    unused::unused_variables(&Source::new(ast, text), file, defs)
 }
 
-/// Markers of a clip that is played: names and times of the clip.
+/// Markers of a clip that is played: names and clip times.
 #[derive(Clone, Debug)]
 pub struct ClipMarkers {
     pub clip: Arc<Clip>,
     pub markers: Vec<(String, Time)>,
 }
 
-/// Places in the script of the calls that created each object of the stage, and the texts of the script.
+/// Places of the calls that created each object of the stage, findings about the script, and the texts of the script.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
     pub settings: Place,
@@ -100,7 +101,7 @@ pub struct Places {
     /// Markers of the clips that are played and have any.
     pub clip_markers: Vec<ClipMarkers>,
     pub lights: Vec<Place>,
-    /// The place of the sky, where there is one.
+    /// Place of the call of `sky(…)`, if any.
     pub sky: Option<Place>,
     /// The call of `ambient(…)`, unless an option of `stage` sets the ambient light.
     pub ambient: Option<Place>,
@@ -136,11 +137,11 @@ impl Places {
         place.cloned().unwrap_or_default()
     }
 
-    /// Findings about the script and, from the caller, about its stage, as diagnostics sorted by place. Findings of one rule at
-    /// one place are merged, and those that a comment `// allow: rule` on the line or the line above allows are left out.
+    /// Findings about the script and, given as `on_stage`, about its stage, as diagnostics sorted by place. Findings of one rule
+    /// at one place are merged. Findings whose rule a comment `// allow: RULE` on the line or the line above allows are left out.
     pub fn findings(&self, on_stage: &[Finding]) -> Vec<Diagnostic> {
         let lines = Lines::of(&self.sources);
-        let all = self.findings_not_allowed(on_stage, &lines);
+        let all = self.unallowed_findings(on_stage, &lines);
         let mut found: Vec<Diagnostic> = Vec::new();
         let mut last: Option<(Place, &str, usize)> = None;
         for finding in all {
@@ -152,11 +153,11 @@ impl Places {
                 *more += 1;
                 continue;
             }
-            close(&mut found, last.take());
+            append_merged_count(&mut found, last.take());
             found.push(diagnostic(&finding, &lines));
             last = Some((finding.place, finding.rule, 0));
         }
-        close(&mut found, last);
+        append_merged_count(&mut found, last);
         found
     }
 
@@ -165,17 +166,17 @@ impl Places {
         self.main == file
     }
 
-    /// The subject, time and rule of each warning, for a plot.
+    /// Subject, time and rule of each warning, to mark them in a plot.
     pub fn marks(&self, on_stage: &[Finding]) -> Vec<(Subject, Time, &'static str)> {
         let warnings = self
-            .findings_not_allowed(on_stage, &Lines::of(&self.sources))
+            .unallowed_findings(on_stage, &Lines::of(&self.sources))
             .into_iter()
             .filter(|r| r.severity == Severity::Warning);
         warnings.map(|r| (r.subject, r.at, r.rule)).collect()
     }
 
-    /// All findings except those that a comment allows, by place.
-    fn findings_not_allowed(&self, on_stage: &[Finding], lines: &Lines) -> Vec<PlacedFinding> {
+    /// All findings except those that a comment allows, sorted by place.
+    fn unallowed_findings(&self, on_stage: &[Finding], lines: &Lines) -> Vec<PlacedFinding> {
         let from_stage = on_stage.iter().map(|f| PlacedFinding {
             rule: f.rule,
             severity: if f.note { Severity::Note } else { Severity::Warning },
@@ -186,7 +187,7 @@ impl Places {
             at: Time::ZERO,
         });
         let mut all: Vec<PlacedFinding> = self.script_findings.iter().cloned().chain(from_stage).collect();
-        all.retain(|finding| !allowed(finding, lines));
+        all.retain(|finding| !is_allowed(finding, lines));
         all.sort_by(|a, b| a.place.cmp(&b.place).then(a.rule.cmp(b.rule)));
         all
     }
@@ -207,13 +208,14 @@ fn diagnostic(finding: &PlacedFinding, lines: &Lines) -> Diagnostic {
 }
 
 /// Whether a comment on the line of the finding or on the line above allows the rule.
-fn allowed(finding: &PlacedFinding, lines: &Lines) -> bool {
+fn is_allowed(finding: &PlacedFinding, lines: &Lines) -> bool {
     let Place { file, line, .. } = &finding.place;
     let numbers = [*line, line.saturating_sub(1)];
     numbers.into_iter().filter_map(|n| lines.get(file, n)).any(|line| allows(line, finding.rule))
 }
 
-fn close(found: &mut [Diagnostic], last: Option<(Place, &str, usize)>) {
+/// Appends the number of findings merged into the last diagnostic to its message, if any.
+fn append_merged_count(found: &mut [Diagnostic], last: Option<(Place, &str, usize)>) {
     if let (Some((.., more)), Some(diagnostic)) = (last, found.last_mut())
         && more > 0
     {

@@ -8,19 +8,20 @@ use std::collections::BTreeMap;
 /// Names of the texture projections.
 pub const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone", "triplanar"];
 
-/// Sets texture coordinates by a projection around the center of the shape. Every triangle gets its own vertices.
-pub fn project(p: &mut Primitive, how: &str) {
+/// Sets texture coordinates by a projection around the center of the shape. `how`: one of [`PROJECTIONS`]. Afterwards no two
+/// triangles share a vertex.
+pub fn project_texture(p: &mut Primitive, how: &str) {
     let [low, high] = bounds(p);
     let (middle, size) = ((low + high) * 0.5, (high - low).max(Vec3::splat(1e-6)));
     let old = std::mem::take(&mut p.indices);
-    let pick =
+    let unshare =
         |list: &mut Vec<Vec3>| *list = old.iter().filter_map(|i| list.get(*i as usize).copied()).collect();
-    pick(&mut p.positions);
-    pick(&mut p.normals);
+    unshare(&mut p.positions);
+    unshare(&mut p.normals);
     if !p.colors.is_empty() {
         p.colors = old.iter().map(|i| p.colors[*i as usize]).collect();
     }
-    let second = match p.uvs[1].is_empty() {
+    let second_uvs = match p.uvs[1].is_empty() {
         true => Vec::new(),
         false => old.iter().map(|i| p.uvs[1][*i as usize]).collect(),
     };
@@ -39,7 +40,7 @@ pub fn project(p: &mut Primitive, how: &str) {
             let q = at - middle;
             match how {
                 "plane" => Vec2::new((at.x - low.x) / size.x, (at.z - low.z) / size.z),
-                "box" => of_box(q / size.max_element(), face),
+                "box" => box_uv(q / size.max_element(), face),
                 _ => {
                     let u = libm::atan2f(q.x, q.z) / std::f32::consts::TAU + 0.5;
                     let v = match how {
@@ -58,18 +59,19 @@ pub fn project(p: &mut Primitive, how: &str) {
         }
         uvs.extend(triangle);
     }
-    p.uvs = [uvs, second];
+    p.uvs = [uvs, second_uvs];
 }
 
-/// Minimum and maximum of the positions (axis-aligned bounding box).
+/// Axis-aligned bounding box of the positions: minimum and maximum.
 pub fn bounds(p: &Primitive) -> [Vec3; 2] {
     let low = p.positions.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
     [low, p.positions.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b))]
 }
 
-/// Tangents for triplanar projection: perpendicular to each vertex normal, from one axis per triangle.
+/// Tangents for triplanar projection: perpendicular to the vertex normal and to the axis that is most nearly perpendicular to
+/// the normals of the triangle.
 fn triplanar_tangents(p: &Primitive) -> Vec<Vec4> {
-    let of_triangle = |n: &[Vec3; 3]| {
+    let triangle_tangents = |n: &[Vec3; 3]| {
         let sum = n[0] + n[1] + n[2];
         let least = sum.abs().min_element();
         let axis = if sum.x.abs() == least {
@@ -81,15 +83,16 @@ fn triplanar_tangents(p: &Primitive) -> Vec<Vec4> {
         };
         n.map(|n| axis.cross(n).normalize_or(n.any_orthonormal_vector()).extend(1.0))
     };
-    p.normals.as_chunks::<3>().0.iter().flat_map(of_triangle).collect()
+    p.normals.as_chunks::<3>().0.iter().flat_map(triangle_tangents).collect()
 }
 
-/// Box projection: texture coordinates on the side of the box that a face points to; seen from there u points right and v down.
-fn of_box(q: Vec3, face: Vec3) -> Vec2 {
-    let away = face.abs();
-    let (u, v) = if away.y >= away.x && away.y >= away.z {
+/// Texture coordinates of the box projection, on the side of the box to which a face points. Seen from outside, u points right
+/// and v down. `face`: normal of the face, of any length.
+fn box_uv(q: Vec3, face: Vec3) -> Vec2 {
+    let extent = face.abs();
+    let (u, v) = if extent.y >= extent.x && extent.y >= extent.z {
         (q.x, if face.y > 0.0 { q.z } else { -q.z })
-    } else if away.x >= away.z {
+    } else if extent.x >= extent.z {
         (if face.x > 0.0 { -q.z } else { q.z }, -q.y)
     } else {
         (if face.z > 0.0 { q.x } else { -q.x }, -q.y)
@@ -97,32 +100,32 @@ fn of_box(q: Vec3, face: Vec3) -> Vec2 {
     Vec2::new(u, v) + 0.5
 }
 
-/// Corrects u of a triangle around the axis: across the seam it continues beyond 1, and a vertex on the axis gets the mean of the
-/// others.
+/// Corrects u of a triangle of a projection around the y axis. In a triangle that crosses the seam, u continues above 1. A vertex
+/// on the axis gets the mean u of the other vertices.
 fn fix_seam(triangle: &mut [Vec2; 3], vertices: [Vec3; 3], size: Vec3) {
     let on_axis = vertices.map(|q| q.x.abs() + q.z.abs() < 1e-5 * size.max_element());
-    let others = |on: bool| (0..3).filter(move |i| on_axis[*i] == on);
-    let most = others(false).map(|i| triangle[i].x).fold(f32::NEG_INFINITY, f32::max);
-    for i in others(false) {
-        if most - triangle[i].x > 0.5 {
+    let with_axis = |is_on_axis: bool| (0..3).filter(move |i| on_axis[*i] == is_on_axis);
+    let largest = with_axis(false).map(|i| triangle[i].x).fold(f32::NEG_INFINITY, f32::max);
+    for i in with_axis(false) {
+        if largest - triangle[i].x > 0.5 {
             triangle[i].x += 1.0;
         }
     }
-    let count = others(false).count();
+    let count = with_axis(false).count();
     if count > 0 {
-        let mean = others(false).map(|i| triangle[i].x).sum::<f32>() / count as f32;
-        others(true).for_each(|i| triangle[i].x = mean);
+        let mean = with_axis(false).map(|i| triangle[i].x).sum::<f32>() / count as f32;
+        with_axis(true).for_each(|i| triangle[i].x = mean);
     }
 }
 
 /// Subdivides each triangle into four at the midpoints of its edges.
 pub(crate) fn subdivide(p: &mut Primitive) {
-    let mut middles: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+    let mut midpoints: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     let mut indices = Vec::with_capacity(p.indices.len() * 4);
     let old = std::mem::take(&mut p.indices);
     for [a, b, c] in old.as_chunks::<3>().0 {
-        let mut middle = |a: u32, b: u32| {
-            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+        let mut midpoint = |a: u32, b: u32| {
+            *midpoints.entry((a.min(b), a.max(b))).or_insert_with(|| {
                 let (i, j) = (a as usize, b as usize);
                 let new = p.positions.len() as u32;
                 p.positions.push((p.positions[i] + p.positions[j]) * 0.5);
@@ -139,23 +142,24 @@ pub(crate) fn subdivide(p: &mut Primitive) {
                 new
             })
         };
-        let (ab, bc, ca) = (middle(*a, *b), middle(*b, *c), middle(*c, *a));
+        let (ab, bc, ca) = (midpoint(*a, *b), midpoint(*b, *c), midpoint(*c, *a));
         indices.extend([*a, ab, ca, ab, *b, bc, ca, bc, *c, ab, bc, ca]);
     }
     p.indices = indices;
 }
 
-/// Moves vertices along their normals by the brightness of an image, `height` metres where it is white; `tiles`: repeats of the
-/// image. Recomputes the normals; vertices that had the same position and normal share a normal again.
+/// Displaces vertices along their normals by the brightness of an image. `height`: metres at white; `tiles`: repetitions of the
+/// image per unit of texture coordinates. Recomputes the normals; vertices that had the same position and normal keep a common
+/// normal.
 pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
     let key = |v: Vec3| v.to_array().map(|c| (c + 0.0).to_bits());
     let groups: Vec<_> = p.positions.iter().zip(&p.normals).map(|(a, n)| (key(*a), key(*n))).collect();
-    // Vertices with the same position and normal move by their mean brightness, so that the surface does not tear at a seam of
-    // the texture coordinates.
+    // Vertices with the same position and normal move by their mean brightness, so that no gap opens at a seam of the texture
+    // coordinates.
     let mut heights: BTreeMap<_, (f32, f32)> = BTreeMap::new();
     for (group, uv) in groups.iter().zip(&p.uvs[0]) {
         let (sum, count) = heights.entry(*group).or_default();
-        *sum += sample(image, *uv * tiles);
+        *sum += sample_brightness(image, *uv * tiles);
         *count += 1.0;
     }
     let mean = |group| heights.get(group).map_or(0.0, |(sum, count)| sum / count);
@@ -175,7 +179,7 @@ pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
 }
 
 /// Brightness of an image at a texture coordinate, 0 to 1: bilinear, repeated.
-fn sample(image: &Image, uv: Vec2) -> f32 {
+fn sample_brightness(image: &Image, uv: Vec2) -> f32 {
     let (width, height) = (image.width as usize, image.height as usize);
     let texels = image.rgba.as_chunks::<4>().0;
     let at = (uv - uv.floor()) * Vec2::new(width as f32, height as f32) - 0.5;
@@ -192,13 +196,13 @@ fn sample(image: &Image, uv: Vec2) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::solids::solid;
+    use super::super::solids::shape_mesh;
     use super::*;
 
     #[test]
-    fn a_projected_sphere_has_the_map_of_the_globe() {
-        let mut sphere = solid("sphere", Vec3::ONE);
-        project(&mut sphere, "sphere");
+    fn sphere_projection_gives_longitude_and_latitude() {
+        let mut sphere = shape_mesh("sphere", Vec3::ONE);
+        project_texture(&mut sphere, "sphere");
         assert_eq!(sphere.positions.len(), sphere.indices.len());
         let middle = Vec3::new(0.0, 0.5, 0.0);
         for (vertices, uvs) in
@@ -211,16 +215,16 @@ mod tests {
                 let expected = Vec3::new(ring * libm::sinf(lon), libm::cosf(lat), ring * libm::cosf(lon));
                 assert!(q.distance(expected) < 1e-3, "{at} {uv}");
             }
-            // No triangle spans the whole image backwards.
+            // No triangle spans the whole image because of the seam.
             let us = uvs.map(|uv| uv.x);
             assert!(us.iter().all(|u| (u - us[0]).abs() < 0.5), "{us:?}");
         }
     }
 
     #[test]
-    fn what_is_raised_evenly_is_a_larger_sphere() {
+    fn displacement_by_white_enlarges_a_sphere_and_by_black_keeps_it() {
         let white = Image { name: String::new(), width: 1, height: 1, rgba: vec![255; 4], file: None };
-        let mut sphere = solid("sphere", Vec3::ONE);
+        let mut sphere = shape_mesh("sphere", Vec3::ONE);
         let before = sphere.clone();
         subdivide(&mut sphere);
         assert_eq!(sphere.indices.len(), before.indices.len() * 4);

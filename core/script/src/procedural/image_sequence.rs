@@ -1,7 +1,7 @@
 //! Image sequences (texture animation) in any texture slot of a material, and sequences combined from two.
 
 use super::maps;
-use super::material::of_picture;
+use super::material::alpha_mode_of;
 use crate::call::{ApiError, Options};
 use crate::value::{ImageRef, ImageSequenceRef};
 use choreo_asset::{
@@ -9,57 +9,60 @@ use choreo_asset::{
 };
 use std::sync::Arc;
 
-/// Image sequence of an array of images, held in memory.
+/// Images of an image sequence that is given as an array, in memory.
 #[derive(Debug)]
-struct Held(Vec<Arc<Image>>);
+struct ImagesInMemory(Vec<Arc<Image>>);
 
-impl ImageSource for Held {
+impl ImageSource for ImagesInMemory {
     fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError> {
         self.0.get(index).cloned().ok_or(ImageSourceError::Missing(index))
     }
 }
 
-/// How two images are combined into one.
+/// Operation that combines two images into one.
 #[derive(Clone, Copy, Debug)]
-pub enum Rule {
+pub enum ImageOperation {
     /// The first image, with alpha multiplied by the brightness of the second.
-    Opacity,
+    MultiplyAlpha,
     /// The first image (a normal map), with the brightness of the second (a height map) as alpha.
-    Heights,
-    /// `Heights` with a normal map computed from the height map; the number is its depth in widths of the texture. The first
-    /// image is not read.
-    HeightsAlone(f32),
+    HeightsAsAlpha,
+    /// `HeightsAsAlpha` with a normal map that is computed from the height map. The number is the depth of the heights in widths
+    /// of the texture. The first image is not read.
+    NormalsFromHeights(f32),
 }
 
-impl Rule {
-    fn make(self, a: &Image, b: &Image) -> Image {
+impl ImageOperation {
+    fn apply(self, a: &Image, b: &Image) -> Image {
         match self {
-            Rule::Opacity => maps::with_opacity(a, b),
-            Rule::Heights => maps::with_heights(a, b),
-            Rule::HeightsAlone(depth) => maps::with_heights(&maps::normals_of(b, depth), b),
+            ImageOperation::MultiplyAlpha => maps::with_opacity(a, b),
+            ImageOperation::HeightsAsAlpha => maps::with_heights(a, b),
+            ImageOperation::NormalsFromHeights(depth) => {
+                maps::with_heights(&maps::normals_from_heights(b, depth), b)
+            }
         }
     }
 }
 
-/// Image sequence combined from two parts on demand. A part without a sequence is the same image in every frame.
+/// Image sequence whose images are combined from two inputs on demand. An input without a sequence is the same image in every
+/// frame.
 #[derive(Debug)]
-struct Joined {
-    parts: [(Arc<Image>, Option<ImageSequenceRef>); 2],
-    rule: Rule,
+struct CombinedImages {
+    inputs: [(Arc<Image>, Option<ImageSequenceRef>); 2],
+    operation: ImageOperation,
 }
 
-impl ImageSource for Joined {
+impl ImageSource for CombinedImages {
     fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError> {
-        let part = |(one, many): &(Arc<Image>, Option<ImageSequenceRef>)| match many {
-            Some(many) => many.pictures.image(index),
-            None => Ok(one.clone()),
+        let input = |(image, sequence): &(Arc<Image>, Option<ImageSequenceRef>)| match sequence {
+            Some(sequence) => sequence.images.image(index),
+            None => Ok(image.clone()),
         };
-        Ok(Arc::new(self.rule.make(&*part(&self.parts[0])?, &*part(&self.parts[1])?)))
+        Ok(Arc::new(self.operation.apply(&*input(&self.inputs[0])?, &*input(&self.inputs[1])?)))
     }
 }
 
-/// The alpha mode that covers two images: opaque only if both are.
-pub(crate) fn more_open(a: AlphaMode, b: AlphaMode) -> AlphaMode {
+/// The alpha mode that is sufficient for two images: blend if one of them needs it, opaque only if both are opaque.
+pub(crate) fn combined_alpha_mode(a: AlphaMode, b: AlphaMode) -> AlphaMode {
     match (a, b) {
         (AlphaMode::Blend, _) | (_, AlphaMode::Blend) => AlphaMode::Blend,
         (AlphaMode::Opaque, mode) => mode,
@@ -67,53 +70,54 @@ pub(crate) fn more_open(a: AlphaMode, b: AlphaMode) -> AlphaMode {
     }
 }
 
-/// Combines two images or image sequences of one size. `names`: the options that gave them, for errors.
-pub fn join(
+/// Combines two images or image sequences of one size. `names`: the options that contain them, for errors.
+pub fn combine_images(
     o: &Options,
     names: [&str; 2],
     a: &ImageRef,
     b: &ImageRef,
-    rule: Rule,
+    operation: ImageOperation,
 ) -> Result<ImageRef, ApiError> {
-    maps::same_size(o, names[1], b, names[0], a)?;
-    let parts = [(a.decoded()?, a.files.clone()), (b.decoded()?, b.files.clone())];
-    let image = Arc::new(rule.make(&parts[0].0, &parts[1].0));
-    let made = ImageRef { image, file: None, files: None, ..a.clone() };
-    let counts = [a, b].map(|i| i.files.as_ref().map(|f| f.hashes.len()));
+    maps::check_same_size(o, names[1], b, names[0], a)?;
+    let inputs = [(a.decoded()?, a.sequence.clone()), (b.decoded()?, b.sequence.clone())];
+    let image = Arc::new(operation.apply(&inputs[0].0, &inputs[1].0));
+    let made = ImageRef { image, file: None, sequence: None, ..a.clone() };
+    let counts = [a, b].map(|i| i.sequence.as_ref().map(|f| f.hashes.len()));
     let count = match counts {
         [None, None] => return Ok(made),
-        [Some(a), Some(b)] if a != b => return Err(unequal(o, [names[0], names[1]], [a, b])),
+        [Some(a), Some(b)] if a != b => return Err(length_error(o, [names[0], names[1]], [a, b])),
         [a, b] => a.or(b).unwrap_or(1),
     };
-    let hash_of = |part: &(Arc<Image>, Option<ImageSequenceRef>), i: usize| match &part.1 {
-        Some(many) => many.hashes[i],
-        None => part.0.content_hash(),
+    let hash_of = |input: &(Arc<Image>, Option<ImageSequenceRef>), i: usize| match &input.1 {
+        Some(sequence) => sequence.hashes[i],
+        None => input.0.content_hash(),
     };
-    let single = [&parts[0], &parts[1]].map(|p| if p.1.is_none() { Some(hash_of(p, 0)) } else { None });
+    let single_hashes =
+        [&inputs[0], &inputs[1]].map(|p| if p.1.is_none() { Some(hash_of(p, 0)) } else { None });
     let hash = |i: usize| {
         let mut h = blake3::Hasher::new();
-        h.update(format!("{rule:?}").as_bytes());
-        for (part, single) in parts.iter().zip(&single) {
-            h.update(&single.unwrap_or_else(|| hash_of(part, i)));
+        h.update(format!("{operation:?}").as_bytes());
+        for (input, single) in inputs.iter().zip(&single_hashes) {
+            h.update(&single.unwrap_or_else(|| hash_of(input, i)));
         }
         *h.finalize().as_bytes()
     };
     let hashes = (0..count).map(hash).collect();
-    let joined = Joined { parts: parts.clone(), rule };
+    let combined = CombinedImages { inputs: inputs.clone(), operation };
     let mut alpha = AlphaMode::Opaque;
-    if matches!(rule, Rule::Opacity) {
+    if matches!(operation, ImageOperation::MultiplyAlpha) {
         // Each image is combined once to find the alpha mode of the sequence.
         for i in 0..count {
-            let one = joined.image(i).map_err(|e| ApiError::new(format!("{}: {e}", o.function)))?;
-            alpha = more_open(alpha, of_picture(&one));
+            let image = combined.image(i).map_err(|e| ApiError::new(format!("{}: {e}", o.function)))?;
+            alpha = combined_alpha_mode(alpha, alpha_mode_of(&image));
         }
     }
-    Ok(ImageRef { files: Some(ImageSequenceRef { pictures: Arc::new(joined), hashes, alpha }), ..made })
+    Ok(ImageRef { sequence: Some(ImageSequenceRef { images: Arc::new(combined), hashes, alpha }), ..made })
 }
 
 /// The image or image sequence (numbered files or an array) of an option.
 pub fn image_or_sequence(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
-    let mut all = maps::pictures(o, name)?;
+    let mut all = maps::images(o, name)?;
     if o.get(name).is_some_and(|v| v.is_array()) {
         return sequence_of_images(o, name, &all).map(Some);
     }
@@ -122,16 +126,17 @@ pub fn image_or_sequence(o: &Options, name: &str) -> Result<Option<ImageRef>, Ap
 
 /// The image sequence of an array of images.
 pub fn sequence_of_images(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
-    let first = maps::of_one_size(o, name, all)?;
-    let pictures = all.iter().map(ImageRef::decoded).collect::<Result<Vec<Arc<Image>>, ApiError>>()?;
-    let hashes = pictures.iter().map(|i| i.content_hash()).collect();
-    let alpha = pictures.iter().map(|i| of_picture(i)).fold(AlphaMode::Opaque, more_open);
-    let files = ImageSequenceRef { pictures: Arc::new(Held(pictures)), hashes, alpha };
-    Ok(ImageRef { files: Some(files), ..first.clone() })
+    let first = maps::first_of_equal_size(o, name, all)?;
+    let images = all.iter().map(ImageRef::decoded).collect::<Result<Vec<Arc<Image>>, ApiError>>()?;
+    let hashes = images.iter().map(|i| i.content_hash()).collect();
+    let alpha = images.iter().map(|i| alpha_mode_of(i)).fold(AlphaMode::Opaque, combined_alpha_mode);
+    let sequence = ImageSequenceRef { images: Arc::new(ImagesInMemory(images)), hashes, alpha };
+    Ok(ImageRef { sequence: Some(sequence), ..first.clone() })
 }
 
-/// The texture animation of a material. `given`: each slot with the option that gave it and its image sequence.
-pub fn sequence(
+/// The texture animation of a material, if it has image sequences. `given`: each texture slot with the name of its option and its
+/// image sequence; `once`: play once instead of repeating.
+pub fn texture_animation(
     o: &Options,
     given: &[(TextureSlot, &str, Option<ImageSequenceRef>)],
     fps: Option<f64>,
@@ -141,13 +146,13 @@ pub fn sequence(
     let Some((slot, name, first)) = all.next() else { return Ok(None) };
     let stream = |slot: TextureSlot, f: &ImageSequenceRef| ImageStream {
         slot,
-        pictures: f.pictures.clone(),
+        pictures: f.images.clone(),
         hashes: f.hashes.clone(),
     };
     let mut streams = vec![stream(slot, first)];
     for (slot, other, f) in all {
         if f.hashes.len() != first.hashes.len() {
-            return Err(unequal(o, [name, other], [first.hashes.len(), f.hashes.len()]));
+            return Err(length_error(o, [name, other], [first.hashes.len(), f.hashes.len()]));
         }
         streams.push(stream(slot, f));
     }
@@ -155,9 +160,10 @@ pub fn sequence(
     Ok(Some(Arc::new(ImageSequence { streams, fps, once })))
 }
 
-fn unequal(o: &Options, names: [&str; 2], counts: [usize; 2]) -> ApiError {
+/// The error that the image sequences of two options have different lengths.
+fn length_error(o: &Options, names: [&str; 2], counts: [usize; 2]) -> ApiError {
     let text = format!(
-        "{}: {} has {} images, {} {}; sequences on one surface must have the same length",
+        "{}: {} has {} images, {} has {}; sequences on one surface must have the same length",
         o.function, names[0], counts[0], names[1], counts[1]
     );
     ApiError::new(text).focus(names[1])

@@ -7,13 +7,16 @@ use glam::Vec3;
 use rhai::Array;
 use std::sync::Arc;
 
-/// The first image of a sequence. Error: the images differ in size.
-pub(crate) fn of_one_size<'a>(
+/// The first image of an array.
+///
+/// # Errors
+/// Returns an error if the array is empty, contains an image sequence, or has images of different sizes.
+pub(crate) fn first_of_equal_size<'a>(
     o: &Options,
     name: &str,
     images: &'a [ImageRef],
 ) -> Result<&'a ImageRef, ApiError> {
-    if images.iter().any(|i| i.files.is_some()) {
+    if images.iter().any(|i| i.sequence.is_some()) {
         let text =
             format!("{}: numbered files are a sequence already; give them without an array", o.function);
         return Err(ApiError::new(text).focus(name));
@@ -36,9 +39,9 @@ pub(crate) fn of_one_size<'a>(
     Ok(first)
 }
 
-/// A sprite sheet of images of one size, row by row from the top left, and its columns and rows.
-pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
-    let first = of_one_size(o, "image", images)?;
+/// A sprite sheet of images of one size, row by row from the top left, and its numbers of columns and rows.
+pub fn sprite_sheet(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
+    let first = first_of_equal_size(o, "image", images)?;
     let (width, height) = (first.image.width, first.image.height);
     let count = images.len() as u32;
     let columns = (1..=count).find(|c| c * c >= count).unwrap_or(1);
@@ -64,8 +67,8 @@ pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32;
     Ok((ImageRef { image: Arc::new(image), file: None, ..first.clone() }, [columns, rows]))
 }
 
-/// The image or the array of images of an option.
-pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
+/// The images of an option, which is an image or an array of images. Empty without the option.
+pub fn images(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
     let Some(value) = o.get(name) else { return Ok(Vec::new()) };
     let all: Array = match value.read_lock::<Array>() {
         Some(array) => array.clone(),
@@ -79,12 +82,12 @@ pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
     all.iter().map(read).collect()
 }
 
-/// An opaque white image of the same size, to combine with an opacity map.
-pub fn white(like: &ImageRef) -> ImageRef {
-    let Image { width, height, .. } = *like.image;
+/// An opaque white image of the size of an opacity map, to combine with the map.
+pub fn white_image(map: &ImageRef) -> ImageRef {
+    let Image { width, height, .. } = *map.image;
     let rgba = vec![255; width as usize * height as usize * 4];
     let image = Image { name: "opacity".into(), width, height, rgba, file: None };
-    ImageRef { image: Arc::new(image), file: None, files: None, ..like.clone() }
+    ImageRef { image: Arc::new(image), file: None, sequence: None, ..map.clone() }
 }
 
 /// An image with alpha multiplied by the brightness of another.
@@ -105,17 +108,18 @@ pub(crate) fn with_heights(normals: &Image, heights: &Image) -> Image {
     Image { rgba, name: normals.name.clone(), file: None, ..*normals }
 }
 
-/// The normal map of a height map whose height is `depth` widths of the texture, by central differences. The image repeats.
-pub(crate) fn normals_of(image: &Image, depth: f32) -> Image {
+/// Normal map of a height map, by central differences; the image repeats. `depth`: height of white in widths of the texture.
+pub(crate) fn normals_from_heights(image: &Image, depth: f32) -> Image {
     let (width, height) = (image.width as usize, image.height as usize);
     let texels = image.rgba.as_chunks::<4>().0;
-    let at = |x: usize, y: usize| f32::from(brightness(&texels[(y % height) * width + x % width])) / 255.0;
+    let height_at =
+        |x: usize, y: usize| f32::from(brightness(&texels[(y % height) * width + x % width])) / 255.0;
     let mut rgba = Vec::with_capacity(image.rgba.len());
     for y in 0..height {
         for x in 0..width {
-            let across = (at(x + 1, y) - at(x + width - 1, y)) * 0.5 * width as f32 * depth;
-            // Rows of the image go down, the second axis of the normal map up.
-            let up = (at(x, y + height - 1) - at(x, y + 1)) * 0.5 * height as f32 * depth;
+            let across = (height_at(x + 1, y) - height_at(x + width - 1, y)) * 0.5 * width as f32 * depth;
+            // Rows of the image are in order from the top; the second axis of the normal map points up.
+            let up = (height_at(x, y + height - 1) - height_at(x, y + 1)) * 0.5 * height as f32 * depth;
             let n = Vec3::new(-across, -up, 1.0).normalize() * 127.5 + 127.5;
             rgba.extend([n.x, n.y, n.z, 255.0].map(|v| (v + 0.5).clamp(0.0, 255.0) as u8));
         }
@@ -128,7 +132,8 @@ pub fn brightness([r, g, b, _]: &[u8; 4]) -> u8 {
     ((u16::from(*r) + u16::from(*g) + u16::from(*b)) / 3) as u8
 }
 
-pub(crate) fn same_size(
+/// Checks that the images of two options have the same size.
+pub(crate) fn check_same_size(
     o: &Options,
     name: &str,
     a: &ImageRef,
@@ -151,23 +156,23 @@ pub(crate) fn same_size(
 mod tests {
     use super::*;
 
-    fn grey(width: u32, values: &[u8]) -> Image {
+    fn gray_image(width: u32, values: &[u8]) -> Image {
         let rgba = values.iter().flat_map(|v| [*v, *v, *v, 255]).collect();
         Image { name: "h".into(), width, height: values.len() as u32 / width, rgba, file: None }
     }
 
     #[test]
-    fn a_slope_has_the_normal_of_a_slope() {
+    fn normals_from_heights_follow_the_slope() {
         // The height rises by 16/255 per texel; with 8 texels and a depth of 3 widths the slope is 8 · 3 · 16/255.
-        let ramp = grey(8, &[0, 16, 32, 48, 64, 80, 96, 112]);
-        let made = normals_of(&ramp, 3.0);
+        let ramp = gray_image(8, &[0, 16, 32, 48, 64, 80, 96, 112]);
+        let made = normals_from_heights(&ramp, 3.0);
         let slope = 8.0 * 3.0 * 16.0 / 255.0;
         let expected = Vec3::new(-slope, 0.0, 1.0).normalize();
         let texel = made.rgba.as_chunks::<4>().0[4];
         let got = Vec3::new(f32::from(texel[0]), f32::from(texel[1]), f32::from(texel[2])) / 127.5 - 1.0;
         assert!(got.distance(expected) < 0.02, "{got} {expected}");
-        // The rows at the top are bright: the surface falls downwards, so its normals point down.
-        let rows = normals_of(&grey(1, &[120, 90, 60, 30]), 1.0);
+        // The upper rows are higher, so the normals point down in the image.
+        let rows = normals_from_heights(&gray_image(1, &[120, 90, 60, 30]), 1.0);
         assert!(rows.rgba[4 + 1] < 120, "{:?}", rows.rgba);
     }
 }

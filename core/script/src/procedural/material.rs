@@ -1,6 +1,6 @@
 //! Materials of procedural assets: the options that `shape`, `mesh`, `lines` and `points` share.
 
-use super::image_sequence::{self, Rule, image_or_sequence, join};
+use super::image_sequence::{ImageOperation, combine_images, image_or_sequence, texture_animation};
 use super::maps;
 use super::raw_image::srgb_byte;
 use crate::call::{ApiError, Options, rgb};
@@ -62,37 +62,39 @@ pub(crate) const OPTIONS: [&str; 46] = [
     "emissive_strength",
 ];
 
-/// The images that the options of a material name.
-struct Maps {
+/// The images in the options of a material.
+struct MaterialMaps {
     image: Option<ImageRef>,
-    /// Columns, rows and frame count of the sprite sheet that an array of images was packed into.
-    cells: Option<[u32; 3]>,
+    /// Columns, rows and frame count of the sprite sheet, if an array of images was packed into one.
+    sheet: Option<[u32; 3]>,
     normal_map: Option<ImageRef>,
     /// Depth of parallax mapping, 0 without a height map.
-    relief: f32,
+    parallax_depth: f32,
     specular_map: Option<ImageRef>,
     reflection_map: Option<ImageRef>,
     environment_map: Option<ImageRef>,
 }
 
-impl Maps {
-    fn read(o: &Options) -> Result<Maps, ApiError> {
+impl MaterialMaps {
+    /// Reads and combines the images of the options.
+    fn read(o: &Options) -> Result<MaterialMaps, ApiError> {
         let other_maps = ["normal_map", "opacity_map", "height_map", "specular_map", "reflection_map"];
-        let alone = !other_maps.into_iter().any(|name| o.get(name).is_some());
-        let mut cells = None;
-        let mut image = match o.get("image").is_some_and(|v| v.is_array()) && alone {
+        let has_other_maps = other_maps.into_iter().any(|name| o.get(name).is_some());
+        let mut sheet = None;
+        let mut image = match o.get("image").is_some_and(|v| v.is_array()) && !has_other_maps {
             // The images are packed into one sprite sheet, which is possible only without other maps.
             true => {
-                let all = maps::pictures(o, "image")?;
-                let (image, [columns, rows]) = maps::side_by_side(o, &all)?;
-                cells = Some([columns, rows, all.len() as u32]);
+                let all = maps::images(o, "image")?;
+                let (image, [columns, rows]) = maps::sprite_sheet(o, &all)?;
+                sheet = Some([columns, rows, all.len() as u32]);
                 Some(image)
             }
             false => image_or_sequence(o, "image")?,
         };
         if let Some(map) = image_or_sequence(o, "opacity_map")? {
-            let base = image.unwrap_or_else(|| maps::white(&map));
-            image = Some(join(o, ["image", "opacity_map"], &base, &map, Rule::Opacity)?);
+            let base = image.unwrap_or_else(|| maps::white_image(&map));
+            let operation = ImageOperation::MultiplyAlpha;
+            image = Some(combine_images(o, ["image", "opacity_map"], &base, &map, operation)?);
         }
         let depth = o.number_in("depth", 0.0, 1.0)?;
         let mut normal_map = image_or_sequence(o, "normal_map")?;
@@ -101,41 +103,61 @@ impl Maps {
             let text = format!("{}: depth needs height_map, which is not given", o.function);
             return Err(ApiError::new(text).focus("depth"));
         }
-        let relief = height_map.as_ref().map_or(0.0, |_| depth.unwrap_or(0.05) as f32);
+        let parallax_depth = height_map.as_ref().map_or(0.0, |_| depth.unwrap_or(0.05) as f32);
         if let Some(heights) = height_map {
             normal_map = Some(match normal_map {
-                Some(normals) => join(o, ["normal_map", "height_map"], &normals, &heights, Rule::Heights)?,
+                Some(normals) => {
+                    let operation = ImageOperation::HeightsAsAlpha;
+                    combine_images(o, ["normal_map", "height_map"], &normals, &heights, operation)?
+                }
                 None => {
-                    let alone = ImageRef { files: None, ..heights.clone() };
-                    join(o, ["height_map"; 2], &alone, &heights, Rule::HeightsAlone(relief))?
+                    let unread = ImageRef { sequence: None, ..heights.clone() };
+                    let operation = ImageOperation::NormalsFromHeights(parallax_depth);
+                    combine_images(o, ["height_map"; 2], &unread, &heights, operation)?
                 }
             });
         }
         let specular_map = image_or_sequence(o, "specular_map")?;
         let reflection_map = image_or_sequence(o, "reflection_map")?;
         let environment_map = super::reflection::environment_map(o)?;
-        Ok(Maps { image, cells, normal_map, relief, specular_map, reflection_map, environment_map })
+        Ok(MaterialMaps {
+            image,
+            sheet,
+            normal_map,
+            parallax_depth,
+            specular_map,
+            reflection_map,
+            environment_map,
+        })
     }
 
-    /// The maps with their slots and options, and with image sequences where they have one.
+    /// The texture slot, option and image sequence, if any, of each map.
     fn sequences(&self, o: &Options) -> [(TextureSlot, &'static str, Option<ImageSequenceRef>); 4] {
-        let Maps { image, normal_map, specular_map, reflection_map, .. } = self;
-        let of = |map: &Option<ImageRef>| map.as_ref().and_then(|i| i.files.clone());
+        let MaterialMaps { image, normal_map, specular_map, reflection_map, .. } = self;
+        let sequence_of = |map: &Option<ImageRef>| map.as_ref().and_then(|i| i.sequence.clone());
         let normal_name = if o.get("normal_map").is_some() { "normal_map" } else { "height_map" };
         let image_name = if o.get("image").is_some() { "image" } else { "opacity_map" };
         [
-            (TextureSlot::BaseColor, image_name, of(image)),
-            (TextureSlot::Normal, normal_name, of(normal_map)),
-            (TextureSlot::SpecularColor, "specular_map", of(specular_map)),
-            (TextureSlot::Specular, "reflection_map", of(reflection_map)),
+            (TextureSlot::BaseColor, image_name, sequence_of(image)),
+            (TextureSlot::Normal, normal_name, sequence_of(normal_map)),
+            (TextureSlot::SpecularColor, "specular_map", sequence_of(specular_map)),
+            (TextureSlot::Specular, "reflection_map", sequence_of(reflection_map)),
         ]
     }
 
-    /// Puts the maps on the material. Returns the images, which its textures refer to by index.
-    fn apply(self, o: &Options, material: &mut Material) -> Result<Vec<Arc<Image>>, ApiError> {
+    /// Sets the textures of the material. Returns the images, to which the textures refer by index.
+    fn set_textures(self, o: &Options, material: &mut Material) -> Result<Vec<Arc<Image>>, ApiError> {
         let tiles = o.number_in("tiles", 1.0, 4096.0)?;
-        let second = o.color("checker")?;
-        let Maps { image, normal_map, relief, specular_map, reflection_map, environment_map, .. } = self;
+        let checker_color = o.color("checker")?;
+        let MaterialMaps {
+            image,
+            normal_map,
+            parallax_depth,
+            specular_map,
+            reflection_map,
+            environment_map,
+            ..
+        } = self;
         let base = material.base_color;
         let mut images = Vec::new();
         let mut texture = |image: Arc<Image>, sampler: Sampler, scale: f64| {
@@ -145,20 +167,20 @@ impl Maps {
         };
         let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
         let scale = tiles.unwrap_or(1.0);
-        match (image, second) {
+        match (image, checker_color) {
             (Some(_), Some(_)) => {
                 return fail("checker makes an image of its own; give only image or checker", "checker");
             }
             (Some(given), None) => {
-                let files = given.files.as_ref();
-                material.alpha_mode = files.map_or_else(|| of_picture(&given.image), |f| f.alpha);
+                let sequence = given.sequence.as_ref();
+                material.alpha_mode = sequence.map_or_else(|| alpha_mode_of(&given.image), |s| s.alpha);
                 material.base_color_texture = Some(texture(given.image, given.sampler, scale));
             }
             (None, Some(second)) => {
                 let sampler = Sampler { mag_linear: false, ..Sampler::default() };
                 material.base_color = Vec4::new(1.0, 1.0, 1.0, base.w);
                 material.base_color_texture =
-                    Some(texture(checker(base, second), sampler, tiles.unwrap_or(10.0) / 2.0));
+                    Some(texture(checkerboard(base, second), sampler, tiles.unwrap_or(10.0) / 2.0));
             }
             (None, None)
                 if tiles.is_some()
@@ -172,11 +194,11 @@ impl Maps {
         }
         if let Some(given) = normal_map {
             if material.shading == Shading::Unlit {
-                let word = if relief > 0.0 { "height_map" } else { "normal_map" };
+                let word = if parallax_depth > 0.0 { "height_map" } else { "normal_map" };
                 return fail(&format!("{word} changes the lighting; an unlit surface has none"), word);
             }
             material.normal_texture = Some(texture(given.image, given.sampler, scale));
-            material.relief = relief;
+            material.relief = parallax_depth;
         }
         if let Some(given) = specular_map {
             if material.shading == Shading::Unlit {
@@ -193,28 +215,28 @@ impl Maps {
     }
 }
 
-/// The material of the options, and the images, which its textures refer to by index.
+/// The material of the options, and the images, to which its textures refer by index.
 pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
-    let maps = Maps::read(o)?;
+    let maps = MaterialMaps::read(o)?;
     let sequences = maps.sequences(o);
-    let cells = maps.cells;
+    let sheet = maps.sheet;
     // The default color with an image is white, so that the image keeps its colors.
-    let plain = if maps.image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
-    let base = o.color("color")?.unwrap_or(plain);
+    let default_color = if maps.image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
+    let base = o.color("color")?.unwrap_or(default_color);
     let mut material = Material {
         name: name.into(),
         base_color: base,
         metallic: o.number_in("metallic", 0.0, 1.0)?.unwrap_or(0.0) as f32,
         roughness: o.number_in("roughness", 0.0, 1.0)?.unwrap_or(0.9) as f32,
-        emissive: emissive(o)?,
+        emissive: emitted_color(o)?,
         double_sided: o.flag("double_sided")?.unwrap_or(false),
         ..Material::default()
     };
-    shading(o, &mut material)?;
-    super::reflection::reflection(o, &mut material)?;
-    layers(o, &mut material)?;
-    let images = maps.apply(o, &mut material)?;
-    motion(o, &mut material, cells, &sequences)?;
+    set_shading(o, &mut material)?;
+    super::reflection::set_reflection(o, &mut material)?;
+    set_material_layers(o, &mut material)?;
+    let images = maps.set_textures(o, &mut material)?;
+    set_texture_animation(o, &mut material, sheet, &sequences)?;
     if base.w < 1.0 {
         material.alpha_mode = AlphaMode::Blend;
     }
@@ -228,7 +250,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
 }
 
 /// Emitted color, linear, multiplied by its strength.
-fn emissive(o: &Options) -> Result<Vec3, ApiError> {
+fn emitted_color(o: &Options) -> Result<Vec3, ApiError> {
     let color = o.color("emissive")?.map(rgb);
     let strength = o.number_in("emissive_strength", 0.0, 1e6)?;
     if color.is_none() && strength.is_some() {
@@ -238,15 +260,16 @@ fn emissive(o: &Options) -> Result<Vec3, ApiError> {
     Ok(color.unwrap_or(Vec3::ZERO) * strength.unwrap_or(1.0) as f32)
 }
 
-/// Sets moving textures and texture animation. `cells`: columns, rows and frame count of a packed sprite sheet.
-fn motion(
+/// Sets moving textures and texture animation. `sheet`: columns, rows and frame count of the sprite sheet into which an array of
+/// images was packed; `sequences`: the texture slot, option and image sequence of each map.
+fn set_texture_animation(
     o: &Options,
     material: &mut Material,
-    cells: Option<[u32; 3]>,
-    follow: &[(TextureSlot, &str, Option<ImageSequenceRef>)],
+    sheet: Option<[u32; 3]>,
+    sequences: &[(TextureSlot, &str, Option<ImageSequenceRef>)],
 ) -> Result<(), ApiError> {
     let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
-    let several = follow.iter().any(|(.., f)| f.is_some());
+    let has_sequence = sequences.iter().any(|(.., sequence)| sequence.is_some());
     let fps = o.number_in("fps", 0.0, 1000.0)?;
     let once = o.flag("once")?;
     let pair = |name: &str| -> Result<Option<[f64; 2]>, ApiError> {
@@ -255,22 +278,22 @@ fn motion(
         let found = numbers.and_then(|n| <[f64; 2]>::try_from(n).ok());
         found.map(Some).ok_or_else(|| crate::call::wrong(&value, &o.label(name), "two numbers"))
     };
-    let whole = |v: f64| (1.0..=256.0).contains(&v) && libm::floor(v) == v;
-    let cells = match (cells, pair("frames")?) {
+    let is_count = |v: f64| (1.0..=256.0).contains(&v) && libm::floor(v) == v;
+    let sheet = match (sheet, pair("frames")?) {
         (Some(_), Some(_)) => {
             return fail(
                 "frames are the cells of one image; an array of images has one frame per image",
                 "frames",
             );
         }
-        (None, Some(_)) if several => {
+        (None, Some(_)) if has_sequence => {
             return fail(
                 "frames are the cells of one image; an image sequence has one frame per image",
                 "frames",
             );
         }
         (None, Some([columns, rows])) => {
-            if !whole(columns) || !whole(rows) {
+            if !is_count(columns) || !is_count(rows) {
                 return fail("frames must be [columns, rows], whole numbers from 1 to 256", "frames");
             }
             let maps = ["image", "normal_map", "opacity_map", "height_map", "specular_map", "reflection_map"];
@@ -279,17 +302,17 @@ fn motion(
             }
             Some([columns as u32, rows as u32, columns as u32 * rows as u32])
         }
-        (cells, None) => cells,
+        (sheet, None) => sheet,
     };
     let (scroll, spin) = (pair("scroll")?, o.number_in("spin", -36_000.0, 36_000.0)?);
     let maps = [&material.base_color_texture, &material.normal_texture, &material.specular_color_texture];
-    let mirrored = material.reflection.as_ref().is_some_and(|r| r.texture.is_some());
-    let textured = mirrored || maps.into_iter().any(Option::is_some);
+    let has_reflection_map = material.reflection.as_ref().is_some_and(|r| r.texture.is_some());
+    let has_texture = has_reflection_map || maps.into_iter().any(Option::is_some);
     if let Some(word) = ["scroll", "spin"].into_iter().find(|w| o.get(w).is_some()) {
-        if !textured {
+        if !has_texture {
             return fail(&format!("{word} moves image, checker or a map, but none of them is given"), word);
         }
-        if cells.is_some() {
+        if sheet.is_some() {
             return fail(
                 &format!(
                     "{word} cannot be used with frames: it would move the image out of the visible frame"
@@ -299,16 +322,16 @@ fn motion(
         }
         let [u, v] = scroll.unwrap_or_default();
         material.uv_motion = Some(UvMotion {
-            // The image moves one way, so its texture coordinates move the other way.
+            // The texture coordinates move opposite to the image.
             scroll: Vec2::new(-u as f32, -v as f32),
             rotation: spin.unwrap_or(0.0).to_radians() as f32,
         });
     }
-    if several {
-        material.sequence = image_sequence::sequence(o, follow, fps, once)?;
+    if has_sequence {
+        material.sequence = texture_animation(o, sequences, fps, once)?;
         return Ok(());
     }
-    match cells {
+    match sheet {
         Some([columns, rows, count]) => {
             if o.get("tiles").is_some() {
                 return fail("tiles repeats an image, frames show a part of one; leave one out", "tiles");
@@ -328,19 +351,20 @@ fn motion(
     }
 }
 
-fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
+/// Sets the shading model and the highlights of Blinn–Phong.
+fn set_shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     let specular = o.color("specular")?;
     if let Some(shininess) = o.number_in("shininess", 1.0, 10000.0)? {
         let phong = o.flag("phong")?.unwrap_or(false);
         material.shading = if phong { Shading::Phong } else { Shading::BlinnPhong };
         material.shininess = shininess as f32;
         // The default factor with a map is 1, because the map contains the amount.
-        let usual = if o.get("specular_map").is_some() { 1.0 } else { 0.04 };
-        material.specular_color = specular.map_or(Vec3::splat(usual), rgb);
+        let default = if o.get("specular_map").is_some() { 1.0 } else { 0.04 };
+        material.specular_color = specular.map_or(Vec3::splat(default), rgb);
         if let Some(other) = ["roughness", "metallic", "unlit"].into_iter().find(|name| o.get(name).is_some())
         {
             return Err(ApiError::new(format!(
-                "{}: shininess asks for Blinn–Phong, which has no {other}",
+                "{}: shininess selects Blinn–Phong shading, which has no {other}",
                 o.function
             ))
             .focus(other));
@@ -361,16 +385,17 @@ fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Material layers in the terms of the glTF extensions (clearcoat, sheen, transmission and others).
-fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
-    const LAYERS: std::ops::Range<usize> = 13..29;
-    let Some(first) = OPTIONS[LAYERS].iter().find(|name| o.get(name).is_some()) else { return Ok(()) };
+/// Sets the material layers of the glTF extensions (clearcoat, sheen, transmission and others).
+fn set_material_layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
+    // From `clearcoat` to `translucent_color`.
+    const LAYER_OPTIONS: std::ops::Range<usize> = 13..29;
+    let Some(first) = OPTIONS[LAYER_OPTIONS].iter().find(|name| o.get(name).is_some()) else { return Ok(()) };
     if material.shading != Shading::MetallicRoughness {
         let text =
             format!("{}: {first} is for surfaces with roughness, not with unlit or shininess", o.function);
         return Err(ApiError::new(text).focus(*first));
     }
-    for (part, whole) in [
+    for (option, required) in [
         ("clearcoat_roughness", "clearcoat"),
         ("sheen_roughness", "sheen"),
         ("thickness", "transmission"),
@@ -381,12 +406,12 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
         ("brushed", "anisotropy"),
         ("translucent_color", "translucent"),
     ] {
-        if o.get(part).is_some() && o.get(whole).is_none() {
-            let text = format!("{}: {part} needs {whole}, which is not given", o.function);
-            return Err(ApiError::new(text).focus(part));
+        if o.get(option).is_some() && o.get(required).is_none() {
+            let text = format!("{}: {option} needs {required}, which is not given", o.function);
+            return Err(ApiError::new(text).focus(option));
         }
     }
-    let share = |name: &str, default: f32| -> Result<f32, ApiError> {
+    let fraction = |name: &str, default: f32| -> Result<f32, ApiError> {
         Ok(o.number_in(name, 0.0, 1.0)?.map_or(default, |v| v as f32))
     };
     let ior = o.number_in("ior", 1.0, 10.0)?.unwrap_or(1.5);
@@ -394,12 +419,12 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     let amplitude = (ior - 1.0) / (ior + 1.0);
     material.specular_color *= (amplitude * amplitude / 0.04) as f32;
     let film = o.number_in("film", 0.0, 100_000.0)?.unwrap_or(400.0) as f32;
-    let all = MaterialLayers {
-        clearcoat: share("clearcoat", 0.0)?,
-        clearcoat_roughness: share("clearcoat_roughness", 0.0)?,
+    let layers = MaterialLayers {
+        clearcoat: fraction("clearcoat", 0.0)?,
+        clearcoat_roughness: fraction("clearcoat_roughness", 0.0)?,
         sheen_color: o.color("sheen")?.map_or(Vec3::ZERO, rgb),
-        sheen_roughness: share("sheen_roughness", 0.3)?,
-        transmission: share("transmission", 0.0)?,
+        sheen_roughness: fraction("sheen_roughness", 0.3)?,
+        transmission: fraction("transmission", 0.0)?,
         thickness: o.number_in("thickness", 0.0, 1e6)?.unwrap_or(0.0) as f32,
         ior: ior as f32,
         dispersion: o.number_in("dispersion", 0.0, 100.0)?.unwrap_or(0.0) as f32,
@@ -408,28 +433,28 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
             Some(_) => o.number_in("attenuation_distance", 1e-6, 1e6)?.unwrap_or(1.0) as f32,
             None => f32::INFINITY,
         },
-        iridescence: share("iridescence", 0.0)?,
+        iridescence: fraction("iridescence", 0.0)?,
         iridescence_thickness: [film, film],
-        anisotropy: share("anisotropy", 0.0)?,
+        anisotropy: fraction("anisotropy", 0.0)?,
         anisotropy_rotation: o.number_in("brushed", -3600.0, 3600.0)?.unwrap_or(0.0).to_radians() as f32,
-        diffuse_transmission: share("translucent", 0.0)?,
+        diffuse_transmission: fraction("translucent", 0.0)?,
         diffuse_transmission_color: o.color("translucent_color")?.map_or(rgb(material.base_color), rgb),
         ..MaterialLayers::default()
     };
-    material.layers = Some(Box::new(all));
+    material.layers = Some(Box::new(layers));
     Ok(())
 }
 
 /// Checkerboard of two by two texels, which repeats. Both colors are in the image: a factor of the base color would lose
 /// precision.
-fn checker(base: Vec4, second: Vec4) -> Arc<Image> {
+fn checkerboard(base: Vec4, second: Vec4) -> Arc<Image> {
     let texel = |c: Vec4| [srgb_byte(c.x), srgb_byte(c.y), srgb_byte(c.z), 255];
     let (a, b) = (texel(base), texel(second));
     Arc::new(Image { name: "checker".into(), width: 2, height: 2, rgba: [a, b, b, a].concat(), file: None })
 }
 
-/// The alpha mode of an image: opaque, masked if alpha is only 0 or 255, else blended.
-pub(crate) fn of_picture(image: &Image) -> AlphaMode {
+/// The alpha mode that an image needs: opaque, masked if alpha is only 0 or 255, else blended.
+pub(crate) fn alpha_mode_of(image: &Image) -> AlphaMode {
     let alphas = || image.rgba.iter().skip(3).step_by(4);
     if alphas().all(|a| *a == 255) {
         AlphaMode::Opaque
@@ -441,11 +466,14 @@ pub(crate) fn of_picture(image: &Image) -> AlphaMode {
 }
 
 impl Options {
-    /// The image of an option. Error: the value is no image, or an image sequence.
+    /// The image of an option, if it is given.
+    ///
+    /// # Errors
+    /// Returns an error if the value is no image or an image sequence.
     pub fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
         let Some(value) = self.get(name) else { return Ok(None) };
         let given = value.clone().try_cast::<ImageRef>();
-        if given.as_ref().is_some_and(|i| i.files.is_some()) {
+        if given.as_ref().is_some_and(|i| i.sequence.is_some()) {
             let text = format!("{}: {name} must be one image, not a sequence", self.function);
             return Err(ApiError::new(text).focus(name));
         }
@@ -460,12 +488,12 @@ mod tests {
     use super::OPTIONS;
     use std::path::Path;
 
-    /// Appends the code of all lessons.
-    fn lessons(folder: &Path, out: &mut String) {
+    /// Appends the code of all lessons in a folder to `out`.
+    fn append_lessons(folder: &Path, out: &mut String) {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             if path.is_dir() {
-                lessons(&path, out);
+                append_lessons(&path, out);
             } else if path.extension().is_some_and(|e| e == "rhai") {
                 let text = std::fs::read_to_string(&path).unwrap();
                 text.lines().for_each(|line| *out += line.split("//").next().unwrap_or_default());
@@ -474,13 +502,13 @@ mod tests {
     }
 
     #[test]
-    fn each_option_stands_in_a_lesson() {
+    fn every_material_option_occurs_in_a_lesson() {
         let mut text = String::new();
-        lessons(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts"), &mut text);
-        let shown = |name: &str| text.contains(&format!(" {name}: "));
-        let missing: Vec<_> = OPTIONS.into_iter().filter(|name| !shown(name)).collect();
+        append_lessons(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts"), &mut text);
+        let occurs = |name: &str| text.contains(&format!(" {name}: "));
+        let missing: Vec<_> = OPTIONS.into_iter().filter(|name| !occurs(name)).collect();
         assert!(missing.is_empty(), "no lesson has {missing:?}");
-        // An option that no lesson has is detected.
-        assert!(!shown("specular_mop"));
+        // An option that no lesson contains is detected.
+        assert!(!occurs("specular_mop"));
     }
 }

@@ -34,26 +34,26 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
         material::OPTIONS.into_iter().chain(["size", "projection", "sharpness", "detail"]).collect();
     let o = c.options(1, &known)?;
     let (mut material, images) = material::material(&o, "shape")?;
-    let pictures: Vec<*const Image> = images.iter().map(Arc::as_ptr).collect();
+    let addresses: Vec<*const Image> = images.iter().map(Arc::as_ptr).collect();
     // Each call makes a new image for a checkerboard, so its address cannot be part of the key.
-    let pictures = if o.get("checker").is_some() { Vec::new() } else { pictures };
-    let key = format!("{kind} {:?} {pictures:?}", o.map);
+    let addresses = if o.get("checker").is_some() { Vec::new() } else { addresses };
+    let key = format!("{kind} {:?} {addresses:?}", o.map);
     if let Some(asset) = c.build().shapes.get(&key) {
         return Ok(asset.clone());
     }
     crate::build::check_limit(c.build().shapes.len(), "shapes", &c.shared.limits)?;
     let size = read_size(&o, kind)?;
     let name = o.text("name")?.unwrap_or_else(|| kind.to_string());
-    let primitive = apply_projection_and_displacement(c, &o, solids::solid(kind, size))?;
+    let primitive = apply_projection_and_displacement(c, &o, solids::shape_mesh(kind, size))?;
     material.triplanar = triplanar(&o, &primitive)?;
-    let asset = asset(&format!("shape {kind}"), &name, primitive, material, images)?;
+    let asset = single_mesh_asset(&format!("shape {kind}"), &name, primitive, material, images)?;
     c.build().shapes.insert(key, asset.clone());
     Ok(asset)
 }
 
 /// The asset of a `mesh(#{ … })`, `lines(#{ … })` or `points(#{ … })` call.
 pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
-    let o = c.options(0, &options(topology))?;
+    let o = c.options(0, &mesh_options(topology))?;
     let function = o.function.clone();
     crate::build::check_limit(c.build().procedural_totals.meshes, "meshes", &c.shared.limits)?;
     let positions = arrays::floats(&o, "positions", 3)?;
@@ -63,8 +63,9 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         build.procedural_totals.meshes += 1;
         build.procedural_totals.vertices = build.procedural_totals.vertices.saturating_add(vertices as u64);
         if build.procedural_totals.vertices > c.shared.limits.vertices {
+            let total = build.procedural_totals.vertices;
             let error =
-                ApiError::new(format!("{function}: {} vertices together", build.procedural_totals.vertices));
+                ApiError::new(format!("{function}: all meshes of the script together have {total} vertices"));
             return Err(ApiError {
                 fatal: true,
                 ..error.hint(raise_hint("vertices", c.shared.limits.vertices))
@@ -86,16 +87,15 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         ..MeshData::default()
     };
     let mut primitive = choreo_plugin::build::primitive(&data).map_err(|e| {
-        // The first word of the error is the array.
+        // The error begins with the name of the array.
         let array = e.0.split(|c: char| !c.is_ascii_lowercase()).next().unwrap_or("").to_string();
         ApiError::new(format!("{function}: {e}")).focus(array)
     })?;
     if o.get("uvs2").is_some() {
-        second_uvs(&o, &mut primitive)?;
+        set_second_uvs(&o, &mut primitive)?;
     }
-    let projected = o.get("projection").is_some();
-    let relief_without_uvs = o.get("displacement_map").is_some() && primitive.uvs[0].is_empty() && !projected;
-    if relief_without_uvs {
+    let has_projection = o.get("projection").is_some();
+    if o.get("displacement_map").is_some() && primitive.uvs[0].is_empty() && !has_projection {
         let text = format!("{function}: displacement_map needs uvs, its place on the mesh, or a projection");
         return Err(ApiError::new(text).focus("displacement_map"));
     }
@@ -116,15 +116,15 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     if topology != Topology::Triangles {
         // Lines and points have no faces, so they are unlit.
         material.shading = Shading::Unlit;
-        material.line_style = pen(&o, topology)?;
+        material.line_style = line_style(&o, topology)?;
     }
     check_uvs(&o, &primitive, &material)?;
     let name = o.text("name")?.unwrap_or_else(|| function.clone());
-    asset(&name, &name, primitive, material, images)
+    single_mesh_asset(&name, &name, primitive, material, images)
 }
 
 /// The options of `mesh`, `lines` and `points`.
-fn options(topology: Topology) -> Vec<&'static str> {
+fn mesh_options(topology: Topology) -> Vec<&'static str> {
     let mut known = vec!["positions", "indices", "colors", "color", "name"];
     match topology {
         Topology::Triangles => {
@@ -140,7 +140,7 @@ fn options(topology: Topology) -> Vec<&'static str> {
 /// Refuses textures on a mesh without texture coordinates.
 fn check_uvs(o: &Options, primitive: &Primitive, material: &Material) -> Result<(), ApiError> {
     let function = &o.function;
-    if let Some(picture) = [
+    if let Some(option) = [
         "image",
         "normal_map",
         "height_map",
@@ -156,14 +156,14 @@ fn check_uvs(o: &Options, primitive: &Primitive, material: &Material) -> Result<
         && material.triplanar.is_none()
     {
         return Err(
-            ApiError::new(format!("{function}: {picture} needs uvs, its place on the mesh")).focus(picture)
+            ApiError::new(format!("{function}: {option} needs uvs, its place on the mesh")).focus(option)
         );
     }
     Ok(())
 }
 
-/// Adds the second texture coordinates, for textures with `uv_set: 1`.
-fn second_uvs(o: &Options, primitive: &mut Primitive) -> Result<(), ApiError> {
+/// Sets the second texture coordinates, for textures with `uv_set: 1`.
+fn set_second_uvs(o: &Options, primitive: &mut Primitive) -> Result<(), ApiError> {
     let given = arrays::floats(o, "uvs2", 2)?;
     let vertices = primitive.positions.len();
     if given.len() != 2 * vertices || given.iter().any(|v| !v.is_finite()) {
@@ -178,12 +178,14 @@ fn second_uvs(o: &Options, primitive: &mut Primitive) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Triplanar projection. One image is as wide as the largest side of the bounding box, as in the box projection.
+/// The triplanar projection of the options, if any. The image is as wide as the largest side of the bounding box, as in the box
+/// projection.
 fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, ApiError> {
-    let asked = o.get("projection").and_then(|v| v.into_string().ok()).is_some_and(|v| v == "triplanar");
+    let is_triplanar =
+        o.get("projection").and_then(|v| v.into_string().ok()).is_some_and(|v| v == "triplanar");
     let sharpness = o.number_in("sharpness", 1.0, 64.0)?;
     let fail = |text: String, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
-    if !asked {
+    if !is_triplanar {
         return match sharpness {
             Some(_) => fail("sharpness needs projection: \"triplanar\"".into(), "sharpness"),
             None => Ok(None),
@@ -201,36 +203,38 @@ fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, Ap
     Ok(Some(Triplanar { middle: (low + high) * 0.5, size, sharpness: sharpness.unwrap_or(4.0) as f32 }))
 }
 
-/// The largest width of lines and size of points, in pixels or metres: larger than any image.
-pub(crate) const MOST_WIDE: f32 = 16384.0;
+/// Maximum width of lines and size of points, in pixels or metres.
+pub(crate) const MAX_LINE_WIDTH: f32 = 16384.0;
 
 /// Line or point style: width in pixels (`width` or `size`) or in metres (`metres`).
-fn pen(o: &Options, topology: Topology) -> Result<Option<LineStyle>, ApiError> {
+fn line_style(o: &Options, topology: Topology) -> Result<Option<LineStyle>, ApiError> {
     let pixels = if topology == Topology::Points { "size" } else { "width" };
-    let most = f64::from(MOST_WIDE);
-    let given = [o.number_in(pixels, 0.0, most)?, o.number_in("metres", 0.0, most)?];
+    let max = f64::from(MAX_LINE_WIDTH);
+    let given = [o.number_in(pixels, 0.0, max)?, o.number_in("metres", 0.0, max)?];
     let round = o.flag("round")?;
     let fail = |text: String, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
     match given {
-        [Some(_), Some(_)] => fail(format!("{pixels} is in pixels, metres is not; leave one out"), "metres"),
+        [Some(_), Some(_)] => {
+            fail(format!("{pixels} sets pixels and metres sets metres; leave one out"), "metres")
+        }
         [None, None] if round.is_some() => fail(format!("round needs {pixels} or metres"), "round"),
         [None, None] => Ok(None),
-        [of_pixels, of_metres] => Ok(Some(LineStyle {
-            width: of_pixels.or(of_metres).unwrap_or(1.0) as f32,
-            metres: of_metres.is_some(),
+        [in_pixels, in_metres] => Ok(Some(LineStyle {
+            width: in_pixels.or(in_metres).unwrap_or(1.0) as f32,
+            metres: in_metres.is_some(),
             round: round.unwrap_or(true),
         })),
     }
 }
 
-/// Applies texture coordinates by a projection, and displacement by an image.
+/// Sets texture coordinates by the projection of the options, then displaces the vertices by their displacement map.
 fn apply_projection_and_displacement(
     c: &Call,
     o: &Options,
     mut primitive: Primitive,
 ) -> Result<Primitive, ApiError> {
     if let Some(how) = o.one_of("projection", displacement::PROJECTIONS)? {
-        displacement::project(&mut primitive, how);
+        displacement::project_texture(&mut primitive, how);
     }
     let height = o.number_in("displacement", -1000.0, 1000.0)?;
     let detail = o.number_in("detail", 0.0, 8.0)?;
@@ -257,7 +261,7 @@ fn apply_projection_and_displacement(
 }
 
 /// An asset of one joint, one mesh and one material.
-fn asset(
+fn single_mesh_asset(
     name: &str,
     joint: &str,
     mut primitive: Primitive,
@@ -265,8 +269,8 @@ fn asset(
     images: Vec<Arc<Image>>,
 ) -> Result<Arc<Asset>, ApiError> {
     primitive.material = Some(0);
-    let brushed = material.layers.as_ref().is_some_and(|l| l.anisotropy > 0.0);
-    if material.triplanar.is_none() && (material.normal_texture.is_some() || brushed) {
+    let is_anisotropic = material.layers.as_ref().is_some_and(|l| l.anisotropy > 0.0);
+    if material.triplanar.is_none() && (material.normal_texture.is_some() || is_anisotropic) {
         tangents::add(&mut primitive, 0);
     }
     let skeleton = Skeleton::new(vec![joint.to_string()], vec![None], vec![Transform::IDENTITY])
@@ -283,7 +287,7 @@ fn asset(
     }))
 }
 
-/// The size of a shape in metres along x, y and z. A plane lies in x and z, a quad stands in x and y.
+/// The size of a shape in metres along x, y and z. A plane lies in the xz plane, a quad in the xy plane.
 fn read_size(o: &Options, kind: &str) -> Result<Vec3, ApiError> {
     let size = match o.get("size") {
         None if kind == "plane" => Vec3::splat(10.0),
@@ -310,7 +314,7 @@ fn read_size(o: &Options, kind: &str) -> Result<Vec3, ApiError> {
             size.as_vec3()
         }
     };
-    match solids::refuse(kind, size) {
+    match solids::invalid_size(kind, size) {
         Some(why) => {
             Err(ApiError::new(format!("shape: {why}, got {:?}, {:?}, {:?}", size.x, size.y, size.z)))
         }

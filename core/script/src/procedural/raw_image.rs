@@ -1,4 +1,4 @@
-//! `image(width, height, pixels)`: an image from numbers.
+//! Images made from numbers: `image(width, height, pixels)`.
 
 use crate::call::{ApiError, Call, Options, color, describe, one_of};
 use crate::limits::raise_hint;
@@ -8,18 +8,18 @@ use rhai::{Array, Blob, Dynamic};
 use std::sync::Arc;
 
 /// Maximum width and height in pixels, the same as for importers.
-const MOST_A_SIDE: f64 = 16384.0;
+const MAX_SIDE: f64 = 16384.0;
 
-/// The image of an `image(width, height, pixels)` or `image(options)` call.
+/// The image of an `image(width, height, pixels)`, `image(options)` or `image(file, options)` call.
 pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
     let mut known = vec!["name", "filter", "wrap"];
-    let sizes_apart = c.len() >= 3;
-    let of_file = !sizes_apart && c.value(0).is_string();
-    let o = match sizes_apart {
+    let has_size_arguments = c.len() >= 3;
+    let is_file = !has_size_arguments && c.value(0).is_string();
+    let o = match has_size_arguments {
         true => c.options(3, &known)?,
-        false if of_file => {
+        false if is_file => {
             known.extend(["first", "last"]);
-            return super::files::from_file(c, &c.options(1, &known)?);
+            return super::files::image_from_files(c, &c.options(1, &known)?);
         }
         false => {
             known.extend(["width", "height", "pixels"]);
@@ -27,34 +27,38 @@ pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
         }
     };
     let side = |i: usize, name: &str| {
-        let value = if sizes_apart { Some(c.value(i)) } else { o.get(name) };
+        let value = if has_size_arguments { Some(c.value(i)) } else { o.get(name) };
         let value = value.ok_or_else(|| ApiError::new(format!("image: {name} is missing")))?;
         let label = format!("image: {name}");
-        let whole = value.as_int().ok().filter(|n| (1..=MOST_A_SIDE as i64).contains(n));
+        let whole = value.as_int().ok().filter(|n| (1..=MAX_SIDE as i64).contains(n));
         whole.map(|n| n as u32).ok_or_else(|| {
-            crate::call::wrong(&value, &label, &format!("a whole number from 1 to {MOST_A_SIDE}"))
+            crate::call::wrong(&value, &label, &format!("a whole number from 1 to {MAX_SIDE}"))
         })
     };
     let (width, height) = (side(0, "width")?, side(1, "height")?);
     let texels = u64::from(width) * u64::from(height);
-    count(c, texels)?;
-    let pixels = match sizes_apart {
-        true => bytes(&c.value(2), texels)?,
-        false => bytes(o.map.get("pixels").unwrap_or(&Dynamic::UNIT), texels)?,
+    count_texels(c, texels)?;
+    let pixels = match has_size_arguments {
+        true => pixel_bytes(&c.value(2), texels)?,
+        false => pixel_bytes(o.map.get("pixels").unwrap_or(&Dynamic::UNIT), texels)?,
     };
     let name = o.text("name")?.unwrap_or_else(|| "image".into());
     let image = choreo_plugin::build::image(&name, width, height, &pixels).map_err(|e| {
         ApiError::new(format!("image: {}", e.0.split_once(": ").map_or(e.0.as_str(), |(_, e)| e)))
     })?;
-    Ok(ImageRef { image: Arc::new(image), file: None, sampler: sampler(&o)?, dead: false, files: None })
+    Ok(ImageRef { image: Arc::new(image), file: None, sampler: sampler(&o)?, dead: false, sequence: None })
 }
 
-/// Adds pixels to the total of the script. Error: the total exceeds the limit.
-pub fn count(c: &Call, texels: u64) -> Result<(), ApiError> {
+/// Adds to the total number of pixels of the script's images.
+///
+/// # Errors
+/// Returns an error if the total exceeds the limit.
+pub fn count_texels(c: &Call, texels: u64) -> Result<(), ApiError> {
     let mut build = c.build();
     build.procedural_totals.texels = build.procedural_totals.texels.saturating_add(texels);
     if build.procedural_totals.texels > c.shared.limits.texels {
-        let error = ApiError::new(format!("image: {} pixels together", build.procedural_totals.texels));
+        let total = build.procedural_totals.texels;
+        let error = ApiError::new(format!("image: all images of the script together have {total} pixels"));
         return Err(ApiError { fatal: true, ..error.hint(raise_hint("texels", c.shared.limits.texels)) });
     }
     Ok(())
@@ -66,12 +70,12 @@ pub fn sampler(o: &Options) -> Result<Sampler, ApiError> {
     let [wrap_u, wrap_v] = match pair.as_deref() {
         Some([across, down]) => [wrap(across)?, wrap(down)?],
         Some(_) => {
-            let text = "image: wrap must be one word, or two: across and down";
+            let text = "image: wrap must be one word, or an array of two words: across and down";
             return Err(ApiError::new(text).focus("wrap"));
         }
         None => [o.get("wrap").map_or(Ok(Wrap::Repeat), |v| wrap(&v))?; 2],
     };
-    // The option `filter` concerns magnification only; minified images are always averaged.
+    // The option `filter` is for magnification only; minified images are always averaged.
     let mag_linear = o.one_of("filter", &["linear", "nearest"])? != Some("nearest");
     Ok(Sampler { wrap_u, wrap_v, mag_linear, ..Sampler::default() })
 }
@@ -84,16 +88,16 @@ fn wrap(v: &Dynamic) -> Result<Wrap, ApiError> {
     })
 }
 
-/// Bytes of `count` pixels, from a blob, from numbers from 0 to 255, or from a color per pixel.
-fn bytes(pixels: &Dynamic, count: u64) -> Result<Vec<u8>, ApiError> {
+/// Bytes of `count` pixels, from a blob, from numbers from 0 to 255, or from one color per pixel.
+fn pixel_bytes(pixels: &Dynamic, count: u64) -> Result<Vec<u8>, ApiError> {
     if let Some(blob) = pixels.read_lock::<Blob>() {
         return Ok(blob.to_vec());
     }
     let Some(array) = pixels.read_lock::<Array>() else {
         return Err(crate::call::wrong(pixels, "image: pixels", "an array or a blob"));
     };
-    let colors = array.iter().any(|v| v.is_string() || v.is_array());
-    if !colors {
+    let has_colors = array.iter().any(|v| v.is_string() || v.is_array());
+    if !has_colors {
         let byte = |(at, v): (usize, &Dynamic)| {
             let number = v.as_int().map(|n| n as f64).or_else(|_| v.as_float()).ok();
             match number {
@@ -118,7 +122,7 @@ fn bytes(pixels: &Dynamic, count: u64) -> Result<Vec<u8>, ApiError> {
     Ok(rgba)
 }
 
-/// Converts a linear value to sRGB, rounded to a byte: the inverse of [`crate::color::linear`].
+/// Converts a linear value to sRGB, rounded to a byte: the inverse of [`crate::color::linear_from_srgb`].
 pub(crate) fn srgb_byte(linear: f32) -> u8 {
     libm::round(choreo_asset::srgb_from_linear(linear.into()).clamp(0.0, 1.0) * 255.0) as u8
 }
@@ -128,9 +132,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn srgb_bytes_come_back() {
+    fn srgb_byte_inverts_linear_from_srgb() {
         for byte in 0..=255u8 {
-            assert_eq!(srgb_byte(crate::color::linear(f64::from(byte) / 255.0)), byte);
+            assert_eq!(srgb_byte(crate::color::linear_from_srgb(f64::from(byte) / 255.0)), byte);
         }
     }
 }

@@ -5,7 +5,10 @@ use crate::value::ImageRef;
 use choreo_asset::{Material, Reflection, Shading};
 use glam::Vec3;
 
-/// The panorama that the material reflects in place of the sky. Error: it is not twice as wide as high.
+/// The panorama that the material reflects in place of the sky, if any.
+///
+/// # Errors
+/// Returns an error if it is not twice as wide as high.
 pub(crate) fn environment_map(o: &Options) -> Result<Option<ImageRef>, ApiError> {
     let Some(given) = o.image("environment_map")? else { return Ok(None) };
     let (width, height) = (given.image.width, given.image.height);
@@ -19,8 +22,8 @@ pub(crate) fn environment_map(o: &Options) -> Result<Option<ImageRef>, ApiError>
     Err(ApiError::new(text).focus("environment_map"))
 }
 
-/// Sets the reflected share. Call it after the shading model is set; the caller adds the textures.
-pub fn reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> {
+/// Sets the reflectance of the environment. Call it after the shading model is set; the caller adds the textures.
+pub fn set_reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     const WORDS: [&str; 3] = ["reflection", "reflection_map", "environment_map"];
     let Some(word) = WORDS.into_iter().find(|word| o.get(word).is_some()) else { return Ok(()) };
     let fail = |text: String| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
@@ -29,20 +32,20 @@ pub fn reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> 
             "{word} needs shininess, the Blinn–Phong exponent; a surface with roughness reflects without it"
         ));
     }
-    let share = match o.get("reflection") {
+    let reflectance = match o.get("reflection") {
         None => None,
         Some(v) if v.is_int() || v.is_float() => {
-            o.number_in("reflection", 0.0, 1.0)?.map(|share| Vec3::splat(share as f32))
+            o.number_in("reflection", 0.0, 1.0)?.map(|amount| Vec3::splat(amount as f32))
         }
         Some(_) => o.color("reflection")?.map(rgb),
     };
-    if share.is_none() && word == "environment_map" {
+    if reflectance.is_none() && word == "environment_map" {
         return fail(
             "environment_map is what a surface reflects; reflection, its amount, is not given".into(),
         );
     }
     // The default factor is 1, because a map contains the amount.
-    let color = share.unwrap_or(Vec3::ONE);
+    let color = reflectance.unwrap_or(Vec3::ONE);
     material.reflection = Some(Box::new(Reflection { color, texture: None, environment: None }));
     Ok(())
 }

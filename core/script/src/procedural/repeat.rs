@@ -1,4 +1,4 @@
-//! `asset.repeat(places)`: instancing.
+//! Instancing: `asset.repeat(places)`.
 
 use crate::call::{ApiError, Call, Reply, describe, euler, numbers, wrong};
 use crate::limits::raise_hint;
@@ -8,6 +8,7 @@ use glam::{Affine3A, DAffine3, DQuat, DVec3};
 use rhai::{Array, Dynamic, Map};
 use std::sync::Arc;
 
+/// Runs `asset.repeat(places)`: makes an asset with one instance at each place.
 pub fn repeat(c: &mut Call) -> Reply {
     let source = c.this_asset()?;
     let asset = &source;
@@ -24,21 +25,22 @@ pub fn repeat(c: &mut Call) -> Reply {
     let limit = c.shared.limits.instances;
     let all = array.len() as u64 * asset.placements.len().max(1) as u64;
     if all > limit {
-        let text = format!("repeat: {all} places");
+        let text = format!("repeat: too many instances, {all}");
         return Err(ApiError::new(text).hint(raise_hint("instances", limit)));
     }
     let model_from_place: Vec<DAffine3> =
-        array.iter().enumerate().map(|(i, v)| place(v, i)).collect::<Result<_, _>>()?;
-    let own: Vec<DAffine3> = asset.first_placements(None).map(double).collect();
-    let places = model_from_place.iter().flat_map(|p| own.iter().map(move |own| single(*p * *own)));
+        array.iter().enumerate().map(|(i, v)| read_place(v, i)).collect::<Result<_, _>>()?;
+    let own: Vec<DAffine3> = asset.first_placements(None).map(to_f64).collect();
+    let places = model_from_place.iter().flat_map(|p| own.iter().map(move |own| to_f32(*p * *own)));
     let placements = places.collect();
     let asset = Asset { placements, derived: Default::default(), ..Asset::clone(asset) };
     c.build().mark_used(&source);
-    let from = c.build().add_procedural_load(&Arc::new(asset), &c.place);
-    Ok(Dynamic::from(AssetRef { from, dead: false }))
+    let load = c.build().add_procedural_load(&Arc::new(asset), &c.place);
+    Ok(Dynamic::from(AssetRef { load, dead: false }))
 }
 
-fn place(v: &Dynamic, i: usize) -> Result<DAffine3, ApiError> {
+/// The transform of place `i`, which is a point or an object map.
+fn read_place(v: &Dynamic, i: usize) -> Result<DAffine3, ApiError> {
     let point = |v: &Dynamic| match numbers(v).as_deref() {
         Some([x, y, z]) if [x, y, z].iter().all(|n| n.is_finite()) => Some(DVec3::new(*x, *y, *z)),
         _ => None,
@@ -79,10 +81,10 @@ fn place(v: &Dynamic, i: usize) -> Result<DAffine3, ApiError> {
     Ok(placed)
 }
 
-fn double(a: Affine3A) -> DAffine3 {
+fn to_f64(a: Affine3A) -> DAffine3 {
     DAffine3::from_cols_array(&a.to_cols_array().map(f64::from))
 }
 
-fn single(a: DAffine3) -> Affine3A {
+fn to_f32(a: DAffine3) -> Affine3A {
     Affine3A::from_cols_array(&a.to_cols_array().map(|v| v as f32))
 }

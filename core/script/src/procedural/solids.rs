@@ -1,17 +1,18 @@
-//! The shapes of `shape(kind, …)`: vertices, normals and uvs from closed forms.
+//! Meshes of `shape(kind, …)`: vertices, normals and texture coordinates from closed forms.
 
 use choreo_asset::{Primitive, Topology};
 use glam::{Vec2, Vec3};
 
-/// Segments around an axis, and rings along a half circle.
-const AROUND: u32 = 48;
+/// Number of segments around the axis.
+const SEGMENTS: u32 = 48;
+/// Number of rows of quads along a half circle.
 const ROWS: u32 = 24;
 
 /// Names of the shapes.
 pub const KINDS: &[&str] = &["plane", "quad", "box", "sphere", "cylinder", "cone", "capsule", "torus"];
 
 /// The mesh of a shape, which stands on the ground (y = 0). `size`: metres along x, y and z.
-pub fn solid(kind: &str, size: Vec3) -> Primitive {
+pub fn shape_mesh(kind: &str, size: Vec3) -> Primitive {
     match kind {
         "plane" => plane(size),
         "quad" => quad(size),
@@ -24,7 +25,7 @@ pub fn solid(kind: &str, size: Vec3) -> Primitive {
     }
 }
 
-/// Size of a shape along x, y and z for `size: 1`; any other number multiplies it.
+/// Size of a shape along x, y and z for `size: 1`. Another number for `size` multiplies it.
 pub fn proportions(kind: &str) -> Vec3 {
     match kind {
         "capsule" => Vec3::new(0.5, 1.0, 0.5),
@@ -33,8 +34,8 @@ pub fn proportions(kind: &str) -> Vec3 {
     }
 }
 
-/// Why a shape cannot have a size; `None` if it can.
-pub fn refuse(kind: &str, size: Vec3) -> Option<&'static str> {
+/// Reason why a shape cannot have a size; `None` if it can.
+pub fn invalid_size(kind: &str, size: Vec3) -> Option<&'static str> {
     let width = size.x.max(size.z);
     match kind {
         "capsule" if size.y < width => Some("a capsule must be at least as high as it is wide"),
@@ -45,7 +46,8 @@ pub fn refuse(kind: &str, size: Vec3) -> Option<&'static str> {
     }
 }
 
-fn primitive(vertices: Vec<(Vec3, Vec3, Vec2)>, indices: Vec<u32>) -> Primitive {
+/// A triangle mesh from vertices (position, normal, texture coordinates) and indices.
+fn triangle_mesh(vertices: Vec<(Vec3, Vec3, Vec2)>, indices: Vec<u32>) -> Primitive {
     Primitive {
         topology: Topology::Triangles,
         indices,
@@ -56,11 +58,11 @@ fn primitive(vertices: Vec<(Vec3, Vec3, Vec2)>, indices: Vec<u32>) -> Primitive 
     }
 }
 
-/// A plane in x and z around the origin, facing up.
+/// A rectangle in the xz plane around the origin, facing up.
 fn plane(size: Vec3) -> Primitive {
     let vertex =
         |u: f32, v: f32| (Vec3::new((u - 0.5) * size.x, 0.0, (v - 0.5) * size.z), Vec3::Y, Vec2::new(u, v));
-    primitive(
+    triangle_mesh(
         vec![vertex(0.0, 0.0), vertex(0.0, 1.0), vertex(1.0, 1.0), vertex(1.0, 0.0)],
         vec![0, 1, 2, 0, 2, 3],
     )
@@ -70,7 +72,7 @@ fn plane(size: Vec3) -> Primitive {
 fn quad(size: Vec3) -> Primitive {
     let vertex =
         |u: f32, v: f32| (Vec3::new((u - 0.5) * size.x, (1.0 - v) * size.y, 0.0), Vec3::Z, Vec2::new(u, v));
-    primitive(
+    triangle_mesh(
         vec![vertex(0.0, 0.0), vertex(0.0, 1.0), vertex(1.0, 1.0), vertex(1.0, 0.0)],
         vec![0, 1, 2, 0, 2, 3],
     )
@@ -91,11 +93,11 @@ fn cuboid(size: Vec3) -> Primitive {
         }
         indices.extend([0, 1, 2, 0, 2, 3].map(|i| first + i));
     }
-    primitive(vertices, indices)
+    triangle_mesh(vertices, indices)
 }
 
-/// A ring of a solid of revolution: radius and height for size 1, normal as (outward, up) of any length before the shape is
-/// scaled, and texture coordinate v. Without v the ring is part of a flat cap, which gets a planar projection from its side.
+/// A ring of a solid of revolution: radius and height for size 1, normal as (outward, up) of any length before scaling, and
+/// texture coordinate v. A ring without v is part of a flat cap, which gets a planar projection.
 struct Ring {
     radius: f32,
     y: f32,
@@ -103,31 +105,32 @@ struct Ring {
     v: Option<f32>,
 }
 
+/// A ring that is not part of a flat cap.
 fn ring(radius: f32, y: f32, normal: Vec2, v: f32) -> Ring {
     Ring { radius, y, normal, v: Some(v) }
 }
 
 /// The two rings of a flat cap: from the center to the rim if it faces up, else from the rim to the center.
-fn end(radius: f32, y: f32, up: bool) -> [Ring; 2] {
+fn cap_rings(radius: f32, y: f32, up: bool) -> [Ring; 2] {
     let normal = if up { Vec2::Y } else { Vec2::NEG_Y };
     let ring = |radius| Ring { radius, y, normal, v: None };
     if up { [ring(0.0), ring(radius)] } else { [ring(radius), ring(0.0)] }
 }
 
-/// Solid of revolution: `AROUND + 1` vertices per ring (the seam twice), and quads between neighboring rings, which go from the
-/// top along the outside down. Texture coordinate u runs counter-clockwise seen from above; the seam is at -z.
-fn lathe(rings: &[Ring], size: Vec3) -> Primitive {
+/// Solid of revolution of rings in order from the top along the outside down. Each ring has `SEGMENTS + 1` vertices, of which the
+/// first and last lie on the seam at -z. Texture coordinate u increases counter-clockwise seen from above.
+fn solid_of_revolution(rings: &[Ring], size: Vec3) -> Primitive {
     let mut vertices = Vec::new();
     let mut indices = Vec::new();
     for ring in rings {
-        for step in 0..=AROUND {
-            let angle = f64::from(step) / f64::from(AROUND) * std::f64::consts::TAU;
+        for step in 0..=SEGMENTS {
+            let angle = f64::from(step) / f64::from(SEGMENTS) * std::f64::consts::TAU;
             let side = Vec3::new(-libm::sin(angle) as f32, 0.0, -libm::cos(angle) as f32);
             let at = (side * ring.radius + Vec3::Y * ring.y) * size;
             // Normals are scaled by the inverse of the size.
             let normal = ((side * ring.normal.x + Vec3::Y * ring.normal.y) / size).normalize_or(Vec3::Y);
             let uv = match ring.v {
-                Some(v) => Vec2::new(step as f32 / AROUND as f32, v),
+                Some(v) => Vec2::new(step as f32 / SEGMENTS as f32, v),
                 None => {
                     let flip = if ring.normal.y < 0.0 { -1.0 } else { 1.0 };
                     Vec2::new(0.5 + side.x * ring.radius, 0.5 + flip * side.z * ring.radius)
@@ -136,17 +139,17 @@ fn lathe(rings: &[Ring], size: Vec3) -> Primitive {
             vertices.push((at, normal, uv));
         }
     }
-    let stride = AROUND + 1;
+    let stride = SEGMENTS + 1;
     for row in 0..rings.len() as u32 - 1 {
         // Two rings at one place form a hard edge and have no quads between them.
         let (above, below) = (&rings[row as usize], &rings[row as usize + 1]);
         if (above.radius, above.y) == (below.radius, below.y) {
             continue;
         }
-        for step in 0..AROUND {
+        for step in 0..SEGMENTS {
             let a = row * stride + step;
             let (b, c, d) = (a + stride, a + stride + 1, a + 1);
-            // If a ring is a point, one of the two triangles has no area and is left out.
+            // If a ring is a point, one of the two triangles of a quad has no area and is left out.
             if rings[row as usize + 1].radius > 0.0 {
                 indices.extend([a, b, c]);
             }
@@ -155,12 +158,12 @@ fn lathe(rings: &[Ring], size: Vec3) -> Primitive {
             }
         }
     }
-    primitive(vertices, indices)
+    triangle_mesh(vertices, indices)
 }
 
-/// Sine and cosine of `part` times 180°.
-fn half_turn(part: f64) -> Vec2 {
-    let angle = part * std::f64::consts::PI;
+/// Sine and cosine of a fraction of 180°.
+fn sin_cos_of_half_turn(fraction: f64) -> Vec2 {
+    let angle = fraction * std::f64::consts::PI;
     Vec2::new(libm::sin(angle) as f32, libm::cos(angle) as f32)
 }
 
@@ -168,28 +171,28 @@ fn half_turn(part: f64) -> Vec2 {
 fn sphere(size: Vec3) -> Primitive {
     let row = |row: u32| {
         let v = f64::from(row) / f64::from(ROWS);
-        let normal = half_turn(v);
+        let normal = sin_cos_of_half_turn(v);
         // The poles are exact points, although the sine of 180° is not exactly 0.
         let radius = if row == 0 || row == ROWS { 0.0 } else { 0.5 * normal.x };
         ring(radius, 0.5 + 0.5 * normal.y, normal, v as f32)
     };
-    lathe(&(0..=ROWS).map(row).collect::<Vec<_>>(), size)
+    solid_of_revolution(&(0..=ROWS).map(row).collect::<Vec<_>>(), size)
 }
 
 /// A cylinder on the ground.
 fn cylinder(size: Vec3) -> Primitive {
-    let mut rings = Vec::from(end(0.5, 1.0, true));
+    let mut rings = Vec::from(cap_rings(0.5, 1.0, true));
     rings.extend([ring(0.5, 1.0, Vec2::X, 0.0), ring(0.5, 0.0, Vec2::X, 1.0)]);
-    rings.extend(end(0.5, 0.0, false));
-    lathe(&rings, size)
+    rings.extend(cap_rings(0.5, 0.0, false));
+    solid_of_revolution(&rings, size)
 }
 
 /// A cone on the ground, tip up.
 fn cone(size: Vec3) -> Primitive {
     let side = Vec2::new(1.0, 0.5);
     let mut rings = vec![ring(0.0, 1.0, side, 0.0), ring(0.5, 0.0, side, 1.0)];
-    rings.extend(end(0.5, 0.0, false));
-    lathe(&rings, size)
+    rings.extend(cap_rings(0.5, 0.0, false));
+    solid_of_revolution(&rings, size)
 }
 
 /// A capsule on the ground: a cylinder between two half ellipsoids, each half as high as the larger of the x and z sizes.
@@ -198,61 +201,62 @@ fn capsule(size: Vec3) -> Primitive {
     let cap = 0.5 * size.x.max(size.z) / size.y;
     let half = ROWS / 2;
     // Texture coordinate v is proportional to the length along the outside from the top, so that an image is stretched evenly.
-    let arc = std::f32::consts::FRAC_PI_2 * cap;
-    let whole = 2.0 * arc + (1.0 - 2.0 * cap);
+    let cap_length = std::f32::consts::FRAC_PI_2 * cap;
+    let outline_length = 2.0 * cap_length + (1.0 - 2.0 * cap);
     let row = |row: u32| {
-        let (angle, below) = if row <= half { (row, false) } else { (row - 1, true) };
-        let slope = half_turn(f64::from(angle) / f64::from(ROWS));
-        let y = if below { cap + cap * slope.y } else { 1.0 - cap + cap * slope.y };
+        let (angle, is_lower) = if row <= half { (row, false) } else { (row - 1, true) };
+        let slope = sin_cos_of_half_turn(f64::from(angle) / f64::from(ROWS));
+        let y = if is_lower { cap + cap * slope.y } else { 1.0 - cap + cap * slope.y };
         let radius = if angle == 0 || angle == ROWS { 0.0 } else { 0.5 * slope.x };
-        let straight = if below { 1.0 - 2.0 * cap } else { 0.0 };
-        let v = (2.0 * arc * angle as f32 / ROWS as f32 + straight) / whole;
+        let cylinder_length = if is_lower { 1.0 - 2.0 * cap } else { 0.0 };
+        let v = (2.0 * cap_length * angle as f32 / ROWS as f32 + cylinder_length) / outline_length;
         // Normal of an ellipse with the half axes 0.5 and `cap`.
         ring(radius, y, Vec2::new(slope.x / 0.5, slope.y / cap), v)
     };
-    lathe(&(0..=ROWS + 1).map(row).collect::<Vec<_>>(), size)
+    solid_of_revolution(&(0..=ROWS + 1).map(row).collect::<Vec<_>>(), size)
 }
 
 /// A torus that lies on the ground. Its tube is as thick as it is high.
 fn torus(size: Vec3) -> Primitive {
     // Radius of the tube for a torus of width 1.
-    let thick = 0.5 * size.y / size.x.min(size.z);
+    let tube_radius = 0.5 * size.y / size.x.min(size.z);
     let row = |row: u32| {
-        let part = f64::from(row) / f64::from(ROWS);
-        // Rings go from the inside over the top to the outside and back below.
-        let slope = half_turn(2.0 * part);
-        let out = -slope.y;
-        let normal = Vec2::new(out / thick, slope.x / 0.5);
-        ring(0.5 - thick + thick * out, 0.5 + 0.5 * slope.x, normal, part as f32)
+        let fraction = f64::from(row) / f64::from(ROWS);
+        // Rings are in order from the inside over the top to the outside and back below.
+        let slope = sin_cos_of_half_turn(2.0 * fraction);
+        let outward = -slope.y;
+        let normal = Vec2::new(outward / tube_radius, slope.x / 0.5);
+        ring(0.5 - tube_radius + tube_radius * outward, 0.5 + 0.5 * slope.x, normal, fraction as f32)
     };
-    lathe(&(0..=ROWS).map(row).collect::<Vec<_>>(), size)
+    solid_of_revolution(&(0..=ROWS).map(row).collect::<Vec<_>>(), size)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn all(size: Vec3) -> impl Iterator<Item = (&'static str, Primitive)> {
+    /// The meshes of all shapes that can have a size.
+    fn shapes_of_size(size: Vec3) -> impl Iterator<Item = (&'static str, Primitive)> {
         KINDS
             .iter()
-            .filter(move |kind| refuse(kind, size).is_none())
-            .map(move |kind| (*kind, solid(kind, size)))
+            .filter(move |kind| invalid_size(kind, size).is_none())
+            .map(move |kind| (*kind, shape_mesh(kind, size)))
     }
 
     /// Each shape accepts at least one of these sizes.
     const SIZES: [Vec3; 2] = [Vec3::new(2.0, 1.0, 3.0), Vec3::new(1.0, 3.0, 2.0)];
 
     #[test]
-    fn every_kind_is_looked_at() {
+    fn every_shape_accepts_a_test_size() {
         for kind in KINDS {
-            assert!(SIZES.iter().any(|size| refuse(kind, *size).is_none()), "{kind}");
+            assert!(SIZES.iter().any(|size| invalid_size(kind, *size).is_none()), "{kind}");
         }
     }
 
-    /// Every triangle is counter-clockwise seen along its vertices' normals, has an area, and normals are unit.
+    /// Every triangle is counter-clockwise seen from the side to which its normals point, and has an area; normals have length 1.
     #[test]
     fn faces_point_outwards() {
-        for (kind, p) in SIZES.into_iter().flat_map(all) {
+        for (kind, p) in SIZES.into_iter().flat_map(shapes_of_size) {
             for t in p.indices.chunks(3) {
                 let [a, b, c] = [0, 1, 2].map(|i| p.positions[t[i] as usize]);
                 let face = (b - a).cross(c - a);
@@ -269,8 +273,10 @@ mod tests {
     }
 
     #[test]
-    fn solids_stand_on_the_ground_in_their_size() {
-        for (size, (kind, p)) in SIZES.into_iter().flat_map(|size| all(size).map(move |p| (size, p))) {
+    fn shapes_have_their_size_and_stand_on_the_ground() {
+        for (size, (kind, p)) in
+            SIZES.into_iter().flat_map(|size| shapes_of_size(size).map(move |p| (size, p)))
+        {
             let low = p.positions.iter().copied().reduce(Vec3::min).unwrap();
             let high = p.positions.iter().copied().reduce(Vec3::max).unwrap();
             let flat = match kind {
@@ -285,12 +291,12 @@ mod tests {
         }
     }
 
-    /// The divergence theorem gives the volume of a closed surface, which is compared with the closed form. Flat facets lose a
-    /// few parts in a thousand.
+    /// The volume of a watertight mesh, by the divergence theorem, is compared with the closed form. Flat facets make it smaller
+    /// by a few thousandths.
     #[test]
-    fn volumes_are_those_of_the_formulas() {
+    fn volumes_agree_with_closed_forms() {
         use std::f64::consts::PI;
-        let truth = |kind: &str| match kind {
+        let closed_form = |kind: &str| match kind {
             "box" => 1.0 * 2.0 * 1.0,
             "sphere" => PI / 6.0 * 2.0,
             "cylinder" => PI * 0.25 * 2.0,
@@ -303,11 +309,12 @@ mod tests {
             p.indices.chunks(3).map(|t| vertex(t[0]).dot(vertex(t[1]).cross(vertex(t[2]))) / 6.0).sum()
         };
         for kind in ["box", "sphere", "cylinder", "cone", "capsule"] {
-            let got = volume(&solid(kind, Vec3::new(1.0, 2.0, 1.0)));
-            assert!((got / truth(kind) - 1.0).abs() < 0.012, "{kind}: {got} for {}", truth(kind));
+            let got = volume(&shape_mesh(kind, Vec3::new(1.0, 2.0, 1.0)));
+            let expected = closed_form(kind);
+            assert!((got / expected - 1.0).abs() < 0.012, "{kind}: {got} for {expected}");
         }
         // Pappus: 2 π R · π r², with R = 0.4 and r = 0.1.
-        let torus = volume(&solid("torus", Vec3::new(1.0, 0.2, 1.0)));
+        let torus = volume(&shape_mesh("torus", Vec3::new(1.0, 0.2, 1.0)));
         assert!((torus / (2.0 * PI * 0.4 * PI * 0.01) - 1.0).abs() < 0.02, "{torus}");
     }
 }

@@ -5,25 +5,26 @@ use crate::legs;
 use choreo_motion::Time;
 use choreo_stage::{Actor, Constraint, ConstraintKind, FootLock, Property, StandingFade};
 
-/// A crossfade with phase matching.
+/// A crossfade of two cues with matched phases.
 pub(super) struct PhaseMatchedCues {
     pub actor: usize,
+    /// Start and end of the crossfade.
     pub span: (Time, Time),
     /// Whether root motion moves the actor.
-    pub carried: bool,
+    pub has_root_motion: bool,
 }
 
 /// Locks the feet of moving actors during phase-matched crossfades. The strides of the two clips differ in length, so the feet of
 /// the blend would slide.
 pub(super) fn lock_feet_in_phase_matched_fades(build: &mut StageDraft, matched: Vec<PhaseMatchedCues>) {
-    for PhaseMatchedCues { actor, span, carried } in matched {
+    for PhaseMatchedCues { actor, span, has_root_motion } in matched {
         let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
-        let is_carried_or_moved = carried || is_moved(actor);
+        let is_moving = has_root_motion || is_moved_by_channel_or_path(actor);
         let foot_lock = foot_locks(actor).next().map(|lock| &mut lock.only);
         match foot_lock {
             // The script or an earlier fade has made a foot lock.
             Some(only) => only.extend((!only.is_empty()).then_some(span)),
-            None if is_carried_or_moved => lock_feet(actor, vec![span], Vec::new()),
+            None if is_moving => lock_feet(actor, vec![span], Vec::new()),
             None => {}
         }
     }
@@ -32,18 +33,18 @@ pub(super) fn lock_feet_in_phase_matched_fades(build: &mut StageDraft, matched: 
 /// Locks the feet of moving characters during fades between walking and standing, so that they step instead of sliding.
 pub(super) fn lock_feet_in_standing_fades(build: &mut StageDraft, standing_fades: Vec<Vec<StandingFade>>) {
     for (ActorDraft { actor, walks, .. }, mut fades) in build.actors.iter_mut().zip(standing_fades) {
-        // A walk of `walk_to` begins with a turn and may end with one, so the fade includes the turn.
+        // A walk of `walk_to` begins with a turn and may end with a turn; the fades then include the turns.
         for walk in walks.iter() {
             for fade in &mut fades {
                 match fade.ends_standing {
-                    false if fade.to == walk.walks => fade.from = walk.from,
-                    true if fade.to == walk.until => fade.to = walk.turned,
+                    false if fade.to == walk.full_speed_from => fade.from = walk.from,
+                    true if fade.to == walk.until => fade.to = walk.turned_until,
                     _ => {}
                 }
             }
         }
-        let walked = walks.iter().map(|walk| (walk.from, walk.turned));
-        let spans: Vec<(Time, Time)> = fades.iter().map(|f| (f.from, f.to)).chain(walked).collect();
+        let walk_spans = walks.iter().map(|walk| (walk.from, walk.turned_until));
+        let spans: Vec<(Time, Time)> = fades.iter().map(|f| (f.from, f.to)).chain(walk_spans).collect();
         if spans.is_empty() {
             continue;
         }
@@ -60,13 +61,13 @@ pub(super) fn lock_feet_in_standing_fades(build: &mut StageDraft, standing_fades
 }
 
 fn foot_locks(actor: &mut Actor) -> impl Iterator<Item = &mut FootLock> {
-    actor.constraints.iter_mut().filter_map(|goal| match &mut goal.kind {
+    actor.constraints.iter_mut().filter_map(|constraint| match &mut constraint.kind {
         ConstraintKind::FootLock(lock) => Some(lock),
         _ => None,
     })
 }
 
-/// Locks the feet of an actor, if it has legs.
+/// Adds a foot lock to an actor that has legs. `only`: the spans in which it is active; empty: always.
 fn lock_feet(actor: &mut Actor, only: Vec<(Time, Time)>, standing_fades: Vec<StandingFade>) {
     let legs = legs::legs(&actor.asset);
     if !legs.is_empty() {
@@ -77,6 +78,6 @@ fn lock_feet(actor: &mut Actor, only: Vec<(Time, Time)>, standing_fades: Vec<Sta
 }
 
 /// Whether keyframes or a path move an actor.
-pub(super) fn is_moved(actor: &Actor) -> bool {
+pub(super) fn is_moved_by_channel_or_path(actor: &Actor) -> bool {
     actor.path_following.is_some() || actor.channels.iter().any(|c| c.property == Property::Translation)
 }

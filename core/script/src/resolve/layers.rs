@@ -1,29 +1,29 @@
 //! Resolves cues to layers: times, phase matching and order.
 
 use super::Notes;
-use super::foot_locking::{PhaseMatchedCues, is_moved};
+use super::foot_locking::{PhaseMatchedCues, is_moved_by_channel_or_path};
 use crate::api_error::{ApiError, Place};
-use crate::build::{ActorDraft, CueDraft, RootUse, StageDraft};
-use crate::clip_analysis::{AnalyzedClips, in_step, root, standing_fades};
-use crate::cue_times::all_times;
+use crate::build::{ActorDraft, CueDraft, RootMotionUse, StageDraft};
+use crate::clip_analysis::{ClipAnalyses, phase_matched_fade, root_motion, standing_fades};
+use crate::cue_times::times_of_cues;
 use crate::diagnostic::Severity;
 use choreo_motion::{Clip, Time};
 use choreo_stage::{Cue, CueRootMotion, Layer, LayerMode, Pace, Reference, Repeat, StandingFade};
 use std::sync::Arc;
 
-/// Speed in metres per second (or distance in metres) up to which a clip does not move the actor.
-const STANDING: f64 = 0.01;
+/// Speed in metres per second, and distance in metres, up to which a clip counts as standing still.
+const STANDING_TOLERANCE: f64 = 0.01;
 
 /// Warns about root motion or path following of an actor whose clips all stand still, which is probably not intended.
-fn warn_of_missing_root_motion(build: &StageDraft, made: &[Option<Cue>], notes: &mut Notes) {
+fn warn_about_still_clips(build: &StageDraft, made: &[Option<Cue>], notes: &mut Notes) {
     for (index, actor) in build.actors.iter().enumerate() {
-        let paced = actor
+        let has_pace_of_clips = actor
             .actor
             .path_following
             .as_ref()
             .is_some_and(|path_following| path_following.pace == Pace::FromRootMotion);
-        let carried = actor.root.is_some_and(|root| root.used == RootUse::Carries);
-        if !paced && !carried {
+        let has_root_motion = actor.root.is_some_and(|root| root.used == RootMotionUse::MovesActor);
+        if !has_pace_of_clips && !has_root_motion {
             continue;
         }
         let own = build.cues.iter().zip(made).filter(|(draft, _)| build.chains[draft.chain].actor == index);
@@ -32,13 +32,13 @@ fn warn_of_missing_root_motion(build: &StageDraft, made: &[Option<Cue>], notes: 
             let turns =
                 root.motion.frame(root.motion.trim.1).yaw != root.motion.frame(root.motion.trim.0).yaw;
             let reach = root.motion.frame(root.motion.trim.1).translation.length();
-            turns || reach > STANDING || root.motion.velocity().length() > STANDING
+            turns || reach > STANDING_TOLERANCE || root.motion.velocity().length() > STANDING_TOLERANCE
         };
         if roots.into_iter().any(moves) {
             continue;
         }
         let name = &actor.actor.name;
-        let error = if paced {
+        let error = if has_pace_of_clips {
             ApiError::new(format!("\"{name}\" stays at the start of its path: no clip that it plays walks"))
                 .hint("give a speed, path(points, #{ speed: 1.2 })")
         } else {
@@ -49,101 +49,106 @@ fn warn_of_missing_root_motion(build: &StageDraft, made: &[Option<Cue>], notes: 
 }
 
 /// Smallest rank of layers with a priority.
-const PRIORITIES: u32 = 1 << 30;
+const FIRST_PRIORITY_RANK: u32 = 1 << 30;
 
-/// The layers that the cues are resolved to.
-pub(super) struct Layers {
+/// The layers of all actors, and what is needed to resolve the rest of the stage.
+pub(super) struct ResolvedLayers {
     /// Layers of each actor.
     pub layers: Vec<Vec<Layer>>,
     /// Place of each cue in the script, by actor and layer.
     pub places: Vec<Vec<Vec<Place>>>,
-    pub in_step: Vec<PhaseMatchedCues>,
+    pub phase_matched_cues: Vec<PhaseMatchedCues>,
     /// Fades between walking and standing of each actor; empty for an actor that stays in place.
     pub standing_fades: Vec<Vec<StandingFade>>,
 }
 
 /// The layers of every actor: the base layer first, then the other layers by rank.
-pub(super) fn layers(build: &StageDraft, notes: &mut Notes) -> Layers {
-    let times = all_times(build);
-    let (layers, slots) = empty_layers(build);
-    // A cue without a start time of its own ends the cue before it.
-    let mut taken_over: Vec<Option<Time>> = vec![None; build.cues.len()];
+pub(super) fn resolve_layers(build: &StageDraft, notes: &mut Notes) -> ResolvedLayers {
+    let times = times_of_cues(build);
+    let (layers, layer_of_chain) = empty_layers(build);
+    // A cue without a start time of its own starts at the end of the preceding cue and ends it.
+    let mut successor_start: Vec<Option<Time>> = vec![None; build.cues.len()];
     for (id, draft) in build.cues.iter().enumerate() {
-        if let (Some(before), None) = (draft.after, draft.start) {
-            taken_over[before] = Some(times[id].0);
+        if let (Some(before), None) = (draft.predecessor, draft.start) {
+            successor_start[before] = Some(times[id].0);
         }
     }
     let mut made: Vec<Option<Cue>> = Vec::with_capacity(build.cues.len());
-    let mut found = AnalyzedClips::default();
+    let mut analyses = ClipAnalyses::default();
     let mut matched = Vec::new();
     for (id, draft) in build.cues.iter().enumerate() {
-        let cue = resolve_cue(build, draft, times[id], taken_over[id], &mut found, notes);
+        let cue = resolve_cue(build, draft, times[id], successor_start[id], &mut analyses, notes);
         made.push(cue);
         if made[id].is_some() && draft.in_step {
-            matched.extend(match_phases(build, id, &mut made, &mut found, notes));
+            matched.extend(match_phases(build, id, &mut made, &mut analyses, notes));
         }
     }
-    warn_of_missing_root_motion(build, &made, notes);
-    // Each cue is stored with its place in the script.
+    warn_about_still_clips(build, &made, notes);
+    // Each cue keeps its place in the script.
     let mut placed_layers: Vec<Vec<PlacedLayer>> = Vec::with_capacity(layers.len());
     for actor_layers in layers {
         placed_layers.push(actor_layers.into_iter().map(|layer| (layer, Vec::new())).collect());
     }
     for (draft, cue) in build.cues.iter().zip(made) {
         let chain = &build.chains[draft.chain];
-        placed_layers[chain.actor][slots[draft.chain]].1.extend(cue.map(|cue| (cue, draft.at.clone())));
+        let cues = &mut placed_layers[chain.actor][layer_of_chain[draft.chain]].1;
+        cues.extend(cue.map(|cue| (cue, draft.at.clone())));
     }
     for (placed_layers, draft) in placed_layers.iter_mut().zip(&build.actors) {
-        placed_layers.extend(keyed_joints(draft));
+        placed_layers.extend(joint_key_layer(draft));
     }
     let (layers, places): (Vec<Vec<Layer>>, _) = placed_layers.into_iter().map(sort_layers).unzip();
     let fades_of = |(draft, layers): (&ActorDraft, &Vec<Layer>)| {
         let cues = layers.first().map_or(&[][..], |base| &base.cues);
-        let carried = cues.iter().any(|cue| cue.root.as_ref().is_some_and(|root| root.carries));
-        let is_carried_or_moved = carried || is_moved(&draft.actor);
-        if is_carried_or_moved { standing_fades(&draft.actor.asset, cues, &mut found) } else { Vec::new() }
+        let has_root_motion = cues.iter().any(|cue| cue.root.as_ref().is_some_and(|root| root.carries));
+        let is_moving = has_root_motion || is_moved_by_channel_or_path(&draft.actor);
+        if is_moving { standing_fades(&draft.actor.asset, cues, &mut analyses) } else { Vec::new() }
     };
     let standing_fades = build.actors.iter().zip(&layers).map(fades_of).collect();
-    Layers { layers, places, in_step: matched, standing_fades }
+    ResolvedLayers { layers, places, phase_matched_cues: matched, standing_fades }
 }
 
 /// The layers of every actor, without cues yet, and the index of each chain's layer within its actor.
 fn empty_layers(build: &StageDraft) -> (Vec<Vec<Layer>>, Vec<usize>) {
     let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
-    let mut slots = Vec::with_capacity(build.chains.len());
+    let mut layer_of_chain = Vec::with_capacity(build.chains.len());
     for chain in &build.chains {
         let actor_layers = &mut layers[chain.actor];
         if !chain.is_layer() {
-            slots.push(0);
+            layer_of_chain.push(0);
             continue;
         }
-        // Layers are sorted by rank later. Without a priority each lies over those before it; consecutive additive layers have
-        // the same rank.
-        let last = actor_layers.iter().rfind(|layer| layer.rank < PRIORITIES);
-        let additive = |mode: LayerMode| mode != LayerMode::Override;
-        let joins = last.is_some_and(|last| additive(last.mode) && additive(chain.mode));
-        let next = last.map_or(0, |last| if joins { last.rank } else { last.rank + 1 });
-        let rank = chain.priority.map_or(next.min(PRIORITIES - 1), |priority| PRIORITIES + priority);
+        // Layers are sorted by rank later. A layer without a priority lies over the layers before it; consecutive additive layers
+        // have the same rank.
+        let last = actor_layers.iter().rfind(|layer| layer.rank < FIRST_PRIORITY_RANK);
+        let is_additive = |mode: LayerMode| mode != LayerMode::Override;
+        let has_rank_of_last = last.is_some_and(|last| is_additive(last.mode) && is_additive(chain.mode));
+        let next = last.map_or(0, |last| if has_rank_of_last { last.rank } else { last.rank + 1 });
+        let rank = chain
+            .priority
+            .map_or(next.min(FIRST_PRIORITY_RANK - 1), |priority| FIRST_PRIORITY_RANK + priority);
         let mask = chain.mask.clone().map(Arc::new);
         let weight_keys = chain.weight_keys.clone();
         actor_layers.push(Layer { mask, mode: chain.mode, rank, weight_keys, cues: Vec::new() });
-        slots.push(actor_layers.len() - 1);
+        layer_of_chain.push(actor_layers.len() - 1);
     }
-    (layers, slots)
+    (layers, layer_of_chain)
 }
 
-fn refuse(draft: &CueDraft, what: &str, notes: &mut Notes) {
+/// Adds an error about the clip of a cue.
+fn add_clip_error(draft: &CueDraft, what: &str, notes: &mut Notes) {
     let error = ApiError::new(format!("clip \"{}\": {what}", draft.cue.clip.name));
     notes.push((Severity::Error, draft.at.clone(), error));
 }
 
-/// The cue of the stage for a draft. `None` after an error, which is noted.
+/// The cue of the stage for a draft. `None` after an error, which is added to `notes`. `successor_start`: start of the next cue
+/// in the chain, if that cue ends this one.
 fn resolve_cue(
     build: &StageDraft,
     draft: &CueDraft,
     (start, end): (Time, Option<Time>),
-    taken_over: Option<Time>,
-    found: &mut AnalyzedClips,
+    successor_start: Option<Time>,
+    analyses: &mut ClipAnalyses,
     notes: &mut Notes,
 ) -> Option<Cue> {
     if let Some(until) = draft.until.filter(|until| *until <= start) {
@@ -157,37 +162,38 @@ fn resolve_cue(
         return None;
     }
     let layer = build.chains[draft.chain].is_layer();
-    // A clip played once has no end on the base layer, which then holds the last pose.
-    let natural = (layer || draft.until.is_some()) && !draft.hold;
-    let ends = if draft.hold { draft.until } else { end.filter(|_| natural) };
+    // A cue on the base layer whose clip plays once has no end: it holds the last pose.
+    let has_end = (layer || draft.until.is_some()) && !draft.holds_last_pose;
+    let own_end = if draft.holds_last_pose { draft.until } else { end.filter(|_| has_end) };
     let cue = Cue {
-        end: taken_over.or(ends),
+        end: successor_start.or(own_end),
         fade_out: draft.fade_out.unwrap_or(if layer { draft.cue.fade_in } else { Time::ZERO }),
-        repeat: draft.repeats(layer),
-        root: if layer { None } else { root(build, draft, found) },
+        repeat: draft.repeat_mode(layer),
+        root: if layer { None } else { root_motion(build, draft, analyses) },
         ..draft.cue(start)
     };
     if layer && cue.inertialization > Time::ZERO {
-        refuse(draft, "inertial is for clips that are not a layer", notes);
+        add_clip_error(draft, "inertial is for clips that are not a layer", notes);
     }
     if layer && draft.root.is_some() {
-        refuse(draft, "root motion is for clips that are not a layer", notes);
+        add_clip_error(draft, "root motion is for clips that are not a layer", notes);
     }
     if cue.inertialization > Time::ZERO && (draft.cue.fade_in > Time::ZERO || draft.in_step) {
-        refuse(draft, "inertial starts at full weight; it cannot be used with a fade", notes);
+        add_clip_error(draft, "inertial starts at full weight; it cannot be used with a fade", notes);
     }
     if layer && draft.in_step {
-        refuse(draft, "in_step is for clips that are not a layer", notes);
+        add_clip_error(draft, "in_step is for clips that are not a layer", notes);
     }
     Some(cue)
 }
 
-/// Matches the phases of a cue on the base layer and the cue before it. `None` if that is not possible, which is noted.
+/// Matches the phases of a cue on the base layer and the cue before it. `None` if that is not possible; then a message is added to
+/// `notes`.
 fn match_phases(
     build: &StageDraft,
     id: usize,
     made: &mut [Option<Cue>],
-    found: &mut AnalyzedClips,
+    analyses: &mut ClipAnalyses,
     notes: &mut Notes,
 ) -> Option<PhaseMatchedCues> {
     let draft = &build.cues[id];
@@ -196,20 +202,20 @@ fn match_phases(
         return None;
     }
     let (earlier, [cue, ..]) = made.split_at_mut(id) else { return None };
-    let Some((before, from)) = draft.after.and_then(|before| Some((before, earlier[before].as_mut()?)))
+    let Some((before, from)) = draft.predecessor.and_then(|before| Some((before, earlier[before].as_mut()?)))
     else {
-        refuse(draft, "in_step keeps step with the clip before; use it with .then", notes);
+        add_clip_error(draft, "in_step keeps step with the clip before; use it with .then", notes);
         return None;
     };
     let cue = cue.as_mut()?;
-    match in_step(build, [before, id], [from, cue], found) {
+    match phase_matched_fade(build, [before, id], [from, cue], analyses) {
         Ok(fade) => {
             let fade = Arc::new(fade);
-            let carried = [&*from, &*cue].iter().any(|c| c.root.as_ref().is_some_and(|r| r.carries));
+            let has_root_motion = [&*from, &*cue].iter().any(|c| c.root.as_ref().is_some_and(|r| r.carries));
             let span = (fade.start(), fade.end());
             cue.in_step[0] = Some(fade.clone());
             from.in_step[1] = Some(fade);
-            Some(PhaseMatchedCues { actor: chain.actor, span, carried })
+            Some(PhaseMatchedCues { actor: chain.actor, span, has_root_motion })
         }
         Err(why) => {
             let text = format!("clip \"{}\" cannot keep step: {}", draft.cue.clip.name, why.message);
@@ -222,8 +228,8 @@ fn match_phases(
 /// A layer, and its cues with their places.
 type PlacedLayer = (Layer, Vec<(Cue, Place)>);
 
-/// The keyframes of joints as a clip on an additive layer.
-fn keyed_joints(draft: &ActorDraft) -> Option<PlacedLayer> {
+/// An additive layer with the keyframes of joints as a clip, if the actor has any.
+fn joint_key_layer(draft: &ActorDraft) -> Option<PlacedLayer> {
     let (_, at) = draft.joint_keys.first()?;
     let curves = draft.joint_keys.iter().map(|(curve, _)| curve.clone()).collect();
     let clip = Clip::new("keys".into(), draft.actor.asset.skeleton.len(), curves).ok()?;
@@ -232,7 +238,7 @@ fn keyed_joints(draft: &ActorDraft) -> Option<PlacedLayer> {
     Some((Layer { mode, rank: u32::MAX, ..Layer::default() }, vec![(cue, at.clone())]))
 }
 
-/// An actor's layers sorted by rank with their cues by start time, and the places of the cues.
+/// An actor's layers sorted by rank, each with its cues sorted by start time, and the places of the cues.
 fn sort_layers(placed_layers: Vec<PlacedLayer>) -> (Vec<Layer>, Vec<Vec<Place>>) {
     let sorted = |(mut layer, mut cues): PlacedLayer| {
         cues.sort_by_key(|(cue, _)| cue.start);
@@ -243,8 +249,8 @@ fn sort_layers(placed_layers: Vec<PlacedLayer>) -> (Vec<Layer>, Vec<Vec<Place>>)
     let mut all: Vec<(Layer, Vec<Place>)> = placed_layers.into_iter().map(sorted).collect();
     // Layers of equal rank are sorted by content, so that not even rounding depends on the order in the script.
     all[1..].sort_by_cached_key(|(layer, _)| {
-        let alone = layer.rank < PRIORITIES && layer.mode == LayerMode::Override;
-        (layer.rank, if alone { [0; 32] } else { layer.content_hash() })
+        let has_unique_rank = layer.rank < FIRST_PRIORITY_RANK && layer.mode == LayerMode::Override;
+        (layer.rank, if has_unique_rank { [0; 32] } else { layer.content_hash() })
     });
     if all.len() == 1 && all[0].0.cues.is_empty() {
         all.clear();

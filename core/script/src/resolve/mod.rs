@@ -1,13 +1,13 @@
-//! Resolves the drafts of a script to a stage: computes times, positions and references, and finds mistakes that no single call
-//! shows.
+//! Resolves the drafts of a script to a stage: computes times, positions and references, and finds mistakes that only several
+//! calls together show.
 
 mod foot_locking;
 mod layers;
 
 use self::foot_locking::{lock_feet_in_phase_matched_fades, lock_feet_in_standing_fades};
-use self::layers::{Layers, layers};
+use self::layers::{ResolvedLayers, resolve_layers};
 use crate::api_error::{ApiError, Place};
-use crate::build::{ActorDraft, CameraDraft, HookDraft, ParentDraft, ScriptContext, StageDraft};
+use crate::build::{ActorDraft, CameraDraft, FrameCallbackDraft, ParentDraft, ScriptContext, StageDraft};
 use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::hidden_parts::HiddenParts;
@@ -20,12 +20,12 @@ use glam::{DQuat, DVec3, Vec3};
 use rhai::Engine;
 use std::sync::{Arc, PoisonError};
 
-/// Messages with their places.
+/// Messages with their places, which are added to the diagnostics when the stage is resolved.
 type Notes = Vec<(Severity, Place, ApiError)>;
 
-/// Moves the drafts out of the build into a stage, with the places of the calls. Errors are noted among the build's diagnostics.
+/// Moves the drafts into a stage and returns it with the places of the calls. Errors are added to the diagnostics.
 ///
-/// `identity`: hash that identifies the script of a callback, with its parameters and files.
+/// `identity`: returns the hash that identifies the script of a callback, with its parameters and files.
 pub fn resolve(
     shared: &Arc<ScriptContext>,
     engine: &Arc<Engine>,
@@ -34,72 +34,77 @@ pub fn resolve(
     let mut stage = Stage::default();
     let mut places = Places::default();
     let mut notes = Notes::new();
-    let hooks;
+    let frame_callbacks;
     shared.wait_for_loads();
     {
         let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         stage.settings = build.settings.clone();
         stage.sky = build.sky.take();
         stage.layers_2d = std::mem::take(&mut build.layers_2d);
-        if stage.sky.is_some() && !build.ambient_given {
+        if stage.sky.is_some() && !build.sets_ambient {
             (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
         }
-        let by_files = stage.sky.is_none() && !build.ambient_given;
-        crate::check::before(&build, &mut notes);
+        let uses_ambient_of_files = stage.sky.is_none() && !build.sets_ambient;
+        crate::check::check_drafts(&build, &mut notes);
         places.script_findings = crate::lint::script_findings(&build);
         let clips_only = build.loads.iter().filter(|l| l.clips_only);
         places.clips_only = clips_only.map(|l| (l.load.name.clone(), l.load.at.clone())).collect();
         places.settings = build.settings_at.clone().unwrap_or_default();
         places.actors = build.actors.iter().map(|a| a.at.clone()).collect();
-        places.looks = build.actors.iter_mut().map(|a| std::mem::take(&mut a.looks)).collect();
-        places.constraints = build.actors.iter_mut().map(|a| std::mem::take(&mut a.constraints)).collect();
+        places.looks = build.actors.iter_mut().map(|a| std::mem::take(&mut a.look_at_places)).collect();
+        places.constraints =
+            build.actors.iter_mut().map(|a| std::mem::take(&mut a.constraint_places)).collect();
         places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
         places.lights = std::mem::take(&mut build.light_places);
         places.sky = build.sky_at.take();
         places.ambient = build.ambient_at.take();
         places.effects = std::mem::take(&mut build.effect_places);
         places.layers_2d = std::mem::take(&mut build.layer_2d_places);
-        let Layers { layers, places: cue_places, in_step, standing_fades } = layers(&build, &mut notes);
+        let ResolvedLayers { layers, places: cue_places, phase_matched_cues, standing_fades } =
+            resolve_layers(&build, &mut notes);
         places.cues = cue_places;
         stage.markers = std::mem::take(&mut build.markers);
         places.clip_markers = clip_markers(&build, &layers);
-        lock_feet_in_phase_matched_fades(&mut build, in_step);
+        lock_feet_in_phase_matched_fades(&mut build, phase_matched_cues);
         lock_feet_in_standing_fades(&mut build, standing_fades);
-        if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
+        if let Some((place, error)) = crate::totals::error_of_totals(&build, &shared.limits) {
             notes.push((Severity::Error, place, error));
         }
         let mut hidden_parts = HiddenParts::default();
         let actors = std::mem::take(&mut build.actors).into_iter().zip(layers);
-        stage.actors = actors.map(|(draft, layers)| actor(draft, layers, &mut hidden_parts)).collect();
-        if by_files {
+        stage.actors =
+            actors.map(|(draft, layers)| resolve_actor(draft, layers, &mut hidden_parts)).collect();
+        if uses_ambient_of_files {
             stage.use_ambient_light_of_files();
         }
-        stage.cameras =
-            std::mem::take(&mut build.cameras).into_iter().map(|draft| camera(draft, &mut notes)).collect();
+        stage.cameras = std::mem::take(&mut build.cameras)
+            .into_iter()
+            .map(|draft| resolve_camera(draft, &mut notes))
+            .collect();
         let mut cuts = std::mem::take(&mut build.cuts);
         cuts.sort_by_key(|(cut, _)| cut.at);
         (stage.cuts, places.cuts) = cuts.into_iter().unzip();
         stage.lights = std::mem::take(&mut build.lights);
         stage.effects = std::mem::take(&mut build.effects);
-        hooks = std::mem::take(&mut build.hooks);
-        places.callbacks = hooks.iter().map(|hook| hook.at.clone()).collect();
-        build.bound.clear();
+        frame_callbacks = std::mem::take(&mut build.frame_callbacks);
+        places.callbacks = frame_callbacks.iter().map(|callback| callback.at.clone()).collect();
+        build.bound_clips.clear();
         build.shapes.clear();
         build.loads.clear();
         build.cues.clear();
         build.chains.clear();
     }
     for (severity, place, error) in notes {
-        shared.note(severity, &place, &error);
+        shared.add_diagnostic(severity, &place, &error);
     }
-    add_hooks(&mut stage, hooks, shared, engine, identity);
-    note_stage_errors(shared, &stage, &places);
+    add_frame_callbacks(&mut stage, frame_callbacks, shared, engine, identity);
+    add_stage_errors(shared, &stage, &places);
     places.sources = Arc::new(shared.sources.lock().unwrap_or_else(PoisonError::into_inner).clone());
     (stage, places)
 }
 
-/// Notes errors of the stage as a whole, if its script has none.
-fn note_stage_errors(shared: &ScriptContext, stage: &Stage, places: &Places) {
+/// Adds errors of the stage as a whole to the diagnostics, if these contain no error.
+fn add_stage_errors(shared: &ScriptContext, stage: &Stage, places: &Places) {
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     if build.has_errors() {
         return;
@@ -113,12 +118,15 @@ fn note_stage_errors(shared: &ScriptContext, stage: &Stage, places: &Places) {
             }
             _ => Diagnostic::error(problem.to_string()),
         };
-        build.note(diagnostic);
+        build.add_diagnostic(diagnostic);
     }
 }
 
-/// The resolved stage of a test, and its errors as a whole.
-pub(crate) fn finish_stage(shared: &Arc<ScriptContext>, engine: &Arc<Engine>) -> (Stage, Vec<Diagnostic>) {
+/// The resolved stage of a test, and the errors of the stage as a whole.
+pub(crate) fn resolve_test_stage(
+    shared: &Arc<ScriptContext>,
+    engine: &Arc<Engine>,
+) -> (Stage, Vec<Diagnostic>) {
     // The identity of a callback is the hash of the text that contains it.
     let identity = |place: &Place| {
         let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
@@ -126,26 +134,26 @@ pub(crate) fn finish_stage(shared: &Arc<ScriptContext>, engine: &Arc<Engine>) ->
         hex(blake3::hash(text.as_bytes()).as_bytes())
     };
     let (stage, _) = resolve(shared, engine, &identity);
-    let broken = stage.check().iter().map(|problem| Diagnostic::error(problem.to_string())).collect();
-    (stage, broken)
+    let errors = stage.check().iter().map(|problem| Diagnostic::error(problem.to_string())).collect();
+    (stage, errors)
 }
 
-/// Adds the callbacks to the stage. Each runs once at time 0, so that mistakes are found now, not in the middle of a render.
-fn add_hooks(
+/// Adds the callbacks to the stage. Each runs once at time 0, so that mistakes are found before rendering.
+fn add_frame_callbacks(
     stage: &mut Stage,
-    hooks: Vec<HookDraft>,
+    callbacks: Vec<FrameCallbackDraft>,
     shared: &Arc<ScriptContext>,
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,
 ) {
-    let all = hooks.len();
-    for draft in hooks {
+    let count = callbacks.len();
+    for draft in callbacks {
         let identity = identity(&draft.at);
-        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity, all);
-        if let Err(diagnostic) = hook.try_at(Time::ZERO)
+        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity, count);
+        if let Err(diagnostic) = hook.check_at(Time::ZERO)
             && !crate::errors::is_follow_up(&diagnostic.message)
         {
-            shared.build.lock().unwrap_or_else(PoisonError::into_inner).note(diagnostic);
+            shared.build.lock().unwrap_or_else(PoisonError::into_inner).add_diagnostic(diagnostic);
         }
         stage.hooks.push(Arc::new(hook));
     }
@@ -161,7 +169,7 @@ fn clip_markers(build: &StageDraft, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
         if all.iter().any(|known| Arc::ptr_eq(&known.clip, &cue.clip)) {
             continue;
         }
-        let markers = build.notes_of(&cue.clip).map(|notes| notes.markers.clone()).unwrap_or_default();
+        let markers = build.clip_notes_of(&cue.clip).map(|notes| notes.markers.clone()).unwrap_or_default();
         if !markers.is_empty() {
             all.push(ClipMarkers { clip: cue.clip.clone(), markers });
         }
@@ -169,23 +177,25 @@ fn clip_markers(build: &StageDraft, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
     all
 }
 
-fn actor(draft: ActorDraft, layers: Vec<Layer>, hidden_parts: &mut HiddenParts) -> Actor {
+/// The actor of the stage for a draft, with its layers.
+fn resolve_actor(draft: ActorDraft, layers: Vec<Layer>, hidden_parts: &mut HiddenParts) -> Actor {
     let mut actor = draft.actor;
     actor.asset = hidden_parts.copy_without(&actor.asset, draft.hidden_parts);
     actor.layers = layers;
-    actor.parents = parents(draft.parents);
+    actor.parents = resolve_parents(draft.parents);
     if let Some(point) = draft.face_point {
-        let d = point - actor.transform.translation;
-        if DVec3::new(d.x, 0.0, d.z).length() > 1e-9 {
-            let yaw = DQuat::from_rotation_y(libm::atan2(d.x, d.z) - actor.asset.front().yaw_rad());
+        let to_point = point - actor.transform.translation;
+        if DVec3::new(to_point.x, 0.0, to_point.z).length() > 1e-9 {
+            let yaw_rad = libm::atan2(to_point.x, to_point.z) - actor.asset.front().yaw_rad();
+            let yaw = DQuat::from_rotation_y(yaw_rad);
             actor.transform.rotation = (yaw * actor.transform.rotation).normalize();
         }
     }
     actor
 }
 
-/// Parents sorted by start time. After a parent that ends before the next one starts, the actor has none.
-fn parents(mut drafts: Vec<ParentDraft>) -> Vec<Parenting> {
+/// Parents sorted by start time. Between the end of a parent and the start of the next one, the actor has no parent.
+fn resolve_parents(mut drafts: Vec<ParentDraft>) -> Vec<Parenting> {
     drafts.sort_by_key(|draft| draft.parent.start);
     let mut parents = Vec::with_capacity(drafts.len());
     for (index, draft) in drafts.iter().enumerate() {
@@ -200,9 +210,9 @@ fn parents(mut drafts: Vec<ParentDraft>) -> Vec<Parenting> {
     parents
 }
 
-/// Look-at targets of a camera, sorted by start time. After a target that ends before the next one starts, the camera looks where
-/// its rig points.
-fn looks(mut drafts: Vec<(CameraLook, Option<Time>)>) -> Vec<CameraLook> {
+/// Look-at targets of a camera, sorted by start time. Between the end of a target and the start of the next one, the camera
+/// looks where its rig points.
+fn resolve_looks(mut drafts: Vec<(CameraLook, Option<Time>)>) -> Vec<CameraLook> {
     drafts.sort_by_key(|(look, _)| look.start);
     let mut looks = Vec::with_capacity(drafts.len());
     for (index, (look, until)) in drafts.iter().enumerate() {
@@ -217,7 +227,8 @@ fn looks(mut drafts: Vec<(CameraLook, Option<Time>)>) -> Vec<CameraLook> {
 /// Default near plane of a camera, metres.
 const NEAR: f32 = 0.05;
 
-fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
+/// The camera of the stage for a draft: its projection and rig.
+fn resolve_camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
     let near = draft.near.unwrap_or(NEAR);
     let projection = match draft.ortho {
         Some(height) => {
@@ -233,34 +244,36 @@ fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
     };
     let lens_is_set = draft.perspective.is_some() || draft.ortho.is_some();
     let mut camera = Camera { projection, near_is_set: draft.near.is_some(), lens_is_set, ..draft.camera };
-    camera.looks = looks(draft.looks);
-    let placed = draft.position.is_some() || draft.look_at.is_some() || draft.rotation != DQuat::IDENTITY;
-    let rigged = draft.rig.is_some();
-    let fixed = placed || !camera.looks.is_empty() || !camera.channels.iter().all(|c| c.property.is_lens());
-    camera.rig = draft.rig.unwrap_or(if fixed {
-        // Default position: that of a person who looks at another.
+    camera.looks = resolve_looks(draft.looks);
+    let has_placement =
+        draft.position.is_some() || draft.look_at.is_some() || draft.rotation != DQuat::IDENTITY;
+    let has_rig = draft.rig.is_some();
+    let has_motion_keys = !camera.channels.iter().all(|c| c.property.is_lens());
+    let is_fixed = has_placement || !camera.looks.is_empty() || has_motion_keys;
+    camera.rig = draft.rig.unwrap_or(if is_fixed {
+        // The default position is at eye height, 5 m in front of the origin.
         let position = draft.position.unwrap_or(DVec3::new(0.0, 1.6, 5.0));
         Rig::Fixed { position, rotation: draft.rotation, look_at: draft.look_at }
     } else {
         let [azimuth, elevation] = Rig::FRAME.map(|option| option.default.to_radians());
         Rig::Frame { azimuth, elevation }
     });
-    let mut note = |text: String| {
+    let mut add_error = |text: String| {
         let text = format!("camera \"{}\"{text}", camera.name);
         notes.push((Severity::Error, draft.at.clone(), ApiError::new(text)));
     };
     if let Some(far) = draft.far
         && far <= near
     {
-        note(format!(": far must be more than near, got {far} and {near}"));
+        add_error(format!(": far must be more than near, got {far} and {near}"));
     }
     for field in Camera::FIELDS {
-        let keyed = |property| camera.channels.iter().any(|c: &Channel| c.property == property);
-        let lacking = (field.lacks)(&camera).filter(|_| field.keyed.is_some_and(|(_, p)| keyed(p)));
-        lacking.into_iter().for_each(|why| note(format!(" {why}")));
+        let has_keys = |property| camera.channels.iter().any(|c: &Channel| c.property == property);
+        let missing = (field.lacks)(&camera).filter(|_| field.keyed.is_some_and(|(_, p)| has_keys(p)));
+        missing.into_iter().for_each(|why| add_error(format!(" {why}")));
     }
-    if rigged && placed {
-        note(" cannot both have a position and follow, orbit or frame".into());
+    if has_rig && has_placement {
+        add_error(" cannot both have a position and follow, orbit or frame".into());
     }
     camera
 }

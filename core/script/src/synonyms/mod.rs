@@ -1,4 +1,4 @@
-//! Synonyms: terms of the field and of other programs, and the calls that do the same here.
+//! Synonyms: terms of the field and of other programs, with the calls that do the same here.
 //!
 //! `topics.txt` is the table. Errors about unknown names take their suggestions from it, and `choreo help TERM` prints its entry.
 
@@ -15,8 +15,9 @@ pub(crate) const ALIASES: &[(&str, &str)] = &[
     ("stage: resolution", "stage: size"),
 ];
 
-/// Synonyms of effect parameters, options and allowed values, each with the name that it stands for in calls that have it.
-const PARAMETERS: &[(&str, &str)] = &[
+/// Synonyms of effect parameters, options and allowed values, with the names used here. A pair applies to calls that have the
+/// name.
+const PARAMETER_SYNONYMS: &[(&str, &str)] = &[
     ("cone", "outer"),
     ("coneangle", "outer"),
     ("spotangle", "outer"),
@@ -35,37 +36,38 @@ const PARAMETERS: &[(&str, &str)] = &[
 /// A topic: one paragraph of `topics.txt`.
 struct Topic {
     terms: Vec<&'static str>,
-    calls: Vec<Target>,
+    calls: Vec<CallText>,
     example: &'static str,
     note: Option<&'static str>,
 }
 
-/// The text of a `call:` line of `topics.txt`.
+/// A call that answers a topic: the text of a `call:` line of `topics.txt`.
 #[derive(Clone, Copy)]
-struct Target {
+struct CallText {
     text: &'static str,
 }
 
 static TOPICS: LazyLock<Vec<Topic>> = LazyLock::new(|| {
     let rows = include_str!("topics.txt").lines().filter(|line| !line.starts_with('#'));
     let rows: Vec<&str> = rows.collect();
-    rows.split(|line| line.is_empty()).filter(|rows| !rows.is_empty()).map(Topic::read).collect()
+    rows.split(|line| line.is_empty()).filter(|rows| !rows.is_empty()).map(Topic::from_rows).collect()
 });
 
 impl Topic {
-    fn read(rows: &[&'static str]) -> Topic {
+    /// The topic of a paragraph.
+    fn from_rows(rows: &[&'static str]) -> Topic {
         let all = |key| rows.iter().filter_map(move |row| row.split_once(": ").filter(|(k, _)| *k == key));
         Topic {
             terms: all("terms").flat_map(|(_, terms)| terms.split(", ")).collect(),
-            calls: all("call").map(|(_, text)| Target { text }).collect(),
+            calls: all("call").map(|(_, text)| CallText { text }).collect(),
             example: all("example").next().map_or("", |(_, text)| text),
             note: all("note").next().map(|(_, text)| text),
         }
     }
 }
 
-impl Target {
-    /// The text before `(` or `:`: `Actor.reach`, `effect`.
+impl CallText {
+    /// Full name of the function: `Actor.reach`, `effect`.
     fn name(self) -> &'static str {
         self.text.split(['(', ':']).next().unwrap_or(self.text)
     }
@@ -91,7 +93,7 @@ impl Target {
 }
 
 /// A term reduced to lower-case letters and digits, so that "look at", "look_at" and "lookAt" are equal.
-pub fn letters(term: &str) -> String {
+pub fn normalized_term(term: &str) -> String {
     let plain = |c: char| if c == 'é' { 'e' } else { c };
     term.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).map(plain).collect()
 }
@@ -103,14 +105,14 @@ fn words(text: &str) -> impl Iterator<Item = String> {
 }
 
 /// Whether a text has all words of a term, in any order. Only whole words count.
-pub fn is_in(term: &str, text: &str) -> bool {
+pub fn words_occur_in(term: &str, text: &str) -> bool {
     let all: Vec<String> = words(text).collect();
     let mut wanted = words(term).peekable();
     wanted.peek().is_some() && wanted.all(|word| all.contains(&word))
 }
 
-/// Whether a text has all words of a term, as [`is_in`], each in the singular or the plural.
-pub fn is_about(term: &str, text: &str) -> bool {
+/// Whether a text has all words of a term, as [`words_occur_in`], each in the singular or the plural.
+pub fn words_occur_in_singular_or_plural(term: &str, text: &str) -> bool {
     let all: Vec<String> = words(text).map(singular).collect();
     let mut wanted = words(term).map(singular).peekable();
     wanted.peek().is_some() && wanted.all(|word| all.contains(&word))
@@ -128,49 +130,52 @@ fn singular(word: String) -> String {
     }
 }
 
+/// The topic that has a term.
 fn topic(term: &str) -> Option<&'static Topic> {
-    let wanted = letters(term);
-    TOPICS.iter().find(|topic| topic.terms.iter().any(|known| letters(known) == wanted))
+    let wanted = normalized_term(term);
+    TOPICS.iter().find(|topic| topic.terms.iter().any(|known| normalized_term(known) == wanted))
 }
 
 /// The function or option to use in place of an unknown name.
 pub(crate) struct Suggestion {
-    /// The name as the message writes it: `reach` if the user wrote a method of an actor, `Actor.reach` otherwise.
+    /// The name for the message: `reach` if the unknown name was a method of an actor, else `Actor.reach`.
     pub name: String,
     /// The description with its page, or empty.
     pub hint: String,
 }
 
 /// The function or method to use in place of the unknown `name`, called on a value of this kind.
-pub(crate) fn of_function(defs: &Defs, name: &str, on: HandleKind) -> Option<Suggestion> {
+pub(crate) fn suggest_function(defs: &Defs, name: &str, on: HandleKind) -> Option<Suggestion> {
     let topic = topic(name)?;
-    let callable = |target: &Target| target.entry(defs).filter(|_| target.option().is_none());
-    let own = topic.calls.iter().find(|target| callable(target).is_some_and(|(_, def)| def.on == on));
-    let target = own.or(topic.calls.first())?;
-    let short = own.is_some() && target.value().is_none();
-    let name = if short { target.entry(defs)?.1.name } else { target.text };
+    let callable = |target: &CallText| target.entry(defs).filter(|_| target.option().is_none());
+    let on_same_type =
+        topic.calls.iter().find(|target| callable(target).is_some_and(|(_, def)| def.on == on));
+    let target = on_same_type.or(topic.calls.first())?;
+    let is_short = on_same_type.is_some() && target.value().is_none();
+    let name = if is_short { target.entry(defs)?.1.name } else { target.text };
     Some(Suggestion { name: name.to_string(), hint: topic.hint(*target, defs) })
 }
 
-/// The option to use in place of the unknown option `name` of a function, else the call that does the same.
-pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str]) -> Option<Suggestion> {
-    if let Some(name) = of_parameter(name, known) {
+/// The option to use in place of the unknown option `name` of a function, else the call that does the same. `known`: the options
+/// of the function.
+pub(crate) fn suggest_option(defs: &Defs, name: &str, function: &str, known: &[&str]) -> Option<Suggestion> {
+    if let Some(name) = suggest_parameter(name, known) {
         return Some(Suggestion { name: name.to_string(), hint: String::new() });
     }
     let topic = topic(name)?;
-    let of_this = |target: &&Target| target.entry(defs).is_some_and(|(_, def)| def.name == function);
+    let is_of_function = |target: &&CallText| target.entry(defs).is_some_and(|(_, def)| def.name == function);
     let options = || topic.calls.iter().filter(|target| target.option().is_some_and(|o| known.contains(&o)));
-    if let Some(target) = options().find(of_this) {
+    if let Some(target) = options().find(is_of_function) {
         let option = target.option().unwrap_or_default();
         return Some(Suggestion { name: option.to_string(), hint: topic.hint(*target, defs) });
     }
-    // If the suggested option of another call also exists here, its description here is used.
+    // The suggested option belongs to another call. If this call has an option of that name, its own description is used.
     if let Some((target, option)) = options().find_map(|target| Some((target, target.option()?))) {
         let own = option_hint(defs, function, option);
         let hint = own.unwrap_or_else(|| topic.hint(*target, defs));
         return Some(Suggestion { name: option.to_string(), hint });
     }
-    // No other call sets the parameters of an effect, so none is suggested.
+    // No other call sets parameters of effects, so none is suggested for `effect`.
     let target = *topic.calls.first().filter(|_| function != "effect")?;
     let name = match target.option() {
         Some(_) => Call::of(target, defs).usage,
@@ -188,30 +193,31 @@ fn option_hint(defs: &Defs, function: &str, option: &str) -> Option<String> {
     Some(format!("{usage}: {}. See {}", first_sentence(&about), page(title)))
 }
 
-/// The first sentence of a description, which says what the call does; options follow it.
+/// The first sentence of a description, without its full stop.
 fn first_sentence(about: &str) -> &str {
     about.split_once(". ").map_or(about, |(first, _)| first).trim_end_matches('.')
 }
 
 /// The parameter of an effect that replaces the unknown `name`: `f_number` for `aperture`.
-fn of_parameter<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
-    let spelled = letters(name);
-    let (_, meant) = PARAMETERS.iter().find(|(word, meant)| *word == spelled && known.contains(meant))?;
-    known.iter().copied().find(|known| known == meant)
+fn suggest_parameter<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    let spelled = normalized_term(name);
+    let (_, parameter) =
+        PARAMETER_SYNONYMS.iter().find(|(word, name)| *word == spelled && known.contains(name))?;
+    known.iter().copied().find(|known| known == parameter)
 }
 
 /// The known value that replaces the unknown text `given`: `bloom` for `glow`, `position` for `location`.
-pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub(crate) fn suggest_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let known: Vec<&str> = known.into_iter().collect();
     let is_value = |known: &&str| {
         topic(given).is_some_and(|topic| topic.calls.iter().any(|target| target.value() == Some(known)))
     };
-    // The terms of a topic are synonyms. If several known values are terms of one topic (a list of kinds such as shapes), none
-    // can be chosen.
+    // The terms of a topic are synonyms. If several known values are terms of the topic, as kinds of shapes are, the choice is
+    // ambiguous, and none is suggested.
     let terms = topic(given).map_or(&[][..], |topic| &topic.terms);
-    let of_topic: Vec<&str> = known.iter().copied().filter(|known| terms.contains(known)).collect();
-    let only = of_topic.first().copied().filter(|_| of_topic.len() == 1);
-    of_parameter(given, &known).or_else(|| known.iter().copied().find(is_value)).or(only)
+    let in_topic: Vec<&str> = known.iter().copied().filter(|known| terms.contains(known)).collect();
+    let only = in_topic.first().copied().filter(|_| in_topic.len() == 1);
+    suggest_parameter(given, &known).or_else(|| known.iter().copied().find(is_value)).or(only)
 }
 
 impl Topic {
@@ -220,7 +226,8 @@ impl Topic {
         Answer { calls, example: Some(self.example), note: self.note }
     }
 
-    fn hint(&self, target: Target, defs: &Defs) -> String {
+    /// Hint that describes a call of the topic, with its page.
+    fn hint(&self, target: CallText, defs: &Defs) -> String {
         let Call { usage, about, page, .. } = Call::of(target, defs);
         let about = about.unwrap_or_default();
         let sentence = first_sentence(&about);
@@ -242,16 +249,16 @@ pub struct Answer {
 pub struct Call {
     /// The usage: `Actor.reach(joint, target, options?)`, or a command such as `choreo render --fps`.
     pub usage: String,
-    /// The description; `None` for a command, which describes itself.
+    /// The description; `None` for a command, whose `--help` describes it.
     pub about: Option<String>,
-    /// The rest of the description, with the options; empty unless the term is the name of the call.
+    /// The other paragraphs of the description, with the options; empty unless the term is the name of the call.
     pub details: Vec<String>,
-    /// The page with the description: a file, and the heading if the file has several.
+    /// The page with the description: a file, with the heading if the file has several headings.
     pub page: String,
 }
 
 impl Call {
-    fn of(target: Target, defs: &Defs) -> Call {
+    fn of(target: CallText, defs: &Defs) -> Call {
         match target.entry(defs) {
             Some((title, def)) => {
                 let described = target.option().and_then(|option| describe_option(def, option));
@@ -260,7 +267,7 @@ impl Call {
                     (None, Some(_)) => target.text.to_string(),
                     (None, None) => def.full_usage(),
                 };
-                let about = Some(described.unwrap_or_else(|| first_line(def)));
+                let about = Some(described.unwrap_or_else(|| first_paragraph(def)));
                 Call { usage, about, details: Vec::new(), page: page(title) }
             }
             None if target.is_command() => {
@@ -287,7 +294,12 @@ impl Call {
     }
 
     pub(crate) fn entry(title: &str, def: &Def) -> Call {
-        Call { usage: def.full_usage(), about: Some(first_line(def)), details: Vec::new(), page: page(title) }
+        Call {
+            usage: def.full_usage(),
+            about: Some(first_paragraph(def)),
+            details: Vec::new(),
+            page: page(title),
+        }
     }
 
     /// The entry with its full description.
@@ -303,11 +315,13 @@ pub fn mathematics(name: &str, defs: &Defs) -> Option<Call> {
     Some(Call { usage, about: Some((*about).to_string()), details: Vec::new(), page: page("Mathematics") })
 }
 
+/// The page of a heading in the reference.
 fn page(title: &str) -> String {
     format!("core/script/API.md, \"{title}\"")
 }
 
-fn first_line(def: &Def) -> String {
+/// The first paragraph of a description, which states what the function does.
+fn first_paragraph(def: &Def) -> String {
     def.about().swap_remove(0)
 }
 
@@ -334,22 +348,22 @@ fn in_parentheses(about: &[String], option: &str) -> Option<String> {
     Some(format!("Option {}.", &text[..=end]))
 }
 
-/// The answer of the topic of a term. A call whose value is the term comes first: `effect("fog")` for fog.
-pub(crate) fn of_topic(term: &str, defs: &Defs) -> Answer {
-    let spelled = letters(term);
+/// The answer for a term. A call whose value is the term comes first: `effect("fog")` for fog.
+pub(crate) fn answer_of_topic(term: &str, defs: &Defs) -> Answer {
+    let spelled = normalized_term(term);
     let mut answer = topic(term).map_or_else(Answer::default, |topic| topic.answer(defs));
-    answer
-        .calls
-        .sort_by_key(|call| call.usage.split('"').nth(1).is_none_or(|value| letters(value) != spelled));
+    answer.calls.sort_by_key(|call| {
+        call.usage.split('"').nth(1).is_none_or(|value| normalized_term(value) != spelled)
+    });
     answer
 }
 
-/// The answer of the topic whose terms contain all words of `term`, in any order. Among several, a topic in which one term
-/// contains them all comes first, then the one with the fewest terms.
-pub(crate) fn of_words(term: &str, defs: &Defs) -> Answer {
-    let in_one = |topic: &Topic| topic.terms.iter().any(|known| is_in(term, known));
-    let found = TOPICS.iter().filter(|topic| is_in(term, &topic.terms.join(" ")));
-    let found = found.min_by_key(|topic| (!in_one(topic), topic.terms.len()));
+/// The answer of the topic whose terms contain all words of `term`, in any order. Among several topics, one with a single term
+/// that contains all words is preferred, then the one with the fewest terms.
+pub(crate) fn answer_by_words(term: &str, defs: &Defs) -> Answer {
+    let has_single_term = |topic: &Topic| topic.terms.iter().any(|known| words_occur_in(term, known));
+    let found = TOPICS.iter().filter(|topic| words_occur_in(term, &topic.terms.join(" ")));
+    let found = found.min_by_key(|topic| (!has_single_term(topic), topic.terms.len()));
     found.map_or_else(Answer::default, |topic| topic.answer(defs))
 }
 

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::api::defs;
-use crate::help::{answer, nearest, search};
+use crate::help::{answer, nearest_terms, search};
 use std::collections::BTreeMap;
 
 /// Words that users of animation programs search for.
@@ -13,8 +13,8 @@ const SEARCHED: &str = "IK, inverse kinematics, foot lock, foot sliding, keyfram
     tone mapping, exposure, bloom, instancing, LOD, crowd, terrain, timecode, marker, event, audio, music, beat, lip sync,
     alpha channel, EXR, render pass, AOV, batch, farm, headless, CI";
 
-/// Further words that were tried first, with the call that answers.
-const TRIED: &[(&str, &str)] = &[
+/// Further words that users are likely to try, each with the call that must be in the answer.
+const TERMS_WITH_CALLS: &[(&str, &str)] = &[
     ("ik", "Actor.reach(joint, target, options?)"),
     ("mask", "Cue.on(joints, options?)"),
     ("walk_to", "Actor.path(points, options?)"),
@@ -63,7 +63,7 @@ fn every_searched_word_has_an_answer() {
     let unanswered: Vec<&str> =
         SEARCHED.split(',').map(str::trim).filter(|term| answer(term).calls.is_empty()).collect();
     assert!(unanswered.is_empty(), "without an answer: {unanswered:?}");
-    for (term, call) in TRIED {
+    for (term, call) in TERMS_WITH_CALLS {
         let calls = answer(term).calls;
         assert!(calls.iter().any(|c| c.usage == *call), "{term}: {calls:?}");
     }
@@ -80,7 +80,7 @@ fn every_topic_names_calls_that_exist() {
             "{first}: a call or an example is missing"
         );
         for term in &topic.terms {
-            assert_eq!(owner.insert(letters(term), first), None, "{term} is twice in the table");
+            assert_eq!(owner.insert(normalized_term(term), first), None, "{term} is twice in the table");
         }
         for target in &topic.calls {
             let name = target.text;
@@ -100,16 +100,16 @@ fn every_topic_names_calls_that_exist() {
 }
 
 #[test]
-fn each_form_of_a_term_is_the_same_term() {
+fn spellings_of_a_term_give_the_same_answer() {
     for term in ["foot_sliding", "Foot Sliding", "footSliding", "foot-sliding"] {
         assert_eq!(answer(term).calls, answer("foot sliding").calls, "{term}");
     }
-    assert_eq!(nearest("foot slidng", 1), ["foot sliding"]);
-    assert!(nearest("quaggaflux", 3).is_empty());
+    assert_eq!(nearest_terms("foot slidng", 1), ["foot sliding"]);
+    assert!(nearest_terms("quaggaflux", 3).is_empty());
 }
 
 #[test]
-fn words_are_found_whole_and_in_any_order() {
+fn search_finds_whole_words_in_any_order() {
     let usages = |term: &str| search(term).calls.into_iter().map(|c| c.usage).collect::<Vec<_>>();
     let has = |term: &str, usage: &str| usages(term).iter().any(|known| known.starts_with(usage));
     assert!(has("follow camera", "Camera.follow"), "{:?}", usages("follow camera"));
@@ -132,8 +132,9 @@ fn words_are_found_whole_and_in_any_order() {
 }
 
 #[test]
-fn options_and_values_have_synonyms() {
-    let option = |name, function, known: &[&str]| of_option(defs(), name, function, known).map(|s| s.name);
+fn synonyms_of_options_and_values_are_suggested() {
+    let option =
+        |name, function, known: &[&str]| suggest_option(defs(), name, function, known).map(|s| s.name);
     assert_eq!(option("mask", "play", &["fade", "weight"]).as_deref(), Some("Cue.on"));
     assert_eq!(option("crossfade", "then", &["fade", "weight"]).as_deref(), Some("fade"));
     assert_eq!(option("quaggaflux", "then", &["fade"]), None);
@@ -143,30 +144,30 @@ fn options_and_values_have_synonyms() {
     }
     assert_eq!(option("intensity", "effect", &["strength", "radius"]).as_deref(), Some("strength"));
     assert_eq!(option("aperture", "effect", &["strength"]), None);
-    assert_eq!(of_value("amount", ["size", "strength"]), Some("strength"));
+    assert_eq!(suggest_value("amount", ["size", "strength"]), Some("strength"));
     assert_eq!(option("facing", "path", &["speed", "turn"]).as_deref(), Some("load(#{ facing })"));
-    assert_eq!(of_value("spline", ["linear", "cubic", "catmull_rom"]), Some("cubic"));
-    assert_eq!(of_value("glow", ["fog", "bloom"]), Some("bloom"));
-    assert_eq!(of_value("glow", ["fog"]), None);
-    assert_eq!(of_value("location", ["rotation", "position", "scale"]), Some("position"));
-    assert_eq!(of_value("orientation", ["position", "rotation"]), Some("rotation"));
+    assert_eq!(suggest_value("spline", ["linear", "cubic", "catmull_rom"]), Some("cubic"));
+    assert_eq!(suggest_value("glow", ["fog", "bloom"]), Some("bloom"));
+    assert_eq!(suggest_value("glow", ["fog"]), None);
+    assert_eq!(suggest_value("location", ["rotation", "position", "scale"]), Some("position"));
+    assert_eq!(suggest_value("orientation", ["position", "rotation"]), Some("rotation"));
     let spot = ["inner", "outer", "name", "color"];
     assert_eq!(option("cone", "spot", &spot).as_deref(), Some("outer"));
-    let hint = |name, function, known: &[&str]| of_option(defs(), name, function, known).unwrap().hint;
+    let hint = |name, function, known: &[&str]| suggest_option(defs(), name, function, known).unwrap().hint;
     assert!(
         hint("colour", "sun", &spot).starts_with("sun(#{ color }): "),
         "{}",
         hint("colour", "sun", &spot)
     );
     assert!(hint("colour", "shape", &["color"]).starts_with("shape(#{ color }): "));
-    assert_eq!(of_value("cube", ["plane", "box", "sphere"]), Some("box"));
-    assert_eq!(of_value("floor", ["box", "sphere", "cone"]), None);
+    assert_eq!(suggest_value("cube", ["plane", "box", "sphere"]), Some("box"));
+    assert_eq!(suggest_value("floor", ["box", "sphere", "cone"]), None);
 }
 
 #[test]
-fn aliases_stand_for_what_exists() {
+fn aliases_name_existing_functions_and_options() {
     for (alias, name) in ALIASES {
-        let target = Target { text: name };
+        let target = CallText { text: name };
         let (_, def) =
             target.entry(defs()).unwrap_or_else(|| panic!("{alias} stands for {name}, which does not exist"));
         assert!(target.option().is_none_or(|option| def.about().join("\n").contains(option)), "{name}");

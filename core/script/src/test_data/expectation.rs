@@ -1,4 +1,4 @@
-//! Expectations of a test section as data. The script records them with their place; they are judged once the stage is finished.
+//! Expectations of a test section as data. The script records them with their places; they are judged when the stage is complete.
 //!
 //! `expect(anna.joint("Head")).at(1.5).near([0.0, 1.6, 0.0], 0.01)` is an [`Expectation`] with the claim
 //! `Vector { quantity: Position of the joint, test: Near a point }`.
@@ -18,14 +18,14 @@ pub struct Expectation {
     pub place: Place,
     /// The source line, without indentation.
     pub source: String,
-    /// 0: the section's own stage; n: the n-th made with `stage_of`. Index into `SectionRun::stages`.
+    /// Index into `SectionRun::stages`. 0: the section's own stage; n: the n-th stage made with `stage_of`.
     pub stage: usize,
     pub when: When,
-    /// Interval between two tested times, and the step of differences for speeds; `None`: one frame of the stage.
+    /// Interval between tested times, also for the differences that give speeds; `None`: one frame of the stage.
     pub step: Option<Time>,
     /// The claim must fail at every tested time.
     pub negated: bool,
-    /// One tested time at which the claim holds (negated: fails) is enough.
+    /// It is enough that the claim holds (negated: fails) at one tested time.
     pub sometime: bool,
     pub claim: Claim,
 }
@@ -49,7 +49,7 @@ pub enum Subject {
     Light(usize),
 }
 
-/// Comparison of an expectation: the measured property and the test.
+/// Claim of an expectation: the measured property and the test.
 #[derive(Clone, Debug)]
 pub enum Claim {
     /// A number that may change over time.
@@ -63,7 +63,7 @@ pub enum Claim {
     /// The whole actor is inside the image of the active camera, or of the given one.
     InFrame(InFrame),
     /// Two stages or poses have the same bits.
-    Same { what: SameWhat, other: SameOther },
+    Same { what: ComparedObject, other: ComparedWith },
     /// Events of cues, cuts, look-at constraints and effects, in order.
     Events { of: Option<Subject>, test: EventsTest },
     /// Lines of text: warnings, names.
@@ -73,7 +73,7 @@ pub enum Claim {
     /// Evaluating this stage at all its frames takes at most `factor` times as long as the other.
     Cost { other: usize, factor: f64 },
     /// The image at a time matches the golden image.
-    Picture(ImageExpectation),
+    Image(ImageExpectation),
 }
 
 /// Numbers of a stage, each a function of time. Lengths are in metres, angles in degrees, times in seconds.
@@ -119,12 +119,12 @@ pub enum Quantity {
     /// y of the highest point of a posed actor, metres.
     Highest(usize),
     /// Height of an actor in the image, as a fraction of the image height.
-    PictureHeight {
+    ImageHeight {
         actor: usize,
         camera: Option<usize>,
     },
     /// Fraction of an actor's vertices that are inside the image, 0..=1. Occlusion is ignored.
-    PictureShare {
+    ShareInImage {
         actor: usize,
         camera: Option<usize>,
     },
@@ -157,7 +157,7 @@ pub enum VectorQuantity {
     /// Extent of a posed actor along the world axes, metres.
     Size(usize),
     /// Position in the image: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z in metres in front of the camera.
-    InPicture(Subject, Option<usize>),
+    InImage(Subject, Option<usize>),
 }
 
 /// Rotations of a stage, each a function of time.
@@ -176,7 +176,7 @@ pub struct Contact {
     pub height: f64,
     /// Metres per second, up or down.
     pub speed: f64,
-    /// Metres per second along the floor above which a joint that comes down swings past the floor instead of standing on it.
+    /// Speed along the floor in metres per second above which a sinking joint passes over the floor instead of standing on it.
     pub swing: f64,
     /// y of the floor.
     pub ground: f64,
@@ -284,10 +284,12 @@ pub enum RotationGoal {
 /// Property that is true or false.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Flag {
+    /// The actor is visible.
     Visible(usize),
+    /// The joint is on the floor.
     OnFloor(Contact),
-    /// The camera is the active one.
-    On(usize),
+    /// The camera is active.
+    CameraActive(usize),
     /// The effect with this name is active.
     Effect(String),
 }
@@ -306,18 +308,18 @@ pub struct InFrame {
     pub upright: Option<f64>,
 }
 
-/// Object whose bits are compared.
+/// Object whose bits are compared with those of another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SameWhat {
+pub enum ComparedObject {
     /// The whole stage, or its snapshot at a time.
     Stage,
     /// The pose of an actor in the actor's space, and its morph weights.
     Pose(usize),
 }
 
-/// Object that must be equal.
+/// Object with which it is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SameOther {
+pub enum ComparedWith {
     /// The same object at another time.
     Time(Time),
     /// Index into `SectionRun::stages`.
@@ -328,7 +330,7 @@ pub enum SameOther {
 /// An expected event: a text such as `anna: Walk starts`, and its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EventPattern {
-    /// `None`: at any time.
+    /// Expected time; `None`: any time.
     pub at: Option<Time>,
     /// `*` stands for anything.
     pub text: String,
@@ -337,9 +339,9 @@ pub struct EventPattern {
 /// Comparison of the events of a stage.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EventsTest {
-    /// Exactly the given events, in this order. The time is the tolerance.
+    /// The given events and no others, in this order. The time is the tolerance.
     Exactly(Vec<EventPattern>, Time),
-    /// The given events in this order, with others between. The time is the tolerance.
+    /// The given events in this order; other events may occur between them. The time is the tolerance.
     InOrder(Vec<EventPattern>, Time),
 }
 
@@ -361,7 +363,7 @@ pub enum TextsTest {
     Empty,
     /// A line contains this text.
     Contains(String),
-    /// A line whose text before `: ` matches this name.
+    /// The text before `: ` of one line is this name.
     Names(String),
     Count(usize),
 }
@@ -403,9 +405,9 @@ pub struct ImageExpectation {
     /// Name of the golden image, unique in its file: letters, digits, `_`, `-`.
     pub name: String,
     pub at: Time,
-    /// Pixels; `None`: as the stage states.
+    /// Size in pixels; `None`: the size of the stage.
     pub size: Option<[u32; 2]>,
-    /// 1 or 4; `None`: as the stage states.
+    /// Samples per pixel, 1 or 4; `None`: those of the stage.
     pub samples: Option<u32>,
     /// "cpu" or "vulkan"; `None`: the CPU renderer, which is the same everywhere.
     pub device: Option<String>,
@@ -459,7 +461,7 @@ pub enum Measure {
     Events(Option<Subject>),
     Texts(TextsQuantity),
     Value(Value),
-    Whole(SameWhat),
+    Object(ComparedObject),
     Plan(PlanOptions),
 }
 
@@ -477,8 +479,8 @@ impl Measure {
             Measure::Value(Value::List(_)) => "an array",
             Measure::Value(Value::Bool(_)) => "true or false",
             Measure::Value(_) => "a value",
-            Measure::Whole(SameWhat::Stage) => "a stage",
-            Measure::Whole(SameWhat::Pose(_)) => "a pose",
+            Measure::Object(ComparedObject::Stage) => "a stage",
+            Measure::Object(ComparedObject::Pose(_)) => "a pose",
             Measure::Plan(_) => "a plan",
         }
     }
@@ -500,7 +502,7 @@ impl Claim {
     /// Whether the claim does not depend on time.
     pub fn is_time_independent(&self) -> bool {
         match self {
-            Claim::Events { .. } | Claim::Value { .. } | Claim::Cost { .. } | Claim::Picture(_) => true,
+            Claim::Events { .. } | Claim::Value { .. } | Claim::Cost { .. } | Claim::Image(_) => true,
             Claim::Texts { texts, .. } => matches!(texts, TextsQuantity::Warnings | TextsQuantity::Printed),
             Claim::Number { quantity, .. } => matches!(quantity, Quantity::Count(_)),
             _ => false,

@@ -17,7 +17,7 @@ impl Timeout {
         Timeout { at: span.and_then(|span| Instant::now().checked_add(span)), seconds }
     }
 
-    /// An error once the time is used up.
+    /// Returns an error if the time is used up.
     pub fn check(&self) -> Result<(), TimeUsedUp> {
         if self.at.is_some_and(|at| Instant::now() > at) { Err(TimeUsedUp(*self)) } else { Ok(()) }
     }

@@ -6,9 +6,9 @@ use crate::diagnostic::{Diagnostic, Severity};
 
 const MARK: &str = "//~";
 
-/// All expected diagnostics of a script, and errors about comments that say neither `error` nor `warning`. A line with nothing
-/// but comments belongs to the line of code above it.
-pub fn parse(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic>) {
+/// All expected diagnostics of a script, and errors about `//~` comments that contain neither `error` nor `warning`. A line that
+/// has only comments belongs to the line of code above it.
+pub fn parse_expected(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic>) {
     let (mut expected, mut wrong) = (Vec::new(), Vec::new());
     let mut code_line = 1;
     for (index, row) in text.lines().enumerate() {
@@ -32,7 +32,7 @@ pub fn parse(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic
                     severity: if word == "error" { Severity::Error } else { Severity::Warning },
                     line: code_line,
                     text: text.to_string(),
-                    met: false,
+                    has_occurred: false,
                 }),
                 _ => wrong.push(Diagnostic {
                     rule: "",
@@ -41,7 +41,7 @@ pub fn parse(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic
                     line: index + 1,
                     column: row[..start].chars().count() + 1,
                     source_line: row.to_string(),
-                    message: "this comment states no expected message".to_string(),
+                    message: "this //~ comment states no expected message".to_string(),
                     hint: Some(
                         "write //~ error: TEXT or //~ warning: TEXT, a part of the message".to_string(),
                     ),
@@ -74,8 +74,8 @@ fn find_mark(row: &str) -> Option<usize> {
     None
 }
 
-/// Removes expected diagnostics from `diagnostics` and marks the comments that expect them as met. One comment may match several
-/// diagnostics of its line. Diagnostics of another script also belong to the line that runs it.
+/// Removes expected diagnostics from `diagnostics` and records that they have occurred. One comment may match several diagnostics
+/// of its line. Diagnostics of another script also belong to the line that runs it.
 pub fn match_expected(
     file: &str,
     scenes: &[(String, Place)],
@@ -83,17 +83,18 @@ pub fn match_expected(
     diagnostics: &mut Vec<Diagnostic>,
 ) {
     diagnostics.retain(|d| {
-        let mut unexpected = true;
+        let mut is_unexpected = true;
         for e in expected.iter_mut() {
-            let own = d.file == file && d.line == e.line;
-            let by = |(name, at): &(String, Place)| *name == d.file && at.file == file && at.line == e.line;
-            let here = own || scenes.iter().any(by);
-            if here && d.severity == e.severity && d.message.contains(&e.text) {
-                e.met = true;
-                unexpected = false;
+            let is_at_line = d.file == file && d.line == e.line;
+            let is_of_scene =
+                |(name, at): &(String, Place)| *name == d.file && at.file == file && at.line == e.line;
+            let belongs_to_line = is_at_line || scenes.iter().any(is_of_scene);
+            if belongs_to_line && d.severity == e.severity && d.message.contains(&e.text) {
+                e.has_occurred = true;
+                is_unexpected = false;
             }
         }
-        unexpected
+        is_unexpected
     });
 }
 
@@ -102,13 +103,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn comments_belong_to_the_line_of_code_they_stand_on_or_below() {
+    fn comments_belong_to_the_code_on_their_line_or_above() {
         let text = "let a = \"//~ error: no\"; // //~ error: no\n\
                     foo(); //~ error: unknown foo //~ warning: slow\n\
                     \n\
                     //~ error: and more\n\
                     bar() //~ eror: slip";
-        let (expected, wrong) = parse("t.rhai", text);
+        let (expected, wrong) = parse_expected("t.rhai", text);
         let found: Vec<_> = expected.iter().map(|e| (e.line, e.severity, e.text.as_str())).collect();
         assert_eq!(
             found,

@@ -1,22 +1,23 @@
-//! A test file that is parsed once for all of its sections, and the statements that the run of one section needs.
+//! Test files, each parsed once for all of its sections, and the statements that the run of one section needs.
 
 use super::{ExpectedDiagnostic, SectionInfo, comments};
 use crate::build::ScriptContext;
 use crate::diagnostic::Diagnostic;
 use crate::limits::Limits;
-use crate::parsed::{Parsed, Unreadable};
+use crate::parsed::{ParseFailure, ParsedScript};
 use rhai::{AST, Engine, Expr, Stmt};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+/// A parsed test file.
 pub(crate) struct TestFile {
     name: String,
     text: String,
     limits: Limits,
-    pub parsed: Parsed,
+    pub parsed: ParsedScript,
     pub expected: Vec<ExpectedDiagnostic>,
     pub wrong_comments: Vec<Diagnostic>,
-    /// Set by the first listing in which no call of `test` was refused.
+    /// The sections, set by the first listing in which no call of `test` has failed.
     listing: OnceLock<Arc<Listing>>,
 }
 
@@ -26,45 +27,47 @@ pub struct Listing {
     pub sections: Vec<SectionInfo>,
     /// Index of the `test` statement of each section in the file. `None`: the section is not a plain top-level statement, for
     /// example because a loop or a function calls `test`.
-    own: Vec<Option<usize>>,
-    /// The statements outside all sections, each with its index in the file.
-    common: Vec<(usize, Stmt)>,
+    section_statements: Vec<Option<usize>>,
+    /// The statements that the runs of all sections need, each with its index in the file.
+    common_statements: Vec<(usize, Stmt)>,
 }
 
 impl Listing {
-    /// `calls`: line and column of the `test` of each section.
-    pub fn new(parsed: &Parsed, sections: Vec<SectionInfo>, calls: &[(usize, usize)]) -> Listing {
+    /// Finds the statements of each section. `calls`: line and column of the call of `test` for each section.
+    pub fn new(parsed: &ParsedScript, sections: Vec<SectionInfo>, calls: &[(usize, usize)]) -> Listing {
         let section_at: BTreeMap<(usize, usize), usize> = calls.iter().copied().zip(0..).collect();
-        let mut own = vec![None; sections.len()];
-        let mut common = Vec::new();
-        let mut shared = BTreeSet::new();
+        let mut section_statements = vec![None; sections.len()];
+        let mut common_statements = Vec::new();
+        let mut shared_variables = BTreeSet::new();
         for (index, statement) in parsed.ast.statements().iter().enumerate() {
-            let section = plain_test(statement).and_then(|at| section_at.get(&at));
+            let section = plain_test_call(statement).and_then(|at| section_at.get(&at));
             match section {
                 Some(section) => {
-                    own[*section] = Some(index);
+                    section_statements[*section] = Some(index);
                     // A variable is shared from the first closure that captures it, whichever section runs.
-                    let captures = captures(statement).filter(|(name, _)| shared.insert(name.clone()));
-                    common.extend(captures.map(|(_, share)| (index, share)));
+                    let captures = captured_variables(statement);
+                    let captures = captures.filter(|(name, _)| shared_variables.insert(name.clone()));
+                    common_statements.extend(captures.map(|(_, share)| (index, share)));
                 }
                 None => {
                     if let Stmt::Var(variable, ..) = statement {
-                        shared.remove(variable.0.name.as_str());
+                        shared_variables.remove(variable.0.name.as_str());
                     }
-                    common.push((index, statement.clone()));
+                    common_statements.push((index, statement.clone()));
                 }
             }
         }
-        Listing { sections, own, common }
+        Listing { sections, section_statements, common_statements }
     }
 
-    /// The syntax tree with one section only: the plain top-level `test` statements of all others are left out.
-    pub fn alone(&self, section: usize, parsed: &Parsed) -> AST {
-        let own = self.own.get(section).copied().flatten();
+    /// The syntax tree to run one section: the plain top-level `test` statements of all other sections are left out.
+    pub fn ast_of_section(&self, section: usize, parsed: &ParsedScript) -> AST {
+        let own = self.section_statements.get(section).copied().flatten();
         let own = own.and_then(|at| Some((at, parsed.ast.statements().get(at)?)));
         let at = own.map_or(usize::MAX, |(at, _)| at);
-        let common = |wanted: fn(usize, usize) -> bool| {
-            self.common.iter().filter(move |(place, _)| wanted(*place, at)).map(|(_, statement)| statement)
+        let common = |is_wanted: fn(usize, usize) -> bool| {
+            let statements = self.common_statements.iter();
+            statements.filter(move |(place, _)| is_wanted(*place, at)).map(|(_, statement)| statement)
         };
         let statements =
             common(|place, at| place < at).chain(own.map(|(_, s)| s)).chain(common(|p, at| p > at));
@@ -76,9 +79,9 @@ impl Listing {
     }
 }
 
-/// Line and column of a plain test statement: `test("…", || …)` or `test("…", #{ … }, || …)` whose arguments have no side
-/// effects.
-fn plain_test(statement: &Stmt) -> Option<(usize, usize)> {
+/// Line and column of the call of `test` in a plain test statement, which is `test("…", || …)` or `test("…", #{ … }, || …)` with
+/// arguments that have no side effects. `None` for other statements.
+fn plain_test_call(statement: &Stmt) -> Option<(usize, usize)> {
     let (call, at) = match statement {
         Stmt::FnCall(call, at) => (call, at),
         Stmt::Expr(expr) => match &**expr {
@@ -88,15 +91,15 @@ fn plain_test(statement: &Stmt) -> Option<(usize, usize)> {
         _ => return None,
     };
     let (last, others) = call.args.split_last()?;
-    let plain = call.name == "test"
+    let is_plain = call.name == "test"
         && call.namespace.is_empty()
         && others.iter().all(Expr::is_constant)
-        && (last.is_constant() || closure(last).is_some());
-    plain.then_some((at.line()?, at.position()?))
+        && (last.is_constant() || captures_of_closure(last).is_some());
+    is_plain.then_some((at.line()?, at.position()?))
 }
 
 /// The `Share` statement of a closure's captured variables: Rhai compiles the closure to `{ share a, b; curry(function, a, b) }`.
-fn closure(expr: &Expr) -> Option<&Stmt> {
+fn captures_of_closure(expr: &Expr) -> Option<&Stmt> {
     let Expr::Stmt(block) = expr else { return None };
     match block.statements() {
         [share @ Stmt::Share(..), Stmt::Expr(expr)] => {
@@ -108,7 +111,7 @@ fn closure(expr: &Expr) -> Option<&Stmt> {
 }
 
 /// Names and `Share` statements of the variables that the closure of a plain test captures.
-fn captures(statement: &Stmt) -> impl Iterator<Item = (String, Stmt)> {
+fn captured_variables(statement: &Stmt) -> impl Iterator<Item = (String, Stmt)> {
     let call = match statement {
         Stmt::FnCall(call, _) => Some(call),
         Stmt::Expr(expr) => match &**expr {
@@ -117,7 +120,7 @@ fn captures(statement: &Stmt) -> impl Iterator<Item = (String, Stmt)> {
         },
         _ => None,
     };
-    let share = call.and_then(|call| closure(call.args.last()?));
+    let share = call.and_then(|call| captures_of_closure(call.args.last()?));
     let variables = match share {
         Some(Stmt::Share(variables)) => variables.to_vec(),
         _ => Vec::new(),
@@ -140,8 +143,8 @@ struct TestFileStore {
 }
 
 impl TestFiles {
-    /// Maximum number of parsed files: syntax trees take many times the memory of their text.
-    const MOST: usize = 16;
+    /// Maximum number of parsed files, because syntax trees take many times the memory of their text.
+    const MAX_FILES: usize = 16;
 
     pub(crate) fn read(
         &self,
@@ -149,13 +152,13 @@ impl TestFiles {
         shared: &ScriptContext,
         name: &str,
         text: &str,
-    ) -> Result<Arc<TestFile>, Unreadable> {
-        let same = |f: &&Arc<TestFile>| f.name == name && f.text == text && f.limits == shared.limits;
-        if let Some(known) = self.lock().recent.iter().find(same) {
+    ) -> Result<Arc<TestFile>, ParseFailure> {
+        let is_same = |f: &&Arc<TestFile>| f.name == name && f.text == text && f.limits == shared.limits;
+        if let Some(known) = self.lock().recent.iter().find(is_same) {
             return Ok(known.clone());
         }
-        let parsed = Parsed::new(engine, shared, name, text)?;
-        let (expected, wrong_comments) = comments::parse(name, text);
+        let parsed = ParsedScript::new(engine, shared, name, text)?;
+        let (expected, wrong_comments) = comments::parse_expected(name, text);
         let file = Arc::new(TestFile {
             name: name.to_string(),
             text: text.to_string(),
@@ -171,15 +174,15 @@ impl TestFiles {
             let _ = file.listing.set(listing.clone());
         }
         store.recent.push_front(file.clone());
-        store.recent.truncate(Self::MOST);
+        store.recent.truncate(Self::MAX_FILES);
         Ok(file)
     }
 
-    /// Stores the sections that a listing has found.
-    pub(crate) fn list(&self, file: &TestFile, listing: Listing) {
+    /// Stores the sections of a file.
+    pub(crate) fn store_listing(&self, file: &TestFile, listing: Listing) {
         let listing = Arc::new(listing);
         self.lock().listings.insert(file.name.clone(), (file.hash(), listing.clone()));
-        // A listing that is set already is equal.
+        // If a listing is already set, it is equal.
         let _ = file.listing.set(listing);
     }
 
@@ -211,14 +214,14 @@ mod tests {
     use super::*;
 
     /// Number of statements in the run of each section.
-    fn statements(text: &str, calls: &[(usize, usize)]) -> Vec<usize> {
+    fn statement_counts(text: &str, calls: &[(usize, usize)]) -> Vec<usize> {
         let mut engine = Engine::new_raw();
         engine.set_allow_shadowing(true);
         let ast = engine.compile(text).unwrap();
-        let parsed = Parsed {
+        let parsed = ParsedScript {
             ast,
             functions: Arc::default(),
-            ends: Arc::default(),
+            function_ends: Arc::default(),
             clips_only: Vec::new(),
             unknown: Vec::new(),
         };
@@ -233,29 +236,29 @@ mod tests {
             tags: Vec::new(),
         };
         let listing = Listing::new(&parsed, (0..calls.len()).map(section).collect(), calls);
-        (0..calls.len()).map(|i| listing.alone(i, &parsed).statements().len()).collect()
+        (0..calls.len()).map(|i| listing.ast_of_section(i, &parsed).statements().len()).collect()
     }
 
     #[test]
-    fn a_section_alone_has_what_is_common_and_itself() {
+    fn the_run_of_a_section_has_the_common_statements_and_its_own() {
         let common = "let n = 1;\nlet m = 2;\n";
         let plain: String =
             (0..50).map(|i| format!("test(\"{i}\", #{{ tags: [\"a\"] }}, || 1);\n")).collect();
         let calls: Vec<_> = (0..50).map(|i| (i + 3, 1)).collect();
-        assert_eq!(statements(&(format!("{common}{plain}")), &calls), vec![3; 50]);
-        // One statement more for each variable that is captured, however often.
+        assert_eq!(statement_counts(&(format!("{common}{plain}")), &calls), vec![3; 50]);
+        // Each captured variable adds one statement, however often it is captured.
         let captures: String = (0..50).map(|i| format!("test(\"{i}\", || n + m);\n")).collect();
-        let alone = statements(&(format!("{common}{captures}")), &calls);
-        assert!(alone.iter().all(|count| (3..=5).contains(count)), "{alone:?}");
+        let counts = statement_counts(&(format!("{common}{captures}")), &calls);
+        assert!(counts.iter().all(|count| (3..=5).contains(count)), "{counts:?}");
     }
 
     #[test]
-    fn what_may_do_something_stays() {
+    fn test_calls_with_possible_side_effects_are_kept() {
         for text in
             ["test(f(), || 1);", "test(\"a\", f());", "x.test(\"a\", || 1);", "if x { test(\"a\", || 1); }"]
         {
             let text = format!("let x = 1; fn f() {{ 1 }}\n{text}\ntest(\"b\", || 2);");
-            assert_eq!(statements(&text, &[(2, 1), (3, 1)])[1], 3, "{text}");
+            assert_eq!(statement_counts(&text, &[(2, 1), (3, 1)])[1], 3, "{text}");
         }
     }
 }

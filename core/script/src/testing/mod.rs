@@ -9,10 +9,10 @@ mod file;
 mod run;
 
 pub use crate::test_data::{
-    Claim, Contact, Count, EventPattern, EventsTest, Expectation, Flag, Formula, ImageExpectation, InFrame,
-    NumberGoal, NumberTest, PlanCount, PlanOptions, Quantity, RotationGoal, RotationQuantity, SameOther,
-    SameWhat, SectionInfo, Subject, TextsQuantity, TextsTest, TimeUsedUp, Timeout, Value, ValueTest,
-    VectorGoal, VectorQuantity, VectorTest, When,
+    Claim, ComparedObject, ComparedWith, Contact, Count, EventPattern, EventsTest, Expectation, Flag,
+    Formula, ImageExpectation, InFrame, NumberGoal, NumberTest, PlanCount, PlanOptions, Quantity,
+    RotationGoal, RotationQuantity, SectionInfo, Subject, TextsQuantity, TextsTest, TimeUsedUp, Timeout,
+    Value, ValueTest, VectorGoal, VectorQuantity, VectorTest, When,
 };
 pub use file::TestFiles;
 pub use run::{SectionErrors, has_sections, list_sections, run_section, section_errors};
@@ -31,8 +31,8 @@ pub struct ExpectedDiagnostic {
     pub line: usize,
     /// Part of the message.
     pub text: String,
-    /// Such a diagnostic has occurred.
-    pub met: bool,
+    /// A diagnostic with this text has occurred at this line.
+    pub has_occurred: bool,
 }
 
 /// Options of test runs.
@@ -48,25 +48,25 @@ pub struct TestOptions {
     pub files: TestFiles,
 }
 
-/// One section after its run. Its diagnostics are judged, its expectations not yet.
+/// One section after its run. Its diagnostics are compared with the expected ones; its expectations are not judged yet.
 #[derive(Clone, Debug)]
 pub struct SectionRun {
     pub info: SectionInfo,
-    /// The section's own stage first, then those made with `stage_of`. Where `broken` is not empty they must not be evaluated.
+    /// The section's own stage, then those made with `stage_of`. They must not be evaluated if `broken` is not empty.
     pub stages: Vec<Arc<Stage>>,
     /// Expectations in the order of the script.
     pub expectations: Vec<Expectation>,
-    /// The `//~` comments that count for this section.
+    /// The `//~` comments in this section and outside all sections.
     pub expected: Vec<ExpectedDiagnostic>,
-    /// Errors that no comment expects: the section has failed.
+    /// Errors that no comment expects. If there are any, the section has failed.
     pub errors: Vec<Diagnostic>,
     /// Warnings of the script that no comment expects.
     pub warnings: Vec<Diagnostic>,
-    /// Why the stages cannot be evaluated; empty unless expected errors have left an invalid stage.
+    /// Errors of the stages that make their evaluation impossible; empty unless expected errors have left an invalid stage.
     pub broken: Vec<Diagnostic>,
-    /// Content hash of the stage that a second run gave, for a file without sections and without errors.
-    pub hash_again: Option<[u8; 32]>,
-    /// Seconds that judging the section may take.
+    /// Content hash of the stage of a second run, for a file without sections and without errors.
+    pub second_run_hash: Option<[u8; 32]>,
+    /// Maximum time for judging the section, seconds.
     pub seconds: f64,
     /// Time limit of the whole run.
     pub timeout: Option<Timeout>,
@@ -74,14 +74,15 @@ pub struct SectionRun {
     pub printed: Vec<String>,
     /// Canonical paths of all files read, the test file included, with the BLAKE3 hash of their content; sorted.
     pub files_used: Vec<(PathBuf, [u8; 32])>,
-    /// Hash of the section's name and all files used: equal hash, equal outcome (apart from program and device).
+    /// Hash of the section's name, parameters, limits and files. Runs of equal hash by the same program on the same device have the
+    /// same outcome.
     pub hash: [u8; 32],
 }
 
 impl SectionRun {
     /// Whether the section has neither an expectation nor a `//~` comment, so that it cannot fail.
     pub fn asserts_nothing(&self) -> bool {
-        let own = |e: &ExpectedDiagnostic| (self.info.line..=self.info.end_line).contains(&e.line);
-        !self.info.as_it_stands() && self.expectations.is_empty() && !self.expected.iter().any(own)
+        let is_in_section = |e: &ExpectedDiagnostic| (self.info.line..=self.info.end_line).contains(&e.line);
+        !self.info.is_whole_file() && self.expectations.is_empty() && !self.expected.iter().any(is_in_section)
     }
 }

@@ -2,28 +2,31 @@
 
 use super::file::Listing;
 use super::*;
-use crate::build::{Mode, ScriptContext};
+use crate::build::{RunMode, ScriptContext};
 use crate::compile::UnknownVariable;
-use crate::resolve::finish_stage;
-use crate::run::{Opened, begin, execute, on_own_thread, open};
+use crate::resolve::resolve_test_stage;
+use crate::run::{Opened, begin, execute, on_script_thread, open};
 use choreo_plugin::Registry;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::PoisonError;
 
-/// The sections of a file in order, or one that stands for the whole file if it has none. The file is run without its sections;
-/// errors of that run are reported by the run of each section. Error: the file cannot be read.
+/// The sections of a file in order, or one for the whole file if it has no sections. The file is run without its sections; errors
+/// of that run are reported by the run of each section.
+///
+/// # Errors
+/// Returns an error if the file cannot be read.
 pub fn list_sections(
     path: &Path,
     registry: &Registry,
     options: &TestOptions,
 ) -> Result<Vec<SectionInfo>, Vec<Diagnostic>> {
     let root = options.root.as_deref();
-    let opened = open(path, root, Mode::List, registry, &options.script).map_err(|e| vec![e])?;
+    let opened = open(path, root, RunMode::ListTests, registry, &options.script).map_err(|e| vec![e])?;
     let files = options.files.clone();
-    on_own_thread(move || {
+    on_script_thread(move || {
         let Opened { name, text, shared } = &opened;
-        // The engine is kept to the end, because handles hold parts of it.
+        // The engine is kept until the end, because handles refer to parts of it.
         let engine = begin(name, text, shared);
         let file = files.read(&engine, shared, name, text);
         execute(
@@ -34,18 +37,18 @@ pub fn list_sections(
         );
         let mut test = std::mem::take(&mut *shared.test());
         if test.sections.is_empty() {
-            return Ok(vec![as_it_stands(name, text)]);
+            return Ok(vec![whole_file_section(name, text)]);
         }
         if let Ok(file) = &file
-            && !test.refused
+            && !test.has_failed_test_call
         {
-            files.list(file, Listing::new(&file.parsed, test.sections.clone(), &test.calls));
+            files.store_listing(file, Listing::new(&file.parsed, test.sections.clone(), &test.calls));
         }
         Ok(std::mem::take(&mut test.sections))
     })
 }
 
-/// Findings of `check` in the sections of a file.
+/// Errors that `check` finds in the sections of a file.
 #[derive(Clone, Debug, Default)]
 pub struct SectionErrors {
     /// Errors that no comment expects, in the order of the sections, without duplicates.
@@ -55,18 +58,19 @@ pub struct SectionErrors {
 }
 
 /// Runs all sections of a file without judging expectations. Skipped sections and those with a known bug are left out, and so are
-/// all sections after `goes_on` has returned false.
+/// all sections after `should_continue` has returned false.
 pub fn section_errors(
     path: &Path,
     registry: &Registry,
     options: &TestOptions,
-    goes_on: &dyn Fn() -> bool,
+    should_continue: &dyn Fn() -> bool,
 ) -> SectionErrors {
     let mut found = SectionErrors::default();
     let sections = list_sections(path, registry, options).unwrap_or_default();
-    let counts = |info: &&SectionInfo| !info.as_it_stands() && info.skip.is_none() && info.fails.is_none();
-    for info in sections.iter().filter(counts) {
-        if !goes_on() {
+    let is_checked =
+        |info: &&SectionInfo| !info.is_whole_file() && info.skip.is_none() && info.fails.is_none();
+    for info in sections.iter().filter(is_checked) {
+        if !should_continue() {
             break;
         }
         let errors = match run_section(path, info.index, registry, options) {
@@ -75,7 +79,7 @@ pub fn section_errors(
                 found.read.extend(run.files_used.iter().map(|(path, _)| path.clone()));
                 let mut errors = run.errors.clone();
                 if errors.is_empty() && run.asserts_nothing() {
-                    errors.push(asserts_nothing(&run.info));
+                    errors.push(no_assertion_error(&run.info));
                 }
                 errors
             }
@@ -90,7 +94,7 @@ pub fn section_errors(
 }
 
 /// The error of a section that cannot fail.
-fn asserts_nothing(info: &SectionInfo) -> Diagnostic {
+fn no_assertion_error(info: &SectionInfo) -> Diagnostic {
     let text = format!("the section \"{}\" asserts nothing, so it cannot fail", info.name);
     Diagnostic {
         line: info.line,
@@ -108,7 +112,8 @@ pub fn has_sections(text: &str) -> bool {
     (0..tokens.len()).any(|at| word(at) == "test" && word(at + 1) == "(" && (at == 0 || word(at - 1) != "."))
 }
 
-fn as_it_stands(file: &str, text: &str) -> SectionInfo {
+/// The section that stands for a whole file without sections.
+fn whole_file_section(file: &str, text: &str) -> SectionInfo {
     SectionInfo {
         index: 0,
         name: String::new(),
@@ -121,30 +126,32 @@ fn as_it_stands(file: &str, text: &str) -> SectionInfo {
     }
 }
 
-/// Runs one section, by its index in [`list_sections`], on its own stage. Error: the file cannot be read, or does not have the
-/// section any more.
+/// Runs one section, by its index in [`list_sections`], on its own stage.
+///
+/// # Errors
+/// Returns an error if the file cannot be read or no longer has the section.
 pub fn run_section(
     path: &Path,
     index: usize,
     registry: &Registry,
     options: &TestOptions,
 ) -> Result<SectionRun, Vec<Diagnostic>> {
-    let opened = reopened(path, index, registry, options)?;
+    let opened = open_section(path, index, registry, options)?;
     if !needs_pixels(&opened.text) && options.script.needs.pixels {
         // Decoding images takes longer than everything else, so it is skipped if the text shows that the test does not need
         // pixels.
-        let mut plain = options.clone();
-        plain.script.needs.pixels = false;
-        let opened = reopened(path, index, registry, &plain)?;
+        let mut without_pixels = options.clone();
+        without_pixels.script.needs.pixels = false;
+        let opened = open_section(path, index, registry, &without_pixels)?;
         let shared = opened.shared.clone();
-        let run = section(path, index, registry, &plain, opened)?;
+        let run = run_opened_section(path, index, registry, &without_pixels, opened)?;
         // An imported module may need pixels.
         let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
         if !sources.values().any(|text| needs_pixels(text)) {
             return Ok(run);
         }
     }
-    section(path, index, registry, options, opened)
+    run_opened_section(path, index, registry, options, opened)
 }
 
 /// Whether a test compares images or inspects plans, by the names of the functions in its text.
@@ -154,7 +161,8 @@ fn needs_pixels(text: &str) -> bool {
         .any(|word| text.contains(word))
 }
 
-fn section(
+/// Runs one section of an opened file, and a file without sections twice.
+fn run_opened_section(
     path: &Path,
     index: usize,
     registry: &Registry,
@@ -163,22 +171,23 @@ fn section(
 ) -> Result<SectionRun, Vec<Diagnostic>> {
     let run = |opened: Opened, run_all: bool| {
         let files = options.files.clone();
-        on_own_thread(move || run_section_on_this_thread(&opened, index, &files, run_all))
+        on_script_thread(move || run_section_on_this_thread(&opened, index, &files, run_all))
     };
-    let again = || reopened(path, index, registry, options);
+    let reopen = || open_section(path, index, registry, options);
     let mut section = match run(opened, false)? {
         Some(section) => section,
-        // The file behaves differently than when the sections were listed.
-        None => run(again()?, true)?.ok_or_else(Vec::new)?,
+        // The file behaves differently than when its sections were listed.
+        None => run(reopen()?, true)?.ok_or_else(Vec::new)?,
     };
-    if section.info.as_it_stands() && section.errors.is_empty() && section.broken.is_empty() {
-        let again = run(again()?, true)?.ok_or_else(Vec::new)?;
-        section.hash_again = Some(again.stages[0].content_hash());
+    if section.info.is_whole_file() && section.errors.is_empty() && section.broken.is_empty() {
+        let second_run = run(reopen()?, true)?.ok_or_else(Vec::new)?;
+        section.second_run_hash = Some(second_run.stages[0].content_hash());
     }
     Ok(section)
 }
 
-fn reopened(
+/// Reads a test file to run one of its sections.
+fn open_section(
     path: &Path,
     index: usize,
     registry: &Registry,
@@ -186,15 +195,15 @@ fn reopened(
 ) -> Result<Opened, Vec<Diagnostic>> {
     let root = options.root.as_deref();
     let mut opened =
-        open(path, root, Mode::Section(index), registry, &options.script).map_err(|e| vec![e])?;
+        open(path, root, RunMode::RunTest(index), registry, &options.script).map_err(|e| vec![e])?;
     if let Some(shared) = Arc::get_mut(&mut opened.shared) {
         shared.timeout = options.timeout;
     }
     Ok(opened)
 }
 
-/// Runs a section on this thread. `run_all`: runs the complete file, as if its sections were not known. `None`: the sections are
-/// known, but execution never reached the wanted one.
+/// Runs a section on this thread. `run_all`: runs the complete file, as if its sections were not known. Returns `None` if the
+/// sections are known, but the run has not reached the wanted section.
 fn run_section_on_this_thread(
     opened: &Opened,
     index: usize,
@@ -206,18 +215,18 @@ fn run_section_on_this_thread(
     let file = files.read(&engine, shared, name, text);
     let listing = file.as_ref().ok().and_then(|f| f.listing()).filter(|_| !run_all).cloned();
     let listing = listing.filter(|listing| index < listing.sections.len());
-    let alone = match (&file, &listing) {
+    let section_ast = match (&file, &listing) {
         (Ok(file), Some(listing)) => {
-            shared.test().wanted = Some(listing.sections[index].clone());
-            Some(listing.alone(index, &file.parsed))
+            shared.test().wanted_section = Some(listing.sections[index].clone());
+            Some(listing.ast_of_section(index, &file.parsed))
         }
         _ => None,
     };
-    let script = file.as_ref().map(|f| (&f.parsed, alone.as_ref().unwrap_or(&f.parsed.ast)));
+    let script = file.as_ref().map(|f| (&f.parsed, section_ast.as_ref().unwrap_or(&f.parsed.ast)));
     execute(&engine, name, shared, script.map_err(Clone::clone));
-    let (mut stage, mut broken) = finish_stage(shared, &engine);
+    let (mut stage, mut broken) = resolve_test_stage(shared, &engine);
     let mut test = std::mem::take(&mut *shared.test());
-    if test.wanted.is_some() && !test.ran {
+    if test.wanted_section.is_some() && !test.has_started {
         return Ok(None);
     }
     let sections = listing.as_ref().map_or(&test.sections, |listing| &listing.sections);
@@ -225,34 +234,32 @@ fn run_section_on_this_thread(
     let (all_expected, wrong_comments) = match &file {
         Ok(file) => (&file.expected, file.wrong_comments.clone()),
         Err(_) => {
-            let (expected, wrong) = comments::parse(name, text);
+            let (expected, wrong) = comments::parse_expected(name, text);
             (&expected.clone(), wrong)
         }
     };
     let mut expected = expected_in_section(all_expected, &info, sections);
     if let Ok(file) = &file {
-        let unknown = unknown_in(&file.parsed.unknown, &info, sections);
-        crate::errors::note_unknown(&unknown, name, shared);
+        let unknown = unknown_in_section(&file.parsed.unknown, &info, sections);
+        crate::errors::report_unknown_variables(&unknown, name, shared);
     }
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut came = std::mem::take(&mut build.diagnostics);
-    let warning = |d: &Diagnostic| d.severity == Severity::Warning;
-    stage.warnings.extend(came.iter().filter(|d| warning(d)).map(ToString::to_string));
-    comments::match_expected(name, &test.scenes, &mut expected, &mut came);
-    let (warnings, mut errors): (Vec<_>, Vec<_>) = came.into_iter().partition(warning);
+    let mut diagnostics = std::mem::take(&mut build.diagnostics);
+    let is_warning = |d: &Diagnostic| d.severity == Severity::Warning;
+    stage.warnings.extend(diagnostics.iter().filter(|d| is_warning(d)).map(ToString::to_string));
+    comments::match_expected(name, &test.scenes, &mut expected, &mut diagnostics);
+    let (warnings, mut errors): (Vec<_>, Vec<_>) = diagnostics.into_iter().partition(is_warning);
     errors.extend(wrong_comments);
-    if build.more > 0 {
-        errors.push(Diagnostic::error(format!("and {} more", build.more)));
-    }
+    errors.extend(build.error_about_limit());
     if errors.is_empty() && expected.iter().all(|e| e.severity == Severity::Warning) {
         // No expected error explains the invalid stage, so its errors are reported.
         errors.append(&mut broken);
     }
-    let files_used: Vec<_> = shared.loader.used().into_iter().collect();
+    let files_used: Vec<_> = shared.loader.files_read().into_iter().collect();
     let mut stages = vec![Arc::new(stage)];
     stages.append(&mut test.stages);
     Ok(Some(SectionRun {
-        hash: hash(&info, shared, &files_used),
+        hash: hash_section(&info, shared, &files_used),
         info,
         stages,
         expectations: test.expectations,
@@ -260,8 +267,8 @@ fn run_section_on_this_thread(
         errors,
         warnings,
         broken,
-        hash_again: None,
-        // Judging a stage at many times takes longer than the script, which may take its own limit.
+        second_run_hash: None,
+        // Judging a stage at many times takes longer than the script, which has its own limit.
         seconds: 3.0 * shared.limits.seconds,
         timeout: shared.timeout,
         printed: std::mem::take(&mut build.printed),
@@ -269,7 +276,7 @@ fn run_section_on_this_thread(
     }))
 }
 
-/// The section with this number; a file without sections is one section as it stands.
+/// The section with this index, or the section of a whole file without sections.
 fn section_info(
     sections: &[SectionInfo],
     index: usize,
@@ -278,7 +285,7 @@ fn section_info(
 ) -> Result<SectionInfo, Vec<Diagnostic>> {
     match sections.get(index) {
         Some(info) => Ok(info.clone()),
-        None if sections.is_empty() && index == 0 => Ok(as_it_stands(name, text)),
+        None if sections.is_empty() && index == 0 => Ok(whole_file_section(name, text)),
         None => {
             let count = sections.len();
             let error =
@@ -289,7 +296,11 @@ fn section_info(
 }
 
 /// The unknown variables, except those in other sections.
-fn unknown_in(all: &[UnknownVariable], own: &SectionInfo, sections: &[SectionInfo]) -> Vec<UnknownVariable> {
+fn unknown_in_section(
+    all: &[UnknownVariable],
+    own: &SectionInfo,
+    sections: &[SectionInfo],
+) -> Vec<UnknownVariable> {
     let within = |s: &SectionInfo, line: usize| (s.line..=s.end_line).contains(&line);
     let line = |variable: &UnknownVariable| variable.at.line().unwrap_or(0);
     let is_own = |v: &&UnknownVariable| within(own, line(v)) || !sections.iter().any(|s| within(s, line(v)));
@@ -311,14 +322,15 @@ fn expected_in_section(
     expected.iter().filter(|e| own.contains(&e.line) || !in_section[e.line]).cloned().collect()
 }
 
-fn hash(info: &SectionInfo, shared: &ScriptContext, files: &[(PathBuf, [u8; 32])]) -> [u8; 32] {
+/// Hash of everything on which the outcome of a section depends, apart from program and device.
+fn hash_section(info: &SectionInfo, shared: &ScriptContext, files: &[(PathBuf, [u8; 32])]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(bytes);
     };
     add(info.name.as_bytes());
-    for (name, value) in &shared.set {
+    for (name, value) in &shared.set_parameters {
         add(name.as_bytes());
         add(value.as_bytes());
     }

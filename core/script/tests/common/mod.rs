@@ -20,14 +20,14 @@ static TOY: LazyLock<Manifest> = LazyLock::new(|| {
 
 pub struct Toy;
 
-/// How often a toy's mesh was made in this process.
+/// Number of meshes that toy imports made in this process.
 pub static MESHES_MADE: AtomicUsize = AtomicUsize::new(0);
 
-/// How often the keys of a toy's clip were decoded in this process.
+/// Number of clips whose keys toy imports decoded in this process.
 pub static CLIPS_DECODED: AtomicUsize = AtomicUsize::new(0);
 
-/// How often a toy's image was decoded in this process.
-pub static PICTURES_DECODED: AtomicUsize = AtomicUsize::new(0);
+/// Number of images that toy imports decoded in this process.
+pub static IMAGES_DECODED: AtomicUsize = AtomicUsize::new(0);
 
 pub const JOINTS: [&str; 5] = ["Hips", "Spine", "Head", "LeftHand", "RightHand"];
 
@@ -41,7 +41,7 @@ impl Importer for Toy {
             false => Claim::NotMine,
         }
     }
-    /// The file's text gives a prefix for joint names; `other` makes joints that no one else has.
+    /// The file's text gives a prefix for joint names; `other_` makes joints that no other character has.
     fn import(
         &self,
         source: &Source,
@@ -102,12 +102,12 @@ impl Importer for Toy {
             MESHES_MADE.fetch_add(1, Ordering::Relaxed);
         }
         if needs.textures && needs.pixels {
-            PICTURES_DECODED.fetch_add(1, Ordering::Relaxed);
+            IMAGES_DECODED.fetch_add(1, Ordering::Relaxed);
         }
-        let seen = usize::from(needs.geometry);
+        let mesh_count = usize::from(needs.geometry);
         Ok(Asset {
             skeleton: Arc::new(Skeleton::new(names, parents, rest).unwrap()),
-            meshes: std::iter::repeat_n(Arc::new(mesh), seen).collect(),
+            meshes: std::iter::repeat_n(Arc::new(mesh), mesh_count).collect(),
             instances: vec![
                 MeshInstance {
                     joint: 0,
@@ -116,7 +116,7 @@ impl Importer for Toy {
                     weights: vec![0.0],
                     ..Default::default()
                 };
-                seen
+                mesh_count
             ],
             cameras: vec![AssetCamera { name: "eye".into(), joint: 2, projection: Projection::default() }],
             clips: vec![clip(0, "Walk", 1.0), clip(1, "Run", 0.8), clip(2, "Wave", 2.0)],
@@ -172,7 +172,7 @@ pub fn registry() -> Registry {
     registry
 }
 
-/// A folder of its own with these files, removed at the end.
+/// Temporary folder with files, removed when dropped.
 pub struct Folder(pub tempfile::TempDir);
 
 impl Folder {
@@ -216,8 +216,8 @@ pub fn run(text: &str) -> Result<Script, Vec<Diagnostic>> {
     assets().run_text(text, &ScriptOptions::default())
 }
 
-/// The script, or a panic with its messages.
-pub fn good(text: &str) -> Script {
+/// Runs a script; panics with its messages if there are errors.
+pub fn run_or_panic(text: &str) -> Script {
     run(text).unwrap_or_else(|e| panic!("{}", show(&e)))
 }
 

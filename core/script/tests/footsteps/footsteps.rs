@@ -55,47 +55,48 @@ const CHARACTERS: [Character; 22] = [
     ("dae/walk.dae", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
 ];
 
-/// Metres above the ground below which a foot is on it.
-const LOW: f64 = 0.01;
-/// Metres per second: a foot in the air that is as slow has come down.
-const SLOW: f64 = 0.3;
-const RATE: f64 = 240.0;
-/// Metres from where it stood within which a foot is still there.
-const STILL: f64 = 0.002;
-/// Metres by which a foot that does not rise may get higher in a 240th of a second.
-const STEADY: f64 = 1e-4;
-/// A foot that is so far from where it stood, in legs, has left it; before it stands again it must get as high as this.
-const LEFT: f64 = 0.06;
-const LIFT: f64 = 0.025;
-/// Share of the height of the hips by which hips and the lower foot may get higher and lower on a slope; the hips of RobotExpressive do by a third.
-const BOBS: f64 = 0.4;
-/// Metres that feet may slide.
-const MOST: f64 = 0.02;
-/// Metres per second: a foot that is faster from one 240th of a second to the next pops.
-const POPS: f64 = 12.0;
+/// Metres above the ground below which a foot touches it.
+const GROUND_CONTACT_HEIGHT: f64 = 0.01;
+/// Metres per second below which a foot in the air has landed.
+const LANDED_SPEED: f64 = 0.3;
+const SAMPLES_PER_SECOND: f64 = 240.0;
+/// Metres from its last contact within which a landing foot continues that contact.
+const SAME_PLACE_DISTANCE: f64 = 0.002;
+/// Metres that a landing foot may rise in a 240th of a second.
+const MAX_RISE_ON_LANDING: f64 = 1e-4;
+/// Distance from its contact, in leg lengths, at which a foot has taken a step.
+const STEP_DISTANCE_IN_LEGS: f64 = 0.06;
+/// Height, in leg lengths, that a foot must reach in a step.
+const MIN_LIFT_IN_LEGS: f64 = 0.025;
+/// Share of the hips' height by which the heights of hips and lower foot may vary on a slope; the hips of RobotExpressive vary by a third.
+const MAX_HEIGHT_CHANGE_ON_SLOPE: f64 = 0.4;
+/// Metres that a foot may slide during one contact.
+const MAX_SLIDE: f64 = 0.02;
+/// Metres per second above which a foot pops from one sample to the next.
+const POP_SPEED: f64 = 12.0;
 
-/// Seconds until which feet are watched, long after each stop.
-const WATCHED: f64 = 16.0;
+/// Time of the last sample in seconds, long after each stop.
+const LAST_SAMPLE_SECONDS: f64 = 16.0;
 
 /// Height of the mannequin's hips in metres where its run is lowest.
 const LOWEST_HIPS: f64 = 0.887;
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Slide {
-    /// Farthest that a foot went while it was on the ground, metres.
+struct FootSlide {
+    /// Largest distance that a foot slid during a contact, in metres.
     metres: f64,
     at_secs: f64,
-    /// Farthest that a foot went from one 240th of a second to the next, metres.
+    /// Largest distance that a foot moved from one sample to the next, in metres.
     step: f64,
-    /// How often a foot came down.
+    /// Number of contacts.
     stands: usize,
 }
 
-fn balls(stage: &Stage, legs: &[Leg], from: f64, to: f64) -> Vec<Vec<DVec3>> {
+fn sample_toe_positions(stage: &Stage, legs: &[Leg], from: f64, to: f64) -> Vec<Vec<DVec3>> {
     let mut evaluator = Evaluator::new(Arc::new(stage.clone()));
     let mut feet = vec![Vec::new(); legs.len()];
-    for i in 0..=((to - from) * RATE) as i64 {
-        let snapshot = evaluator.at(Time::from_secs(from + i as f64 / RATE)).unwrap();
+    for i in 0..=((to - from) * SAMPLES_PER_SECOND) as i64 {
+        let snapshot = evaluator.at(Time::from_secs(from + i as f64 / SAMPLES_PER_SECOND)).unwrap();
         let state = &snapshot.actors[0];
         for (leg, places) in legs.iter().zip(&mut feet) {
             let m = state.model_from_joint[leg.toe.unwrap_or(leg.foot) as usize];
@@ -105,29 +106,33 @@ fn balls(stage: &Stage, legs: &[Leg], from: f64, to: f64) -> Vec<Vec<DVec3>> {
     feet
 }
 
-/// A foot is on the ground from when it is low and slow until it is above its lowest place since then; meanwhile it must not get anywhere.
-/// One that goes up and down over the place where it stood has not left it. `ground`: the height at which each foot stands, from somewhere else.
-fn slide(feet: &[Vec<DVec3>], ground: &[f64], from: f64) -> Slide {
-    let mut found = Slide::default();
+/// Measures how far feet slide during contacts. A contact begins when a foot is low and slow, and ends when it is above its lowest place since then.
+/// A foot that rises and lands in the same place continues its contact. `ground` has the height on which each foot stands.
+fn measure_foot_slide(feet: &[Vec<DVec3>], ground: &[f64], from: f64) -> FootSlide {
+    let mut found = FootSlide::default();
     for (places, ground) in feet.iter().zip(ground) {
-        // Where, and the lowest since.
+        // Position at the beginning of the contact, and the lowest height since.
         let mut stands: Option<(DVec3, f64)> = None;
         let mut stood: Option<(DVec3, f64)> = None;
         for i in 1..places.len() {
             let (before, now) = (places[i - 1], places[i]);
             found.step = found.step.max((now - before).length());
-            let slow = (now - before).with_y(0.0).length() * RATE < SLOW;
+            let slow = (now - before).with_y(0.0).length() * SAMPLES_PER_SECOND < LANDED_SPEED;
             match &mut stands {
-                Some((first, lowest)) if now.y - *lowest < LOW => {
+                Some((first, lowest)) if now.y - *lowest < GROUND_CONTACT_HEIGHT => {
                     *lowest = lowest.min(now.y);
                     let off = (now - *first).with_y(0.0).length();
                     if off > found.metres {
-                        (found.metres, found.at_secs) = (off, from + i as f64 / RATE);
+                        (found.metres, found.at_secs) = (off, from + i as f64 / SAMPLES_PER_SECOND);
                     }
                 }
                 // A foot that rises where it stood has not come down again.
-                None if now.y - ground < LOW && slow && now.y <= before.y + STEADY => {
-                    let still = |(first, _): &(DVec3, f64)| (now - *first).with_y(0.0).length() < STILL;
+                None if now.y - ground < GROUND_CONTACT_HEIGHT
+                    && slow
+                    && now.y <= before.y + MAX_RISE_ON_LANDING =>
+                {
+                    let still =
+                        |(first, _): &(DVec3, f64)| (now - *first).with_y(0.0).length() < SAME_PLACE_DISTANCE;
                     stands = stood.filter(still).or(Some((now, now.y)));
                     found.stands += 1;
                 }
@@ -217,33 +222,40 @@ fn a_stop_takes_a_last_step() {
                 );
                 let stage = stage_of_samples(&folder, &text);
                 let legs = find_legs(&stage.actors[0].asset.skeleton);
-                // Where feet stand long after.
-                let ground: Vec<f64> = balls(&stage, &legs, 6.0, 6.0).iter().map(|b| b[0].y).collect();
-                let watch = |stage: &Stage| slide(&balls(stage, &legs, at, WATCHED), &ground, at);
-                let (own, plain) = (watch(&stage), watch(&without_foot_locks(&stage)));
+                // Heights of the feet long after the stop.
+                let ground: Vec<f64> =
+                    sample_toe_positions(&stage, &legs, 6.0, 6.0).iter().map(|b| b[0].y).collect();
+                let watch = |stage: &Stage| {
+                    measure_foot_slide(
+                        &sample_toe_positions(stage, &legs, at, LAST_SAMPLE_SECONDS),
+                        &ground,
+                        at,
+                    )
+                };
+                let (with_locks, without_locks) = (watch(&stage), watch(&without_foot_locks(&stage)));
                 println!(
                     "| {} | {how} {planted} | {at} | {:.1} at {:.2} s | {:.1} | {:.2} | {:.2} |",
                     character.0,
-                    own.metres * 1e3,
-                    own.at_secs,
-                    plain.metres * 1e3,
-                    own.step * RATE,
-                    plain.step * RATE
+                    with_locks.metres * 1e3,
+                    with_locks.at_secs,
+                    without_locks.metres * 1e3,
+                    with_locks.step * SAMPLES_PER_SECOND,
+                    without_locks.step * SAMPLES_PER_SECOND
                 );
-                if own.metres >= MOST {
-                    faults.push(format!("{}, {how} {planted} at {at} s: {own:?}", character.0));
+                if with_locks.metres >= MAX_SLIDE {
+                    faults.push(format!("{}, {how} {planted} at {at} s: {with_locks:?}", character.0));
                 }
-                most_without = most_without.max(plain.metres);
+                most_without = most_without.max(without_locks.metres);
             }
         }
         least_without = least_without.min(most_without);
     }
     assert!(faults.is_empty(), "{faults:#?}");
     // Without steps every character slides.
-    assert!(least_without > 2.0 * MOST, "{least_without} m");
+    assert!(least_without > 2.0 * MAX_SLIDE, "{least_without} m");
 }
 
-/// `plant_feet(#{ weight: 0 })` leaves the fade as the clips have it.
+/// `plant_feet(#{ weight: 0 })` plans no steps in a fade.
 #[test]
 fn steps_can_be_turned_off() {
     let fade = "anna.play(walk).until(2.0).then(idle, #{ fade: 0.5 });";
@@ -251,16 +263,19 @@ fn steps_can_be_turned_off() {
         let text = script(&CHARACTERS[0], &format!("anna.root_motion(); {planted} {fade}"));
         let stage = stage_of_samples(Path::new("."), &text);
         let legs = find_legs(&stage.actors[0].asset.skeleton);
-        (balls(&stage, &legs, 2.0, 3.0), balls(&without_foot_locks(&stage), &legs, 2.0, 3.0))
+        (
+            sample_toe_positions(&stage, &legs, 2.0, 3.0),
+            sample_toe_positions(&without_foot_locks(&stage), &legs, 2.0, 3.0),
+        )
     };
-    let (off, plain) = of("anna.plant_feet(#{ weight: 0 });");
-    assert_eq!(off, plain);
-    let (on, plain) = of("");
-    assert_ne!(on, plain, "it can fail");
+    let (off, without_locks) = of("anna.plant_feet(#{ weight: 0 });");
+    assert_eq!(off, without_locks);
+    let (on, without_locks) = of("");
+    assert_ne!(on, without_locks, "it can fail");
 }
 
 /// World position and front of the actor at a time.
-fn placed(stage: &Stage, time: f64) -> (DVec3, DVec3) {
+fn position_and_front(stage: &Stage, time: f64) -> (DVec3, DVec3) {
     let snapshot = Evaluator::new(Arc::new(stage.clone())).at(Time::from_secs(time)).unwrap();
     let world = snapshot.actors[0].world_from_model;
     let front = stage.actors[0].asset.front().direction();
@@ -292,33 +307,40 @@ fn walks_to_points_arrive_in_time_and_do_not_slide() {
         for (i, end) in [arrived, arrived + 5.0].into_iter().enumerate() {
             // At the arrival, and ever after until it goes on.
             for later in [0.0, 0.5, 1.0] {
-                off = off.max((placed(&stage, end + later).0 - points[i]).length());
+                off = off.max((position_and_front(&stage, end + later).0 - points[i]).length());
             }
             // On the way straight ahead, facing along it.
-            let (at, front) = placed(&stage, end - 1.2);
+            let (at, front) = position_and_front(&stage, end - 1.2);
             let way = ways[i].normalize();
             let beside = (points[i] - at).reject_from(way).length();
             assert!(front.dot(way) > 0.9999 && beside < 1e-3, "{}: {front} {way} {beside}", character.0);
         }
         assert!(off < 0.01, "{}: {off} m off", character.0);
         let legs = find_legs(&stage.actors[0].asset.skeleton);
-        let feet = balls(&stage, &legs, 0.3, WATCHED);
-        let ground = grounds(&feet);
-        let own = slide(&feet, &ground, 0.3);
-        let plain = slide(&balls(&without_foot_locks(&stage), &legs, 0.3, WATCHED), &ground, 0.3);
+        let feet = sample_toe_positions(&stage, &legs, 0.3, LAST_SAMPLE_SECONDS);
+        let ground = foot_ground_heights(&feet);
+        let with_locks = measure_foot_slide(&feet, &ground, 0.3);
+        let without_locks = measure_foot_slide(
+            &sample_toe_positions(&without_foot_locks(&stage), &legs, 0.3, LAST_SAMPLE_SECONDS),
+            &ground,
+            0.3,
+        );
         println!(
             "| {} | {:.3} | {:.1} at {:.2} s | {:.1} | {} | {:.2} |",
             character.0,
             off * 1e3,
-            own.metres * 1e3,
-            own.at_secs,
-            plain.metres * 1e3,
-            own.stands,
-            own.step * RATE
+            with_locks.metres * 1e3,
+            with_locks.at_secs,
+            without_locks.metres * 1e3,
+            with_locks.stands,
+            with_locks.step * SAMPLES_PER_SECOND
         );
         // No foot slides or pops.
-        if own.metres >= MOST || plain.metres < 5.0 * MOST || own.step * RATE >= POPS {
-            faults.push(format!("{}: {own:?}, {plain:?}", character.0));
+        if with_locks.metres >= MAX_SLIDE
+            || without_locks.metres < 5.0 * MAX_SLIDE
+            || with_locks.step * SAMPLES_PER_SECOND >= POP_SPEED
+        {
+            faults.push(format!("{}: {with_locks:?}, {without_locks:?}", character.0));
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
@@ -339,21 +361,21 @@ fn a_turn_on_arrival_faces_its_target_and_does_not_slide() {
         );
         let stage = stage_of_samples(&folder, &text);
         let arrived = stage.actors[0].layers[0].cues[1].end.unwrap().as_secs();
-        let (at, front) = placed(&stage, arrived + 1.5);
+        let (at, front) = position_and_front(&stage, arrived + 1.5);
         let sight = (DVec3::new(-2.0, 0.0, 1.0) - at).with_y(0.0).normalize();
         let off = front.angle_between(sight).to_degrees();
         let legs = find_legs(&stage.actors[0].asset.skeleton);
-        let feet = balls(&stage, &legs, 0.3, WATCHED);
-        let own = slide(&feet, &grounds(&feet), 0.3);
+        let feet = sample_toe_positions(&stage, &legs, 0.3, LAST_SAMPLE_SECONDS);
+        let with_locks = measure_foot_slide(&feet, &foot_ground_heights(&feet), 0.3);
         println!(
             "| {} | {off:.4} | {:.1} at {:.2} s | {:.2} |",
             character.0,
-            own.metres * 1e3,
-            own.at_secs,
-            own.step * RATE
+            with_locks.metres * 1e3,
+            with_locks.at_secs,
+            with_locks.step * SAMPLES_PER_SECOND
         );
-        if off > 0.01 || own.metres >= MOST || own.step * RATE >= POPS {
-            faults.push(format!("{}: {off}, {own:?}", character.0));
+        if off > 0.01 || with_locks.metres >= MAX_SLIDE || with_locks.step * SAMPLES_PER_SECOND >= POP_SPEED {
+            faults.push(format!("{}: {off}, {with_locks:?}", character.0));
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
@@ -369,7 +391,7 @@ fn a_layer_lifts_a_foot_in_a_stand() {
         );
         let stage = stage_of_samples(Path::new("."), &script(&CHARACTERS[0], &calls));
         let legs = find_legs(&stage.actors[0].asset.skeleton);
-        let feet = balls(&stage, &legs, 9.0, 11.0);
+        let feet = sample_toe_positions(&stage, &legs, 9.0, 11.0);
         feet.iter().flatten().map(|place| place.y).fold(0.0, f64::max)
     };
     let kick = "anna.joint(\"LeftUpLeg\").key(\"rotation\", [[9.5, [0, 0, 0]], [10.0, [-60, 0, 0]], [10.5, [0, 0, 0]]]);";
@@ -377,17 +399,17 @@ fn a_layer_lifts_a_foot_in_a_stand() {
     assert!(still < 0.1 && kicks > 0.3, "{still} m, {kicks} m");
 }
 
-/// Highest that a foot gets above where it stood, in legs, before it stands again; `None` where it has not left by a time.
+/// Largest height of a foot's first step, in leg lengths; `None` if the foot has not moved by a time.
 fn first_lift(places: &[DVec3], leg: f64, by_secs: f64) -> Option<f64> {
     let start = places[0];
-    let left = |p: &DVec3| (*p - start).with_y(0.0).length() > LEFT * leg;
-    let gone = places.iter().position(left).filter(|i| *i as f64 / RATE < by_secs)?;
-    let slow = |pair: &[DVec3]| (pair[1] - pair[0]).with_y(0.0).length() * RATE < SLOW;
+    let left = |p: &DVec3| (*p - start).with_y(0.0).length() > STEP_DISTANCE_IN_LEGS * leg;
+    let gone = places.iter().position(left).filter(|i| *i as f64 / SAMPLES_PER_SECOND < by_secs)?;
+    let slow = |pair: &[DVec3]| (pair[1] - pair[0]).with_y(0.0).length() * SAMPLES_PER_SECOND < LANDED_SPEED;
     let stands = places[gone..].windows(2).position(slow).map_or(places.len(), |i| gone + i);
     Some(places[..stands].iter().map(|p| p.y - start.y).fold(0.0, f64::max) / leg)
 }
 
-/// A foot that has to be in its place in the walk soon after the stage begins is lifted, and not moved just above the ground.
+/// The first step lifts the foot even if a walk begins soon after the stage does.
 #[test]
 fn the_first_step_of_a_walk_leaves_the_ground() {
     let Some(folder) = choreo_importer_kit_testing::assets(8) else { return };
@@ -401,25 +423,25 @@ fn the_first_step_of_a_walk_leaves_the_ground() {
         let cue = &stage.actors[0].layers[0].cues[1];
         let walks = (cue.start + cue.fade_in).as_secs();
         let leg = leg_length(&stage, &legs[0]);
-        let feet = balls(&stage, &legs, 0.0, walks + 1.0);
+        let feet = sample_toe_positions(&stage, &legs, 0.0, walks + 1.0);
         let lifts: Vec<Option<f64>> =
             feet.iter().map(|places| first_lift(places, leg, walks - 0.1)).collect();
         println!("| {} | {lifts:.3?} |", character.0);
-        if lifts.iter().flatten().any(|lift| *lift < LIFT) || lifts.iter().all(Option::is_none) {
+        if lifts.iter().flatten().any(|lift| *lift < MIN_LIFT_IN_LEGS) || lifts.iter().all(Option::is_none) {
             faults.push(format!("{}: {lifts:.3?}", character.0));
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
-    // A foot that goes half a metre at 15 mm is seen.
+    // A foot that moves half a metre at a height of 15 mm is detected.
     let dragged: Vec<DVec3> = (0..240)
         .map(|i| {
             DVec3::new(0.0, if i > 60 { 0.015 } else { 0.0 }, (0.02 * f64::from(i - 60)).clamp(0.0, 0.5))
         })
         .collect();
-    assert!(first_lift(&dragged, 0.85, 0.8).unwrap() < LIFT);
+    assert!(first_lift(&dragged, 0.85, 0.8).unwrap() < MIN_LIFT_IN_LEGS);
 }
 
-/// Length of a leg at the beginning, metres.
+/// Length of a leg at time 0, in metres.
 fn leg_length(stage: &Stage, leg: &Leg) -> f64 {
     let snapshot = Evaluator::new(Arc::new(stage.clone())).at(Time::ZERO).unwrap().clone();
     let state = &snapshot.actors[0];
@@ -431,11 +453,11 @@ fn leg_length(stage: &Stage, leg: &Leg) -> f64 {
     (knee - hip).length() + (foot - knee).length()
 }
 
-/// Rise of the slope, metres a metre.
+/// Rise of the slope, in metres per metre.
 const SLOPE: f64 = 0.2;
 
 /// Heights above the ground of the hips and of the lower foot, at times of a walk up a slope.
-fn up_a_slope(folder: &Path, character: &Character) -> Vec<[f64; 2]> {
+fn heights_above_slope(folder: &Path, character: &Character) -> Vec<[f64; 2]> {
     let calls = format!(
         "let hill = cast(\"hill\", shape(\"box\", #{{ size: [80, 1, 8] }})).rotate(0, 0, {});
          anna.at(-8, 0, 0).face([1000, 0, 0]);
@@ -472,22 +494,25 @@ fn bodies_stay_above_a_slope() {
     println!("| --- | ---: | ---: |");
     let mut faults = Vec::new();
     for character in &CHARACTERS {
-        let heights = up_a_slope(&folder, character);
+        let heights = heights_above_slope(&folder, character);
         let range = |which: usize| {
             let of = heights.iter().map(|h| h[which]);
             (of.clone().fold(f64::INFINITY, f64::min), of.fold(f64::NEG_INFINITY, f64::max))
         };
         let (hips, feet) = (range(0), range(1));
         println!("| {} | {:.3}–{:.3} | {:.3}–{:.3} |", character.0, hips.0, hips.1, feet.0, feet.1);
-        if hips.1 - hips.0 > BOBS * hips.1 || feet.0 < -BOBS * hips.1 || feet.1 > BOBS * hips.1 {
+        if hips.1 - hips.0 > MAX_HEIGHT_CHANGE_ON_SLOPE * hips.1
+            || feet.0 < -MAX_HEIGHT_CHANGE_ON_SLOPE * hips.1
+            || feet.1 > MAX_HEIGHT_CHANGE_ON_SLOPE * hips.1
+        {
             faults.push(format!("{}: {hips:?}, {feet:?}", character.0));
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
-/// Shortest time of the first frame at a time, by new evaluators, in seconds.
-fn first_frame(stage: &Arc<Stage>, time: f64) -> f64 {
+/// Shortest duration, in seconds, of the first evaluation at a time by a new evaluator.
+fn shortest_first_frame_seconds(stage: &Arc<Stage>, time: f64) -> f64 {
     let one = || {
         let mut evaluator = Evaluator::new(stage.clone());
         let begun = std::time::Instant::now();
@@ -497,7 +522,7 @@ fn first_frame(stage: &Arc<Stage>, time: f64) -> f64 {
     (0..7).map(|_| one()).fold(f64::INFINITY, f64::min)
 }
 
-/// Steps are planned by the first frame that needs them; a frame long before costs what it costs without any.
+/// The first frame that needs steps plans them; earlier frames cost as much as without steps.
 #[test]
 fn only_frames_in_a_stop_plan_its_steps() {
     let of = |planted: &str| {
@@ -514,7 +539,8 @@ fn only_frames_in_a_stop_plan_its_steps() {
         Arc::new(stage_of_samples(Path::new("."), &text))
     };
     let (steps, none) = (of(""), of("anna.plant_feet(#{ weight: 0 });"));
-    let ratio = |time: f64| first_frame(&steps, time) / first_frame(&none, time);
+    let ratio =
+        |time: f64| shortest_first_frame_seconds(&steps, time) / shortest_first_frame_seconds(&none, time);
     let (before, within) = (ratio(1.0), ratio(6.4));
     println!("first frame, times that without steps: {before:.2} before the stop, {within:.2} within");
     // Planning takes some hundred times as long as a frame.
@@ -522,7 +548,7 @@ fn only_frames_in_a_stop_plan_its_steps() {
     assert!(within > 20.0, "{within}: the measure sees planning");
 }
 
-/// Ways to walk: name, calls of the script.
+/// Name and script calls of each way to walk.
 const WALKS: [(&str, &str); 4] = [
     ("root motion", "anna.root_motion(); anna.play(walk);"),
     ("root motion, planted", "anna.root_motion(); anna.plant_feet(); anna.play(walk);"),
@@ -530,9 +556,9 @@ const WALKS: [(&str, &str); 4] = [
     ("path, planted", "anna.plant_feet(); anna.play(walk); anna.path([[0, 0, 0], [4, 0, 1], [9, 0, 1]]);"),
 ];
 
-/// The height of each foot where it is lowest of where it is slow.
-fn grounds(feet: &[Vec<DVec3>]) -> Vec<f64> {
-    let slow = |pair: &&[DVec3]| (pair[1] - pair[0]).with_y(0.0).length() * RATE < SLOW;
+/// Lowest height of each foot among the samples where it is slow.
+fn foot_ground_heights(feet: &[Vec<DVec3>]) -> Vec<f64> {
+    let slow = |pair: &&[DVec3]| (pair[1] - pair[0]).with_y(0.0).length() * SAMPLES_PER_SECOND < LANDED_SPEED;
     let lowest = |places: &Vec<DVec3>| {
         places.windows(2).filter(slow).map(|pair| pair[1].y).fold(f64::INFINITY, f64::min)
     };
@@ -552,25 +578,29 @@ fn feet_of_a_walk_do_not_slide() {
             let stage = stage_of_samples(&folder, &script(character, calls));
             let legs = find_legs(&stage.actors[0].asset.skeleton);
             let bare = without_foot_locks(&stage);
-            let alone = balls(&bare, &legs, 0.0, 4.0);
-            let locked = balls(&stage, &legs, 0.0, 4.0);
-            let plain = slide(&alone, &grounds(&alone), 0.0);
-            let own = slide(&locked, &grounds(&locked), 0.0);
+            let alone = sample_toe_positions(&bare, &legs, 0.0, 4.0);
+            let locked = sample_toe_positions(&stage, &legs, 0.0, 4.0);
+            let without_locks = measure_foot_slide(&alone, &foot_ground_heights(&alone), 0.0);
+            let with_locks = measure_foot_slide(&locked, &foot_ground_heights(&locked), 0.0);
             let planted = calls.contains("plant_feet");
             println!(
                 "| {} | {how} | {:.1} at {:.2} s | {:.1} | {} | {:.2} | {:.2} |",
                 character.0,
-                own.metres * 1e3,
-                own.at_secs,
-                plain.metres * 1e3,
-                own.stands,
-                own.step * RATE,
-                plain.step * RATE
+                with_locks.metres * 1e3,
+                with_locks.at_secs,
+                without_locks.metres * 1e3,
+                with_locks.stands,
+                with_locks.step * SAMPLES_PER_SECOND,
+                without_locks.step * SAMPLES_PER_SECOND
             );
-            // A foot that never stands would not slide, either.
-            assert!(own.stands > 2 && plain.metres > 0.005, "{}, {how}: {own:?}, {plain:?}", character.0);
-            if planted && own.metres >= MOST {
-                faults.push(format!("{}, {how}: {own:?}", character.0));
+            // A foot without contacts would not slide either.
+            assert!(
+                with_locks.stands > 2 && without_locks.metres > 0.005,
+                "{}, {how}: {with_locks:?}, {without_locks:?}",
+                character.0
+            );
+            if planted && with_locks.metres >= MAX_SLIDE {
+                faults.push(format!("{}, {how}: {with_locks:?}", character.0));
             }
         }
     }
@@ -585,12 +615,12 @@ const RUNS: [([&str; 2], [&str; 2]); 4] = [
     (["fbx/pab/locomotions.fbx", "walk"], ["fbx/pab/locomotions.fbx", "run"]),
 ];
 
-/// Seconds of a fade in step.
-const IN_STEP: f64 = 0.6;
-/// Times the speed of the clips' fastest foot in the fade that a foot may have: one that is held longer than in the clips has to catch up.
-const FASTER: f64 = 1.6;
+/// Duration of the fade between gaits in seconds.
+const GAIT_FADE_SECONDS: f64 = 0.6;
+/// Largest ratio of foot speeds with and without foot locking; a foot that is held longer than in the clips has to catch up.
+const MAX_SPEED_RATIO: f64 = 1.6;
 
-/// A foot stays where it stands while one gait becomes another in step, or it is lifted.
+/// While one gait fades into another, a foot stays in its place or is lifted.
 #[test]
 fn feet_do_not_slide_while_a_walk_becomes_a_run() {
     let Some(folder) = choreo_importer_kit_testing::assets(8) else { return };
@@ -604,32 +634,43 @@ fn feet_do_not_slide_while_a_walk_becomes_a_run() {
             for at in (0..12).map(|i| 1.4 + 0.05 * f64::from(i)) {
                 let calls = format!(
                     "let run = load(\"{file}\").clip(\"{name}\"); anna.root_motion();
-                     anna.play({from}).until({at}).then({to}, #{{ fade: {IN_STEP}, in_step: true }});"
+                     anna.play({from}).until({at}).then({to}, #{{ fade: {GAIT_FADE_SECONDS}, in_step: true }});"
                 );
                 let stage = stage_of_samples(&folder, &script(character, &calls));
                 let legs = find_legs(&stage.actors[0].asset.skeleton);
-                let ground = grounds(&balls(&stage, &legs, at - IN_STEP, at + 2.0 * IN_STEP));
-                let watch = |stage: &Stage| slide(&balls(stage, &legs, at, at + IN_STEP), &ground, at);
-                let (own, plain) = (watch(&stage), watch(&without_foot_locks(&stage)));
+                let ground = foot_ground_heights(&sample_toe_positions(
+                    &stage,
+                    &legs,
+                    at - GAIT_FADE_SECONDS,
+                    at + 2.0 * GAIT_FADE_SECONDS,
+                ));
+                let watch = |stage: &Stage| {
+                    measure_foot_slide(
+                        &sample_toe_positions(stage, &legs, at, at + GAIT_FADE_SECONDS),
+                        &ground,
+                        at,
+                    )
+                };
+                let (with_locks, without_locks) = (watch(&stage), watch(&without_foot_locks(&stage)));
                 println!(
                     "| {} | {from} to {to} | {at:.2} | {:.1} at {:.2} s | {:.1} | {} | {:.2} | {:.2} |",
                     character.0,
-                    own.metres * 1e3,
-                    own.at_secs,
-                    plain.metres * 1e3,
-                    own.stands,
-                    own.step * RATE,
-                    plain.step * RATE
+                    with_locks.metres * 1e3,
+                    with_locks.at_secs,
+                    without_locks.metres * 1e3,
+                    with_locks.stands,
+                    with_locks.step * SAMPLES_PER_SECOND,
+                    without_locks.step * SAMPLES_PER_SECOND
                 );
-                worst_without = worst_without.max(plain.metres);
-                if own.metres >= MOST || own.step >= FASTER * plain.step {
-                    faults.push(format!("{}, {from} to {to} at {at:.2} s: {own:?}", character.0));
+                worst_without = worst_without.max(without_locks.metres);
+                if with_locks.metres >= MAX_SLIDE || with_locks.step >= MAX_SPEED_RATIO * without_locks.step {
+                    faults.push(format!("{}, {from} to {to} at {at:.2} s: {with_locks:?}", character.0));
                 }
             }
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
-    assert!(worst_without > 8.0 * MOST, "without foot locking it must fail: {worst_without} m");
+    assert!(worst_without > 8.0 * MAX_SLIDE, "without foot locking it must fail: {worst_without} m");
 }
 
 /// The character goes on at a switch from a run to a stand, so that the legs need not bend for feet that are left behind.
@@ -658,19 +699,22 @@ fn the_bounds_see_a_dragged_foot_and_a_pop() {
     let text = script(&CHARACTERS[0], WALKS[1].1);
     let stage = stage_of_samples(Path::new("."), &text);
     let legs = find_legs(&stage.actors[0].asset.skeleton);
-    let feet = balls(&stage, &legs, 0.0, 4.0);
-    let own = slide(&feet, &grounds(&feet), 0.0);
-    assert!(own.metres < MOST && own.step * RATE < POPS, "{own:?}");
+    let feet = sample_toe_positions(&stage, &legs, 0.0, 4.0);
+    let with_locks = measure_foot_slide(&feet, &foot_ground_heights(&feet), 0.0);
+    assert!(
+        with_locks.metres < MAX_SLIDE && with_locks.step * SAMPLES_PER_SECOND < POP_SPEED,
+        "{with_locks:?}"
+    );
     // 5 cm/s, over contacts of more than half a second.
     let dragged = |places: &Vec<DVec3>| {
-        let moved = |(i, p): (usize, &DVec3)| *p + DVec3::X * (0.05 * i as f64 / RATE);
+        let moved = |(i, p): (usize, &DVec3)| *p + DVec3::X * (0.05 * i as f64 / SAMPLES_PER_SECOND);
         places.iter().enumerate().map(moved).collect()
     };
     let faulty: Vec<Vec<DVec3>> = feet.iter().map(dragged).collect();
-    let seen = slide(&faulty, &grounds(&faulty), 0.0);
-    assert!(seen.metres > MOST, "{seen:?}");
+    let seen = measure_foot_slide(&faulty, &foot_ground_heights(&faulty), 0.0);
+    assert!(seen.metres > MAX_SLIDE, "{seen:?}");
     let mut faulty = feet;
     faulty[0][500] += DVec3::Z * 0.06;
-    let seen = slide(&faulty, &grounds(&faulty), 0.0);
-    assert!(seen.step * RATE > POPS, "{seen:?}");
+    let seen = measure_foot_slide(&faulty, &foot_ground_heights(&faulty), 0.0);
+    assert!(seen.step * SAMPLES_PER_SECOND > POP_SPEED, "{seen:?}");
 }

@@ -98,7 +98,7 @@ load("nothing.toy");
 }
 
 #[test]
-fn a_file_that_nobody_uses_is_read_all_the_same() {
+fn a_file_that_is_not_used_is_imported_too() {
     let errors =
         run("let a = load(\"hero.toy\");\ncast(\"a\", a);\nlet b = load(\"broken.toy\");").unwrap_err();
     assert_eq!((errors.len(), errors[0].line), (1, 3));
@@ -106,7 +106,7 @@ fn a_file_that_nobody_uses_is_read_all_the_same() {
 
 #[test]
 fn equal_files_are_imported_once() {
-    let script = good(
+    let script = run_or_panic(
         r#"
         let a = load("hero.toy");
         let b = load("models/../hero.toy");
@@ -120,7 +120,7 @@ fn equal_files_are_imported_once() {
 }
 
 #[test]
-fn a_viewer_can_watch_and_call_off() {
+fn imports_show_progress_and_can_be_cancelled() {
     let folder = Folder::new(&[("a.meet", "endless")]);
     let options = ScriptOptions { imports: Imports::default(), ..ScriptOptions::default() };
     let imports = options.imports.clone();

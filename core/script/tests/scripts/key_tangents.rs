@@ -7,7 +7,8 @@ use glam::DQuat;
 
 /// The channel of an actor's property, from its `.key(…)`.
 fn channel(call: &str, property: Property) -> Channel {
-    let script = good(&format!("stage(#{{ length: 100.0 }});\ncast(\"a\", load(\"hero.toy\")){call};"));
+    let script =
+        run_or_panic(&format!("stage(#{{ length: 100.0 }});\ncast(\"a\", load(\"hero.toy\")){call};"));
     let channels = &script.stage.actors[0].channels;
     channels.iter().find(|channel| channel.property == property).unwrap().clone()
 }
@@ -16,15 +17,15 @@ fn position(keys: &str) -> Channel {
     channel(&format!(".key(\"position\", {keys})"), Property::Translation)
 }
 
-/// A number between two keys: times, values, changes a second and shares of the span that the handles reach over.
-struct Truth {
+/// Bézier curve between two keys. Tangents are changes per second, weights the shares of the span that the handles take.
+struct BezierReference {
     times: [f64; 2],
     values: [f64; 2],
     tangents: [f64; 2],
     weights: [f64; 2],
 }
 
-impl Truth {
+impl BezierReference {
     fn at(&self, secs: f64) -> f64 {
         let [t0, t1] = self.times;
         let span = t1 - t0;
@@ -47,8 +48,8 @@ impl Truth {
         casteljau(value, 0.5 * (low + high))
     }
 
-    /// The largest difference to one number of a channel, at 1000 times and at 200 about the middle, where a curve may be upright.
-    fn worst(&self, channel: &Channel, part: usize) -> f64 {
+    /// Largest difference from one component of a channel, at 1000 times and at 200 more around the middle, where a curve may be vertical.
+    fn largest_error(&self, channel: &Channel, part: usize) -> f64 {
         let [t0, t1] = self.times;
         let middle = (-100..100).map(|n| 0.5 + f64::from(n) * 1e-6);
         let shares = (0..1000).map(|n| f64::from(n) / 1000.0).chain(middle);
@@ -78,8 +79,9 @@ fn keys_with_tangents_are_hermite_splines() {
     for (times, parts) in [([0.5, 1.5], first), ([1.5, 4.0], second), ([4.0, 6.0], third), ([6.0, 7.0], last)]
     {
         for (part, (values, tangents)) in parts.into_iter().enumerate() {
-            let worst = Truth { times, values, tangents, weights: THIRD }.worst(&position, part);
-            assert!(worst < 1e-8, "{times:?} {part}: {worst}");
+            let largest_error =
+                BezierReference { times, values, tangents, weights: THIRD }.largest_error(&position, part);
+            assert!(largest_error < 1e-8, "{times:?} {part}: {largest_error}");
         }
     }
     // A key costs no more than one of "cubic".
@@ -87,14 +89,15 @@ fn keys_with_tangents_are_hermite_splines() {
 }
 
 #[test]
-fn the_other_ends_are_as_how_says() {
+fn key_sides_without_tangents_follow_the_how_option() {
     for (how, flat) in [("smooth", true), ("linear", false), ("catmull_rom", false), ("cubic", false)] {
         let keys = format!("[[0, [0, 0, 0]], [1, [1, 0, 0]], [2, [2, 0, 0], #{{ tangent: 5 }}]], \"{how}\"");
         let position = position(&keys);
         let start = if flat { 0.0 } else { 1.0 };
-        let truth = Truth { times: [1.0, 2.0], values: [1.0, 2.0], tangents: [start, 5.0], weights: THIRD };
-        let worst = truth.worst(&position, 0);
-        assert!(worst < 1e-8, "{how}: {worst}");
+        let truth =
+            BezierReference { times: [1.0, 2.0], values: [1.0, 2.0], tangents: [start, 5.0], weights: THIRD };
+        let largest_error = truth.largest_error(&position, 0);
+        assert!(largest_error < 1e-8, "{how}: {largest_error}");
     }
 }
 
@@ -108,8 +111,9 @@ fn weights_make_bezier_curves() {
         );
         let position = position(&keys);
         let parts = [([0.0, 1.0], [2.0, -1.0]), ([0.0, 4.0], [0.0, 0.0]), ([0.0, 2.0], [-3.0, 6.0])];
-        let truth = parts.map(|(values, tangents)| Truth { times: [1.0, 3.0], values, tangents, weights });
-        truth.iter().enumerate().map(|(part, truth)| truth.worst(&position, part)).fold(0.0, f64::max)
+        let truth =
+            parts.map(|(values, tangents)| BezierReference { times: [1.0, 3.0], values, tangents, weights });
+        truth.iter().enumerate().map(|(part, truth)| truth.largest_error(&position, part)).fold(0.0, f64::max)
     };
     for (weights, most) in [
         ([0.3, 0.4], 2e-6),
@@ -120,9 +124,9 @@ fn weights_make_bezier_curves() {
         // Upright in its middle: a hundredth of the change, for a tenth of a millisecond.
         ([1.0, 1.0], 0.06),
     ] {
-        let worst = of(weights);
-        println!("{weights:?}: {worst:.1e}");
-        assert!(worst < most, "{weights:?}: {worst}");
+        let largest_error = of(weights);
+        println!("{weights:?}: {largest_error:.1e}");
+        assert!(largest_error < most, "{weights:?}: {largest_error}");
     }
     // Without effect where it is the usual one.
     assert!(of(THIRD) < 1e-8);
@@ -135,8 +139,8 @@ fn numbers_have_weights_of_their_own() {
     let position = position(keys);
     for (part, weight) in [0.1, 0.5, 0.9].into_iter().enumerate() {
         let weights = [weight, 1.0 / 3.0];
-        let truth = Truth { times: [0.0, 2.0], values: [0.0, 1.0], tangents: [1.0, 0.0], weights };
-        assert!(truth.worst(&position, part) < 1e-4);
+        let truth = BezierReference { times: [0.0, 2.0], values: [0.0, 1.0], tangents: [1.0, 0.0], weights };
+        assert!(truth.largest_error(&position, part) < 1e-4);
     }
 }
 
@@ -148,7 +152,7 @@ fn angles_turn_along_their_tangents() {
         ("[[0, 0, #{ out_tangent: 5000 }], [2, 0, #{ in_tangent: 5000 }]]", ([0.0, 0.0], [5000.0, 5000.0])),
     ] {
         let rotation = channel(&format!(".key(\"rotation\", {keys})"), Property::Rotation);
-        let truth = Truth { times: [0.0, 2.0], values: truth.0, tangents: truth.1, weights: THIRD };
+        let truth = BezierReference { times: [0.0, 2.0], values: truth.0, tangents: truth.1, weights: THIRD };
         for n in 0..1000 {
             let time = Time::from_secs(f64::from(n) / 500.0);
             let wanted = DQuat::from_rotation_y(truth.at(time.as_secs()).to_radians());
@@ -164,16 +168,18 @@ fn an_easing_forms_its_whole_span() {
     let position = position(keys);
     let at = |secs: f64| position.at(Time::from_secs(secs)).unwrap()[0];
     assert!((at(0.5) - 0.25).abs() < 1e-3 && (at(0.25) - 0.0625).abs() < 1e-3);
-    let truth = Truth { times: [1.0, 2.0], values: [1.0, 1.0], tangents: [4.0, 0.0], weights: THIRD };
-    assert!(truth.worst(&position, 0) < 1e-8);
+    let truth =
+        BezierReference { times: [1.0, 2.0], values: [1.0, 1.0], tangents: [4.0, 0.0], weights: THIRD };
+    assert!(truth.largest_error(&position, 0) < 1e-8);
     // An easing of all leaves the spans out that have tangents.
     let all = channel(
         ".key(\"position\", [[0, [0, 0, 0]], [1, [1, 0, 0]], [2, [2, 0, 0], #{ in_tangent: 0 }]], \"in_quad\")",
         Property::Translation,
     );
     assert!((all.at(Time::from_secs(0.5)).unwrap()[0] - 0.25).abs() < 1e-3);
-    let truth = Truth { times: [1.0, 2.0], values: [1.0, 2.0], tangents: [1.0, 0.0], weights: THIRD };
-    assert!(truth.worst(&all, 0) < 1e-8);
+    let truth =
+        BezierReference { times: [1.0, 2.0], values: [1.0, 2.0], tangents: [1.0, 0.0], weights: THIRD };
+    assert!(truth.largest_error(&all, 0) < 1e-8);
 }
 
 /// Within a microsecond, a tick and a jump, with the steepest tangents.
@@ -206,7 +212,7 @@ fn stiff_tangents_stay_finite_and_reach_their_keys() {
 /// Everything that has keys takes tangents, in the unit of its values.
 #[test]
 fn all_properties_take_tangents() {
-    let script = good(
+    let script = run_or_panic(
         r##"
 stage(#{ length: 8.0 });
 let hero = load("hero.toy");
@@ -223,14 +229,14 @@ anna.joint("Head").key("position", [[0, [0, 0, 0], #{ tangent: 1 }], [2, [0, 0, 
 "##,
     );
     let stage = &script.stage;
-    let truth = |values, tangents| Truth { times: [0.0, 2.0], values, tangents, weights: THIRD };
+    let truth = |values, tangents| BezierReference { times: [0.0, 2.0], values, tangents, weights: THIRD };
     let usual = truth([0.2, 0.6], [0.4, 0.0]);
     let (actor, of) = (&stage.actors[0], |channels: &[Channel], property| {
         channels.iter().find(|channel| channel.property == property).unwrap().clone()
     });
-    let near = |truth: &Truth, channel: &Channel, part| {
-        let worst = truth.worst(channel, part);
-        assert!(worst < 1e-6, "{:?}: {worst}", channel.property);
+    let near = |truth: &BezierReference, channel: &Channel, part| {
+        let largest_error = truth.largest_error(channel, part);
+        assert!(largest_error < 1e-6, "{:?}: {largest_error}", channel.property);
     };
     near(&usual, &of(&actor.channels, Property::Scale), 2);
     near(&truth([0.0, 1.0], [1.0, 0.5]), &of(&actor.channels, Property::Tint), 0);

@@ -120,9 +120,9 @@ fn a_call_of_very_many_arguments_is_refused_where_it_stands() {
     assert!(started.elapsed().as_secs() < 60, "{:?}", started.elapsed());
 }
 
-/// Each `f.curry(f)` takes along all that the one before has: 2 to the power of the steps.
+/// `f.curry(f)` is refused because its size doubles with each repetition.
 #[test]
-fn nothing_is_curried() {
+fn curry_is_refused() {
     for text in ["let f = |a| a;\nf.curry(1);", "let f = |a| a;\ncurry(f, 1);"] {
         let errors = assets().run_text(text, &ScriptOptions::default()).unwrap_err();
         let wanted =
@@ -145,7 +145,7 @@ fn too_large_files_are_refused() {
 }
 
 #[test]
-fn script_files_that_are_none() {
+fn binary_missing_and_folder_scripts_are_refused() {
     let folder = Folder::new(&[("binary.rhai", "")]);
     std::fs::write(folder.file("binary.rhai"), b"let x = 1;\n\xff\xfe").unwrap();
     let message = |name: &str| {
@@ -160,47 +160,48 @@ fn script_files_that_are_none() {
     assert_eq!(message("dir.rhai"), "cannot read script \"FOLDER/dir.rhai\": it is not a file");
 }
 
-fn warned(script: &choreo_script::Script) -> Vec<String> {
+fn warning_texts(script: &choreo_script::Script) -> Vec<String> {
     script.warnings.iter().map(|w| format!("{}: {}", w.line, w.message)).collect()
 }
 
-/// The ground belongs where an actor stands.
+/// A plane is taken for the ground, on which actors stand.
 #[test]
-fn a_plane_at_the_origin_is_no_mistake() {
-    let script = good(r#"cast("a", load("hero.toy")); cast("ground", shape("plane"));"#);
-    assert_eq!(warned(&script), [""; 0]);
-    let script =
-        good(r#"cast("a", load("hero.toy")); cast("ground", shape("plane")); cast("c", shape("box"));"#);
+fn an_actor_may_share_the_origin_with_a_plane() {
+    let script = run_or_panic(r#"cast("a", load("hero.toy")); cast("ground", shape("plane"));"#);
+    assert_eq!(warning_texts(&script), [""; 0]);
+    let script = run_or_panic(
+        r#"cast("a", load("hero.toy")); cast("ground", shape("plane")); cast("c", shape("box"));"#,
+    );
     assert_eq!(
-        warned(&script),
+        warning_texts(&script),
         ["1: 2 actors stand in the same place, the origin: a, c; place them with .at(x, y, z)"]
     );
 }
 
 #[test]
-fn a_part_that_starts_over_below_a_fade_is_told() {
-    // Walk takes 1 s; the part of 0.5 s starts over every 0.5 s.
+fn a_trimmed_clip_that_restarts_during_a_fade_is_reported() {
+    // Walk takes 1 s, so its second half of 0.5 s starts over every 0.5 s.
     let script = |how: &str, until: f64, fade: f64| {
-        good(&format!(
+        run_or_panic(&format!(
             "let h = load(\"hero.toy\");\nlet a = cast(\"a\", h);\n\
              a.play(h.clip(\"Walk\"), #{{ trim: [0.5, 1.0] }}){how}.until({until})\
              .then(h.clip(\"Run\"), #{{ fade: {fade} }});"
         ))
     };
-    let told = "3: this part of clip \"Walk\" takes 0.5 s and starts over at 1 s, while \"Run\" fades in over it; \
+    let restart_warning = "3: this part of clip \"Walk\" takes 0.5 s and starts over at 1 s, while \"Run\" fades in over it; \
                 add .once() to hold its last pose, or .loop() if it is intended";
-    assert_eq!(warned(&script("", 1.0, 0.25)), [told]);
-    assert_eq!(warned(&script("", 0.875, 0.25)), [told]);
+    assert_eq!(warning_texts(&script("", 1.0, 0.25)), [restart_warning]);
+    assert_eq!(warning_texts(&script("", 0.875, 0.25)), [restart_warning]);
     for (how, until, fade) in
         [("", 0.75, 0.25), ("", 1.125, 0.25), (".loop()", 1.0, 0.25), ("", 1.0, 0.0), (".once()", 0.5, 0.25)]
     {
-        assert_eq!(warned(&script(how, until, fade)), [""; 0], "{how} {until} {fade}");
+        assert_eq!(warning_texts(&script(how, until, fade)), [""; 0], "{how} {until} {fade}");
     }
 }
 
 #[test]
-fn check_tells_what_is_hardly_meant() {
-    let script = good(
+fn every_run_warns_about_probable_mistakes() {
+    let script = run_or_panic(
         r#"stage(#{ length: 4 });
            let h = load("hero.toy");
            let a = cast("a", h);
@@ -215,7 +216,7 @@ fn check_tells_what_is_hardly_meant() {
            camera("c").at(0, 1, 5).cut(9);"#,
     );
     assert_eq!(
-        warned(&script),
+        warning_texts(&script),
         [
             "5: clip \"Walk\" is played once and takes 1 s, but its cue lasts 3 s: the last pose is held",
             "6: clip \"Run\" starts at 5 s, after the end of the stage, 4 s",

@@ -1,4 +1,4 @@
-//! Constraints and springs in scripts: what they leave on the stage, and what is refused.
+//! Constraints and spring bones that scripts add to the stage.
 
 use crate::common::*;
 use choreo_motion::Time;
@@ -6,11 +6,11 @@ use choreo_stage::*;
 use glam::DVec3;
 
 fn actor(script: &str) -> Actor {
-    good(&format!("let anna = cast(\"anna\", load(\"hero.toy\"));\n{script}")).stage.actors[0].clone()
+    run_or_panic(&format!("let anna = cast(\"anna\", load(\"hero.toy\"));\n{script}")).stage.actors[0].clone()
 }
 
 #[test]
-fn a_reach_bends_two_joints_or_as_many_as_it_is_told() {
+fn a_reach_bends_two_joints_or_the_chain_from_its_root() {
     let anna =
         actor("anna.reach(\"LeftHand\", [0.3, 1.0, 0.2]).from(1.0).until(2.0).fade(0.25).weight(0.5);");
     let goal = &anna.constraints[0];
@@ -30,7 +30,7 @@ fn a_reach_bends_two_joints_or_as_many_as_it_is_told() {
 }
 
 #[test]
-fn aims_share_and_limits_hold() {
+fn aims_are_shared_between_joints_and_limits_are_stored() {
     let anna = actor(
         "anna.aim(\"Head\", [0, 1, 3], #{ joints: 3, shares: [0.2, 0.3, 0.5], limit: 60 });
          anna.joint(\"Head\").limit(#{ swing: 30, twist: [-10, 20] });
@@ -45,7 +45,7 @@ fn aims_share_and_limits_hold() {
 }
 
 #[test]
-fn what_swings_is_named_by_patterns_and_can_be_switched_off() {
+fn spring_bones_are_selected_by_patterns_and_can_be_turned_off() {
     let anna = actor(
         "anna.collider(\"Head\", #{ radius: 0.1 });
          anna.spring(\"*hand\", #{ frequency: 3.0, damping: 0.2, gravity: 0.5, radius: 0.02, center: \"Hips\" });
@@ -64,7 +64,7 @@ fn what_swings_is_named_by_patterns_and_can_be_switched_off() {
     assert_eq!(springs.pre_roll, Time::from_secs(2.0));
     assert!(actor("anna.spring(\"Head\").springs(false);").springs.is_none());
     // A callback sets the wind for that frame.
-    let script = good(
+    let script = run_or_panic(
         "let anna = cast(\"anna\", load(\"hero.toy\")); anna.spring(\"Head\"); on_frame(|t| anna.wind(t, 0.0, 0.0));",
     );
     script.stage.at(Time::from_secs(0.5)).unwrap();

@@ -34,8 +34,8 @@ fn secs(t: f64) -> Time {
 }
 
 #[test]
-fn the_example_makes_the_stage_that_it_reads_as() {
-    let script = good(EXAMPLE);
+fn the_example_makes_the_described_stage() {
+    let script = run_or_panic(EXAMPLE);
     let s = &script.stage;
     assert_eq!((s.settings.size, s.settings.length), ([1280, 720], secs(8.0)));
     assert_eq!(s.actors.len(), 2);
@@ -67,19 +67,19 @@ fn the_example_makes_the_stage_that_it_reads_as() {
 
 #[test]
 fn the_same_script_gives_the_same_stage() {
-    let (a, b) = (good(EXAMPLE), good(EXAMPLE));
+    let (a, b) = (run_or_panic(EXAMPLE), run_or_panic(EXAMPLE));
     assert_eq!(a.stage.content_hash(), b.stage.content_hash());
     assert_eq!(a.script_hash, b.script_hash);
     // And another one another.
     for (from, to) in [("until(6.0)", "until(6.1)"), ("10.0 * sin", "11.0 * sin"), ("0.2", "0.3")] {
-        let c = good(&EXAMPLE.replace(from, to));
+        let c = run_or_panic(&EXAMPLE.replace(from, to));
         assert_ne!(a.stage.content_hash(), c.stage.content_hash(), "{from} to {to}");
     }
 }
 
 #[test]
-fn hooks_are_functions_of_the_time_alone() {
-    let script = good(
+fn callbacks_depend_on_time_only() {
+    let script = run_or_panic(
         r#"
         let a = cast("a", load("hero.toy"));
         let n = 0;
@@ -106,8 +106,8 @@ fn hooks_are_functions_of_the_time_alone() {
 }
 
 #[test]
-fn transforms_do_what_they_say() {
-    let s = good(
+fn actor_transforms_reach_the_stage() {
+    let s = run_or_panic(
         r##"let h = load("hero.toy");
            let a = cast("a", h).at(1, 2, 3).turn(90).scale(2).tint("#ff0000").hide();
            let b = cast("b", h).at([4, 0, 0]).face([4, 0, -5]).morph("smile", 0.5).attach(a.joint("LeftHand"));
@@ -128,7 +128,7 @@ fn transforms_do_what_they_say() {
 
 #[test]
 fn lights_and_backgrounds() {
-    let s = good(
+    let s = run_or_panic(
         r##"stage(#{ background: #{ top: "#000", bottom: [1, 1, 1] }, ambient: 0.5, samples: 4 });
             sun(#{ direction: [0, -2, 0], kelvin: 6500 });
             spot(#{ position: [0, 3, 0], look_at: [0, 0, 0], outer: 20 }).key("intensity", [[0, 0], [1, 50]], "smooth");
@@ -231,7 +231,7 @@ fn equal_files_are_read_once_and_files_of_the_asset_are_used() {
 
 #[test]
 fn cameras_of_files_and_shapes() {
-    let s = good(
+    let s = run_or_panic(
         r#"let h = load("hero.toy"); let a = cast("a", h).at(1, 0, 0);
            a.camera("eye").cut(1); h.camera().cut(2);
            camera("top").at(0, 5, 0).rotate(-90, 0, 0).ortho(4).far(20).cut(0);
@@ -250,7 +250,7 @@ fn cameras_of_files_and_shapes() {
 
 #[test]
 fn parameters_of_effects_are_keyed_and_set_by_callbacks() {
-    let script = good(
+    let script = run_or_panic(
         r#"
         stage(#{ length: 4.0 });
         let line = effect("line", #{ width: 1.0 });
@@ -275,7 +275,7 @@ fn parameters_of_effects_are_keyed_and_set_by_callbacks() {
 /// Vectors and the samples of curves are interpolated; whole numbers and texts change at their keyframe.
 #[test]
 fn parameters_of_every_type_are_keyed() {
-    let script = good(
+    let script = run_or_panic(
         r#"
         stage(#{ length: 4.0 });
         let line = effect("line", #{ drift: [0.5, 0.0], fall: [[0.0, 0.0], [0.5, 1.0]], color_r: 0.25 });
@@ -309,7 +309,7 @@ fn parameters_of_every_type_are_keyed() {
 
 #[test]
 fn an_effect_can_belong_to_a_camera() {
-    let script = good(
+    let script = run_or_panic(
         r#"
         stage(#{ length: 4.0 });
         cast("a", load("hero.toy"));
@@ -325,7 +325,7 @@ fn an_effect_can_belong_to_a_camera() {
 
 #[test]
 fn parts_are_hidden_by_the_names_of_nodes_and_meshes() {
-    let script = good(
+    let script = run_or_panic(
         r#"
         let hero = load("hero.toy");
         cast("a", hero).hide_parts("bod*");
@@ -351,7 +351,7 @@ fn parts_are_hidden_by_the_names_of_nodes_and_meshes() {
 
 #[test]
 fn a_focal_length_is_a_field_of_view() {
-    let script = good(
+    let script = run_or_panic(
         r#"
         cast("a", load("hero.toy"));
         camera("wide").focal_length(24.0);
@@ -376,7 +376,7 @@ fn callbacks_shake_cameras() {
         let text = format!(
             "cast(\"a\", load(\"hero.toy\")); let c = camera(\"c\").at(0, 1, 5).look_at([0, 1, 0]); {shake}"
         );
-        good(&text).stage.at(Time::from_secs(secs)).unwrap().camera
+        run_or_panic(&text).stage.at(Time::from_secs(secs)).unwrap().camera
     };
     for secs in [0.0, 0.37, 1.9] {
         let degrees = 1.0 + 4.0 * secs;
@@ -400,7 +400,7 @@ fn callbacks_use_every_rig_lens_and_plane() {
             "stage(#{{ length: 2 }}); let a = cast(\"a\", load(\"hero.toy\")).key(\"position\", [[0, [0, 0, 0]], [2, [3, 0, 1]]]);
              let c = camera(\"c\"); {rest}"
         );
-        good(&text).stage.at(Time::from_secs(secs)).unwrap().camera
+        run_or_panic(&text).stage.at(Time::from_secs(secs)).unwrap().camera
     };
     let cases = [
         ("c.follow(a, [0, 1, 4]);", "c.at(9, 9, 9); on_frame(|t| c.follow(a, [0, 1, 4]));"),
@@ -454,7 +454,7 @@ fn callbacks_use_every_rig_lens_and_plane() {
 
 /// A lens and planes that a script sets count for cameras of files, which see 0.7 rad, and for framing cameras.
 #[test]
-fn what_a_camera_sets_is_kept() {
+fn lens_and_planes_of_the_script_override_file_and_framing_cameras() {
     for (set, yfov, near, far) in [
         ("", 0.7, None, None),
         (".fov(20).near(0.5).far(33)", 20f32.to_radians(), Some(0.5), Some(33.0)),
@@ -463,7 +463,7 @@ fn what_a_camera_sets_is_kept() {
     ] {
         let text = format!("let h = load(\"hero.toy\"); cast(\"a\", h).camera(\"eye\"){set};");
         let Projection::Perspective { yfov: y, near: n, far: f } =
-            good(&text).stage.at(Time::ZERO).unwrap().camera.projection
+            run_or_panic(&text).stage.at(Time::ZERO).unwrap().camera.projection
         else {
             panic!()
         };
@@ -473,7 +473,7 @@ fn what_a_camera_sets_is_kept() {
             "{set}: {n} {f:?}"
         );
     }
-    let framed = good("cast(\"a\", load(\"hero.toy\")); camera(\"c\").frame().near(0.5).far(70);");
+    let framed = run_or_panic("cast(\"a\", load(\"hero.toy\")); camera(\"c\").frame().near(0.5).far(70);");
     let Projection::Perspective { near, far, .. } = framed.stage.at(Time::ZERO).unwrap().camera.projection
     else {
         panic!()
@@ -491,15 +491,16 @@ fn what_a_camera_sets_is_kept() {
         let errors = show(&run(&text).unwrap_err());
         assert!(errors.contains(expected), "{errors}");
     }
-    let crossed =
-        good("cast(\"a\", load(\"hero.toy\")); let c = camera(\"c\"); on_frame(|t| c.near(3).far(2));");
+    let crossed = run_or_panic(
+        "cast(\"a\", load(\"hero.toy\")); let c = camera(\"c\"); on_frame(|t| c.near(3).far(2));",
+    );
     let error = crossed.stage.at(Time::ZERO).unwrap_err().to_string();
     assert_eq!(error, "camera \"c\" at 0 s: far must be more than near, got 2 and 3 from on_frame");
 }
 
 #[test]
 fn emitted_light_is_brighter_than_white() {
-    let script = good(
+    let script = run_or_panic(
         r#"
         cast("a", shape("box", #{ emissive: "white", emissive_strength: 8 }));
         cast("b", shape("box", #{ emissive: [0.5, 0.0, 0.0] }));
@@ -515,7 +516,7 @@ fn emitted_light_is_brighter_than_white() {
 /// Rhai takes a minus behind its keywords for a sign; `until` is a name here.
 #[test]
 fn a_minus_behind_a_method_named_like_a_keyword_subtracts() {
-    let script = good(
+    let script = run_or_panic(
         r#"let line = #{ until: 3.0, from: 1.0 };
         stage(#{ length: line.until - 0.5 + (line.until - line.from) * 2.0 + line.until });"#,
     );

@@ -45,7 +45,7 @@ fn section(folder: &Folder, name: &str, index: usize) -> SectionRun {
     let facts = |run: &SectionRun| {
         let sound = run.broken.is_empty();
         let stages: Vec<_> = run.stages.iter().filter(|_| sound).map(|stage| stage.content_hash()).collect();
-        let said = (&run.expectations, &run.expected, &run.printed, run.hash, run.hash_again);
+        let said = (&run.expectations, &run.expected, &run.printed, run.hash, run.second_run_hash);
         format!("{:?}", (&run.info, stages, said, &run.errors, &run.warnings, &run.broken))
     };
     assert_eq!(facts(&alone), facts(&whole));
@@ -105,35 +105,35 @@ fn the_closure_sees_the_loop_variable_of_its_own_round() {
 fn expected_errors_are_met_and_others_are_not() {
     let folder = suite(SUITE);
     let run = section(&folder, "t.rhai", 2);
-    assert!(run.errors.is_empty() && run.expected.iter().all(|e| e.met), "{}", show(&run.errors));
+    assert!(run.errors.is_empty() && run.expected.iter().all(|e| e.has_occurred), "{}", show(&run.errors));
     assert_eq!(run.expected.len(), 2);
     assert!(!run.asserts_nothing());
     // The other sections do not expect them.
     assert!(section(&folder, "t.rhai", 0).expected.is_empty());
     let folder = suite(&SUITE.replace("did you mean \"Walk\"", "did you mean \"Run\""));
     let run = section(&folder, "t.rhai", 2);
-    assert_eq!(run.expected.iter().filter(|e| !e.met).count(), 1);
+    assert_eq!(run.expected.iter().filter(|e| !e.has_occurred).count(), 1);
     assert_eq!(run.errors.len(), 1, "{}", show(&run.errors));
 }
 
 #[test]
-fn a_script_with_sections_runs_as_ever() {
+fn sections_do_not_change_the_run_of_a_script() {
     let folder = suite(&format!("stage(#{{ length: 2 }});\n{SUITE}\ncast(\"bob\", hero);"));
     let script = folder.run("t.rhai").unwrap_or_else(|e: Vec<Diagnostic>| panic!("{}", show(&e)));
     assert_eq!(script.stage.actors.len(), 1);
 }
 
 #[test]
-fn a_file_without_sections_is_a_test_as_it_stands() {
+fn a_file_without_sections_is_one_test() {
     let folder = Folder::new(&[("hero.toy", ""), ("t.rhai", "cast(\"a\", load(\"hero.toy\"));\n")]);
     let sections = list(&folder, "t.rhai");
-    assert!(sections.len() == 1 && sections[0].as_it_stands());
+    assert!(sections.len() == 1 && sections[0].is_whole_file());
     let run = section(&folder, "t.rhai", 0);
     assert!(run.errors.is_empty() && run.stages[0].actors.len() == 1);
     // A file that cannot be parsed is a test as it stands, too.
     let folder = Folder::new(&[("t.rhai", "let x = ; //~ error: is a reserved\n")]);
     let run = section(&folder, "t.rhai", 0);
-    assert!(run.info.as_it_stands() && run.errors.len() == 1, "{}", show(&run.errors));
+    assert!(run.info.is_whole_file() && run.errors.len() == 1, "{}", show(&run.errors));
 }
 
 #[test]
@@ -171,7 +171,7 @@ fn another_script_is_taken_with_its_parameters_and_its_folder() {
     for index in 0..2 {
         let run = run_section(&path, index, &registry(), &options).unwrap();
         assert!(run.errors.is_empty(), "{}", show(&run.errors));
-        assert!(run.expected.iter().all(|e| e.met), "{:?}", run.expected);
+        assert!(run.expected.iter().all(|e| e.has_occurred), "{:?}", run.expected);
         if index == 0 {
             assert_eq!(run.stages[0].settings.length, Time::from_secs(5.0));
             assert_eq!((run.expectations.len(), run.files_used.len()), (3, 4));
@@ -186,7 +186,7 @@ fn another_script_is_taken_with_its_parameters_and_its_folder() {
 }
 
 #[test]
-fn stages_beside_the_section_are_apart() {
+fn other_stages_do_not_change_the_stage_of_the_section() {
     let folder = suite(
         r#"let hero = load("hero.toy");
            let round = |x| stage_of(|| { let a = cast("a", hero).at(x, 0, 0); expect(a).near([x, 0, 0]); on_frame(|t| a.turn(t)); });
@@ -210,7 +210,7 @@ fn stages_beside_the_section_are_apart() {
     assert_eq!(run.stages[1].content_hash(), run.stages[2].content_hash());
     assert_ne!(run.stages[1].content_hash(), run.stages[3].content_hash());
     let run = section(&folder, "t.rhai", 1);
-    assert!(run.errors.is_empty() && run.expected[0].met, "{}", show(&run.errors));
+    assert!(run.errors.is_empty() && run.expected[0].has_occurred, "{}", show(&run.errors));
 }
 
 #[test]
@@ -260,7 +260,7 @@ fn misuse_of_expect_has_a_specific_error() {
         ("test(\"a\", || { expect(stage()).at(1).near(1); });", "near: the argument of expect must be"),
         ("test(\"a\", || { throw \"no\"; });", "t.rhai:1:16: no"),
         ("test(\"a\", || { loop { } });", "does a loop never end?"),
-        ("test(\"a\", || 1); //~ eror: x", "this comment states no expected message"),
+        ("test(\"a\", || 1); //~ eror: x", "this //~ comment states no expected message"),
     ];
     for (text, expected) in cases {
         let got = errors(text);
@@ -294,7 +294,7 @@ fn assets_are_imported_once_and_again_when_their_files_change() {
 
 /// The code around the sections counts wherever it stands; what others do inside does not.
 #[test]
-fn a_section_run_alone_is_what_it_is_among_the_others() {
+fn a_section_runs_the_same_alone_and_among_others() {
     let folder = suite(
         r#"
 let n = 1;

@@ -3,7 +3,7 @@
 use super::scan::Source;
 use super::values::literal;
 use super::{Edit, EditRefused};
-use choreo_script::{constant_expressions, token_ranges, tokens_with_inner};
+use choreo_script::{constant_expressions, token_ranges, tokens_and_interpolations};
 use std::ops::Range;
 
 /// Largest number of rounds that are written out.
@@ -153,7 +153,7 @@ fn loop_values(source: &Source, range: &Range<usize>) -> Option<Vec<String>> {
 
 /// Words in a range that may be names, including those within `${…}` of strings.
 fn words_within(text: &str, range: &Range<usize>) -> Vec<Range<usize>> {
-    let (mut tokens, inner) = tokens_with_inner(text);
+    let (mut tokens, inner) = tokens_and_interpolations(text);
     tokens.extend(inner.into_iter().flat_map(|code| code.tokens));
     let is_word = |token: &Range<usize>| {
         range.contains(&token.start)

@@ -4,10 +4,15 @@ use super::judge_error::JudgeError;
 use super::snapshot_cache::SnapshotCache;
 use super::{Judgment, text_format};
 use choreo_motion::Time;
-use choreo_script::testing::{Expectation, SameOther, SameWhat, When};
+use choreo_script::testing::{ComparedObject, ComparedWith, Expectation, When};
 use choreo_stage::{ActorState, Snapshot, Stage};
 
-pub fn judge(snapshots: &mut [SnapshotCache], e: &Expectation, what: SameWhat, other: SameOther) -> Judgment {
+pub fn judge(
+    snapshots: &mut [SnapshotCache],
+    e: &Expectation,
+    what: ComparedObject,
+    other: ComparedWith,
+) -> Judgment {
     let differs = match find_difference(snapshots, e, what, other) {
         Ok(differs) => differs,
         Err(why) => return Judgment::impossible("something to compare", why),
@@ -24,10 +29,10 @@ pub fn judge(snapshots: &mut [SnapshotCache], e: &Expectation, what: SameWhat, o
 fn find_difference(
     snapshots: &mut [SnapshotCache],
     e: &Expectation,
-    what: SameWhat,
-    other: SameOther,
+    what: ComparedObject,
+    other: ComparedWith,
 ) -> Result<Option<String>, JudgeError> {
-    if let (SameWhat::Stage, SameOther::Stage(other), When::Always) = (what, other, e.when) {
+    if let (ComparedObject::Stage, ComparedWith::Stage(other), When::Always) = (what, other, e.when) {
         let (a, b) =
             (&snapshots[e.stage].stage, &snapshots.get(other).ok_or(JudgeError::Missing("stage"))?.stage);
         return Ok((a.content_hash() != b.content_hash()).then(|| describe_stage_difference(a, b)));
@@ -35,16 +40,16 @@ fn find_difference(
     for time in snapshots[e.stage].times_and_ends(e)? {
         let a = snapshots[e.stage].at(time)?;
         let (b, other_time) = match other {
-            SameOther::Time(at) => (snapshots[e.stage].at(at)?, at),
-            SameOther::Stage(stage) => {
+            ComparedWith::Time(at) => (snapshots[e.stage].at(at)?, at),
+            ComparedWith::Stage(stage) => {
                 (snapshots.get_mut(stage).ok_or(JudgeError::Missing("stage"))?.at(time)?, time)
             }
-            SameOther::Actor(_) => (a.clone(), time),
+            ComparedWith::Actor(_) => (a.clone(), time),
         };
         let stage = &snapshots[e.stage].stage;
         let differs = match (what, other) {
-            (SameWhat::Pose(actor), other) => {
-                let other = if let SameOther::Actor(other) = other { other } else { actor };
+            (ComparedObject::Pose(actor), other) => {
+                let other = if let ComparedWith::Actor(other) = other { other } else { actor };
                 let (a, b) = (a.actors.get(actor), b.actors.get(other));
                 let (a, b) = (a.ok_or(JudgeError::Missing("actor"))?, b.ok_or(JudgeError::Missing("actor"))?);
                 let posed = |state: &ActorState| !state.model_from_joint.is_empty();
@@ -53,7 +58,7 @@ fn find_difference(
                 }
                 pose_difference(stage, actor, a, b)
             }
-            (SameWhat::Stage, _) => snapshot_difference(stage, &a, &b),
+            (ComparedObject::Stage, _) => snapshot_difference(stage, &a, &b),
         };
         if let Some(how) = differs {
             let when = match other_time == time {

@@ -73,7 +73,7 @@ fn difference_of_second_run(
     snapshots: &mut SnapshotCache,
     times: &[Time],
 ) -> Option<String> {
-    if let Some(second) = run.hash_again
+    if let Some(second) = run.second_run_hash
         && second != snapshots.stage.content_hash()
     {
         return Some("running the script twice gives different stages".into());

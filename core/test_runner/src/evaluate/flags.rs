@@ -16,7 +16,7 @@ pub fn judge(snapshots: &mut SnapshotCache, e: &Expectation, flag: &Flag) -> Jud
     let is_true = |snapshots: &mut SnapshotCache, time: Time| -> Result<bool, JudgeError> {
         Ok(match flag {
             Flag::Visible(actor) => snapshots.at(time)?.actors.get(*actor).is_some_and(|state| state.visible),
-            Flag::On(camera) => snapshots.at(time)?.camera.camera == Some(*camera),
+            Flag::CameraActive(camera) => snapshots.at(time)?.camera.camera == Some(*camera),
             Flag::Effect(name) => {
                 let on = snapshots.at(time)?.effects.clone();
                 on.iter().any(|e| snapshots.stage.effects.get(e.effect).is_some_and(|e| e.plugin == *name))
@@ -65,7 +65,7 @@ pub fn judge(snapshots: &mut SnapshotCache, e: &Expectation, flag: &Flag) -> Jud
 fn flag_words(snapshots: &SnapshotCache, flag: &Flag) -> (String, &'static str) {
     match flag {
         Flag::Visible(actor) => (vector::subject_name(snapshots, Subject::Actor(*actor)), "visible"),
-        Flag::On(camera) => (vector::subject_name(snapshots, Subject::Camera(*camera)), "on"),
+        Flag::CameraActive(camera) => (vector::subject_name(snapshots, Subject::Camera(*camera)), "on"),
         Flag::Effect(name) => (format!("effect \"{name}\""), "on"),
         Flag::OnFloor(c) => (
             vector::subject_name(snapshots, Subject::Joint { actor: c.actor, joint: c.joint }),

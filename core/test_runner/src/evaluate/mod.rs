@@ -57,7 +57,7 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
     let deadline = Deadline::after(run.seconds, run.timeout);
     let mut snapshots: Vec<SnapshotCache> =
         run.stages.iter().map(|stage| SnapshotCache::new(stage, registry, deadline)).collect();
-    if run.info.as_it_stands() {
+    if run.info.is_whole_file() {
         checks.extend(default_checks::judge(run, &mut snapshots));
         return checks;
     }
@@ -141,7 +141,7 @@ fn judge(run: &SectionRun, e: &Expectation, snapshots: &mut [SnapshotCache]) -> 
     }
     Some(match &e.claim {
         // Images are drawn and compared by the runner.
-        Claim::Picture(_) => return None,
+        Claim::Image(_) => return None,
         Claim::Number { quantity, test } => number::judge(own, e, quantity, test),
         Claim::Vector { quantity, test } => vector::judge(own, e, quantity, test),
         Claim::Rotation { quantity, goal, tolerance_deg } => {
@@ -165,7 +165,7 @@ fn judge_diagnostics(run: &SectionRun) -> Vec<Check> {
         let place = SourceLocation { file: run.info.file.clone(), line: e.line, column: 0 };
         let expected = format!("{word}: {}", e.text);
         let title = format!("//~ {expected}");
-        checks.push(match e.met {
+        checks.push(match e.has_occurred {
             true => Check { passed: true, ..failed_check(place, title, expected.clone(), expected) },
             false => failed_check(place, title, expected, format!("no such {word} in this line")),
         });

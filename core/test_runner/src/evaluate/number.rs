@@ -58,8 +58,8 @@ pub fn label(snapshots: &SnapshotCache, quantity: &Quantity) -> String {
         Quantity::Morph { actor: a, .. } => format!("{} morph weight", actor(*a)),
         Quantity::Lowest(a) => format!("{} lowest point", actor(*a)),
         Quantity::Highest(a) => format!("{} highest point", actor(*a)),
-        Quantity::PictureHeight { actor: a, .. } => format!("{} height in the image", actor(*a)),
-        Quantity::PictureShare { actor: a, .. } => format!("{} share in the image", actor(*a)),
+        Quantity::ImageHeight { actor: a, .. } => format!("{} height in the image", actor(*a)),
+        Quantity::ShareInImage { actor: a, .. } => format!("{} share in the image", actor(*a)),
         Quantity::Tilt { subject, .. } => format!("{} tilt", vector::subject_name(snapshots, *subject)),
         Quantity::FieldOfView(c) => format!("{} fov", vector::subject_name(snapshots, Subject::Camera(*c))),
         Quantity::Intensity(l) => {
@@ -173,10 +173,10 @@ fn value_in_window(
         }
         Quantity::Lowest(actor) => frame::posed_bounds(snapshots, *actor, at)?.0.y,
         Quantity::Highest(actor) => frame::posed_bounds(snapshots, *actor, at)?.1.y,
-        Quantity::PictureHeight { actor, camera } => {
+        Quantity::ImageHeight { actor, camera } => {
             frame::image_bounds(snapshots, *actor, *camera, at)?.height()
         }
-        Quantity::PictureShare { actor, camera } => {
+        Quantity::ShareInImage { actor, camera } => {
             frame::image_bounds(snapshots, *actor, *camera, at)?.share
         }
         Quantity::Tilt { subject, camera } => frame::tilt_deg(snapshots, *subject, *camera, at)?,

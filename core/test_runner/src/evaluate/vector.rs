@@ -45,7 +45,7 @@ pub fn label(snapshots: &SnapshotCache, quantity: &VectorQuantity) -> String {
         VectorQuantity::Tint(actor) => (Subject::Actor(*actor), " tint"),
         VectorQuantity::LightColor(light) => (Subject::Light(*light), " color"),
         VectorQuantity::Size(actor) => (Subject::Actor(*actor), " size"),
-        VectorQuantity::InPicture(subject, _) => (*subject, " in the image"),
+        VectorQuantity::InImage(subject, _) => (*subject, " in the image"),
     };
     format!("{}{what}", subject_name(snapshots, subject))
 }
@@ -90,7 +90,7 @@ pub fn vector_at(
             let (min, max) = frame::posed_bounds(snapshots, *actor, time)?;
             max - min
         }
-        VectorQuantity::InPicture(subject, camera) => {
+        VectorQuantity::InImage(subject, camera) => {
             if is_own_camera(snapshots, *subject, *camera, time)? {
                 return Ok(DVec3::NAN);
             }
@@ -121,7 +121,7 @@ pub(crate) fn reason_for_no_value(
     quantity: &VectorQuantity,
     time: Time,
 ) -> Result<String, JudgeError> {
-    if let VectorQuantity::InPicture(subject, camera) = quantity {
+    if let VectorQuantity::InImage(subject, camera) = quantity {
         if is_own_camera(snapshots, *subject, *camera, time)? {
             return Ok(format!(
                 "{} is the camera of this image, so it has no position in it; name another camera: \
@@ -245,7 +245,7 @@ fn goal_at(
                 VectorQuantity::Position(_, to) => VectorQuantity::Position(*other, *to),
                 VectorQuantity::Scale(_) => VectorQuantity::Scale(*other),
                 VectorQuantity::Direction(_) => VectorQuantity::Direction(*other),
-                VectorQuantity::InPicture(_, camera) => VectorQuantity::InPicture(*other, *camera),
+                VectorQuantity::InImage(_, camera) => VectorQuantity::InImage(*other, *camera),
                 VectorQuantity::Size(_) => match other {
                     Subject::Actor(actor) => VectorQuantity::Size(*actor),
                     _ => VectorQuantity::Position(*other, None),

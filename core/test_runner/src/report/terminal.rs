@@ -144,7 +144,7 @@ pub fn list(cases: &[Case]) -> String {
     let mut text = String::new();
     for case in cases {
         match &case.section {
-            Ok(info) if info.as_it_stands() => {
+            Ok(info) if info.is_whole_file() => {
                 let _ = writeln!(text, "{}  (whole file)", case.file);
             }
             Ok(info) => {

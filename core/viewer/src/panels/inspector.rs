@@ -463,7 +463,7 @@ fn aim(
     wanted = default_menu(ui, written, "kelvin").or(wanted);
     let now = written.get("kelvin").and_then(|text| expression::value(text, 1.0));
     // Range of temperatures that scripts have colors for, kelvin.
-    let range = choreo_script::KELVIN.0..=choreo_script::KELVIN.1;
+    let range = choreo_script::KELVIN_RANGE.0..=choreo_script::KELVIN_RANGE.1;
     let set = match now {
         _ if written.contains_key("color") => {
             ui.weak("a color is set instead");

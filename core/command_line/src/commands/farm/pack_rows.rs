@@ -33,7 +33,7 @@ pub(super) fn pack_all_rows(
                 match &mut all {
                     Some(all) => {
                         all.touched.read.extend(scene.touched.read);
-                        all.touched.looked_for.extend(scene.touched.looked_for);
+                        all.touched.missing_or_linked_paths.extend(scene.touched.missing_or_linked_paths);
                     }
                     none => *none = Some(scene),
                 }

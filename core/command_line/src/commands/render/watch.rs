@@ -80,7 +80,7 @@ fn paths_to_watch(args: &RenderArgs, reopen_state: &ReopenState) -> WatchedPaths
     let touched = reopen_state.touched();
     let mut paths_to_watch = WatchedPaths::default();
     paths_to_watch.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
-    for path in touched.looked_for {
+    for path in touched.missing_or_linked_paths {
         let content = content_of(&path);
         paths_to_watch.files.entry(path).or_insert(content);
     }

@@ -164,7 +164,11 @@ fn link_names(
     roots: &ReadableFolders,
     sources: &BTreeMap<String, PathBuf>,
 ) -> Vec<(String, String)> {
-    let links = scene.touched.looked_for.iter().filter_map(|link| Some((link, link.canonicalize().ok()?)));
+    let links = scene
+        .touched
+        .missing_or_linked_paths
+        .iter()
+        .filter_map(|link| Some((link, link.canonicalize().ok()?)));
     let read = links.filter(|(_, target)| scene.touched.read.contains_key(target));
     let places = read.filter_map(|(link, target)| {
         Some((roots.archive_path(link).ok()?, roots.archive_path(&target).ok()?))

@@ -12,23 +12,22 @@ pub(crate) fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<C
     let Some(given) = c.value(i).try_cast::<ClipRef>() else {
         return Err(c.wrong(i, "a Clip, as in asset.clip(\"name\")"));
     };
-    bound(c, &given, asset)
+    bind_clip(c, &given, asset)
 }
 
 /// A clip bound to the joints of `asset`.
-pub(crate) fn bound(c: &Call, given: &ClipRef, asset: &Arc<Asset>) -> Result<Arc<Clip>, ApiError> {
+pub(crate) fn bind_clip(c: &Call, given: &ClipRef, asset: &Arc<Asset>) -> Result<Arc<Clip>, ApiError> {
     c.build().mark_used(&given.asset);
     if Arc::ptr_eq(&given.asset, asset) {
         return Ok(given.clip.clone());
     }
     let key = (Arc::as_ptr(&given.clip) as usize, Arc::as_ptr(asset) as usize);
-    if let Some(bound) = c.build().bound.get(&key) {
+    if let Some(bound) = c.build().bound_clips.get(&key) {
         return Ok(bound.clip.clone());
     }
-    let bound = crate::api::clip::fit(c, given, asset)?;
-    let bound = Arc::new(bound);
+    let bound = Arc::new(crate::api::clip::fit_to_skeleton(c, given, asset)?);
     c.build()
-        .bound
+        .bound_clips
         .insert(key, BoundClip { clip: bound.clone(), _from: given.clip.clone(), _onto: asset.clone() });
     Ok(bound)
 }

@@ -11,8 +11,8 @@ use choreo_stage::{Channel, LayerMode, Property, Reference};
 use rhai::{Dynamic, Map};
 use std::sync::Arc;
 
-/// Maximum depth in joints of the soft edge of a mask: deeper than skeletons are in practice.
-const SOFTEST: f64 = 100.0;
+/// Maximum depth in joints of the soft edge of a mask. Skeletons are less deep in practice.
+const MAX_SOFT_JOINTS: f64 = 100.0;
 
 /// Changes the layer (chain of cues) of this cue.
 fn change(c: &Call, change: impl FnOnce(&mut Chain) -> Result<(), ApiError>) -> Reply {
@@ -27,7 +27,7 @@ pub fn on(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     let weights = patterns(c)?;
     let o = c.options(1, &["soft"])?;
-    let soft = o.number_in("soft", 0.0, SOFTEST)?.unwrap_or(0.0);
+    let soft = o.number_in("soft", 0.0, MAX_SOFT_JOINTS)?.unwrap_or(0.0);
     let asset = {
         let mut build = c.build();
         let chain = build.cue(this.0)?.chain;
@@ -90,7 +90,7 @@ pub(crate) fn layer_weight(c: &mut Call) -> Reply {
     let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, 0.0, 1.0);
     let value = c.value(0);
     let weights = match value.is_array() {
-        true => keys::scalars(c, &value, "layer_weight", how, Property::Weight, &within)?,
+        true => keys::scalar_channel(c, &value, "layer_weight", how, Property::Weight, &within)?,
         false => Channel {
             property: Property::Weight,
             interpolation: Interpolation::Step,
@@ -114,20 +114,20 @@ pub(crate) fn priority(c: &mut Call) -> Reply {
     })
 }
 
-/// Why a mask does not fit the joints of an asset. `written`: the arguments of `on` as in a script. `None` if the mask
+/// The reason why a mask does not fit the joints of an asset. `written`: the arguments of `on` as in a script. `None` if the mask
 /// fits, or if the text is not a constant expression.
 pub fn mask_problem(asset: &Asset, written: &str) -> Option<String> {
     let mut engine = choreo_sandbox::engine();
-    engine.set_max_operations(MOST_STEPS);
+    engine.set_max_operations(MAX_STEPS);
     let arguments: rhai::Array = engine.eval_expression(&format!("[{written}]")).ok()?;
     let error = patterns_of(arguments.first()?, "on").and_then(|patterns| mask(asset, &patterns)).err()?;
-    let meant = error.message.contains("did you mean");
-    let hint = error.hint.filter(|_| !meant).map(|hint| format!("; {hint}")).unwrap_or_default();
+    let has_suggestion = error.message.contains("did you mean");
+    let hint = error.hint.filter(|_| !has_suggestion).map(|hint| format!("; {hint}")).unwrap_or_default();
     Some(format!("{}{hint}", error.message))
 }
 
 /// Interpreter steps that evaluating the text of a mask may take.
-const MOST_STEPS: u64 = 10_000;
+const MAX_STEPS: u64 = 10_000;
 
 /// Reads joint patterns with their weights.
 fn patterns(c: &Call) -> Result<Vec<(String, f32)>, ApiError> {
@@ -156,12 +156,14 @@ fn patterns_of(value: &Dynamic, label: &str) -> Result<Vec<(String, f32)>, ApiEr
     Err(ApiError::new(text).hint(hint))
 }
 
-/// Specificity of a joint pattern, ascending. The most specific of the patterns that match a joint counts.
+/// Specificity of a joint pattern, ascending. If several patterns match a joint, the most specific one determines its weight.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum PatternSpecificity {
-    Letters,
-    /// A joint and all below it, with the depth of that joint in the skeleton.
-    Below(usize),
+    /// A pattern with `*`.
+    Wildcard,
+    /// A joint and all joints below it, with the depth of that joint in the skeleton.
+    Subtree(usize),
+    /// The name of one joint.
     Name,
 }
 
@@ -175,7 +177,7 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
         depths.push(parent.map_or(0, |p| depths[p as usize] + 1));
     }
     for (pattern, weight) in patterns {
-        let (name, below) = match pattern.strip_suffix("..") {
+        let (name, includes_subtree) = match pattern.strip_suffix("..") {
             Some(name) => (name, true),
             None => (pattern.as_str(), false),
         };
@@ -183,7 +185,7 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
         if name.contains('*') {
             for (joint, given) in skeleton.names().iter().enumerate() {
                 hit[joint] =
-                    matches(name.as_bytes(), given.as_bytes()).then_some(PatternSpecificity::Letters);
+                    matches(name.as_bytes(), given.as_bytes()).then_some(PatternSpecificity::Wildcard);
             }
             if hit.iter().all(Option::is_none) {
                 return Err(ApiError::new(format!(
@@ -196,24 +198,25 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
         } else {
             let joint =
                 crate::api::joint_names::find_joint(asset, name).map_err(|e| e.focus(pattern.clone()))?;
-            let closeness = if below {
-                PatternSpecificity::Below(depths[joint as usize])
+            let specificity = if includes_subtree {
+                PatternSpecificity::Subtree(depths[joint as usize])
             } else {
                 PatternSpecificity::Name
             };
-            hit[joint as usize] = Some(closeness);
+            hit[joint as usize] = Some(specificity);
         }
-        if below {
+        if includes_subtree {
             for joint in 0..skeleton.len() {
                 hit[joint] = hit[joint].or(skeleton.parents()[joint].and_then(|p| hit[p as usize]));
             }
         }
         for (best, hit) in best.iter_mut().zip(hit) {
-            if let Some(closeness) = hit {
-                let closer = best
-                    .is_none_or(|(before, most)| closeness > before || closeness == before && *weight > most);
-                if closer {
-                    *best = Some((closeness, *weight));
+            if let Some(specificity) = hit {
+                let is_better = best.is_none_or(|(before, largest)| {
+                    specificity > before || specificity == before && *weight > largest
+                });
+                if is_better {
+                    *best = Some((specificity, *weight));
                 }
             }
         }
@@ -221,8 +224,8 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
     Ok(best.into_iter().map(|best| best.map_or(0.0, |(_, weight)| weight)).collect())
 }
 
-/// Softens the mask: the `soft` joints above each masked joint get a share of its weight. With `soft` = 2 the parent
-/// gets two thirds and the grandparent one third.
+/// Softens the edge of a mask: the `soft` joints above each masked joint get a part of its weight. With `soft` = 2 the parent gets
+/// two thirds and the grandparent one third.
 fn soften(asset: &Asset, mask: &mut [f32], soft: f64) {
     let parents = asset.skeleton.parents();
     let hard = mask.to_vec();
@@ -233,7 +236,7 @@ fn soften(asset: &Asset, mask: &mut [f32], soft: f64) {
             && steps <= soft
             && *weight > 0.0
         {
-            // A joint with its own weight keeps it, and starts its own soft edge above.
+            // A joint that is masked itself keeps its weight, and a soft edge of its own begins above it.
             if hard[parent as usize] > 0.0 {
                 break;
             }
@@ -275,7 +278,7 @@ mod tests {
     use std::sync::Arc;
 
     #[test]
-    fn a_mask_that_is_typed_fits_the_joints_or_names_the_nearest() {
+    fn mask_problem_names_unknown_joints_and_the_nearest_known_one() {
         let rest = vec![Transform::IDENTITY; 3];
         let names = ["Hips", "Spine", "Head"].map(String::from).to_vec();
         let skeleton = Skeleton::new(names, vec![None, Some(0), Some(1)], rest).unwrap();
@@ -303,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn patterns_cover_the_whole_name() {
+    fn patterns_match_the_whole_name_in_any_case() {
         assert!(matches(b"*Arm*", b"LeftForeArm"));
         assert!(matches(b"left*", b"LeftForeArm"));
         assert!(!matches(b"*Arm", b"LeftArmTwist"));

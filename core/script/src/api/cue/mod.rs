@@ -9,7 +9,7 @@ use crate::build::{CueDraft, check_limit};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::CueRef;
 use choreo_stage::{Property, Repeat, TimeRemapping};
-pub(crate) use clips::{bound, bound_clip};
+pub(crate) use clips::{bind_clip, bound_clip};
 use layer::{additive, layer_weight, on, priority, subtractive};
 pub use layer::{mask_problem, reference};
 use options::change_copy;
@@ -88,12 +88,13 @@ fn then(c: &mut Call) -> Reply {
     let asset = c.build().actor(actor)?.actor.asset.clone();
     let clip = bound_clip(c, 0, &asset)?;
     check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
-    let origin = c.build().offset;
-    let mut cue = CueDraft { origin, after: Some(this.0), ..CueDraft::new(chain, clip, c.place.clone()) };
+    let origin = c.build().sequence_start;
+    let mut cue =
+        CueDraft { origin, predecessor: Some(this.0), ..CueDraft::new(chain, clip, c.place.clone()) };
     read_options(c, 1, &mut cue)?;
     let mut build = c.build();
     let before = build.cue(this.0)?;
-    if before.followed {
+    if before.has_successor {
         return Err(ApiError::new("then: another cue follows this cue already")
             .hint("call the next .then on the cue that follows"));
     }
@@ -102,7 +103,7 @@ fn then(c: &mut Call) -> Reply {
         return Err(ApiError::new("then: the cue before it repeats without end")
             .hint("give it an end with .until(time)"));
     }
-    before.followed = true;
+    before.has_successor = true;
     build.cues.push(cue);
     Ok(Dynamic::from(CueRef(build.cues.len() - 1)))
 }
@@ -112,7 +113,8 @@ fn clip_time(c: &mut Call) -> Reply {
     change_copy(c, |cue| {
         let end = cue.cue.clip.duration.as_secs();
         let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, -1e6, 1e6);
-        let keys = super::keys::scalars(c, &c.value(0), "clip_time", how, Property::ClipTime, &within)?;
+        let keys =
+            super::keys::scalar_channel(c, &c.value(0), "clip_time", how, Property::ClipTime, &within)?;
         if end <= 0.0 {
             return Err(ApiError::new("clip_time: the clip has no length"));
         }
@@ -138,7 +140,7 @@ fn freeze(c: &mut Call) -> Reply {
 fn hold(c: &mut Call) -> Reply {
     change(c, |cue| {
         cue.repeat = Some(Repeat::Once);
-        cue.hold = true;
+        cue.holds_last_pose = true;
         Ok(())
     })
 }

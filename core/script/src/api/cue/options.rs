@@ -49,8 +49,8 @@ macro_rules! options {
                 returns: ResultType::Receiver,
                 doc: &[$($doc),+],
                 options: None,
-                frame: false,
-                tests: false,
+                is_for_frames: false,
+                is_for_tests: false,
             },
             run: method,
         }),*];
@@ -169,7 +169,7 @@ pub(crate) fn change_copy(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result
 
 fn weight_keys(c: &Call, given: &CueOptionValue) -> Result<Channel, ApiError> {
     let within = |v: &Dynamic, label: &str| number_in(v, label, 0.0, 1.0);
-    keys::scalars(c, &given.value, &given.label, given.how, Property::Weight, &within)
+    keys::scalar_channel(c, &given.value, &given.label, given.how, Property::Weight, &within)
 }
 
 /// Sets the playback speed: a factor, or keyframes of it over stage time.
@@ -177,7 +177,7 @@ fn speed(c: &Call, cue: &mut CueDraft, given: &CueOptionValue) -> Result<(), Api
     let CueOptionValue { value, label, how } = given;
     if value.is_array() {
         let within = |v: &Dynamic, label: &str| number_in(v, label, -1000.0, 1000.0);
-        let keys = keys::scalars(c, value, label, *how, Property::Speed, &within)?;
+        let keys = keys::scalar_channel(c, value, label, *how, Property::Speed, &within)?;
         cue.cue.time_remapping = Some(Arc::new(TimeRemapping::Speed(SpeedCurve::new(keys))));
         return Ok(());
     }

@@ -1,7 +1,7 @@
 //! Start and end times of cues, for scripts.
 
 use crate::call::{ApiError, Call, Reply};
-use crate::cue_times::times;
+use crate::cue_times::times_of_cue;
 use crate::value::CueRef;
 use choreo_stage::Repeat;
 use rhai::Dynamic;
@@ -15,18 +15,18 @@ pub fn length(c: &mut Call) -> Reply {
 pub fn start(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     c.build().cue(this.0)?;
-    let (start, _) = times(&c.build(), this.0);
-    Ok(Dynamic::from_float((start - c.build().offset).as_secs()))
+    let (start, _) = times_of_cue(&c.build(), this.0);
+    Ok(Dynamic::from_float((start - c.build().sequence_start).as_secs()))
 }
 
 pub fn end(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     c.build().cue(this.0)?;
-    let (_, end) = times(&c.build(), this.0);
+    let (_, end) = times_of_cue(&c.build(), this.0);
     let end = end.ok_or_else(|| {
         ApiError::new("end: this cue repeats without end").hint("give it an end with .until(time)")
     })?;
-    Ok(Dynamic::from_float((end - c.build().offset).as_secs()))
+    Ok(Dynamic::from_float((end - c.build().sequence_start).as_secs()))
 }
 
 pub fn time_of(c: &mut Call) -> Reply {
@@ -39,7 +39,7 @@ pub fn time_of(c: &mut Call) -> Reply {
     } else {
         c.duration(0)?
     };
-    let (start, end) = draft.part();
+    let (start, end) = draft.trim_or_whole();
     let name = &draft.cue.clip.name;
     if at < start || at > end {
         return Err(ApiError::new(format!(
@@ -50,8 +50,8 @@ pub fn time_of(c: &mut Call) -> Reply {
         )));
     }
     let build = c.build();
-    let (from, until) = times(&build, this.0);
-    let repeat = draft.repeats(build.chains[draft.chain].is_layer());
+    let (from, until) = times_of_cue(&build, this.0);
+    let repeat = draft.repeat_mode(build.chains[draft.chain].is_layer());
     let length = i128::from((end - start).0);
     let into = i128::from((if draft.reverse { end - at } else { at - start }).0);
     let played = match repeat {
@@ -66,5 +66,5 @@ pub fn time_of(c: &mut Call) -> Reply {
         ApiError::new(format!("time_of: clip \"{name}\" does not reach this time {count} times"))
             .hint("it ends earlier; to play it longer, use .loop() and .until(time)")
     })?;
-    Ok(Dynamic::from_float((when - build.offset).as_secs()))
+    Ok(Dynamic::from_float((when - build.sequence_start).as_secs()))
 }

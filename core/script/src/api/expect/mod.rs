@@ -3,11 +3,11 @@
 mod places;
 
 use super::actor::morph_targets;
-use super::values::{COUNTS, PLAN_COUNTS, value};
+use super::values::{COUNTS, PLAN_COUNTS, plain_value};
 use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::suggest::did_you_mean;
 use crate::test_data::{
-    Contact, Measure, PendingExpect, Quantity, SameWhat, Subject, TextsQuantity, VectorQuantity, When,
+    ComparedObject, Contact, Measure, PendingExpect, Quantity, Subject, TextsQuantity, VectorQuantity, When,
 };
 use crate::value::{ActorRef, CameraRef, ClipRef, ExpectRef, JointRef, LightRef, PlanRef, StageRef};
 use choreo_motion::Time;
@@ -123,16 +123,20 @@ fn expect(c: &mut Call) -> Reply {
     } else if let Some(plan) = given.read_lock::<PlanRef>() {
         Measure::Plan(plan.options)
     } else if given.read_lock::<StageRef>().is_some() {
-        Measure::Whole(SameWhat::Stage)
+        Measure::Object(ComparedObject::Stage)
     } else {
-        Measure::Value(value(&given, 0).ok_or_else(|| {
+        Measure::Value(plain_value(&given, 0).ok_or_else(|| {
             c.wrong(0, "an Actor, Joint, Camera or Light, stage(), plan(), a number, a text, true or false, or an array of these")
         })?)
     };
     let mut test = c.shared.test();
     crate::build::check_limit(test.pending_expects.len(), "expectations", &c.shared.limits)?;
     let stage = given.read_lock::<StageRef>().map_or(test.current_stage, |s| s.0);
-    test.pending_expects.push(PendingExpect { place: c.place.clone(), comparisons: 0, unused: None });
+    test.pending_expects.push(PendingExpect {
+        place: c.place.clone(),
+        comparisons: 0,
+        unused_modifier: None,
+    });
     let id = test.pending_expects.len() - 1;
     Ok(Dynamic::from(ExpectRef {
         id,
@@ -159,28 +163,28 @@ pub fn subject(v: &Dynamic) -> Option<Subject> {
 }
 
 /// Returns a changed copy of the receiver.
-fn changed(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
+fn with_change(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
     let mut expect: ExpectRef = c.this()?;
     change(&mut expect);
     Ok(Dynamic::from(expect))
 }
 
-/// [`changed`] for a modifier of the next comparison.
-fn modified(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
+/// Returns a changed copy of the receiver, and records the called method as a modifier of the next comparison.
+fn with_modifier(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
     let expect = c.expect()?;
     if let Some(pending) = c.shared.test().pending_expects.get_mut(expect.id) {
-        pending.unused = Some((c.def.name, c.place.clone()));
+        pending.unused_modifier = Some((c.def.name, c.place.clone()));
     }
-    changed(c, change)
+    with_change(c, change)
 }
 
-fn measured(c: &Call, measure: Measure) -> Reply {
-    changed(c, |expect| expect.measure = measure)
+fn select_measure(c: &Call, measure: Measure) -> Reply {
+    with_change(c, |expect| expect.measure = measure)
 }
 
 fn at(c: &mut Call) -> Reply {
     let time = c.time(0)?;
-    modified(c, |expect| expect.when = When::At(time))
+    with_modifier(c, |expect| expect.when = When::At(time))
 }
 
 fn during(c: &mut Call) -> Reply {
@@ -192,20 +196,20 @@ fn during(c: &mut Call) -> Reply {
             until.as_secs()
         )));
     }
-    modified(c, |expect| expect.when = When::During(from, until))
+    with_modifier(c, |expect| expect.when = When::During(from, until))
 }
 
 fn every(c: &mut Call) -> Reply {
     let step = Time::from_secs(c.number_in(0, 1e-6, 1e6)?);
-    modified(c, |expect| expect.step = Some(step))
+    with_modifier(c, |expect| expect.step = Some(step))
 }
 
 fn not(c: &mut Call) -> Reply {
-    modified(c, |expect| expect.negated = !expect.negated)
+    with_modifier(c, |expect| expect.negated = !expect.negated)
 }
 
 fn sometime(c: &mut Call) -> Reply {
-    modified(c, |expect| expect.sometime = true)
+    with_modifier(c, |expect| expect.sometime = true)
 }
 
 impl Call<'_, '_> {
@@ -213,7 +217,7 @@ impl Call<'_, '_> {
         self.this()
     }
 
-    /// The error for a wrong subject, such as `speed: the argument of expect must be …, not …`.
+    /// The error that a method does not apply to the tested value: `speed: the argument of expect must be …, not …`.
     pub(crate) fn not_for(&self, allowed: &str, measure: &Measure) -> ApiError {
         ApiError::new(format!(
             "{}: the argument of expect must be {allowed}, not {}",
@@ -237,7 +241,7 @@ impl Call<'_, '_> {
             other => Err(ApiError::new(format!(
                 "{}: the argument of expect must be an Actor, not {}",
                 self.def.name,
-                word(other)
+                subject_word(other)
             ))),
         }
     }
@@ -249,8 +253,8 @@ impl Call<'_, '_> {
         }
     }
 
-    /// The camera given as an optional argument; `None` is the active one.
-    fn camera_or_on(&self, i: usize) -> Result<Option<usize>, ApiError> {
+    /// The camera of an optional argument; `None`: the active camera.
+    fn optional_camera(&self, i: usize) -> Result<Option<usize>, ApiError> {
         if i >= self.len() {
             return Ok(None);
         }
@@ -260,7 +264,7 @@ impl Call<'_, '_> {
     }
 }
 
-fn word(subject: Subject) -> &'static str {
+fn subject_word(subject: Subject) -> &'static str {
     match subject {
         Subject::Actor(_) => "an Actor",
         Subject::Joint { .. } => "a Joint",
@@ -269,7 +273,10 @@ fn word(subject: Subject) -> &'static str {
     }
 }
 
-/// The clip name in the first argument, a text or a Clip. Error: the actor never plays such a clip.
+/// The clip name in the first argument, a text or a Clip.
+///
+/// # Errors
+/// Returns an error if the actor plays no clip of that name.
 fn clip_name(c: &Call, actor: usize) -> Result<String, ApiError> {
     let given = c.value(0);
     let name = match given.read_lock::<ClipRef>() {
@@ -283,9 +290,9 @@ fn clip_name(c: &Call, actor: usize) -> Result<String, ApiError> {
     if played.contains(&name.as_str()) {
         return Ok(name);
     }
-    let who = build.actors.get(actor).map_or("", |d| d.actor.name.as_str());
+    let actor_name = build.actors.get(actor).map_or("", |d| d.actor.name.as_str());
     let error = ApiError::new(format!(
-        "{}: actor \"{who}\" does not play \"{name}\"{}",
+        "{}: actor \"{actor_name}\" does not play \"{name}\"{}",
         c.def.name,
         did_you_mean(&name, played.iter().copied())
     ));
@@ -296,28 +303,28 @@ fn weight(c: &mut Call) -> Reply {
     let (actor, joint) = match c.subject("an Actor or Joint")? {
         Subject::Actor(actor) => (actor, None),
         Subject::Joint { actor, joint } => (actor, Some(joint)),
-        other => return Err(ApiError::new(format!("weight: {} plays no clips", word(other)))),
+        other => return Err(ApiError::new(format!("weight: {} plays no clips", subject_word(other)))),
     };
     let clip = clip_name(c, actor)?;
-    measured(c, Measure::Number(Quantity::ClipWeight { actor, joint, clip }))
+    select_measure(c, Measure::Number(Quantity::ClipWeight { actor, joint, clip }))
 }
 
 fn clip_time(c: &mut Call) -> Reply {
     let actor = c.actor_subject()?;
     let clip = clip_name(c, actor)?;
-    measured(c, Measure::Number(Quantity::ClipTime { actor, clip }))
+    select_measure(c, Measure::Number(Quantity::ClipTime { actor, clip }))
 }
 
 fn morph(c: &mut Call) -> Reply {
     let actor = c.actor_subject()?;
     let asset = c.build().actor(actor)?.actor.asset.clone();
     let targets = morph_targets(&asset, &c.value(0), &c.label(0))?;
-    measured(c, Measure::Number(Quantity::Morph { actor, targets }))
+    select_measure(c, Measure::Number(Quantity::Morph { actor, targets }))
 }
 
 fn tint(c: &mut Call) -> Reply {
     let actor = c.actor_subject()?;
-    measured(c, Measure::Vector(VectorQuantity::Tint(actor)))
+    select_measure(c, Measure::Vector(VectorQuantity::Tint(actor)))
 }
 
 fn light_subject(c: &Call) -> Result<usize, ApiError> {
@@ -326,19 +333,19 @@ fn light_subject(c: &Call) -> Result<usize, ApiError> {
         other => Err(ApiError::new(format!(
             "{}: the argument of expect must be a Light, not {}",
             c.def.name,
-            word(other)
+            subject_word(other)
         ))),
     }
 }
 
 fn color(c: &mut Call) -> Reply {
     let light = light_subject(c)?;
-    measured(c, Measure::Vector(VectorQuantity::LightColor(light)))
+    select_measure(c, Measure::Vector(VectorQuantity::LightColor(light)))
 }
 
 fn intensity(c: &mut Call) -> Reply {
     let light = light_subject(c)?;
-    measured(c, Measure::Number(Quantity::Intensity(light)))
+    select_measure(c, Measure::Number(Quantity::Intensity(light)))
 }
 
 pub(crate) fn camera_subject(c: &Call) -> Result<usize, ApiError> {
@@ -347,24 +354,24 @@ pub(crate) fn camera_subject(c: &Call) -> Result<usize, ApiError> {
         other => Err(ApiError::new(format!(
             "{}: the argument of expect must be a Camera, not {}",
             c.def.name,
-            word(other)
+            subject_word(other)
         ))),
     }
 }
 
 fn fov(c: &mut Call) -> Reply {
     let camera = camera_subject(c)?;
-    measured(c, Measure::Number(Quantity::FieldOfView(camera)))
+    select_measure(c, Measure::Number(Quantity::FieldOfView(camera)))
 }
 
 fn lowest(c: &mut Call) -> Reply {
     let actor = c.actor_subject()?;
-    measured(c, Measure::Number(Quantity::Lowest(actor)))
+    select_measure(c, Measure::Number(Quantity::Lowest(actor)))
 }
 
 fn highest(c: &mut Call) -> Reply {
     let actor = c.actor_subject()?;
-    measured(c, Measure::Number(Quantity::Highest(actor)))
+    select_measure(c, Measure::Number(Quantity::Highest(actor)))
 }
 
 /// The tested joint, and the thresholds for being on the floor.
@@ -388,26 +395,26 @@ pub fn contact(c: &Call, i: usize) -> Result<Contact, ApiError> {
 
 fn slide(c: &mut Call) -> Reply {
     let contact = contact(c, 0)?;
-    measured(c, Measure::Number(Quantity::Slide(contact)))
+    select_measure(c, Measure::Number(Quantity::Slide(contact)))
 }
 
 fn picture_height(c: &mut Call) -> Reply {
-    let (actor, camera) = (c.actor_subject()?, c.camera_or_on(0)?);
-    measured(c, Measure::Number(Quantity::PictureHeight { actor, camera }))
+    let (actor, camera) = (c.actor_subject()?, c.optional_camera(0)?);
+    select_measure(c, Measure::Number(Quantity::ImageHeight { actor, camera }))
 }
 
 fn picture_share(c: &mut Call) -> Reply {
-    let (actor, camera) = (c.actor_subject()?, c.camera_or_on(0)?);
-    measured(c, Measure::Number(Quantity::PictureShare { actor, camera }))
+    let (actor, camera) = (c.actor_subject()?, c.optional_camera(0)?);
+    select_measure(c, Measure::Number(Quantity::ShareInImage { actor, camera }))
 }
 
 fn tilt(c: &mut Call) -> Reply {
-    let camera = c.camera_or_on(0)?;
+    let camera = c.optional_camera(0)?;
     let subject = match c.subject("an Actor or Joint")? {
         subject @ (Subject::Actor(_) | Subject::Joint { .. }) => subject,
-        other => return Err(ApiError::new(format!("tilt: {} has no up direction", word(other)))),
+        other => return Err(ApiError::new(format!("tilt: {} has no up direction", subject_word(other)))),
     };
-    measured(c, Measure::Number(Quantity::Tilt { subject, camera }))
+    select_measure(c, Measure::Number(Quantity::Tilt { subject, camera }))
 }
 
 fn count(c: &mut Call) -> Reply {
@@ -418,37 +425,37 @@ fn count(c: &mut Call) -> Reply {
         found.ok_or_else(|| c.wrong(0, "a known word"))
     }
     let quantity = match c.expect()?.measure {
-        Measure::Whole(SameWhat::Stage) => Quantity::Count(find(c, COUNTS)?),
+        Measure::Object(ComparedObject::Stage) => Quantity::Count(find(c, COUNTS)?),
         Measure::Plan(options) => Quantity::PlanCount(options, find(c, PLAN_COUNTS)?),
         other => return Err(c.not_for("stage() or plan()", &other)),
     };
-    measured(c, Measure::Number(quantity))
+    select_measure(c, Measure::Number(quantity))
 }
 
 fn events(c: &mut Call) -> Reply {
     let of = match c.expect()?.measure {
-        Measure::Whole(SameWhat::Stage) => None,
+        Measure::Object(ComparedObject::Stage) => None,
         Measure::Vector(VectorQuantity::Position(subject @ Subject::Actor(_), None)) => Some(subject),
         other => return Err(c.not_for("stage() or an Actor", &other)),
     };
-    measured(c, Measure::Events(of))
+    select_measure(c, Measure::Events(of))
 }
 
-fn of_stage(c: &Call, texts: TextsQuantity) -> Reply {
+fn select_texts_of_stage(c: &Call, texts: TextsQuantity) -> Reply {
     match c.expect()?.measure {
-        Measure::Whole(SameWhat::Stage) => measured(c, Measure::Texts(texts)),
+        Measure::Object(ComparedObject::Stage) => select_measure(c, Measure::Texts(texts)),
         other => Err(c.not_for("stage()", &other)),
     }
 }
 
 fn warnings(c: &mut Call) -> Reply {
-    of_stage(c, TextsQuantity::Warnings)
+    select_texts_of_stage(c, TextsQuantity::Warnings)
 }
 
 fn printed(c: &mut Call) -> Reply {
-    of_stage(c, TextsQuantity::Printed)
+    select_texts_of_stage(c, TextsQuantity::Printed)
 }
 
 fn effects(c: &mut Call) -> Reply {
-    of_stage(c, TextsQuantity::Effects)
+    select_texts_of_stage(c, TextsQuantity::Effects)
 }

@@ -1,6 +1,6 @@
 //! Positions, rotations, speeds and accelerations of the tested objects.
 
-use super::{measured, word};
+use super::{select_measure, subject_word};
 use crate::api::actor::attachment;
 use crate::call::{ApiError, Call, Reply};
 use crate::test_data::{Measure, Quantity, RotationQuantity, Subject, VectorQuantity};
@@ -10,7 +10,7 @@ const SUBJECT_KINDS: &str = "an Actor, Joint, Camera or Light";
 
 pub(super) fn position(c: &mut Call) -> Reply {
     let subject = c.subject(SUBJECT_KINDS)?;
-    measured(c, Measure::Vector(VectorQuantity::Position(subject, None)))
+    select_measure(c, Measure::Vector(VectorQuantity::Position(subject, None)))
 }
 
 pub(super) fn rotation(c: &mut Call) -> Reply {
@@ -20,27 +20,27 @@ pub(super) fn rotation(c: &mut Call) -> Reply {
         }
         other => return Err(c.not_for(SUBJECT_KINDS, &other)),
     };
-    measured(c, measure)
+    select_measure(c, measure)
 }
 
 pub(super) fn direction(c: &mut Call) -> Reply {
     let subject = c.subject(SUBJECT_KINDS)?;
-    measured(c, Measure::Vector(VectorQuantity::Direction(subject)))
+    select_measure(c, Measure::Vector(VectorQuantity::Direction(subject)))
 }
 
 pub(super) fn scale(c: &mut Call) -> Reply {
     let subject = match c.subject("an Actor or Joint")? {
         subject @ (Subject::Actor(_) | Subject::Joint { .. }) => subject,
         other => {
-            return Err(ApiError::new(format!("scale: {} has no scale", word(other))));
+            return Err(ApiError::new(format!("scale: {} has no scale", subject_word(other))));
         }
     };
-    measured(c, Measure::Vector(VectorQuantity::Scale(subject)))
+    select_measure(c, Measure::Vector(VectorQuantity::Scale(subject)))
 }
 
 pub(super) fn size(c: &mut Call) -> Reply {
     let actor = c.actor_subject()?;
-    measured(c, Measure::Vector(VectorQuantity::Size(actor)))
+    select_measure(c, Measure::Vector(VectorQuantity::Size(actor)))
 }
 
 pub(super) fn relative_to(c: &mut Call) -> Reply {
@@ -54,48 +54,48 @@ pub(super) fn relative_to(c: &mut Call) -> Reply {
         }
         other => return Err(c.not_for("a position or a rotation", &other)),
     };
-    measured(c, measure)
+    select_measure(c, measure)
 }
 
 pub(super) fn in_picture(c: &mut Call) -> Reply {
-    let camera = c.camera_or_on(0)?;
+    let camera = c.optional_camera(0)?;
     let subject = c.subject(SUBJECT_KINDS)?;
-    measured(c, Measure::Vector(VectorQuantity::InPicture(subject, camera)))
+    select_measure(c, Measure::Vector(VectorQuantity::InImage(subject, camera)))
 }
 
 pub(super) fn component(c: &mut Call, axis: usize) -> Reply {
     let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Component(vector, axis)))
+    select_measure(c, Measure::Number(Quantity::Component(vector, axis)))
 }
 
 pub(super) fn length(c: &mut Call) -> Reply {
     let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Length(vector)))
+    select_measure(c, Measure::Number(Quantity::Length(vector)))
 }
 
 pub(super) fn distance(c: &mut Call) -> Reply {
     let (subject, target) = (c.subject(SUBJECT_KINDS)?, c.target(0)?);
-    measured(c, Measure::Number(Quantity::Distance(subject, target)))
+    select_measure(c, Measure::Number(Quantity::Distance(subject, target)))
 }
 
 pub(super) fn angle_to(c: &mut Call) -> Reply {
     let (subject, target) = (c.subject(SUBJECT_KINDS)?, c.target(0)?);
-    measured(c, Measure::Number(Quantity::AngleTo(subject, target)))
+    select_measure(c, Measure::Number(Quantity::AngleTo(subject, target)))
 }
 
 pub(super) fn speed(c: &mut Call) -> Reply {
     let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Speed(vector)))
+    select_measure(c, Measure::Number(Quantity::Speed(vector)))
 }
 
 pub(super) fn acceleration(c: &mut Call) -> Reply {
     let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Acceleration(vector)))
+    select_measure(c, Measure::Number(Quantity::Acceleration(vector)))
 }
 
 pub(super) fn jerk(c: &mut Call) -> Reply {
     let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Jerk(vector)))
+    select_measure(c, Measure::Number(Quantity::Jerk(vector)))
 }
 
 pub(super) fn turn_speed(c: &mut Call) -> Reply {
@@ -106,5 +106,5 @@ pub(super) fn turn_speed(c: &mut Call) -> Reply {
         }
         other => return Err(c.not_for(SUBJECT_KINDS, &other)),
     };
-    measured(c, Measure::Number(Quantity::TurnSpeed(rotation)))
+    select_measure(c, Measure::Number(Quantity::TurnSpeed(rotation)))
 }

@@ -1,28 +1,28 @@
-//! Finds causes of parser errors that lie before the place at which the parser stops, from the tokens around it: a bracket that
-//! is not closed, an object map without `#`, a reserved word as a key.
+//! Finds causes of parser errors that lie before the place at which the parser stops: a bracket that is not closed, an object map
+//! without `#`, a reserved word as a key. They are found from the tokens around that place.
 
 use crate::api_error::ApiError;
 use crate::tokens::{ScriptToken, TokenKind, tokens};
 use rhai::{LexError, ParseErrorType};
 
-/// An error with the line and column of its cause, from 1.
-pub struct Misread {
+/// An error about the cause of a parser error, with the line and column of the cause, from 1.
+pub struct EarlierCause {
     pub line: usize,
     pub column: usize,
     pub error: ApiError,
 }
 
-/// The tokens of a text, and for each bracket its partner.
+/// The tokens of a text, and for each opening bracket the index of its closing bracket.
 struct Brackets<'t> {
     text: &'t str,
     tokens: Vec<ScriptToken>,
-    partner: Vec<Option<usize>>,
+    closed_by: Vec<Option<usize>>,
 }
 
-impl Misread {
+impl EarlierCause {
     /// The cause of an error that the parser found at a line and column.
-    pub fn find(kind: &ParseErrorType, at: (usize, usize), text: &str) -> Option<Misread> {
-        let misses_end = match kind {
+    pub fn find(kind: &ParseErrorType, at: (usize, usize), text: &str) -> Option<EarlierCause> {
+        let may_miss_bracket = match kind {
             ParseErrorType::MissingToken(token, _) => matches!(&**token, ")" | "]" | "}" | ","),
             ParseErrorType::UnexpectedEOF => true,
             _ => false,
@@ -36,48 +36,53 @@ impl Misread {
                 | ParseErrorType::BadInput(_)
                 | ParseErrorType::UnexpectedEOF
         );
-        if !misses_end && !may_be_key {
+        if !may_miss_bracket && !may_be_key {
             return None;
         }
         let brackets = Brackets::new(text);
         let stop = brackets.token_at(at);
-        let around = brackets.enclosing_bracket(stop);
-        let key = brackets.key_near(stop).filter(|_| may_be_key).zip(around);
-        if let Some(misread) = key.and_then(|(key, open)| brackets.of_key(key, open)) {
-            return Some(misread);
+        let enclosing = brackets.enclosing_bracket(stop);
+        let key = brackets.key_near(stop).filter(|_| may_be_key).zip(enclosing);
+        if let Some(cause) = key.and_then(|(key, open)| brackets.key_error(key, open)) {
+            return Some(cause);
         }
-        let ends_list = begins_statement(kind, brackets.get(stop));
-        let is_meant = |open: &usize| misses_end || (ends_list && brackets.get(*open) != "{");
-        let is_open = |open: &usize| brackets.partner[*open].is_none() && is_meant(open);
-        let open = around.filter(is_open)?;
-        Some(brackets.never_closed(open, stop))
+        let stops_at_statement = begins_statement(kind, brackets.get(stop));
+        let may_be_cause =
+            |open: &usize| may_miss_bracket || (stops_at_statement && brackets.get(*open) != "{");
+        let is_unclosed = |open: &usize| brackets.closed_by[*open].is_none() && may_be_cause(open);
+        let open = enclosing.filter(is_unclosed)?;
+        Some(brackets.unclosed_error(open, stop))
     }
 }
 
 impl Brackets<'_> {
     fn new(text: &str) -> Brackets<'_> {
         let tokens = tokens(text);
-        let mut brackets = Brackets { text, partner: vec![None; tokens.len()], tokens };
+        let mut brackets = Brackets { text, closed_by: vec![None; tokens.len()], tokens };
         let mut open: Vec<usize> = Vec::new();
         for index in 0..brackets.tokens.len() {
             if brackets.closing(index).is_some() {
                 open.push(index);
             }
-            let own = brackets.get(index);
-            // An unclosed bracket ends with the one around it.
-            let Some(depth) = open.iter().rposition(|o| brackets.closing(*o) == Some(own)) else { continue };
-            brackets.partner[open[depth]] = Some(index);
+            let token = brackets.get(index);
+            // An unclosed bracket ends with the bracket around it.
+            let Some(depth) = open.iter().rposition(|o| brackets.closing(*o) == Some(token)) else {
+                continue;
+            };
+            brackets.closed_by[open[depth]] = Some(index);
             open.truncate(depth);
         }
         brackets
     }
 
+    /// Text of a token; empty after the last one.
     fn get(&self, index: usize) -> &str {
         self.tokens.get(index).map_or("", |token| &self.text[token.range.clone()])
     }
 
-    fn before(&self, index: usize, places: usize) -> &str {
-        index.checked_sub(places).map_or("", |index| self.get(index))
+    /// Text of the token `count` tokens before another one.
+    fn before(&self, index: usize, count: usize) -> &str {
+        index.checked_sub(count).map_or("", |index| self.get(index))
     }
 
     fn kind(&self, index: usize) -> Option<TokenKind> {
@@ -102,6 +107,7 @@ impl Brackets<'_> {
         self.tokens.partition_point(|token| token.range.start < byte)
     }
 
+    /// Line and column of a token, or of the end of the text.
     fn place(&self, index: usize) -> (usize, usize) {
         let before = &self.text[..self.tokens.get(index).map_or(self.text.len(), |token| token.range.start)];
         let line = before.rsplit('\n').next().unwrap_or(before);
@@ -111,7 +117,7 @@ impl Brackets<'_> {
     /// The innermost bracket that is open before a token.
     fn enclosing_bracket(&self, index: usize) -> Option<usize> {
         let is_open = |open: &usize| {
-            self.closing(*open).is_some() && self.partner[*open].is_none_or(|end| end >= index)
+            self.closing(*open).is_some() && self.closed_by[*open].is_none_or(|end| end >= index)
         };
         (0..index.min(self.tokens.len())).rev().find(is_open)
     }
@@ -124,28 +130,29 @@ impl Brackets<'_> {
         [Some(stop), stop.checked_sub(1)].into_iter().flatten().find(is_key)
     }
 
-    fn error(&self, index: usize, text: String, hint: String) -> Misread {
+    /// An error at the place of a token.
+    fn error_at(&self, index: usize, text: String, hint: String) -> EarlierCause {
         let (line, column) = self.place(index);
-        Misread { line, column, error: ApiError::new(text).hint(hint) }
+        EarlierCause { line, column, error: ApiError::new(text).hint(hint) }
     }
 
-    /// The error about `KEY:` inside a bracket that has no keys, or with a reserved word as the key.
-    fn of_key(&self, key: usize, open: usize) -> Option<Misread> {
+    /// The error about `KEY:` inside a bracket other than that of an object map, or about a reserved word as a key.
+    fn key_error(&self, key: usize, open: usize) -> Option<EarlierCause> {
         let name = self.get(key);
         let begins_entry = matches!(self.before(key, 1), "#{" | ",");
         let is_value = matches!(self.before(open, 1), "(" | "," | "[" | "=" | ":" | "return");
         match self.get(open) {
-            "#{" if begins_entry && self.kind(key) == Some(TokenKind::Word) => Some(self.error(
+            "#{" if begins_entry && self.kind(key) == Some(TokenKind::Word) => Some(self.error_at(
                 key,
                 format!("\"{name}\" is a reserved word and cannot be a key"),
                 format!("put it in quotes, #{{ \"{name}\": … }}, or take another name"),
             )),
-            "{" if is_value && open + 1 == key => Some(self.error(
+            "{" if is_value && open + 1 == key => Some(self.error_at(
                 open,
                 "an object map begins with #{, a block of statements with {".to_string(),
                 format!("write #{{ {name}: … }}"),
             )),
-            "(" if matches!(self.before(key, 1), "(" | ",") && self.is_call(open) => Some(self.error(
+            "(" if matches!(self.before(key, 1), "(" | ",") && self.is_call(open) => Some(self.error_at(
                 key,
                 format!("\"{name}:\" is not an argument: write options in an object map"),
                 format!(
@@ -162,14 +169,15 @@ impl Brackets<'_> {
         open.checked_sub(1).is_some_and(|name| self.kind(name) == Some(TokenKind::Word))
     }
 
-    fn never_closed(&self, open: usize, stop: usize) -> Misread {
+    /// The error about a bracket that is not closed before the token at which the parser stops.
+    fn unclosed_error(&self, open: usize, stop: usize) -> EarlierCause {
         let end = self.closing(open).unwrap_or_default();
         let before = match stop < self.tokens.len() {
             true => format!("before \"{}\" in line {}", self.get(stop), self.place(stop).0),
             false => "before the end of the script".to_string(),
         };
         let text = format!("this \"{}\" is never closed", self.get(open));
-        self.error(open, text, format!("a \"{end}\" is missing {before}"))
+        self.error_at(open, text, format!("a \"{end}\" is missing {before}"))
     }
 }
 

@@ -1,10 +1,10 @@
-//! Tokens and comments of a text in order, with the role of each, which decides about blanks around it.
+//! Tokens and comments of a text in order, each with its role, which decides about the blanks around it.
 
 use super::FormatError;
 use crate::tokens::{TokenKind, comments, tokens};
 use std::ops::Range;
 
-/// Role of a piece, which decides about the blanks around it.
+/// Role of a token or comment, which decides about the blanks around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// A name, number or text.
@@ -14,7 +14,7 @@ pub enum Role {
     Close,
     /// `,` and `;`.
     Separator,
-    /// The colon behind a key.
+    /// The colon after a key.
     Colon,
     /// `.`, `?.` and `::`.
     Dot,
@@ -24,7 +24,7 @@ pub enum Role {
     /// The `!` of `f!(x)`.
     CallMark,
     Binary,
-    /// `|` before and behind the parameters of a closure, and `||` where there are none.
+    /// `|` before and after the parameters of a closure, and `||` if it has none.
     ClosureStart,
     ClosureEnd,
     ClosureEmpty,
@@ -36,15 +36,15 @@ pub enum Role {
 
 /// A token or comment of a text.
 #[derive(Clone, Debug)]
-pub struct Piece<'a> {
+pub struct FormatToken<'a> {
     pub text: &'a str,
     pub range: Range<usize>,
     pub role: Role,
-    /// Line breaks between the piece before and this one.
-    pub breaks: usize,
+    /// Number of line breaks between the previous token or comment and this one.
+    pub line_breaks: usize,
 }
 
-impl Piece<'_> {
+impl FormatToken<'_> {
     pub fn is_comment(&self) -> bool {
         matches!(self.role, Role::LineComment | Role::BlockComment)
     }
@@ -61,24 +61,27 @@ const KEYWORDS: [&str; 24] = [
     "continue", "switch", "import", "export", "as", "private", "throw", "try", "catch", "case", "default",
 ];
 
-/// The tokens and comments of a text. Error: a part of the text is not a token.
-pub fn pieces(text: &str) -> Result<Vec<Piece<'_>>, FormatError> {
-    let mut found: Vec<Piece> = Vec::new();
-    let mut behind = 0;
+/// The tokens and comments of a text.
+///
+/// # Errors
+/// Returns an error if a part of the text is not a token, or if a string or comment is never closed.
+pub fn format_tokens(text: &str) -> Result<Vec<FormatToken<'_>>, FormatError> {
+    let mut found: Vec<FormatToken> = Vec::new();
+    let mut last_end = 0;
     let mut in_parameters = false;
     for token in tokens(text) {
         let range = token.range.clone();
-        let is_open = token.kind == TokenKind::Text && !is_closed(&text[range.clone()]);
-        if token.kind == TokenKind::Error || is_open {
-            return Err(FormatError::at(text, range.start, "is not valid in a script"));
+        let is_unclosed = token.kind == TokenKind::Text && !is_closed(&text[range.clone()]);
+        if token.kind == TokenKind::Error || is_unclosed {
+            return Err(FormatError::at_word(text, range.start, "is not valid in a script"));
         }
-        push_comments(text, behind..range.start, &mut found)?;
-        behind = range.end;
-        let before = found.iter().rev().find(|piece| !piece.is_comment());
+        push_comments(text, last_end..range.start, &mut found)?;
+        last_end = range.end;
+        let before = found.iter().rev().find(|token| !token.is_comment());
         let role = role(token.kind, &text[range.clone()], before, &mut in_parameters);
-        push(text, range, role, &mut found);
+        push_token(text, range, role, &mut found);
     }
-    push_comments(text, behind..text.len(), &mut found)?;
+    push_comments(text, last_end..text.len(), &mut found)?;
     Ok(found)
 }
 
@@ -89,39 +92,41 @@ fn is_closed(string: &str) -> bool {
     string.len() > 1 && quote.is_some_and(|quote| end.ends_with(quote))
 }
 
-fn push<'a>(text: &'a str, range: Range<usize>, role: Role, found: &mut Vec<Piece<'a>>) {
-    let behind = found.last().map_or(0, |last| last.range.end);
-    let breaks = text[behind..range.start].matches('\n').count();
-    found.push(Piece { text: &text[range.clone()], range, role, breaks });
+/// Appends a token or comment with the number of line breaks before it.
+fn push_token<'a>(text: &'a str, range: Range<usize>, role: Role, found: &mut Vec<FormatToken<'a>>) {
+    let last_end = found.last().map_or(0, |last| last.range.end);
+    let line_breaks = text[last_end..range.start].matches('\n').count();
+    found.push(FormatToken { text: &text[range.clone()], range, role, line_breaks });
 }
 
-/// The comments between two tokens.
+/// Appends the comments between two tokens.
 fn push_comments<'a>(
     text: &'a str,
     gap: Range<usize>,
-    found: &mut Vec<Piece<'a>>,
+    found: &mut Vec<FormatToken<'a>>,
 ) -> Result<(), FormatError> {
     for comment in comments(text, gap) {
         let start = comment.range.start;
         if !text[start..].starts_with("/*") && !text[start..].starts_with("//") {
-            return Err(FormatError::at(text, start, "is not valid in a script"));
+            return Err(FormatError::at_word(text, start, "is not valid in a script"));
         }
         if !comment.is_closed {
-            return Err(FormatError::at(text, start, "begins a comment that is never closed"));
+            return Err(FormatError::at_word(text, start, "begins a comment that is never closed"));
         }
         let role = if comment.is_block { Role::BlockComment } else { Role::LineComment };
-        push(text, comment.range, role, found);
+        push_token(text, comment.range, role, found);
     }
     Ok(())
 }
 
-fn role(kind: TokenKind, text: &str, before: Option<&Piece>, in_parameters: &mut bool) -> Role {
-    let behind_operand = before.is_some_and(Piece::ends_operand);
+/// Role of a token. `before`: the token before it; `in_parameters`: whether it is among the parameters of a closure.
+fn role(kind: TokenKind, text: &str, before: Option<&FormatToken>, in_parameters: &mut bool) -> Role {
+    let is_after_operand = before.is_some_and(FormatToken::ends_operand);
     let is_member = before.is_some_and(|before| before.role == Role::Dot);
     match kind {
         TokenKind::Word if KEYWORDS.contains(&text) && !is_member => Role::Keyword,
         TokenKind::Word | TokenKind::Number | TokenKind::Text => Role::Operand,
-        TokenKind::Prefix if text == "!" && behind_operand => Role::CallMark,
+        TokenKind::Prefix if text == "!" && is_after_operand => Role::CallMark,
         TokenKind::Prefix => Role::Prefix,
         TokenKind::Error => Role::Other,
         TokenKind::Symbol => match text {
@@ -135,11 +140,11 @@ fn role(kind: TokenKind, text: &str, before: Option<&Piece>, in_parameters: &mut
                 *in_parameters = false;
                 Role::ClosureEnd
             }
-            "|" if !behind_operand => {
+            "|" if !is_after_operand => {
                 *in_parameters = true;
                 Role::ClosureStart
             }
-            "||" if !behind_operand => Role::ClosureEmpty,
+            "||" if !is_after_operand => Role::ClosureEmpty,
             "@" | "#" | "$" | "~" | "\\" => Role::Other,
             _ => Role::Binary,
         },
