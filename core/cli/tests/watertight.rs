@@ -13,7 +13,7 @@ use choreo_render::{GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneR
 use choreo_script::{Limits, Loader};
 use choreo_stage::*;
 use glam::{Affine3A, Vec4};
-use holes::lost;
+use holes::count_holes;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -117,7 +117,7 @@ fn meshes_that_bend_have_no_holes() {
                 renderer.submit(plan).unwrap();
                 renderer.collect(None).unwrap()
             };
-            let [covered, lost, other] = lost(&draw(plan), &draw(both));
+            let [covered, lost, other] = count_holes(&draw(plan), &draw(both));
             assert!(covered > 100, "{name}: {covered} pixels");
             worst_lost = worst_lost.max(lost);
             shares.push(other as f64 / covered as f64);

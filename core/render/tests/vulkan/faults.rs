@@ -109,7 +109,7 @@ fn a_frame_that_fails_twice_is_an_error() {
     ] {
         let mut renderer = recovering_renderer(&Faults::new(vec![lost(last), second])).unwrap();
         match draw_all_plans(&mut renderer) {
-            Err(RenderError::Twice { first, .. }) => {
+            Err(RenderError::FailedTwice { first, .. }) => {
                 assert!(matches!(*first, RenderError::DeviceLost { .. }))
             }
             other => panic!("{second:?}: {other:?}"),
