@@ -1,6 +1,6 @@
-//! Evaluates actors from keyed properties, hooks and clips, before constraints.
+//! Evaluates actors from keyed properties, callbacks and clips, before constraints.
 //!
-//! Steps in order: keyed properties, hooks, parents, root motion, visibility, culling, selection of the poses that are needed, poses, world
+//! Steps in order: keyed properties, callbacks, parents, root motion, visibility, culling, selection of the poses that are needed, poses, world
 //! transforms.
 
 use crate::culling::{Culling, PoseBounds};
@@ -142,8 +142,8 @@ fn run_hooks(
     edits.effects.clear();
     (edits.ambient, edits.sky) = (None, SkyEdit::default());
     edits.layers_2d.clear();
-    for hook in &stage.hooks {
-        hook.run(time, edits)?;
+    for callback in &stage.frame_callbacks {
+        callback.run(time, edits)?;
     }
     scratch.pose_edits.clear();
     for (place, (index, edit)) in scratch.edits.actors.iter().enumerate() {

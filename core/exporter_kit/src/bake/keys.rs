@@ -34,7 +34,7 @@ struct KeyTrack<'a> {
 /// Whether an actor's joints and morph weights are those of its clips, one at a time, and nothing else.
 pub(crate) fn plays_unchanged(stage: &Stage, actor: &Actor) -> bool {
     let weights = |p: &Property| matches!(p, Property::Morph { .. } | Property::Expression { .. });
-    let plain = stage.hooks.is_empty()
+    let plain = stage.frame_callbacks.is_empty()
         && actor.constraints.is_empty()
         && actor.look_at.is_empty()
         && actor.limits.is_empty()

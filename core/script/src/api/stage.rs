@@ -2,7 +2,7 @@
 
 use crate::build::{FrameCallbackDraft, Parameter, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, color, numbers, point, rgb, wrong};
-use crate::hook::with_copied_captures;
+use crate::frame_callback::with_copied_captures;
 use crate::limits::raise_hint;
 use crate::value::StageRef;
 use choreo_motion::{FrameRate, Time};

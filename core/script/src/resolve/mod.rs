@@ -10,8 +10,8 @@ use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, CameraDraft, FrameCallbackDraft, ParentDraft, ScriptContext, StageDraft};
 use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
+use crate::frame_callback::ScriptCallback;
 use crate::hidden_parts::HiddenParts;
-use crate::hook::ScriptHook;
 use crate::lint::{ClipMarkers, Places};
 use choreo_asset::Projection;
 use choreo_motion::Time;
@@ -149,13 +149,13 @@ fn add_frame_callbacks(
     let count = callbacks.len();
     for draft in callbacks {
         let identity = identity(&draft.at);
-        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity, count);
-        if let Err(diagnostic) = hook.check_at(Time::ZERO)
+        let callback = ScriptCallback::new(engine.clone(), shared.clone(), draft, &identity, count);
+        if let Err(diagnostic) = callback.check_at(Time::ZERO)
             && !crate::errors::is_follow_up(&diagnostic.message)
         {
             shared.build.lock().unwrap_or_else(PoisonError::into_inner).add_diagnostic(diagnostic);
         }
-        stage.hooks.push(Arc::new(hook));
+        stage.frame_callbacks.push(Arc::new(callback));
     }
 }
 

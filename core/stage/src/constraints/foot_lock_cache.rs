@@ -430,10 +430,10 @@ impl ContactPlanner<'_> {
     }
 }
 
-/// A stage with this actor alone, if its motion does not depend on hooks or other actors.
+/// A stage with this actor alone, if its motion does not depend on callbacks or other actors.
 fn single_actor_stage(stage: &Stage, actor: usize) -> Option<Stage> {
     let own = &stage.actors[actor];
-    let depends = !stage.hooks.is_empty() || !own.parents.is_empty() || own.face.is_some();
+    let depends = !stage.frame_callbacks.is_empty() || !own.parents.is_empty() || own.face.is_some();
     (!depends).then(|| Stage {
         settings: stage.settings.clone(),
         actors: vec![own.clone()],

@@ -17,13 +17,13 @@ use crate::stage::springs::ActorSprings;
 use crate::stage::surfaces::SurfaceRule;
 use crate::stage::time_remapping::TimeRemapping;
 use crate::stage::{
-    Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce, Stage, Transparency, ViewTransform,
+    Background, Cutouts, FrameCallback, Pipeline, Settings, SkinOnce, Stage, Transparency, ViewTransform,
 };
 use choreo_asset::hash::{ContentHash, Hashed, Writer, hash_of};
 use choreo_asset::{hashed, written};
 
 impl Stage {
-    /// Hash of everything that a snapshot depends on; warnings are left out. Hooks count by [`FrameHook::identity`].
+    /// Hash of everything that a snapshot depends on; warnings are left out. Callbacks count by [`FrameCallback::identity`].
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| self.hash(w))
     }
@@ -46,7 +46,10 @@ impl Layer {
 }
 
 hashed! {
-    struct Stage { settings, actors, cameras, cuts, lights, layers_2d, sky, effects, hooks; without solvers, markers, warnings }
+    struct Stage {
+        settings, actors, cameras, cuts, lights, layers_2d, sky, effects, frame_callbacks;
+        without solvers, markers, warnings
+    }
     enum Background {
         0 Color(color),
         1 Gradient { top, bottom },
@@ -146,7 +149,7 @@ written! {
     Transparency: |v, w| (*v as u32).hash(w);
     // The mirrored pairs follow from the asset.
     Mirroring: |_v, _w| ();
-    dyn FrameHook: |v, w| w.text(&v.identity());
+    dyn FrameCallback: |v, w| w.text(&v.identity());
     Path: |v, w| {
         v.points.hash(w);
         v.closed.hash(w)

@@ -60,7 +60,7 @@ pub struct Stage {
     /// Named times. They change no image.
     pub markers: Vec<(String, Time)>,
     /// Called in order for every frame, after keyed properties and before joint matrices are built.
-    pub hooks: Vec<Arc<dyn FrameHook>>,
+    pub frame_callbacks: Vec<Arc<dyn FrameCallback>>,
     /// Warnings of the script and the stage ("clip longer than its slot"), for `check`.
     pub warnings: Vec<String>,
 }
@@ -204,14 +204,14 @@ impl Default for Settings {
 }
 
 /// A callback of the script, a pure function of the time.
-pub trait FrameHook: Send + Sync + std::fmt::Debug {
+pub trait FrameCallback: Send + Sync + std::fmt::Debug {
     /// The changes at a time.
     ///
     /// # Errors
     /// The callback has failed.
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError>;
 
-    /// Text that distinguishes this hook from others (source text and captured values), for [`Stage::content_hash`].
+    /// Text that distinguishes this callback from others (source text and captured values), for [`Stage::content_hash`].
     fn identity(&self) -> String {
         format!("{self:?}")
     }
@@ -222,7 +222,7 @@ pub trait FrameHook: Send + Sync + std::fmt::Debug {
 #[derive(Clone, Debug)]
 pub enum StageError {
     /// A script callback failed; the error's text is complete, with file and line.
-    Hook { error: Arc<dyn std::error::Error + Send + Sync>, time: Time },
+    Callback { error: Arc<dyn std::error::Error + Send + Sync>, time: Time },
     /// An actor is attached to itself: its name, and the names of the actors in between.
     Cycle(String, String),
     /// An actor faces another whose position depends on how it is turned: the names of both.
@@ -232,7 +232,7 @@ pub enum StageError {
 }
 
 choreo_motion::error_texts! { StageError:
-    Self::Hook { error, time } => "{error}\n    at {} s", time.as_secs();
+    Self::Callback { error, time } => "{error}\n    at {} s", time.as_secs();
     Self::Cycle(actor, between) => "actor \"{actor}\" is attached to itself, through {between}";
     Self::FacingCycle(actor, faced) => "actor \"{actor}\" cannot face \"{faced}\": the position of \"{faced}\" depends on the rotation of \"{actor}\"; \
         rotate \"{actor}\" with .turn, or face something that is not attached to it";

@@ -142,7 +142,7 @@ pub fn check_stage(
         }
         if let Some(effect) = registry.effect(&used.drawn_by())
             && used.keys.is_empty()
-            && stage.hooks.is_empty()
+            && stage.frame_callbacks.is_empty()
             && changes_nothing(effect, used)
         {
             let text = format!("effect \"{}\" changes no pixel with these parameters", used.plugin);
