@@ -443,7 +443,7 @@ fn key_channels(c: &Call, asset: &Asset) -> Result<Vec<Channel>, ApiError> {
     let weights = |name, property, (low, high)| keys::KeyedProperty {
         name,
         property,
-        of_type: FieldType::Number(low, high, ""),
+        field_type: FieldType::Number(low, high, ""),
     };
     let morph = weights("morph", Property::Morph { instance: 0, target: 0 }, (-1000.0, 1000.0));
     let expression = weights("expression", Property::Expression { expression: 0 }, (0.0, 1.0));

@@ -269,7 +269,8 @@ fn resolve_camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
     }
     for field in Camera::FIELDS {
         let has_keys = |property| camera.channels.iter().any(|c: &Channel| c.property == property);
-        let missing = (field.lacks)(&camera).filter(|_| field.keyed.is_some_and(|(_, p)| has_keys(p)));
+        let missing =
+            (field.missing_reason)(&camera).filter(|_| field.keyed.is_some_and(|(_, p)| has_keys(p)));
         missing.into_iter().for_each(|why| add_error(format!(" {why}")));
     }
     if has_rig && has_placement {

@@ -67,7 +67,7 @@ impl FrameContent<'_> {
     fn requested_by_text(&self, by: &RequestedBy) -> String {
         let mut words: Vec<String> = by.other.iter().map(|w| w.to_string()).collect();
         for effect in &by.effects {
-            let used = self.stage.effects.iter().position(|e| e.drawn_by() == *effect);
+            let used = self.stage.effects.iter().position(|e| e.effect_name() == *effect);
             let place = used.map(|e| self.place_suffix(Subject::Effect(e))).unwrap_or_default();
             words.push(format!("effect {effect}{place}"));
         }

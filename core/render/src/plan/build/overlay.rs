@@ -54,7 +54,7 @@ pub(crate) fn overlays(
         let count = overlay.vertices.len() - first;
         if count > 0 {
             overlay.parts.push(OverlayPart {
-                effect: used.drawn_by().into_owned(),
+                effect: used.effect_name().into_owned(),
                 over: drawn.over,
                 first: first as u32,
                 count: count as u32,
