@@ -302,15 +302,15 @@ fn both_renderers_agree_on_skins_cut_outs_and_displaced_surfaces() {
     let given = GpuOptions { effects: effects.clone(), ..GpuOptions::default() };
     let Some(mut renderer) = vulkan(given) else { return };
     for (name, once) in [
-        ("depth", SkinOnce::Never),
-        ("depth", SkinOnce::Always),
-        ("normal_x", SkinOnce::Always),
-        ("moved_x", SkinOnce::Never),
-        ("moved_y", SkinOnce::Always),
-        ("actor", SkinOnce::Always),
+        ("depth", PreSkinning::Never),
+        ("depth", PreSkinning::Always),
+        ("normal_x", PreSkinning::Always),
+        ("moved_x", PreSkinning::Never),
+        ("moved_y", PreSkinning::Always),
+        ("actor", PreSkinning::Always),
     ] {
         let mut scene = busy_scene(DVec3::ZERO);
-        scene.stage.settings.skin_once = once;
+        scene.stage.settings.pre_skinning = once;
         let mut then = scene.snapshot.clone();
         for (i, actor) in then.actors.iter_mut().enumerate() {
             actor.world_from_model.translation += DVec3::new(0.02, -0.01, 0.03) * i as f64;

@@ -252,7 +252,7 @@ impl<T: FieldStorage + Default> FieldStorage for Option<T> {
 /// ```
 /// Members in parentheses are arguments of `new`, which takes `&str` for `String => str`; the others have a default there. The content hash
 /// is made of all members in this order, each by [`Hashed`](choreo_asset::hash::Hashed) or by the function after `hash`. A field is a
-/// member, or a member of a member; `get` and `set` give access to values that are neither, and `lacks` gives the reason why some do not
+/// member, or a member of a member; `get` and `set` give access to values that are neither, and the expression after `lacks` gives the reason why some do not
 /// have it.
 macro_rules! described {
     (
@@ -320,8 +320,8 @@ pub(crate) use described;
 /// The `fields` of [`described!`], for a type that is declared elsewhere.
 macro_rules! fields {
     ($name:ident { $(
-        $(#[doc = $doc:literal])* $field:ident: $([get $get:expr, set $set:expr])? $($path:ident).*, $field_type:expr
-        $(, keys $key:literal $keyed:ident)? $(, lacks $lacks:expr)?;
+        $(#[doc = $doc:literal])* $field:ident: $([get $get:expr, set $set:expr])? $($path:ident).*,
+        $field_type:expr $(, keys $key:literal $keyed:ident)? $(, lacks $lacks:expr)?;
     )* }) => {
         impl $crate::stage::described::Described for $name {
             const FIELDS: &'static [$crate::stage::described::Field<$name>] = &[$($crate::stage::described::Field {

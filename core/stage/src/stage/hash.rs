@@ -17,7 +17,7 @@ use crate::stage::springs::ActorSprings;
 use crate::stage::surfaces::SurfaceRule;
 use crate::stage::time_remapping::TimeRemapping;
 use crate::stage::{
-    Background, Cutouts, FrameCallback, Pipeline, Settings, SkinOnce, Stage, Transparency, ViewTransform,
+    Background, Cutouts, FrameCallback, Pipeline, PreSkinning, Settings, Stage, Transparency, ViewTransform,
 };
 use choreo_asset::hash::{ContentHash, Hashed, Writer, hash_of};
 use choreo_asset::{hashed, written};
@@ -165,7 +165,7 @@ written! {
     };
     Settings: |v, w| {
         let Settings { size, fps, length, background, ambient_up, ambient_down, samples, .. } = v;
-        let Settings { cutouts, transparency, pipeline, skin_once, exposure, view_transform, .. } = v;
+        let Settings { cutouts, transparency, pipeline, pre_skinning, exposure, view_transform, .. } = v;
         let Settings { levels_of_detail, .. } = v;
         (size, fps, length).hash(w);
         (background, ambient_up, ambient_down).hash(w);
@@ -187,9 +187,9 @@ written! {
             w.text("view transform");
             (*view_transform as u32).hash(w);
         }
-        if *skin_once != SkinOnce::default() {
+        if *pre_skinning != PreSkinning::default() {
             w.tag(1);
-            (*skin_once as u32).hash(w);
+            (*pre_skinning as u32).hash(w);
         }
         if !*levels_of_detail {
             w.text("no levels of detail");

@@ -92,8 +92,8 @@ pub struct Settings {
     pub transparency: Transparency,
     /// The choice of forward or deferred shading of opaque surfaces.
     pub pipeline: Pipeline,
-    /// Whether vertices are pre-skinned.
-    pub skin_once: SkinOnce,
+    /// Whether vertices are pre-skinned: once a frame, instead of in each pass.
+    pub pre_skinning: PreSkinning,
     /// Whether small copies may be drawn with simplified meshes (levels of detail).
     pub levels_of_detail: bool,
 }
@@ -118,7 +118,7 @@ pub enum ViewTransform {
 
 /// Whether a character's vertices are pre-skinned once a frame for all passes that draw it (shadow maps, layers, hulls), or by each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum SkinOnce {
+pub enum PreSkinning {
     /// Pre-skinned if enough passes draw the mesh for that to be cheaper.
     #[default]
     Auto,
@@ -195,7 +195,7 @@ impl Default for Settings {
             view_transform: ViewTransform::default(),
             samples: None,
             cutouts: Cutouts::default(),
-            skin_once: SkinOnce::default(),
+            pre_skinning: PreSkinning::default(),
             levels_of_detail: true,
             transparency: Transparency::default(),
             pipeline: Pipeline::default(),
