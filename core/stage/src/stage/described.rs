@@ -252,8 +252,8 @@ impl<T: FieldStorage + Default> FieldStorage for Option<T> {
 /// ```
 /// Members in parentheses are arguments of `new`, which takes `&str` for `String => str`; the others have a default there. The content hash
 /// is made of all members in this order, each by [`Hashed`](choreo_asset::hash::Hashed) or by the function after `hash`. A field is a
-/// member, or a member of a member; `get` and `set` give access to values that are neither, and the expression after `lacks` gives the reason why some do not
-/// have it.
+/// member, or a member of a member; `get` and `set` give access to values that are neither, and the function after `lacks` gives the reason
+/// why some do not have it.
 macro_rules! described {
     (
         $(#[$attr:meta])*
