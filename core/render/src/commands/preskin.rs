@@ -302,6 +302,6 @@ impl Recording {
                 )
             }
         };
-        Some(LeftOut { what: "pre-skinning".into(), why })
+        Some(LeftOut { part: "pre-skinning".into(), why })
     }
 }

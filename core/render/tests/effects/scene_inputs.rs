@@ -395,7 +395,7 @@ fn inputs_are_drawn_only_for_effects_that_read_them() {
         let (_, plan) = scene.plan(&options);
         let recording = choreo_render::commands::record(&plan, Default::default(), |_| 2);
         let text = recording.to_string();
-        let left_out = plan.left_out.iter().map(|l| l.what.clone()).collect::<Vec<_>>().join(", ");
+        let left_out = plan.left_out.iter().map(|l| l.part.clone()).collect::<Vec<_>>().join(", ");
         (text.contains("begin inputs"), text.contains("inputs of effects, motion"), left_out)
     };
     let (drawn, motion, left_out) = commands(Some(("depth", 1.0)));
@@ -419,7 +419,7 @@ fn explain_names_the_inputs_and_the_effects_that_read_them() {
         let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 1) };
         let (_, plan) = scene.plan(&options);
         let recording = choreo_render::commands::record(&plan, Default::default(), |_| 2);
-        let costs = explain::explain(&scene.resources(), &plan, &recording).into_iter();
+        let costs = explain::frame_costs(&scene.resources(), &plan, &recording).into_iter();
         let of_inputs = costs.filter(|cost| cost.what.contains(" for effects"));
         of_inputs.map(|cost| (cost.what, format!("{:?}", cost.requested_by.effects))).collect::<Vec<_>>()
     };

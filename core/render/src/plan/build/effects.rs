@@ -195,7 +195,7 @@ pub(super) fn post_passes(
     for state in &snapshot.effects {
         let Some(used) = stage.effects.get(state.effect) else { continue };
         let mut leave_out =
-            |why: String| left_out.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
+            |why: String| left_out.push(LeftOut { part: format!("effect \"{}\"", used.plugin), why });
         let Some(effect) = effect_of(used, options.effects) else {
             leave_out("no plugin of this name is known".into());
             continue;
@@ -228,8 +228,8 @@ pub(super) fn post_passes(
             }
         }));
         for (pass, _) in named.iter().zip(&runs).filter(|(_, runs)| !**runs) {
-            let what = format!("pass {} of the effect \"{}\"", pass.name, used.plugin);
-            left_out.push(LeftOut { what, why: "nothing reads its texture".into() });
+            let part = format!("pass {} of the effect \"{}\"", pass.name, used.plugin);
+            left_out.push(LeftOut { part, why: "nothing reads its texture".into() });
         }
     }
     (passes, left_out)
