@@ -100,7 +100,7 @@ pub(crate) fn evaluate_actors(
     for (actor, state) in stage.actors.iter().zip(&mut out.actors) {
         scratch.placements.push(pose::keyed_placement(actor, time, state));
     }
-    run_hooks(stage, scratch, time, &mut out.actors)?;
+    run_callbacks(stage, scratch, time, &mut out.actors)?;
     scratch.parents.find_active(stage, time, &scratch.edits.actors, &scratch.kept_transforms);
     order::sort_placement_steps(stage, &scratch.parents, &mut scratch.order)?;
     let motions = scratch.motions.get_or_insert_with(|| Arc::new(Motions::new(stage))).clone();
@@ -129,7 +129,7 @@ pub(crate) fn evaluate_actors(
     Ok(())
 }
 
-fn run_hooks(
+fn run_callbacks(
     stage: &Stage,
     scratch: &mut ActorScratch,
     time: Time,
