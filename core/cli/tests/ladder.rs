@@ -6,7 +6,7 @@ use choreo_image_diff::compare;
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
 use choreo_render::commands::{RecordOptions, Recording, record};
-use choreo_render::explain::{self, CostKind, explain};
+use choreo_render::explain::{self, CostKind, frame_costs};
 use choreo_render::{
     CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer,
 };
@@ -240,7 +240,7 @@ impl Scene {
     fn parts(&self, plan: &Plan) -> (Recording, Vec<explain::Cost>) {
         let triangles = |p: u32| self.resources.primitives[p as usize].primitive().indices.len() / 3;
         let recording = record(plan, RecordOptions::default(), triangles);
-        let parts = explain(&self.resources, plan, &recording);
+        let parts = frame_costs(&self.resources, plan, &recording);
         (recording, parts)
     }
 
@@ -282,8 +282,8 @@ fn faults(index: usize, recording: &Recording, parts: &[explain::Cost]) -> Vec<S
         [(CostKind::Feature, asked(|r| r.features)), (CostKind::FrameData, asked(|r| r.data))]
     {
         let found = part_names(parts, kind);
-        faults.extend(found.difference(&wanted).map(|n| format!("pays for {} {n}", kind.word())));
-        faults.extend(wanted.difference(&found).map(|n| format!("lacks {} {n}", kind.word())));
+        faults.extend(found.difference(&wanted).map(|n| format!("pays for {} {n}", kind.name())));
+        faults.extend(wanted.difference(&found).map(|n| format!("lacks {} {n}", kind.name())));
     }
     let (cost, bound) = (Cost::of(recording, parts), LADDER[index].cost);
     if !cost.is_within(&bound) {

@@ -230,14 +230,14 @@ impl Registry {
         settled
     }
     /// [`Registry::settled`], with an additional effect for each use in the stages that chooses its own images, under the name
-    /// [`EffectUse::drawn_by`](choreo_stage::EffectUse::drawn_by). While a use keeps its images, it keeps the same effect.
+    /// [`EffectUse::effect_name`](choreo_stage::EffectUse::effect_name). While a use keeps its images, it keeps the same effect.
     pub fn settled_for<'s>(&self, stages: impl IntoIterator<Item = &'s Stage>) -> Registry {
         let mut settled = self.settled();
         let mut known = self.with_images.lock().unwrap_or_else(PoisonError::into_inner);
         let mut all: Vec<EffectWithImages> = Vec::new();
         let effects = stages.into_iter().flat_map(|stage| &stage.effects);
         for used in effects.filter(|used| !used.images.is_empty()) {
-            let name = used.drawn_by();
+            let name = used.effect_name();
             let Some(of) = settled.effect(&used.plugin).cloned() else { continue };
             if all.iter().any(|one| one.with_images.manifest().name == name) {
                 continue;

@@ -158,7 +158,7 @@ impl EffectFaults {
     }
 
     /// Warnings about faults that were not reported before.
-    pub fn take_notes(&self, effects: &[Effect]) -> Vec<String> {
+    pub fn take_warnings(&self, effects: &[Effect]) -> Vec<String> {
         let mut fault_log = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let unreported = std::mem::take(&mut fault_log.unreported);
         let new = unreported.into_iter().filter(|(key, _)| fault_log.reported.insert(key.clone()));

@@ -101,7 +101,7 @@ pub fn phase_matched_fade(
 ) -> Result<PhaseMatchedFade, ApiError> {
     let drafts = drafts.map(|id| &build.cues[id]);
     for (draft, cue) in drafts.iter().zip(cues) {
-        if cue.repeat != Repeat::Loop || !cue.is_even() || cue.speed <= 0.0 {
+        if cue.repeat != Repeat::Loop || !cue.plays_at_constant_speed() || cue.speed <= 0.0 {
             let text = format!("\"{}\" must loop, forwards and at one speed", draft.cue.clip.name);
             return Err(ApiError::new(text));
         }
@@ -116,7 +116,7 @@ pub fn phase_matched_fade(
         footsteps(build, draft, analyses).ok_or_else(missing)
     };
     let steps = [footsteps_of(drafts[0])?, footsteps_of(drafts[1])?];
-    let played = cues[0].played(cues[1].start);
+    let played = cues[0].played_ticks(cues[1].start);
     let speeds = cues.map(|cue| cue.speed);
     PhaseMatchedFade::new(
         [&steps[0], &steps[1]],

@@ -63,7 +63,7 @@ fn start_and_end(
     let start = cue.start.unwrap_or(start);
     let is_layer = build.chains[cue.chain].is_layer();
     let end_of_clip = match cue.repeat_mode(is_layer) {
-        Repeat::Once if cue.cue.is_even() => Some(start + cue.length()),
+        Repeat::Once if cue.cue.plays_at_constant_speed() => Some(start + cue.length()),
         Repeat::Once => cue.cue(start).first_play_end(),
         _ => None,
     };

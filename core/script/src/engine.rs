@@ -8,7 +8,7 @@ use crate::compile::{FORBIDDEN_NAMES, PARSE_TIMEOUT, is_forbidden, scope_with_co
 use crate::def::{Def, ResultType};
 use crate::diagnostic::Severity;
 use crate::errors::{Thrown, throw};
-use crate::hook;
+use crate::frame_callback;
 use crate::limits::Limits;
 use crate::modules::Modules;
 use crate::synonyms::ALIASES;
@@ -72,8 +72,8 @@ fn set_limits(engine: &mut Engine, shared: &Arc<ScriptContext>) {
         if memory::in_use() > memory {
             return Some("memory".into());
         }
-        if hook::in_frame() {
-            return hook::exceeded_limit(steps).map(Into::into);
+        if frame_callback::in_frame() {
+            return frame_callback::exceeded_limit(steps).map(Into::into);
         }
         if steps > operations {
             return Some("operations".into());
@@ -211,7 +211,7 @@ fn call_function(
         line: at.line().unwrap_or(0),
         column: at.position().unwrap_or(0),
     };
-    let in_frame = hook::in_frame();
+    let in_frame = frame_callback::in_frame();
     if in_frame && !def.is_for_frames {
         return Err(throw(error_in_frame(def), place));
     }

@@ -59,7 +59,7 @@ impl ModuleResolver for Modules {
         let Some(shared) = self.shared.upgrade() else {
             return Err(fail(ApiError::new("modules cannot be imported inside on_frame")));
         };
-        if crate::hook::in_frame() {
+        if crate::frame_callback::in_frame() {
             let error = ApiError::new("import cannot be used inside on_frame");
             return Err(fail(
                 error.hint("import at the top of the script; the callback sees what is imported there"),

@@ -314,7 +314,7 @@ impl RenderState {
             let (snapshot, plan) = plan_with(&scene.resources, &stage, request.time, &options, at)?;
             (snapshot, plan, start.elapsed())
         };
-        let left_out = plan.left_out.iter().map(|l| (l.what.to_string(), l.why.to_string())).collect();
+        let left_out = plan.left_out.iter().map(|l| (l.part.to_string(), l.why.to_string())).collect();
         let draws = plan.draws.len();
         let triangles = plan.draws.iter().map(|d| triangles(&scene.resources, d)).sum();
         let planned_in = start.elapsed() - evaluated_in;

@@ -332,7 +332,7 @@ fn file_error(path: &Path, message: String, hint: Option<String>) -> Problem {
 
 /// Diagnostic of a stage error, with its position in the script if a callback failed.
 fn stage_problem(error: &StageError) -> Problem {
-    if let StageError::Hook { error: cause, time } = error
+    if let StageError::Callback { error: cause, time } = error
         && let Some(own) = (&**cause as &(dyn std::error::Error + 'static)).downcast_ref::<Diagnostic>()
     {
         return Problem { message: format!("{} (at {} s)", own.message, time.as_secs()), ..own.clone() };

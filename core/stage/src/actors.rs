@@ -1,6 +1,6 @@
-//! Evaluates actors from keyed properties, hooks and clips, before constraints.
+//! Evaluates actors from keyed properties, callbacks and clips, before constraints.
 //!
-//! Steps in order: keyed properties, hooks, parents, root motion, visibility, culling, selection of the poses that are needed, poses, world
+//! Steps in order: keyed properties, callbacks, parents, root motion, visibility, culling, selection of the poses that are needed, poses, world
 //! transforms.
 
 use crate::culling::{Culling, PoseBounds};
@@ -100,7 +100,7 @@ pub(crate) fn evaluate_actors(
     for (actor, state) in stage.actors.iter().zip(&mut out.actors) {
         scratch.placements.push(pose::keyed_placement(actor, time, state));
     }
-    run_hooks(stage, scratch, time, &mut out.actors)?;
+    run_callbacks(stage, scratch, time, &mut out.actors)?;
     scratch.parents.find_active(stage, time, &scratch.edits.actors, &scratch.kept_transforms);
     order::sort_placement_steps(stage, &scratch.parents, &mut scratch.order)?;
     let motions = scratch.motions.get_or_insert_with(|| Arc::new(Motions::new(stage))).clone();
@@ -129,7 +129,7 @@ pub(crate) fn evaluate_actors(
     Ok(())
 }
 
-fn run_hooks(
+fn run_callbacks(
     stage: &Stage,
     scratch: &mut ActorScratch,
     time: Time,
@@ -142,8 +142,8 @@ fn run_hooks(
     edits.effects.clear();
     (edits.ambient, edits.sky) = (None, SkyEdit::default());
     edits.layers_2d.clear();
-    for hook in &stage.hooks {
-        hook.run(time, edits)?;
+    for callback in &stage.frame_callbacks {
+        callback.run(time, edits)?;
     }
     scratch.pose_edits.clear();
     for (place, (index, edit)) in scratch.edits.actors.iter().enumerate() {

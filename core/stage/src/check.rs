@@ -23,7 +23,7 @@ struct Checker<'a> {
 }
 
 impl Stage {
-    /// Finds all errors at once; empty if every frame can be evaluated. Hooks are not run.
+    /// Finds all errors at once; empty if every frame can be evaluated. Callbacks are not run.
     pub fn check(&self) -> Vec<StageError> {
         let mut checker = Checker { stage: self, problems: Vec::new() };
         checker.check_settings();

@@ -109,7 +109,7 @@ fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
 /// which is no longer than the sphere's radius as long as the actor's scale does not change.
 fn constraint_growth(stage: &Stage, actor: &Actor) -> Option<f64> {
     let scaled = || actor.channels.iter().any(|channel| channel.property == Property::Scale);
-    let steady = || stage.hooks.is_empty() && actor.parents.is_empty() && !scaled();
+    let steady = || stage.frame_callbacks.is_empty() && actor.parents.is_empty() && !scaled();
     actor.constraints.iter().try_fold(1.0, |factor, constraint| match &constraint.kind {
         ConstraintKind::Reach(_) | ConstraintKind::Aim(_) => Some(factor),
         ConstraintKind::FootLock(feet) if feet.hips.is_none() => Some(factor),

@@ -1,6 +1,6 @@
 //! Evaluates a stage at a time into a snapshot (`Stage::at`).
 //!
-//! Steps in order: keyed properties, hooks, visibility, selection of the poses that are needed, poses, world transforms, constraints (foot
+//! Steps in order: keyed properties, callbacks, visibility, selection of the poses that are needed, poses, world transforms, constraints (foot
 //! locks, aims, looks, reaches), world transforms again if a constraint has moved something, springs, lights, camera.
 
 use crate::constraints::foot_lock_cache::FootLocks;

@@ -68,7 +68,7 @@ pub use stage::surfaces::SurfaceRule;
 pub use stage::tangents::Tangents;
 pub use stage::time_remapping::{SpeedCurve, TimeRemapping};
 pub use stage::{
-    Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce, Stage, StageError, Transparency,
+    Background, Cutouts, FrameCallback, Pipeline, PreSkinning, Settings, Stage, StageError, Transparency,
     ViewTransform,
 };
 pub use survey::{Finding, Subject};

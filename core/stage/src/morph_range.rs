@@ -12,7 +12,7 @@ use choreo_motion::{Curve, Interpolation, Path};
 pub(crate) fn largest_morph_weights(stage: &Stage, actor: &Actor, index: usize) -> Option<Vec<f64>> {
     let instance = actor.asset.instances.get(index)?;
     let count = actor.asset.meshes.get(instance.mesh as usize)?.morph_targets;
-    if !stage.hooks.is_empty() {
+    if !stage.frame_callbacks.is_empty() {
         return None;
     }
     let mut largest: Vec<f64> = rest_weights(instance, count).map(|weight| f64::from(weight.abs())).collect();

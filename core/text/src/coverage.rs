@@ -31,7 +31,7 @@ impl Coverage {
         let mut coverage = Coverage::new(low, high, image_size);
         let corners = [[low[0], low[1]], [low[0], high[1]], [high[0], high[1]], [high[0], low[1]]];
         for i in 0..4 {
-            coverage.line(corners[i], corners[(i + 1) % 4]);
+            coverage.add_edge(corners[i], corners[(i + 1) % 4]);
         }
         coverage
     }
@@ -56,7 +56,7 @@ impl Coverage {
         let mut coverage = Coverage::new(low, high, image_size);
         // Quarter circles as cubic Bézier curves, off by 0.03 % of the radius at most.
         let handle_offset = radius * (1.0 - 0.552_284_8);
-        let mut add = |a, b| coverage.line(a, b);
+        let mut add = |a, b| coverage.add_edge(a, b);
         let mut outline = OutlineFlattener::new(&mut add, [0.0; 2], 1.0);
         let ([x0, y0], [x1, y1]) = (low, high);
         // The outline has y up.
@@ -105,7 +105,7 @@ impl Coverage {
     }
 
     /// Adds an edge of a closed outline, in pixels of the image.
-    pub fn line(&mut self, from: [f32; 2], to: [f32; 2]) {
+    pub fn add_edge(&mut self, from: [f32; 2], to: [f32; 2]) {
         if !from.iter().chain(&to).all(|v| v.is_finite()) {
             return;
         }

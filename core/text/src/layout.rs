@@ -35,7 +35,7 @@ pub struct TextLayout {
     fallbacks: Vec<Font>,
     pub lines: usize,
     /// Left and right end of the longest line, within the box.
-    pub ends: [f32; 2],
+    pub longest_line_ends: [f32; 2],
 }
 
 /// Index of the fallback font (`None`: the text's own font) and glyph ID.
@@ -112,7 +112,8 @@ struct Word {
     space: f32,
 }
 
-pub fn lay_out(font: &Font, text: &str, style: &Style) -> TextLayout {
+/// Places the glyphs of a text: line breaking, alignment and kerning.
+pub fn lay_out_text(font: &Font, text: &str, style: &Style) -> TextLayout {
     let (fallbacks, index_of) = fallbacks_of(font, text);
     let faces = Faces { own: font.face(), index_of, fallbacks: fallbacks.iter().map(Font::face).collect() };
     let mut lines: Vec<(Vec<Word>, f32)> = Vec::new();
@@ -143,7 +144,7 @@ pub fn lay_out(font: &Font, text: &str, style: &Style) -> TextLayout {
         Align::Center => (box_width - width) * 0.5,
         Align::Right => box_width - width,
     };
-    layout.ends = [line_start(widest), line_start(widest) + widest];
+    layout.longest_line_ends = [line_start(widest), line_start(widest) + widest];
     for (row, (words, width)) in lines.iter().enumerate() {
         let mut x = line_start(*width);
         let y = up + step * row as f32;
@@ -178,7 +179,7 @@ impl TextLayout {
     /// Coverage of all glyphs in an image of size `image_size`, scaled by `factor`, with the box's top left at `at` (pixels).
     pub fn coverage(&self, font: &Font, at: [f32; 2], factor: f32, image_size: [u32; 2]) -> Coverage {
         let mut coverage = self.empty_coverage(at, factor, 0.0, image_size);
-        self.add_edges(font, at, factor, &mut |a, b| coverage.line(a, b));
+        self.add_edges(font, at, factor, &mut |a, b| coverage.add_edge(a, b));
         coverage
     }
 
@@ -194,7 +195,7 @@ impl TextLayout {
         let mut coverage = self.empty_coverage(at, factor, distance.ceil() + 1.0, image_size);
         let mut edges = Vec::new();
         self.add_edges(font, at, factor, &mut |a, b| {
-            coverage.line(a, b);
+            coverage.add_edge(a, b);
             edges.push([a, b]);
         });
         coverage.dilated(&edges, distance)

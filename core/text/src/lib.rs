@@ -9,4 +9,4 @@ mod layout;
 pub use coverage::Coverage;
 pub use fallback::{Fallback, fallbacks, needs_shaping};
 pub use font::{Font, FontError};
-pub use layout::{Align, Style, TextLayout, lay_out};
+pub use layout::{Align, Style, TextLayout, lay_out_text};

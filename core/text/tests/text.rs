@@ -44,7 +44,7 @@ fn the_coverage_of_a_rounded_rectangle_sums_to_its_area() {
 #[test]
 fn an_outline_has_the_area_of_the_dilated_shape() {
     let font = Font::built_in();
-    let layout = lay_out(&font, ".", &style(200.0));
+    let layout = lay_out_text(&font, ".", &style(200.0));
     let at = [40.5, 60.25];
     let ink = |w: f32| sum(&layout.outline_coverage(&font, at, 1.0, w, [400, 400]));
     let plain = sum(&layout.coverage(&font, at, 1.0, [400, 400]));
@@ -53,7 +53,7 @@ fn an_outline_has_the_area_of_the_dilated_shape() {
     let got = twice - 2.0 * once + plain;
     assert!((got - expected).abs() < 0.01 * expected, "{got} instead of {expected}");
     // Inside of the letters it is whole, and lines that cross count once.
-    let layout = lay_out(&font, "Ж", &style(60.0));
+    let layout = lay_out_text(&font, "Ж", &style(60.0));
     let all = layout.outline_coverage(&font, at, 1.0, 3.0, [400, 400]);
     let letter = layout.coverage(&font, at, 1.0, [400, 400]);
     for (y, row) in (0..letter.size[1]).map(|y| (y, letter.row(y))) {
@@ -75,7 +75,7 @@ fn coverage_of_triangles_matches_supersampling() {
     ];
     for t in triangles {
         let mut c = Coverage::new([0.0, 0.0], [16.0, 16.0], [16, 16]);
-        (0..3).for_each(|i| c.line(t[i], t[(i + 1) % 3]));
+        (0..3).for_each(|i| c.add_edge(t[i], t[(i + 1) % 3]));
         let side = |a: [f32; 2], b: [f32; 2], x: f64, y: f64| {
             (f64::from(b[0]) - f64::from(a[0])) * (y - f64::from(a[1]))
                 - (f64::from(b[1]) - f64::from(a[1])) * (x - f64::from(a[0]))
@@ -109,32 +109,32 @@ fn glyph_area_grows_with_the_square_of_the_font_size() {
     // Twice the size, four times the area.
     let font = Font::built_in();
     let area = |size: f32| {
-        let layout = lay_out(&font, "•", &style(size));
+        let layout = lay_out_text(&font, "•", &style(size));
         sum(&layout.coverage(&font, [10.0, 10.0], 1.0, [400, 400]))
     };
     let (small, large) = (area(60.0), area(120.0));
     assert!((large / small - 4.0).abs() < 0.01, "{small} {large}");
     assert!(small > PI, "{small}");
     // The same larger by its factor.
-    let layout = lay_out(&font, "•", &style(60.0));
+    let layout = lay_out_text(&font, "•", &style(60.0));
     assert!((sum(&layout.coverage(&font, [10.0, 10.0], 2.0, [400, 400])) - large).abs() < 0.02 * large);
 }
 
 #[test]
 fn lines_wrap_between_words_and_are_aligned() {
     let font = Font::built_in();
-    let wide = lay_out(&font, "one two three", &style(20.0));
+    let wide = lay_out_text(&font, "one two three", &style(20.0));
     assert_eq!(wide.lines, 1);
     let narrow = Style { width: Some(wide.size[0] * 0.6), ..style(20.0) };
-    let wrapped = lay_out(&font, "one two three", &narrow);
+    let wrapped = lay_out_text(&font, "one two three", &narrow);
     assert_eq!(wrapped.lines, 2);
     assert!((wrapped.size[1] - wide.size[1] - 25.0).abs() < 1e-3);
-    assert_eq!(lay_out(&font, "one\ntwo\n", &style(20.0)).lines, 3);
+    assert_eq!(lay_out_text(&font, "one\ntwo\n", &style(20.0)).lines, 3);
     // A word that does not fit stands alone.
-    assert_eq!(lay_out(&font, "a bbbbbbbbbbbb c", &Style { width: Some(15.0), ..style(20.0) }).lines, 3);
+    assert_eq!(lay_out_text(&font, "a bbbbbbbbbbbb c", &Style { width: Some(15.0), ..style(20.0) }).lines, 3);
     // Right: the last column of the box is touched, the first is not.
     let right = Style { width: Some(200.0), align: Align::Right, ..style(20.0) };
-    let layout = lay_out(&font, "H", &right);
+    let layout = lay_out_text(&font, "H", &right);
     let c = layout.coverage(&font, [0.0, 0.0], 1.0, [200, 40]);
     let inked: Vec<usize> = (0..c.size[1])
         .flat_map(|y| c.row(y).enumerate().filter(|(_, v)| *v > 0.5).map(|(x, _)| x).collect::<Vec<_>>())
@@ -145,7 +145,7 @@ fn lines_wrap_between_words_and_are_aligned() {
 #[test]
 fn pairs_are_kerned() {
     let font = Font::built_in();
-    let width = |text: &str| lay_out(&font, text, &style(100.0)).size[0];
+    let width = |text: &str| lay_out_text(&font, text, &style(100.0)).size[0];
     assert!(width("AV") < width("A") + width("V") - 1.0, "{} {} {}", width("AV"), width("A"), width("V"));
     assert!((width("HH") - 2.0 * width("H")).abs() < 0.01);
 }
@@ -156,7 +156,7 @@ fn invalid_fonts_are_errors_and_unusual_texts_are_laid_out() {
     assert_eq!(Font::built_in().missing("a b\n漢a漢"), ['漢']);
     // Empty and strange texts.
     for text in ["", "\n\n", "\u{0}\u{7f}", "   "] {
-        let layout = lay_out(&Font::built_in(), text, &style(20.0));
+        let layout = lay_out_text(&Font::built_in(), text, &style(20.0));
         assert!(layout.size.iter().all(|s| s.is_finite()));
         layout.coverage(&Font::built_in(), [f32::NAN, 1e30], 1.0, [10, 10]);
     }
@@ -167,7 +167,7 @@ fn missing_characters_are_drawn_in_a_fallback_font() {
     let emoji = Font::new("emoji", epaint_default_fonts::NOTO_EMOJI_REGULAR).unwrap();
     assert_eq!(emoji.missing("😀Ж"), ['Ж']);
     let ink = |font: &Font, text: &str| {
-        let layout = lay_out(font, text, &style(60.0));
+        let layout = lay_out_text(font, text, &style(60.0));
         (sum(&layout.coverage(font, [10.0, 10.0], 1.0, [400, 400])), layout.size[0])
     };
     let [(alone, width), (own, own_width), (both, both_width)] =

@@ -9,7 +9,7 @@ use choreo_plugin::{
     AssetBuilder, ExportedScene, ImportOptions, ImportScope, Importer, MemoryFiles, OptionValue, Registry,
     SceneExporter, Source,
 };
-use choreo_stage::{Cue, FrameEdits, FrameHook, Stage, StageError};
+use choreo_stage::{Cue, FrameCallback, FrameEdits, Stage, StageError};
 use choreo_wasm_plugin::{WasmExporter, WasmImporter};
 use export_csv::CsvExporter;
 use import_ply::PlyImporter;
@@ -123,7 +123,7 @@ fn scene() -> ExportedScene {
 #[derive(Debug)]
 struct FailingCallback;
 
-impl FrameHook for FailingCallback {
+impl FrameCallback for FailingCallback {
     fn run(&self, time: Time, _: &mut FrameEdits) -> Result<(), StageError> {
         match time < Time::from_secs(0.5) {
             true => Ok(()),
@@ -158,7 +158,7 @@ fn the_wasm_exporter_writes_the_files_of_the_compiled_crate() {
     assert!((height - 0.5 * libm::sin(angle)).abs() < 1e-3, "{last}");
     // An error of the stage ends the export with the message of the stage.
     let mut faulty = Stage::clone(&scene.stage);
-    faulty.hooks.push(Arc::new(FailingCallback));
+    faulty.frame_callbacks.push(Arc::new(FailingCallback));
     scene.stage = Arc::new(faulty);
     let error = exported(&guest, &scene);
     assert_eq!(error, Err("frame: no such time".to_string()));

@@ -71,7 +71,8 @@ impl<'a> Parts<'a> {
             meshes: vec![Vec::new(); actor.asset.instances.len()],
         };
         // glTF cannot animate the number of copies, so where it changes all copies are written.
-        let varies = actor.channels.iter().any(|c| c.property == Property::Copies) || !stage.hooks.is_empty();
+        let varies = actor.channels.iter().any(|c| c.property == Property::Copies)
+            || !stage.frame_callbacks.is_empty();
         let copies = baked.first.actors[index].copies.filter(|_| !varies);
         let moves = baked.motions[index].sets.iter().flat_map(|set| &baked.sets[*set].tracks);
         let mut moves = moves.filter(|track| track.joint > 0 || matches!(track.path, Path::Weights(_)));

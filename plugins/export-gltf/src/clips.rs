@@ -20,7 +20,7 @@ pub struct ClipScene {
 /// The scene with all actors at rest, placed as at the start.
 pub fn at_rest(scene: &ExportedScene) -> ExportedScene {
     let mut stage = Stage::clone(&scene.stage);
-    stage.hooks = Vec::new();
+    stage.frame_callbacks = Vec::new();
     for actor in &mut stage.actors {
         *actor = Actor { parents: actor.parents.clone(), tint: actor.tint, ..without_motion(actor) };
     }

@@ -94,7 +94,7 @@ impl<'a> ActorWriter<'a, '_> {
     fn copies(&self, index: usize, common: &mut Common) -> Option<u32> {
         let actor = &self.stage.actors[index];
         let varies = actor.channels.iter().any(|c| c.property == StageProperty::Copies)
-            || !self.stage.hooks.is_empty();
+            || !self.stage.frame_callbacks.is_empty();
         let copies = self.baked.first.actors[index].copies.filter(|_| !varies);
         if copies.is_some() && actor.asset.placements.is_empty() {
             common.losses.insert("a smaller number of copies");

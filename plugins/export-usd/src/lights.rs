@@ -73,7 +73,7 @@ pub fn of_sky<'a>(
     let (Some(sky), Some(now)) = (&stage.sky, &baked.first.sky) else { return Ok(None) };
     losses::add(
         &[
-            (!sky.channels.is_empty() || !stage.hooks.is_empty(), "changes of the sky"),
+            (!sky.channels.is_empty() || !stage.frame_callbacks.is_empty(), "changes of the sky"),
             (!sky.background, "a hidden sky (written as visible)"),
         ],
         &mut common.losses,

@@ -158,7 +158,7 @@ fn constraint(u: &mut Unstructured, count: usize) -> Result<Constraint> {
             }
             let hips = if u.arbitrary()? { Some(joint(u)?) } else { None };
             let ground = if u.ratio(1, 4)? { vec![u.int_in_range(0..=count)?] } else { Vec::new() };
-            let only = (0..u.int_in_range(0..=2)?).map(|_| interval(u)).collect::<Result<_>>()?;
+            let locked_spans = (0..u.int_in_range(0..=2)?).map(|_| interval(u)).collect::<Result<_>>()?;
             // Sorted, one after the other.
             let mut standing_fades: Vec<StandingFade> = Vec::new();
             for _ in 0..u.int_in_range(0..=2)? {
@@ -170,7 +170,7 @@ fn constraint(u: &mut Unstructured, count: usize) -> Result<Constraint> {
                     ends_standing: u.arbitrary()?,
                 });
             }
-            ConstraintKind::FootLock(FootLock { legs, hips, ground, only, standing_fades })
+            ConstraintKind::FootLock(FootLock { legs, hips, ground, locked_spans, standing_fades })
         }
     };
     let end = if u.arbitrary()? { Some(time(u)?) } else { None };

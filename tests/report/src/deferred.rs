@@ -76,7 +76,7 @@ fn numbers(plan: &Plan) -> String {
     if let Some(DeferredCause::Pays { lights, surfaces, wasted }) = plan.deferred.as_ref().map(|d| d.cause) {
         return format!("{lights:.1} lights per surface, {surfaces:.1} surfaces, {wasted:.1} wasted");
     }
-    let out = plan.left_out.iter().find(|l| l.what == "deferred shading");
+    let out = plan.left_out.iter().find(|l| l.part == "deferred shading");
     let why = out.map_or("", |l| &l.why);
     why.split(", and a G-buffer").next().unwrap_or_default().to_string()
 }

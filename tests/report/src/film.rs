@@ -8,7 +8,7 @@ use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
-use choreo_render::cpu::thin_film::{ORDERS, reflectance};
+use choreo_render::cpu::thin_film::{AIRY_TERMS, reflectance};
 use choreo_render::{Plan, PlanOptions};
 use glam::Vec3;
 use std::f64::consts::PI;
@@ -148,7 +148,7 @@ fn orders() -> Choice {
         ("no film".into(), without),
         ("three wavelengths".into(), three),
         ("1 term".into(), terms::<1>),
-        (format!("{ORDERS} terms"), terms::<ORDERS>),
+        (format!("{AIRY_TERMS} terms"), terms::<AIRY_TERMS>),
         ("3 terms".into(), terms::<3>),
         ("6 terms".into(), terms::<6>),
         ("24 wavelengths".into(), |film| by_spectrum(film, 370, 20, receptors)),
@@ -185,7 +185,7 @@ fn orders() -> Choice {
     drop(cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
-        &format!("{ORDERS} terms"),
+        &format!("{AIRY_TERMS} terms"),
         "as in glTF's extension; a third term costs half as much again and changes nothing",
     );
     choice

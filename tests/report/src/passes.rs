@@ -7,7 +7,7 @@ use choreo_bench::plots::{Cell, Table, ratio, time};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::Plan;
-use choreo_stage::SkinOnce;
+use choreo_stage::PreSkinning;
 
 const SIZE: [u32; 2] = [1280, 720];
 /// Largest number of passes: the image, and a shadow map for each lamp.
@@ -72,8 +72,8 @@ fn tables() -> Result<Vec<Table>, String> {
             for crowd in CROWDS {
                 let moment = moment(crowd, lamps, &registry)?;
                 renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
-                let plan = |skin_once| Plan { skin_once, ..moment.plan(SIZE, 1) };
-                let plans = [plan(SkinOnce::Never), plan(SkinOnce::Always)];
+                let plan = |pre_skinning| Plan { pre_skinning, ..moment.plan(SIZE, 1) };
+                let plans = [plan(PreSkinning::Never), plan(PreSkinning::Always)];
                 let nanos = times(&mut *renderer, &plans.each_ref(), 2.0 * BUDGET_SECS);
                 cells.extend(nanos.iter().copied().map(time));
                 cells.push(ratio(&nanos[0], &nanos[1]));

@@ -51,7 +51,7 @@ fn fades(scene: &MeasuredScene) -> Vec<Fade> {
             let at = pair[1].start + Time(pair[1].fade_in.0 / 2);
             let skeleton = actor.asset.skeleton.clone();
             let pose = |cue: &Cue| {
-                let time = cue.playback().clip_time_at(cue.played(at));
+                let time = cue.playback().clip_time_at(cue.played_ticks(at));
                 let mut pose = Pose::rest(&skeleton);
                 Sample { clip: &cue.clip, time, pose: &mut pose }.run();
                 pose

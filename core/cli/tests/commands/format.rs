@@ -97,7 +97,9 @@ fn formatted_lessons_make_the_same_scenes() {
             let run =
                 choreo_script::run_text("scene.rhai", text, path.parent().unwrap(), &registry, &options);
             // The hash of a callback depends on its position in the script.
-            run.map(|mut script| (script.stage.hooks.drain(..).count(), script.stage.content_hash()))
+            run.map(|mut script| {
+                (script.stage.frame_callbacks.drain(..).count(), script.stage.content_hash())
+            })
         };
         // Of a lesson that needs its own plugin file only the tokens are compared.
         let Ok(expected) = scene(&text) else { continue };

@@ -57,7 +57,7 @@ fn count_poses(script: &str) -> [usize; 2] {
         let (got, plan) = draw_at(&resources, &mut seen, secs);
         let differ = expected.iter().zip(&got).filter(|(a, b)| a != b).count();
         assert_eq!(differ, 0, "bytes of the image at {secs} s");
-        let is_listed = plan.left_out.iter().any(|l| l.what == "actors outside the view");
+        let is_listed = plan.left_out.iter().any(|l| l.part == "actors outside the view");
         assert_eq!(is_listed, seen.poses() < all.poses(), "at {secs} s");
     }
     [all.total_poses(), seen.total_poses()]

@@ -34,7 +34,7 @@ struct KeyTrack<'a> {
 /// Whether an actor's joints and morph weights are those of its clips, one at a time, and nothing else.
 pub(crate) fn plays_unchanged(stage: &Stage, actor: &Actor) -> bool {
     let weights = |p: &Property| matches!(p, Property::Morph { .. } | Property::Expression { .. });
-    let plain = stage.hooks.is_empty()
+    let plain = stage.frame_callbacks.is_empty()
         && actor.constraints.is_empty()
         && actor.look_at.is_empty()
         && actor.limits.is_empty()
@@ -54,10 +54,10 @@ fn is_plain(actor: &Actor, index: usize, cue: &Cue) -> bool {
         fade_in,
         weight,
         weight_keys,
-        in_step,
+        phase_matched_fades,
         inertialization,
         root,
-        // `is_even` checks these two fields; `add_stretches` handles the others.
+        // `plays_at_constant_speed` checks these two fields; `add_stretches` handles the others.
         time_remapping: _,
         freezes: _,
         start: _,
@@ -72,8 +72,8 @@ fn is_plain(actor: &Actor, index: usize, cue: &Cue) -> bool {
     let whole = index == 0 || (*weight >= 1.0 && weight_keys.is_none() && *fade_in <= Time::ZERO);
     whole
         && *inertialization <= Time::ZERO
-        && in_step.iter().all(Option::is_none)
-        && cue.is_even()
+        && phase_matched_fades.iter().all(Option::is_none)
+        && cue.plays_at_constant_speed()
         && root.is_none()
         && clip.expressions().is_empty()
         && clip.joint_count() == actor.asset.skeleton.len()
@@ -189,14 +189,14 @@ fn add_stretches(cue: &Cue, index: usize, [mut from, to, held]: [Time; 3], out: 
     let playback = cue.playback();
     let length = i128::from((cue.trim.1 - cue.trim.0).0.max(0));
     let still = |from: Time, to: Time, at: Time| Stretch { cue: index, from, to, at, rate: 0.0 };
-    let clip_time = |time: Time| playback.clip_time_at(cue.played(time));
+    let clip_time = |time: Time| playback.clip_time_at(cue.played_ticks(time));
     if from < cue.start {
         let until = (cue.start - Time(1)).min(to);
         out.push(still(from, until, clip_time(cue.start)));
         from = cue.start;
     }
     while from <= to {
-        let played = cue.played(from);
+        let played = cue.played_ticks(from);
         let ended = cue.repeat == Repeat::Once && played >= length;
         if length == 0 || cue.speed == 0.0 || ended {
             out.push(still(from, to, clip_time(from)));
@@ -206,8 +206,11 @@ fn add_stretches(cue: &Cue, index: usize, [mut from, to, held]: [Time; 3], out: 
             let (first, last) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
             let at = clip_time(held);
             // The last pose of the round is held, not the first pose of a next round that never comes.
-            let at =
-                if at == first && cue.played(held) > 0 && cue.repeat == Repeat::Loop { last } else { at };
+            let at = if at == first && cue.played_ticks(held) > 0 && cue.repeat == Repeat::Loop {
+                last
+            } else {
+                at
+            };
             out.push(still(from, to, at));
             return;
         }
@@ -362,7 +365,7 @@ fn value_at(curve: &Curve, time: Time, out: &mut Vec<f32>) {
 pub(crate) fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>) {
     for (number, layer) in actor.layers.iter().enumerate() {
         for (index, cue) in layer.cues.iter().enumerate() {
-            if !cue.is_even() || cue.in_step.iter().any(Option::is_some) {
+            if !cue.plays_at_constant_speed() || cue.phase_matched_fades.iter().any(Option::is_some) {
                 continue;
             }
             // The cue is active until the next one has faded in.

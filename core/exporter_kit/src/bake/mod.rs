@@ -136,7 +136,7 @@ fn has_constant_transform(stage: &Stage, actor: &Actor) -> bool {
     let moves = |p: Property| {
         matches!(p, Property::Translation | Property::Rotation | Property::Scale | Property::Visible)
     };
-    stage.hooks.is_empty()
+    stage.frame_callbacks.is_empty()
         && actor.parents.is_empty()
         && actor.face.is_none()
         && actor.path_following.is_none()

@@ -190,7 +190,7 @@ struct Interval {
 /// could change the rest: with callbacks, without cameras, or with a camera that frames all visible actors.
 fn stage_without_others(stage: &Stage, signals: &[Signal], sampled: &[SampledActor]) -> Option<Stage> {
     let frames = |camera: &Camera| matches!(camera.rig, Rig::Frame { .. });
-    if !stage.hooks.is_empty() || stage.cameras.is_empty() || stage.cameras.iter().any(frames) {
+    if !stage.frame_callbacks.is_empty() || stage.cameras.is_empty() || stage.cameras.iter().any(frames) {
         return None;
     }
     let parents = stage.actors.iter().flat_map(|a| &a.parents).filter_map(|p| p.to);

@@ -129,7 +129,7 @@ pub fn of_stage(stage: &Stage, tolerance: f32, sampled_weights: impl Fn(usize) -
         }
     }
     for (light, of) in stage.lights.iter().enumerate() {
-        if of.channels.is_empty() && of.parent.is_none() && stage.hooks.is_empty() {
+        if of.channels.is_empty() && of.parent.is_none() && stage.frame_callbacks.is_empty() {
             continue;
         }
         let intensity = of.light.intensity.max(1.0) * 1e-3;
@@ -146,7 +146,8 @@ pub fn of_stage(stage: &Stage, tolerance: f32, sampled_weights: impl Fn(usize) -
         }
     }
     for (index, actor) in stage.actors.iter().enumerate() {
-        let tinted = !stage.hooks.is_empty() || actor.channels.iter().any(|c| c.property == Property::Tint);
+        let tinted =
+            !stage.frame_callbacks.is_empty() || actor.channels.iter().any(|c| c.property == Property::Tint);
         let colors = actor.asset.animated_base_colors();
         let changing = actor.asset.changing_materials();
         for (number, material) in actor.asset.materials.iter().enumerate() {
@@ -174,7 +175,7 @@ pub fn is_still(stage: &Stage, camera: &Camera) -> bool {
         _ => false,
     };
     still
-        && stage.hooks.is_empty()
+        && stage.frame_callbacks.is_empty()
         && camera.channels.is_empty()
         && camera.looks.is_empty()
         && camera.shakes.is_empty()

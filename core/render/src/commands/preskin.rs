@@ -10,7 +10,7 @@ use crate::plan::{Features, LeftOut, PipelineKey, Plan};
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::{InputTargets, SceneVariant};
-use choreo_stage::SkinOnce;
+use choreo_stage::PreSkinning;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Mean number of draws of a mesh from which pre-skinning is faster. Measured on lavapipe (`cargo xtask report passes`) with one
@@ -123,11 +123,11 @@ fn mesh_key(
 /// Adds pre-skinning of the meshes that are drawn often enough, and makes their draws read the pre-skinned vertices.
 pub(super) fn add_preskinning(recorder: Recorder, recording: Recording) -> Recording {
     let plan = recorder.plan;
-    let min_draws = match plan.skin_once {
+    let min_draws = match plan.pre_skinning {
         _ if recorder.options.no_compute => return recording,
-        SkinOnce::Never => return recording,
-        SkinOnce::Always => 0.0,
-        SkinOnce::Auto => MIN_MEAN_DRAWS,
+        PreSkinning::Never => return recording,
+        PreSkinning::Always => 0.0,
+        PreSkinning::Auto => MIN_MEAN_DRAWS,
     };
     let sorted = sorted_primitives(&recording.commands);
     let mut meshes = mesh_draws(recorder, &recording, &sorted);
@@ -294,14 +294,14 @@ impl Recording {
         if !self.preskinned.is_empty() || !self.commands.iter().any(deformed) {
             return None;
         }
-        let why = match plan.skin_once {
-            SkinOnce::Never => "the stage's skin_once is false".to_string(),
+        let why = match plan.pre_skinning {
+            PreSkinning::Never => "the stage's skin_once is false".to_string(),
             _ => {
                 format!(
                     "no mesh is drawn often enough: pre-skinning needs {MIN_MEAN_DRAWS} draws per frame and instance (a limit not measured on GPUs)"
                 )
             }
         };
-        Some(LeftOut { what: "pre-skinning".into(), why })
+        Some(LeftOut { part: "pre-skinning".into(), why })
     }
 }

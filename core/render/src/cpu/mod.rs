@@ -73,7 +73,7 @@ use tile::{Batch, BatchShading, DrawPhase, Tile, TileBuffers, TriangleId, tile_b
 use vertex::{OutlineHull, VertexStage};
 
 pub use stage_times::StageTimes;
-pub use stages::STAGES;
+pub use stages::STAGE_IMAGE_NAMES;
 
 /// Largest width and height, in pixels.
 pub(crate) const MAX_IMAGE_SIDE: u32 = 16384;
@@ -489,7 +489,7 @@ impl Renderer for CpuRenderer {
     }
 
     fn take_notes(&mut self) -> Vec<String> {
-        self.faults.take_notes(&self.effects)
+        self.faults.take_warnings(&self.effects)
     }
 
     fn device(&self) -> &DeviceInfo {

@@ -4,7 +4,7 @@
 use super::CpuRenderer;
 use super::vertex::{OutlineHull, Vertex, VertexStage};
 use crate::plan::{Draw, Features, Instance, Plan};
-use choreo_stage::SkinOnce;
+use choreo_stage::PreSkinning;
 use glam::Mat4;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -27,7 +27,7 @@ fn deformed_key(draw: &Draw, instance: &Instance) -> Option<DeformedKey> {
 impl DeformedMeshes {
     /// The meshes of the plan that are drawn more than once.
     pub fn of(renderer: &CpuRenderer, plan: &Plan) -> DeformedMeshes {
-        if plan.skin_once == SkinOnce::Never {
+        if plan.pre_skinning == PreSkinning::Never {
             return DeformedMeshes::default();
         }
         // The features that any draw of a mesh needs, one of its instances, and its number of draws.

@@ -13,7 +13,7 @@ use choreo_plugin::Frame;
 use glam::{Vec2, Vec3};
 
 /// Names of the stages, in order.
-pub const STAGES: [&str; 6] = ["model", "view", "clip", "raster", "depth", "shade"];
+pub const STAGE_IMAGE_NAMES: [&str; 6] = ["model", "view", "clip", "raster", "depth", "shade"];
 
 const BACKGROUND_COLOR: [u8; 4] = [18, 20, 26, 255];
 const GUIDE_COLOR: [u8; 3] = [120, 130, 150];
@@ -102,12 +102,12 @@ fn triangle_mesh<'a>(batch: &'a Batch<'a>) -> Option<Mesh<'a>> {
 }
 
 impl CpuRenderer {
-    /// Images of a frame's stages in the order of [`STAGES`], each of the plan's size. Lines and points are left out: they have no
+    /// Images of a frame's stages in the order of [`STAGE_IMAGE_NAMES`], each of the plan's size. Lines and points are left out: they have no
     /// edges.
     ///
     /// # Errors
     /// Fails as submitting the plan does.
-    pub fn stages(&mut self, plan: &Plan) -> Result<Vec<Frame>, RenderError> {
+    pub fn draw_stage_images(&mut self, plan: &Plan) -> Result<Vec<Frame>, RenderError> {
         self.submit(plan.clone())?;
         let shaded = self.collect(None)?;
         let overrides = self.override_materials(plan);

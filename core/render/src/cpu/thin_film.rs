@@ -5,22 +5,22 @@ use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
 /// Number of terms of Airy's sum in addition to its mean, as in the shader; `cargo xtask report film` measures others.
-pub const ORDERS: u32 = 2;
+pub const AIRY_TERMS: u32 = 2;
 
 /// [`reflectance`], four pixels at once.
 pub(crate) fn film_reflectance(ior: f32, nanometres: F4, nv: F4, f0: V3) -> V3 {
     let at = |i: usize| {
         let f0 = Vec3::new(f0.x.0[i], f0.y.0[i], f0.z.0[i]);
-        reflectance::<ORDERS>(ior, nanometres.0[i], nv.0[i], f0)
+        reflectance::<AIRY_TERMS>(ior, nanometres.0[i], nv.0[i], f0)
     };
     let all: [Vec3; 4] = std::array::from_fn(at);
     V3 { x: F4(all.map(|c| c.x)), y: F4(all.map(|c| c.y)), z: F4(all.map(|c| c.z)) }
 }
 
 /// Reflectance of a film on a surface with the normal reflectance `f0`, at an angle of incidence with the cosine `nv`: the mean
-/// of Airy's sum and `ORDERS` further terms, weighted by the sensitivity of the eye (Belcour & Barla, "A Practical Extension to
+/// of Airy's sum and `AIRY_TERMS` further terms, weighted by the sensitivity of the eye (Belcour & Barla, "A Practical Extension to
 /// Microfacet Theory for the Modeling of Varying Iridescence", 2017). Linear sRGB, not negative.
-pub fn reflectance<const ORDERS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Vec3) -> Vec3 {
+pub fn reflectance<const AIRY_TERMS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Vec3) -> Vec3 {
     let squared = |v: f32| v * v;
     // The index of refraction fades to that of air as the thickness goes to zero.
     let t = (nanometres / 0.03).clamp(0.0, 1.0);
@@ -48,7 +48,7 @@ pub fn reflectance<const ORDERS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Ve
     let rs = r23 * (t121 * t121) / (Vec3::ONE - r123);
     let mut sum = rs + r12;
     let mut c = rs - t121;
-    for order in 1..=ORDERS {
+    for order in 1..=AIRY_TERMS {
         c *= step;
         sum += c * 2.0 * film_color(order as f32 * path, phi * order as f32);
     }

@@ -36,7 +36,8 @@ pub enum CostKind {
 }
 
 impl CostKind {
-    pub fn word(self) -> &'static str {
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
         match self {
             CostKind::Pass => "pass",
             CostKind::Pipeline => "pipeline",
@@ -84,7 +85,7 @@ pub struct Cost {
 }
 
 /// All costs of a frame, in the order of their kinds. The sizes are those of one frame in flight in the Vulkan renderer.
-pub fn explain(resources: &SceneResources, plan: &Plan, recording: &Recording) -> Vec<Cost> {
+pub fn frame_costs(resources: &SceneResources, plan: &Plan, recording: &Recording) -> Vec<Cost> {
     let mut costs = Costs { resources, plan, all: Vec::new() };
     costs.add_passes(recording);
     costs.add_pipelines(recording);

@@ -7,7 +7,7 @@ mod image;
 use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use choreo_plugin::Frame;
 use choreo_stage::{Align, Font, Layer2dContent, Layer2dState, Snapshot, Stage};
-use choreo_text::{Coverage, Style, lay_out};
+use choreo_text::{Coverage, Style, lay_out_text};
 use glam::{DVec2, Vec2, Vec4};
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -161,12 +161,12 @@ impl Canvas {
                     align: *align,
                     line_height: *line_height as f32,
                 };
-                let layout = lay_out(font, words, &style);
+                let layout = lay_out_text(font, words, &style);
                 let at = corner(DVec2::new(layout.size[0].into(), layout.size[1].into()) * factor);
                 let em = size * frame.y * factor;
                 if let Some(panel) = panel {
                     let margin = panel.padding * em;
-                    let ends = layout.ends.map(|end| f64::from(end) * factor);
+                    let ends = layout.longest_line_ends.map(|end| f64::from(end) * factor);
                     let low = at + DVec2::new(ends[0], 0.0) - margin;
                     let high = at + DVec2::new(ends[1], f64::from(layout.size[1]) * factor) + margin;
                     let [low, high] = [low, high].map(|p| [p.x as f32, p.y as f32]);
@@ -210,7 +210,7 @@ impl Canvas {
     fn draw_label(&mut self, label: &ScreenLabel, occupied: &mut Vec<[Vec2; 2]>) {
         let font = Font::built_in();
         let style = Style { size: label.size, width: None, align: Align::Left, line_height: 1.25 };
-        let layout = lay_out(&font, &label.text, &style);
+        let layout = lay_out_text(&font, &label.text, &style);
         let frame = DVec2::new(self.size[0].into(), self.size[1].into());
         let at = (label.at * frame).as_vec2() + Vec2::new(label.beside, -0.5 * layout.size[1]);
         let bounds = [at, at + Vec2::from(layout.size)];

@@ -315,7 +315,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     let known = |what| left_out_names().any(|known| known == what);
     reports
         .inspect(|(what, _)| debug_assert!(known(*what), "{what} is not among the names"))
-        .map(|(what, why)| LeftOut { what: what.into(), why })
+        .map(|(part, why)| LeftOut { part: part.into(), why })
         .collect()
 }
 

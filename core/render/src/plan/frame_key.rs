@@ -71,7 +71,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
         dissolve,
         displacement_limits,
         linear,
-        skin_once,
+        pre_skinning,
         left_out: _,
         effect_faults: _,
         shutter_motion: _,
@@ -101,8 +101,11 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
     add(format!("{:?}", depth_peeling.as_ref().map(|peeling| peeling.layers)).as_bytes());
     scene_effects.iter().chain(post).for_each(|pass| add_pass(pass, effects, &mut add));
     add(bytemuck::cast_slice(&overlay.vertices));
-    add(format!("{:?} {linear} {background_effects} {displacement_limits:?} {skin_once:?}", overlay.parts)
-        .as_bytes());
+    add(format!(
+        "{:?} {linear} {background_effects} {displacement_limits:?} {pre_skinning:?}",
+        overlay.parts
+    )
+    .as_bytes());
     if *wish != FrameWish::Bytes {
         add(format!("{wish:?}").as_bytes());
     }

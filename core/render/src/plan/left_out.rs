@@ -2,7 +2,7 @@
 
 use crate::plan::shader_features::FEATURES;
 
-/// Every `LeftOut::what`, except effects that are left out, which are reported by their names. Scripts use these words in tests.
+/// Every `LeftOut::part`, except effects that are left out, which are reported by their names. Scripts use these words in tests.
 pub fn left_out_names() -> impl Iterator<Item = &'static str> {
     FEATURES.iter().filter_map(|f| Some(f.absence?.what)).chain(NAMES_OF_OTHER_PARTS.iter().copied())
 }
@@ -41,14 +41,14 @@ const NAMES_OF_OTHER_PARTS: &[&str] = &[
 /// A part that a frame leaves out, and why: "shadow maps: no light casts shadows".
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
-    pub what: String,
+    pub part: String,
     pub why: String,
 }
 
 impl LeftOut {
     /// `Some` with the reason if the part was not needed.
-    pub(crate) fn unless<T>(what: &str, needed: &Result<T, NotNeeded>) -> Option<LeftOut> {
-        needed.as_ref().err().map(|why| LeftOut { what: what.into(), why: why.0.clone() })
+    pub(crate) fn unless<T>(part: &str, needed: &Result<T, NotNeeded>) -> Option<LeftOut> {
+        needed.as_ref().err().map(|why| LeftOut { part: part.into(), why: why.0.clone() })
     }
 }
 

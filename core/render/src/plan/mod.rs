@@ -39,7 +39,7 @@ use crate::plan::light_clusters::LightClusters;
 use crate::scene_resources::material::MaterialResource;
 use choreo_asset::{AlphaMode, Shading};
 use choreo_plugin::{EffectFrame, FrameWish};
-use choreo_stage::{Background, SkinOnce};
+use choreo_stage::{Background, PreSkinning};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -142,7 +142,7 @@ pub struct Plan {
     /// Whether the image stays linear, to be accumulated.
     pub linear: bool,
     /// Whether vertices are pre-skinned; see `crate::commands::preskin`.
-    pub skin_once: SkinOnce,
+    pub pre_skinning: PreSkinning,
     pub left_out: Vec<LeftOut>,
     /// Faults of effects whose results the plan holds: outlines, edges, the shutter, overlays.
     pub effect_faults: Vec<PlanFault>,

@@ -88,7 +88,7 @@ fn plan_shot<E>(
             shutter.samples = motion.sub_frames();
             if shutter.samples < motion.most {
                 let why = format!("{} of {}: {motion}", shutter.samples, motion.most);
-                plan.left_out.push(LeftOut { what: "sub-frames".into(), why });
+                plan.left_out.push(LeftOut { part: "sub-frames".into(), why });
             }
             plan.shutter_motion = Some(motion);
         }

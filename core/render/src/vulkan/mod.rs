@@ -477,7 +477,7 @@ impl Renderer for VulkanRenderer {
 
     fn take_notes(&mut self) -> Vec<String> {
         let mut notes = std::mem::take(&mut self.notes);
-        notes.extend(self.faults.take_notes(self.pipelines.effects()));
+        notes.extend(self.faults.take_warnings(self.pipelines.effects()));
         notes
     }
 

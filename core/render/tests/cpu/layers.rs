@@ -211,7 +211,7 @@ fn materials_without_layers_request_no_layer_features() {
         let mut scene = wall(material);
         scene.sun(Vec3::NEG_Z, Vec3::ONE, 0.5);
         let (resources, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
-        let left_out: Vec<String> = plan.left_out.iter().map(|l| l.what.clone()).collect();
+        let left_out: Vec<String> = plan.left_out.iter().map(|l| l.part.clone()).collect();
         (resources.textures.len(), plan.draws[0].pipeline, left_out)
     };
     let plain = what(matte(Vec4::ONE));

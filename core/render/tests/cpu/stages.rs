@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use choreo_plugin::Frame;
-use choreo_render::cpu::STAGES;
+use choreo_render::cpu::STAGE_IMAGE_NAMES;
 use choreo_render::{CpuRenderer, PlanOptions, Renderer};
 use glam::{DVec3, Vec4};
 
@@ -20,7 +20,7 @@ fn draw_stages(scene: &Scene) -> Vec<Frame> {
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let mut renderer = CpuRenderer::new(&[]);
     renderer.load(resources).unwrap();
-    renderer.stages(&plan).unwrap()
+    renderer.draw_stage_images(&plan).unwrap()
 }
 
 /// Whether each pixel differs from the first one, which shows the background.
@@ -32,8 +32,8 @@ fn differs_from_background(frame: &Frame) -> Vec<bool> {
 #[test]
 fn coverage_depth_and_shading_stages_agree_on_the_pixels() {
     let pictures = draw_stages(&scene(-1.3));
-    assert_eq!(pictures.len(), STAGES.len());
-    for (picture, name) in pictures.iter().zip(STAGES) {
+    assert_eq!(pictures.len(), STAGE_IMAGE_NAMES.len());
+    for (picture, name) in pictures.iter().zip(STAGE_IMAGE_NAMES) {
         assert_eq!([picture.width, picture.height], SIZE, "{name}");
         assert!(differs_from_background(picture).iter().any(|d| *d), "{name} shows nothing");
     }
@@ -55,8 +55,8 @@ fn coverage_depth_and_shading_stages_agree_on_the_pixels() {
 #[test]
 fn an_empty_view_is_no_error() {
     let mut scene = Scene::perspective(0.9, 6.0);
-    assert_eq!(draw_stages(&scene).len(), STAGES.len());
+    assert_eq!(draw_stages(&scene).len(), STAGE_IMAGE_NAMES.len());
     scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 1e30);
     scene.snapshot.camera.world_from_view.translation = DVec3::splat(1e7);
-    assert_eq!(draw_stages(&scene).len(), STAGES.len());
+    assert_eq!(draw_stages(&scene).len(), STAGE_IMAGE_NAMES.len());
 }

@@ -122,7 +122,7 @@ fn actors_without_effects_request_no_effect_features() {
         effects_on.iter().for_each(|(name, actors)| add_effect(&mut scene, name, &[], actors));
         let effects = all();
         let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
-        let out = |what: &str| plan.left_out.iter().any(|l| l.what == what);
+        let out = |what: &str| plan.left_out.iter().any(|l| l.part == what);
         let draws: Vec<(Features, u8, u32, TopologyKey)> = plan
             .draws
             .iter()
@@ -218,7 +218,7 @@ fn effects_without_strength_change_nothing() {
         let mut scene = scene();
         add_effect(&mut scene, effect, &[(parameter, 0.0)], &[]);
         let (_, plan) = scene.plan(&options);
-        let told = plan.left_out.iter().find(|l| l.what == format!("effect \"{effect}\""));
+        let told = plan.left_out.iter().find(|l| l.part == format!("effect \"{effect}\""));
         assert_eq!(told.map(|l| l.why.clone()), Some(format!("{parameter} is 0")));
         assert!(plan.post.is_empty() && plan.scene_effects.is_empty() && plan.overlay.parts.is_empty());
         assert!(draw_with(&mut renderer, &scene, &options) == expected, "{effect}");

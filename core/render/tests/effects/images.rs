@@ -191,7 +191,7 @@ fn uses_with_different_images_draw_side_by_side() {
     use_effect_with_images(&mut scene, "on_pixels", &[("map", map_image())]);
     use_effect_with_images(&mut scene, "on_pixels", &[("map", mirrored_map_image()), ("tint", tint_image())]);
     use_effect_with_images(&mut scene, "on_pixels", &[]);
-    let names: Vec<String> = scene.stage.effects.iter().map(|used| used.drawn_by().into_owned()).collect();
+    let names: Vec<String> = scene.stage.effects.iter().map(|used| used.effect_name().into_owned()).collect();
     assert!(names[0] != names[1] && names[0].starts_with("on_pixels (map: ") && names[2] == "on_pixels");
     // The left column of the first image is the right column of the second.
     let mut surfaces = wall(2.0, unlit(Vec4::ONE));

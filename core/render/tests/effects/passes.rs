@@ -165,7 +165,7 @@ fn pass_textures_share_images_and_keep_the_input_readable() {
             (vec![texture(1)], Target::Image, size),
         ]
     );
-    let costs = explain::explain(&wall(&["chain"]).resources(), &plan, &recording);
+    let costs = explain::frame_costs(&wall(&["chain"]).resources(), &plan, &recording);
     let what: Vec<&str> = costs.iter().map(|cost| cost.what.as_str()).collect();
     let has = |text: &str| assert!(what.contains(&text), "{text} is not among {what:#?}");
     has("effect chain, pass a: linear image 0 → texture a, 32×24");
@@ -243,7 +243,7 @@ fn unread_passes_are_left_out() {
     assert_eq!(numbers, [2, 3]);
     for name in ["base", "idle"] {
         let what = format!("pass {name} of the effect \"counting\"");
-        assert!(plan.left_out.iter().any(|out| out.what == what && out.why == "nothing reads its texture"));
+        assert!(plan.left_out.iter().any(|out| out.part == what && out.why == "nothing reads its texture"));
     }
     for (device, frame) in draw_on_both(&scene, &effects, [40, 30]) {
         assert_color(pixel(&frame, 20, 10), [0.15, 0.125, 0.175], device);

@@ -302,15 +302,15 @@ fn both_renderers_agree_on_skins_cut_outs_and_displaced_surfaces() {
     let given = GpuOptions { effects: effects.clone(), ..GpuOptions::default() };
     let Some(mut renderer) = vulkan(given) else { return };
     for (name, once) in [
-        ("depth", SkinOnce::Never),
-        ("depth", SkinOnce::Always),
-        ("normal_x", SkinOnce::Always),
-        ("moved_x", SkinOnce::Never),
-        ("moved_y", SkinOnce::Always),
-        ("actor", SkinOnce::Always),
+        ("depth", PreSkinning::Never),
+        ("depth", PreSkinning::Always),
+        ("normal_x", PreSkinning::Always),
+        ("moved_x", PreSkinning::Never),
+        ("moved_y", PreSkinning::Always),
+        ("actor", PreSkinning::Always),
     ] {
         let mut scene = busy_scene(DVec3::ZERO);
-        scene.stage.settings.skin_once = once;
+        scene.stage.settings.pre_skinning = once;
         let mut then = scene.snapshot.clone();
         for (i, actor) in then.actors.iter_mut().enumerate() {
             actor.world_from_model.translation += DVec3::new(0.02, -0.01, 0.03) * i as f64;
@@ -395,7 +395,7 @@ fn inputs_are_drawn_only_for_effects_that_read_them() {
         let (_, plan) = scene.plan(&options);
         let recording = choreo_render::commands::record(&plan, Default::default(), |_| 2);
         let text = recording.to_string();
-        let left_out = plan.left_out.iter().map(|l| l.what.clone()).collect::<Vec<_>>().join(", ");
+        let left_out = plan.left_out.iter().map(|l| l.part.clone()).collect::<Vec<_>>().join(", ");
         (text.contains("begin inputs"), text.contains("inputs of effects, motion"), left_out)
     };
     let (drawn, motion, left_out) = commands(Some(("depth", 1.0)));
@@ -419,7 +419,7 @@ fn explain_names_the_inputs_and_the_effects_that_read_them() {
         let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 1) };
         let (_, plan) = scene.plan(&options);
         let recording = choreo_render::commands::record(&plan, Default::default(), |_| 2);
-        let costs = explain::explain(&scene.resources(), &plan, &recording).into_iter();
+        let costs = explain::frame_costs(&scene.resources(), &plan, &recording).into_iter();
         let of_inputs = costs.filter(|cost| cost.what.contains(" for effects"));
         of_inputs.map(|cost| (cost.what, format!("{:?}", cost.requested_by.effects))).collect::<Vec<_>>()
     };

@@ -325,7 +325,7 @@ fn plan_and_recording(scene: &Scene, samples: u32) -> (Plan, commands::Recording
 }
 
 fn reason_against_deferred(plan: &Plan) -> &str {
-    let out = plan.left_out.iter().find(|l| l.what == "deferred shading");
+    let out = plan.left_out.iter().find(|l| l.part == "deferred shading");
     out.map_or("", |l| &l.why)
 }
 

@@ -187,7 +187,7 @@ fn plan_at_half_a_second(scene: &Scene, samples: u32, all_sub_frames: bool) -> (
 /// Number of sub-frames of a scene, and the reason why not all are drawn.
 fn sub_frames_and_reason(scene: &Scene) -> (usize, Option<String>) {
     let (_, plan) = plan_at_half_a_second(scene, 1, false);
-    let why = plan.left_out.iter().find(|l| l.what == "sub-frames").map(|l| l.why.clone());
+    let why = plan.left_out.iter().find(|l| l.part == "sub-frames").map(|l| l.why.clone());
     (plan.subframes.len(), why)
 }
 

@@ -12,7 +12,7 @@ fn options() -> PlanOptions<'static> {
 }
 
 fn left_out_parts(plan: &Plan) -> Vec<&str> {
-    plan.left_out.iter().map(|l| l.what.as_str()).collect()
+    plan.left_out.iter().map(|l| l.part.as_str()).collect()
 }
 
 #[test]
@@ -120,7 +120,7 @@ fn a_thousand_copies_are_one_draw_and_culled_one_by_one() {
     // The view is 8 m wide, from −4 to 4, and a copy reaches 0.1 m beyond its center.
     let seen = (0..1000).filter(|i| place(*i).x.abs() < 4.1).count();
     assert_eq!((plan.draws[0].instance_count as usize, plan.instances.len()), (seen, seen));
-    let said = plan.left_out.iter().find(|l| l.what == "primitives outside the view").unwrap();
+    let said = plan.left_out.iter().find(|l| l.part == "primitives outside the view").unwrap();
     assert_eq!(said.why, format!("bounds outside the frustum: {} of 1000", 1000 - seen));
     // Copies move with their joint.
     scene.snapshot.actors[index].model_from_joint[0].translation.x += 100.0;

@@ -161,7 +161,7 @@ fn only_dual_quaternion_skins_request_the_feature() {
     let options = PlanOptions::new([64, 64], 1);
     let plan = |skinning| scene(4, Affine3A::IDENTITY, skinning, DAffine3::IDENTITY).plan(&options).1;
     let (linear, dual) = (plan(Skinning::Linear), plan(Skinning::DualQuaternion));
-    let without = |plan: &Plan| plan.left_out.iter().any(|l| l.what == "dual quaternions");
+    let without = |plan: &Plan| plan.left_out.iter().any(|l| l.part == "dual quaternions");
     assert!(without(&linear) && !without(&dual));
     assert_eq!((linear.joint_matrices.len(), dual.joint_matrices.len()), (2, 4));
     let features = dual.draws[0].pipeline.features;

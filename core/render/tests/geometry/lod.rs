@@ -93,7 +93,7 @@ fn smaller_copies_of_a_crowd_get_coarser_levels() {
     );
     assert!(3 * few < all, "{few} of {all}");
     assert!(plan.draws.len() <= 1 + resources.assets[0].levels.len(), "one a level at most");
-    assert!(plan.left_out.iter().any(|l| l.what == "triangles too small to see"));
+    assert!(plan.left_out.iter().any(|l| l.part == "triangles too small to see"));
     // Nearer copies are never coarser.
     let depth = |d: &choreo_render::plan::Draw| {
         let of = &plan.instances[d.first_instance as usize..][..d.instance_count as usize];
@@ -156,7 +156,7 @@ fn levels_of_detail_are_made_only_where_they_pay() {
     let without = SceneResources::without_levels(&scene.stage);
     let snapshot = scene.stage.at(Time::ZERO).unwrap();
     let plan = Plan::new(&without, &scene.stage, &snapshot, &PlanOptions::new(SMALL, 1));
-    let said = plan.left_out.iter().find(|l| l.what == "triangles too small to see").unwrap();
+    let said = plan.left_out.iter().find(|l| l.part == "triangles too small to see").unwrap();
     assert!(said.why.contains("about 50 models"), "{said:?}");
     assert!(without.primitives.len() == 1 && plan.draws.iter().all(|d| d.primitive == 0));
 }

@@ -126,7 +126,7 @@ fn a_thousand_placements_share_one_skin_and_are_culled_one_by_one() {
     assert!(scene.plan(&options).1.draws.is_empty(), "the first three stand on the left");
     let single = crowd(0).plan(&options).1;
     assert!(!single.draws[0].pipeline.features.has(Features::SKIN_INSTANCED));
-    assert!(single.left_out.iter().any(|l| l.what == "copies of skinned meshes"));
+    assert!(single.left_out.iter().any(|l| l.part == "copies of skinned meshes"));
 }
 
 #[test]

@@ -124,8 +124,8 @@ fn effects() -> Vec<Effect> {
     effects::named(&["outline"])
 }
 
-fn with_skin_once(mut scene: Scene, skin_once: SkinOnce) -> Scene {
-    scene.stage.settings.skin_once = skin_once;
+fn with_pre_skinning(mut scene: Scene, pre_skinning: PreSkinning) -> Scene {
+    scene.stage.settings.pre_skinning = pre_skinning;
     scene
 }
 
@@ -155,30 +155,30 @@ fn pre_skinning_and_vertex_shader_skinning_draw_the_same() {
         for (samples, outlined) in [(1, false), (4, true)] {
             let options = PlanOptions { effects: &effects, ..PlanOptions::new([200, 150], samples) };
             let scene = |once| {
-                let mut scene = with_skin_once(scene(way), once);
+                let mut scene = with_pre_skinning(scene(way), once);
                 if outlined {
                     use_effect(&mut scene, "outline", &[], &[0]);
                 }
                 scene
             };
             let what = format!("{way:?} {samples}");
-            let by_each = draw_with(&mut device, &scene(SkinOnce::Never), &options);
+            let by_each = draw_with(&mut device, &scene(PreSkinning::Never), &options);
             assert_eq!(device.last_recording().unwrap().counts().preskinned, 0, "{what}");
-            let once = draw_with(&mut device, &scene(SkinOnce::Always), &options);
+            let once = draw_with(&mut device, &scene(PreSkinning::Always), &options);
             // Outline hulls have their own normals.
             let bodies = if outlined { 4 } else { 3 };
             assert_eq!(device.last_recording().unwrap().counts().preskinned, bodies, "{what}");
             assert_same(&by_each, &once, &what);
             // The comparison finds a slightly different pose.
-            let mut moved = scene(SkinOnce::Always);
+            let mut moved = scene(PreSkinning::Always);
             let state = &mut moved.snapshot.actors[1];
             state.world_from_model.translation.x += 0.02;
             let moved = draw_with(&mut device, &moved, &options);
             let c = compare(&by_each, &moved, 2).unwrap();
             assert!(c.mean > 0.05, "{what}: a moved body is not told: {c}");
             // The CPU reference gives the same bits with and without pre-skinning.
-            let cpu = draw(&scene(SkinOnce::Auto), &options);
-            assert!(cpu == draw(&scene(SkinOnce::Never), &options), "{what}");
+            let cpu = draw(&scene(PreSkinning::Auto), &options);
+            assert!(cpu == draw(&scene(PreSkinning::Never), &options), "{what}");
             let c = compare(&cpu, &once, 3).unwrap();
             assert!(c.mean < 0.2 && c.share_beyond < 0.02, "{what}: {c}");
         }
@@ -191,7 +191,7 @@ fn frames_in_flight_have_their_own_pre_skinned_vertices() {
     let Some(mut device) = vulkan(GpuOptions::default()) else { return };
     let options = PlanOptions::new([120, 90], 1);
     let at = |i: usize| {
-        let mut scene = with_skin_once(scene(WAYS[0]), SkinOnce::Always);
+        let mut scene = with_pre_skinning(scene(WAYS[0]), PreSkinning::Always);
         let keep = if i.is_multiple_of(3) { 3 } else { 1 };
         for (a, state) in scene.snapshot.actors.iter_mut().take(3).enumerate() {
             state.visible = a < keep;
@@ -219,7 +219,7 @@ fn frames_in_flight_have_their_own_pre_skinned_vertices() {
 fn only_meshes_drawn_several_times_are_pre_skinned() {
     let options = PlanOptions::new([200, 150], 1);
     let of = |once, lights: usize, device| {
-        let mut scene = with_skin_once(scene(WAYS[0]), once);
+        let mut scene = with_pre_skinning(scene(WAYS[0]), once);
         scene.snapshot.lights.truncate(1);
         let sun = scene.snapshot.lights[0];
         scene.snapshot.lights.resize(lights, sun);
@@ -227,16 +227,16 @@ fn only_meshes_drawn_several_times_are_pre_skinned() {
     };
     let gpu = RecordOptions::default();
     // Without shadows there is one pass.
-    let (_, plan, recording) = of(SkinOnce::Auto, 0, gpu);
+    let (_, plan, recording) = of(PreSkinning::Auto, 0, gpu);
     assert_eq!((recording.counts().preskinned, recording.preskinned.len()), (0, 0));
     assert!(recording.preskinning_left_out(&plan).unwrap().why.starts_with("no mesh is drawn often enough"));
     // A sun adds passes, but too few for pre-skinning to pay.
-    let (_, plan, recording) = of(SkinOnce::Auto, 1, gpu);
+    let (_, plan, recording) = of(PreSkinning::Auto, 1, gpu);
     assert_eq!(recording.counts().preskinned, 0);
     assert!(recording.preskinning_left_out(&plan).is_some());
     // Six suns with shadow maps.
-    assert_eq!(of(SkinOnce::Auto, 6, gpu).2.counts().preskinned, 3);
-    let (resources, plan, recording) = of(SkinOnce::Always, 1, gpu);
+    assert_eq!(of(PreSkinning::Auto, 6, gpu).2.counts().preskinned, 3);
+    let (resources, plan, recording) = of(PreSkinning::Always, 1, gpu);
     assert_eq!(recording.counts().preskinned, 3);
     assert_eq!(recording.preskinning_left_out(&plan), None);
     let vertices = resources.primitives[0].primitive().positions.len() as u64;
@@ -249,7 +249,7 @@ fn only_meshes_drawn_several_times_are_pre_skinned() {
     }
     // Neither a device nor a stage that excludes pre-skinning gets it.
     for (once, device) in
-        [(SkinOnce::Never, gpu), (SkinOnce::Always, RecordOptions { no_compute: true, ..gpu })]
+        [(PreSkinning::Never, gpu), (PreSkinning::Always, RecordOptions { no_compute: true, ..gpu })]
     {
         let (_, plan, recording) = of(once, 1, device);
         assert_eq!(recording.counts().preskinned, 0);
@@ -264,7 +264,8 @@ fn devices_without_compute_skin_in_the_vertex_shader() {
     let without = vec![vulkan::Ability::Compute];
     let Some(mut device) = vulkan(GpuOptions { without, ..GpuOptions::default() }) else { return };
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
-    let (scene, options) = (with_skin_once(scene(WAYS[2]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
+    let (scene, options) =
+        (with_pre_skinning(scene(WAYS[2]), PreSkinning::Always), PlanOptions::new([120, 90], 1));
     let by_each = draw_with(&mut device, &scene, &options);
     assert_eq!(device.last_recording().unwrap().counts().preskinned, 0);
     let once = draw_with(&mut whole, &scene, &options);
@@ -276,7 +277,8 @@ fn devices_without_compute_skin_in_the_vertex_shader() {
 #[test]
 fn meshes_beyond_the_buffer_limit_are_skinned_in_the_vertex_shader() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
-    let (scene, options) = (with_skin_once(scene(WAYS[0]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
+    let (scene, options) =
+        (with_pre_skinning(scene(WAYS[0]), PreSkinning::Always), PlanOptions::new([120, 90], 1));
     let once = draw_with(&mut whole, &scene, &options);
     let (resources, plan) = scene.plan(&options);
     let bytes = whole.last_recording().unwrap().preskinned_bytes(&resources) as u32;

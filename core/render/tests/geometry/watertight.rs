@@ -81,7 +81,7 @@ fn back_faces_of_watertight_meshes_are_culled() {
     counts.sort_unstable();
     assert_eq!(counts, [36, 36, 36], "all of the boxes, and what is closed in the open one");
     assert!(plan.shadow_draws().all(|d| d.watertight == 36));
-    let said = plan.left_out.iter().find(|l| l.what == "back faces of watertight meshes").unwrap();
+    let said = plan.left_out.iter().find(|l| l.part == "back faces of watertight meshes").unwrap();
     assert!(said.why.starts_with("36 triangles"), "{said:?}");
     // Front faces of the closed boxes, and both faces of the eight open triangles, once in the map and once in the image.
     let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;

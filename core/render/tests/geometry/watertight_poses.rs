@@ -59,7 +59,7 @@ fn draw_with_watertight_indices(
     closed: impl Fn(u32) -> u32,
 ) -> (Frame, u32) {
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
-    let mut plan = Plan { skin_once: SkinOnce::Never, ..plan };
+    let mut plan = Plan { pre_skinning: PreSkinning::Never, ..plan };
     let indices = resources.primitives[0].primitive().indices.len() as u32;
     plan.draws.iter_mut().for_each(|d| d.watertight = closed(d.watertight).min(indices));
     let closed = plan.draws.iter().map(|d| d.watertight).sum();

@@ -100,7 +100,7 @@ fn few_lights_get_no_light_clusters() {
     for (lamps, lists) in [(1, false), (MIN_RANGED_LIGHTS - 1, false), (MIN_RANGED_LIGHTS, true)] {
         let (_, plan) = hall_with_lamps(lamps).plan(&PlanOptions::new(SIZE, 1));
         assert_eq!(plan.light_clusters.is_some(), lists, "{lamps}");
-        assert_eq!(plan.left_out.iter().any(|l| l.what == "clustered lighting"), !lists, "{lamps}");
+        assert_eq!(plan.left_out.iter().any(|l| l.part == "clustered lighting"), !lists, "{lamps}");
         assert_eq!(plan.lights.len(), lamps + 2);
     }
 }

@@ -157,7 +157,7 @@ fn only_reflective_materials_request_reflection_features() {
     let maps = || vec![image_of_distinct_texels(), image_of_distinct_texels()];
     let features = |scene: &Scene, options: &PlanOptions| scene.plan(options).1.draws[0].pipeline.features;
     let told = |scene: &Scene| {
-        scene.plan(&options).1.left_out.iter().any(|l| l.what == "reflections of Blinn–Phong")
+        scene.plan(&options).1.left_out.iter().any(|l| l.part == "reflections of Blinn–Phong")
     };
     let maps_read = Features::REFLECTION_TEXTURE.with(Features::ENVIRONMENT_TEXTURE);
 

@@ -220,7 +220,7 @@ fn only_refracting_materials_request_the_scene_color_copy() {
         let copies =
             recording.commands.iter().filter(|c| matches!(c, Command::CopySceneColor { .. })).count();
         let glass: Vec<Glass> = plan.draws.iter().map(|d| d.pipeline.glass).collect();
-        let left_out = plan.left_out.iter().any(|l| l.what == "refraction");
+        let left_out = plan.left_out.iter().any(|l| l.part == "refraction");
         (recording.counts().passes, copies, glass, left_out)
     };
     let thin = (1, 0, vec![Glass::No, Glass::Filter, Glass::Light], true);

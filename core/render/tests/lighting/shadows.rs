@@ -282,7 +282,7 @@ fn scenes_without_shadows_draw_no_shadow_maps() {
     assert!(plan.shadow_maps.is_none());
     assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::SHADOW)));
     assert_eq!((recording.counts().passes, recording.counts().shadow_views), (1, 0));
-    let why = |plan: &Plan| plan.left_out.iter().find(|l| l.what == "shadow maps").map(|l| l.why.clone());
+    let why = |plan: &Plan| plan.left_out.iter().find(|l| l.part == "shadow maps").map(|l| l.why.clone());
     assert_eq!(why(&plan).as_deref(), Some("no light casts shadows"));
     let (with, recording) = of(Some(Shadow::default()));
     let counts = recording.counts();
@@ -542,7 +542,7 @@ fn actors_cast_and_receive_shadows_as_their_settings_say() {
             assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
         }
         let why =
-            scene.plan(&options).1.left_out.iter().find(|l| l.what == "shadow maps").map(|l| l.why.clone());
+            scene.plan(&options).1.left_out.iter().find(|l| l.part == "shadow maps").map(|l| l.why.clone());
         (dark(&on_cpu), why)
     };
     let as_usual = ActorShadow::default();

@@ -191,7 +191,7 @@ fn only_scenes_with_a_sky_request_sky_features() {
     assert!(dark.draws.iter().all(|d| !d.pipeline.features.has(Features::SKY)));
     assert!(dark.sky.is_none());
     let why = |plan: &choreo_render::Plan| {
-        plan.left_out.iter().find(|l| l.what == "image-based light").map(|l| l.why.clone())
+        plan.left_out.iter().find(|l| l.part == "image-based light").map(|l| l.why.clone())
     };
     assert_eq!(why(&plan), None);
     assert_eq!(why(&dark).as_deref(), Some("its strength is zero"));

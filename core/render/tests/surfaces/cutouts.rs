@@ -102,7 +102,7 @@ fn only_multisampled_cut_outs_request_alpha_to_coverage() {
     assert!(!text(&hard, 4).contains(" COVERAGE"));
     let said = |scene: &Scene, samples: u32| {
         let (_, plan) = scene.plan(&PlanOptions::new([SIDE; 2], samples));
-        plan.left_out.iter().find(|l| l.what == "alpha to coverage").map(|l| l.why.clone())
+        plan.left_out.iter().find(|l| l.part == "alpha to coverage").map(|l| l.why.clone())
     };
     assert_eq!(said(&scene_with_disc(), 4), None);
     assert!(said(&scene_with_disc(), 1).is_some_and(|why| why.contains("one sample")));

@@ -249,7 +249,7 @@ fn only_outlined_actors_request_outline_features() {
         effect.into_iter().for_each(|actors| add_outline(&mut scene, 2.0, actors));
         let all = effects();
         let (_, plan) = scene.plan(&PlanOptions { effects: &all, ..PlanOptions::new([64, 64], 1) });
-        let out = plan.left_out.iter().any(|l| l.what == "outlines");
+        let out = plan.left_out.iter().any(|l| l.part == "outlines");
         let shells: Vec<_> =
             plan.draws.iter().filter(|d| d.pipeline.features.has(Features::OUTLINE)).collect();
         let copies: u32 = shells.iter().map(|d| d.instance_count).sum();

@@ -163,7 +163,7 @@ fn surfaces_beyond_the_peeled_layers_are_sorted() {
 
 fn peel_cause(scene: &Scene) -> Result<PeelCause, String> {
     let (_, plan) = scene.plan(&PlanOptions::new([SIDE; 2], 1));
-    let said = plan.left_out.iter().find(|l| l.what == "order-independent transparency");
+    let said = plan.left_out.iter().find(|l| l.part == "order-independent transparency");
     plan.depth_peeling.map(|p| p.cause).ok_or_else(|| said.map_or(String::new(), |l| l.why.clone()))
 }
 

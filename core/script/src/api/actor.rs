@@ -4,7 +4,7 @@ pub(crate) use super::look_at::before_start_error;
 use super::{expression, keys};
 use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, fields, number_in, radians, rgb, unknown};
-use crate::hook;
+use crate::frame_callback;
 use crate::procedural::MAX_LINE_WIDTH;
 use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
 use choreo_asset::{Asset, MeshInstance};
@@ -152,7 +152,7 @@ fn cast(c: &mut Call) -> Reply {
 pub(super) fn change(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
     let this: ActorRef = c.this()?;
     if c.in_frame {
-        hook::edit_frame(|e| e.actors.push((this.id, edit)));
+        frame_callback::edit_frame(|e| e.actors.push((this.id, edit)));
     } else {
         draft(c.build().actor(this.id)?);
     }
@@ -286,7 +286,7 @@ fn parenting(o: &Options, to: Option<Attachment>, change: ParentChange) -> Resul
 fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     let this: ActorRef = c.this()?;
     if c.in_frame {
-        hook::edit_frame(|e| e.actors.push((this.id, ActorEdit::Attach(draft.parent))));
+        frame_callback::edit_frame(|e| e.actors.push((this.id, ActorEdit::Attach(draft.parent))));
         return c.receiver();
     }
     let mut build = c.build();
@@ -405,7 +405,7 @@ fn morph(c: &mut Call) -> Reply {
     let weight = c.number_in(1, -1000.0, 1000.0)? as f32;
     let targets = morph_targets(&this.asset, &c.value(0), &c.label(0))?;
     if c.in_frame {
-        hook::edit_frame(|e| {
+        frame_callback::edit_frame(|e| {
             let edit = |(instance, target)| (this.id, ActorEdit::Morph { instance, target, weight });
             e.actors.extend(targets.into_iter().map(edit));
         });
@@ -443,7 +443,7 @@ fn key_channels(c: &Call, asset: &Asset) -> Result<Vec<Channel>, ApiError> {
     let weights = |name, property, (low, high)| keys::KeyedProperty {
         name,
         property,
-        of_type: FieldType::Number(low, high, ""),
+        field_type: FieldType::Number(low, high, ""),
     };
     let morph = weights("morph", Property::Morph { instance: 0, target: 0 }, (-1000.0, 1000.0));
     let expression = weights("expression", Property::Expression { expression: 0 }, (0.0, 1.0));

@@ -4,7 +4,7 @@ use super::actor::before_start_error;
 use super::keys;
 use crate::build::{CameraDraft, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, radians, unknown, wrong};
-use crate::hook;
+use crate::frame_callback;
 use crate::value::{ActorRef, CameraRef};
 use choreo_asset::Asset;
 use choreo_motion::Time;
@@ -114,7 +114,7 @@ fn at(c: &mut Call) -> Reply {
 /// Adds an edit of the camera to the frame of the running callback.
 fn edit_frame(c: &Call, edit: CameraEdit) -> Reply {
     let this: CameraRef = c.this()?;
-    hook::edit_frame(|e| e.cameras.push((this.0, edit)));
+    frame_callback::edit_frame(|e| e.cameras.push((this.0, edit)));
     c.receiver()
 }
 

@@ -3,7 +3,7 @@
 use super::keys;
 use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, describe, unknown};
-use crate::hook;
+use crate::frame_callback;
 use crate::procedural::files;
 use crate::value::{ActorRef, CameraRef, EffectRef, ImageRef, JointRef};
 use choreo_asset::Asset;
@@ -289,7 +289,7 @@ fn set(c: &mut Call) -> Reply {
     if c.in_frame {
         check_can_change(&plugin, &name, "set")?;
         let new = named_numbers(&plugin, &name, &c.value(1))?;
-        hook::edit_frame(|edits| {
+        frame_callback::edit_frame(|edits| {
             let edit = |(parameter, value)| EffectEdit { effect: this.id, parameter, value };
             edits.effects.extend(new.into_iter().map(edit));
         });

@@ -3,7 +3,7 @@
 use super::expect::subject;
 use crate::build::{FrameCallbackDraft, ScriptContext};
 use crate::call::{ApiError, Call, euler, numbers};
-use crate::hook::{ScriptHook, with_copied_captures};
+use crate::frame_callback::{ScriptCallback, with_copied_captures};
 use crate::test_data::{EventPattern, Formula, RotationGoal};
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
@@ -31,15 +31,15 @@ pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Fo
     };
     let draft = FrameCallbackDraft { callback, context, at: c.place.clone() };
     let shared: Arc<ScriptContext> = c.shared.clone();
-    let hook = ScriptHook::new(engine, shared, draft, "", 1);
+    let callback = ScriptCallback::new(engine, shared, draft, "", 1);
     Ok(Some(Formula(Arc::new(move |time| {
-        let given = hook.value_at(time)?;
+        let given = callback.value_at(time)?;
         let single = crate::call::number(&given, "").ok().map(|n| vec![n]);
         let list = single.or_else(|| numbers(&given)).filter(|list| widths.contains(&list.len()));
         list.ok_or_else(|| {
             let widths: Vec<&str> =
                 widths.iter().map(|w| if *w == 1 { "a number" } else { "[x, y, z]" }).collect();
-            hook.diagnose(&ApiError::new(format!(
+            callback.diagnose(&ApiError::new(format!(
                 "near: the function must give {}, got {} at {} s",
                 widths.join(" or "),
                 crate::call::describe(&given),

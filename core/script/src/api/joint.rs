@@ -3,7 +3,7 @@
 use super::joint_names::find_joint;
 use super::{clip_edit, keys};
 use crate::call::{ApiError, Call, Reply, api, euler, radians};
-use crate::hook;
+use crate::frame_callback;
 use crate::value::{ActorRef, JointRef};
 use choreo_stage::{ActorEdit, Placement};
 use glam::{DQuat, DVec3};
@@ -47,7 +47,9 @@ fn turn_joint_in_frame(c: &Call, rotation: DQuat) -> Reply {
             .hint("on_frame(|t| actor.joint(\"…\").turn(10.0 * sin(t)))"));
     }
     let rotation = rotation.as_quat().normalize();
-    hook::edit_frame(|e| e.actors.push((this.actor, ActorEdit::TurnJoint { joint: this.joint, rotation })));
+    frame_callback::edit_frame(|e| {
+        e.actors.push((this.actor, ActorEdit::TurnJoint { joint: this.joint, rotation }))
+    });
     c.receiver()
 }
 

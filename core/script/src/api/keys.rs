@@ -14,14 +14,14 @@ use rhai::Dynamic;
 pub struct KeyedProperty {
     /// The name that scripts use.
     pub name: &'static str,
-    pub of_type: FieldType,
+    pub field_type: FieldType,
     pub property: Property,
 }
 
 /// The properties of a type of the stage that keyframes animate.
 pub fn keyed_properties<T: Described>() -> Vec<KeyedProperty> {
     let keyed = |field: &Field<T>| {
-        field.keyed.map(|(name, property)| KeyedProperty { name, of_type: field.of_type, property })
+        field.keyed.map(|(name, property)| KeyedProperty { name, field_type: field.field_type, property })
     };
     T::FIELDS.iter().filter_map(keyed).collect()
 }
@@ -36,7 +36,7 @@ type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
 pub fn channels_of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiError> {
     let keyed = named_property(c, &keyed_properties::<T>())?;
     let is_it = |field: &&Field<T>| field.keyed.is_some_and(|(name, _)| name == keyed.name);
-    if let Some(why) = T::FIELDS.iter().find(is_it).and_then(|field| (field.lacks)(of)) {
+    if let Some(why) = T::FIELDS.iter().find(is_it).and_then(|field| (field.missing_reason)(of)) {
         let text = format!("key: {why}, so \"{}\" has no keys here", keyed.name);
         return Err(ApiError::new(text).focus(keyed.name));
     }
@@ -63,12 +63,12 @@ pub fn channel(c: &Call, keyed: KeyedProperty, at: usize) -> Result<Channel, Api
         keys.iter().enumerate().map(|(i, key)| read(&key.value, &label(i))).collect::<Result<Vec<_>, _>>()
     };
     let times: Vec<Time> = keys.iter().map(|key| key.time).collect();
-    let KeyedProperty { of_type, property, .. } = keyed;
+    let KeyedProperty { field_type, property, .. } = keyed;
     let is_quaternion = |key: &Key| numbers(&key.value).is_some_and(|n| n.len() == 4);
-    let of_quaternions = of_type == FieldType::Rotation && keys.iter().any(is_quaternion);
-    let shapes = key_shapes(c, &keys, "key", given, tangent_form(of_type, property, of_quaternions))?;
+    let of_quaternions = field_type == FieldType::Rotation && keys.iter().any(is_quaternion);
+    let shapes = key_shapes(c, &keys, "key", given, tangent_form(field_type, property, of_quaternions))?;
     let how = given.how;
-    match of_type {
+    match field_type {
         FieldType::Rotation if of_quaternions => {
             let turns = values(&|v, l| Ok(quaternion(v, l)?.to_array().to_vec()))?;
             quaternion_channel(c, how, &times, turns, &shapes)
@@ -101,7 +101,7 @@ pub fn channel(c: &Call, keyed: KeyedProperty, at: usize) -> Result<Channel, Api
             Ok(make_channel(property, "step", &times, &values(&flag)?))
         }
         _ => {
-            let values = values(&|v, l| components(v, l, of_type, property.width()))?;
+            let values = values(&|v, l| components(v, l, field_type, property.width()))?;
             shaped_channel(c, property, how, &times, values, &shapes)
         }
     }
@@ -138,10 +138,10 @@ fn spline_channel(property: Property, spline: &Spline, parts: std::ops::Range<us
 }
 
 /// Form in which a script gives the tangents of a property.
-fn tangent_form(of_type: FieldType, property: Property, of_quaternions: bool) -> TangentForm {
+fn tangent_form(field_type: FieldType, property: Property, of_quaternions: bool) -> TangentForm {
     let width = property.width();
     let numbers = |least: usize, factor: f64| TangentForm::Numbers { min_count: least, width, factor };
-    match of_type {
+    match field_type {
         FieldType::Rotation if of_quaternions => {
             TangentForm::None("quaternions have no tangents; key degrees")
         }
@@ -159,8 +159,8 @@ fn tangent_form(of_type: FieldType, property: Property, of_quaternions: bool) ->
 }
 
 /// The numbers of a keyframe.
-fn components(v: &Dynamic, label: &str, of_type: FieldType, width: usize) -> Result<Vec<f64>, ApiError> {
-    match of_type {
+fn components(v: &Dynamic, label: &str, field_type: FieldType, width: usize) -> Result<Vec<f64>, ApiError> {
+    match field_type {
         FieldType::Number(low, high, _) => Ok(vec![number_in(v, label, low, high)?; width]),
         FieldType::Degrees(low, high) => Ok(vec![number_in(v, label, low, high)?.to_radians()]),
         FieldType::Kelvin => {

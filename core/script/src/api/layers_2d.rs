@@ -5,7 +5,7 @@ use crate::build::check_limit;
 use crate::call::fields::pair;
 use crate::call::{ApiError, Call, Options, Reply, api, fields};
 use crate::fonts;
-use crate::hook;
+use crate::frame_callback;
 use crate::value::{ImageRef, Layer2dRef};
 use choreo_asset::Image;
 use choreo_importer_kit::images::{Encoded, Formats};
@@ -198,7 +198,7 @@ fn change_or_edit(c: &Call, edit: Layer2dEdit, draft: impl FnOnce(&mut Layer2d))
         return change_layer(c, draft);
     }
     let this: Layer2dRef = c.this()?;
-    hook::edit_frame(|e| e.layers_2d.push((this.0, edit)));
+    frame_callback::edit_frame(|e| e.layers_2d.push((this.0, edit)));
     c.receiver()
 }
 
@@ -219,7 +219,7 @@ fn words(c: &mut Call) -> Reply {
     let text = c.text(0)?;
     let this: Layer2dRef = c.this()?;
     if c.in_frame {
-        hook::edit_frame(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(text))));
+        frame_callback::edit_frame(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(text))));
         return c.receiver();
     }
     let font = match &mut c.build().layer_2d(this.0)?.content {

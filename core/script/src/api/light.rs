@@ -4,7 +4,7 @@ use super::actor::{attachment, rgb_arg};
 use super::keys;
 use crate::build::check_limit;
 use crate::call::{ApiError, Call, Options, Reply, api, color, fields, number_in, numbers, rgb};
-use crate::hook;
+use crate::frame_callback;
 use crate::value::LightRef;
 use choreo_asset::{Light, LightKind};
 use choreo_stage::{DEFAULT_SUN_LUX, LightEdit, Shadow, StageLight, Target};
@@ -216,7 +216,7 @@ fn ambient(c: &mut Call) -> Reply {
         down *= strength;
     }
     if c.in_frame {
-        hook::edit_frame(|e| e.ambient = Some((up, down)));
+        frame_callback::edit_frame(|e| e.ambient = Some((up, down)));
         return Ok(Dynamic::UNIT);
     }
     let mut build = c.build();
@@ -228,7 +228,7 @@ fn ambient(c: &mut Call) -> Reply {
 fn change_or_edit(c: &Call, edit: LightEdit, change: impl FnOnce(&mut StageLight)) -> Reply {
     let this: LightRef = c.this()?;
     if c.in_frame {
-        hook::edit_frame(|e| e.lights.push((this.0, edit)));
+        frame_callback::edit_frame(|e| e.lights.push((this.0, edit)));
     } else {
         change(c.build().light(this.0)?);
     }

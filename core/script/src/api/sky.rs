@@ -2,7 +2,7 @@
 
 use super::keys;
 use crate::call::{ApiError, Call, Reply, api, fields, unknown};
-use crate::hook;
+use crate::frame_callback;
 use crate::value::SkyRef;
 use choreo_asset::Panorama;
 use choreo_stage::{Described, FieldValue, Sky};
@@ -76,9 +76,11 @@ fn set_field(c: &mut Call) -> Reply {
     match (c.in_frame, value) {
         (false, value) => (field.set)(c.build().sky()?, value),
         (true, FieldValue::Number(turn)) if field.name == "turn" => {
-            hook::edit_frame(|e| e.sky.turn = Some(turn))
+            frame_callback::edit_frame(|e| e.sky.turn = Some(turn))
         }
-        (true, FieldValue::Number(strength)) => hook::edit_frame(|e| e.sky.strength = Some(strength as f32)),
+        (true, FieldValue::Number(strength)) => {
+            frame_callback::edit_frame(|e| e.sky.strength = Some(strength as f32))
+        }
         (true, _) => {}
     }
     c.receiver()

@@ -2,7 +2,7 @@
 
 use super::joint_names::find_joint;
 use crate::call::{ApiError, Call, Reply, fields, text};
-use crate::hook;
+use crate::frame_callback;
 use crate::suggest::list;
 use crate::value::ActorRef;
 use choreo_asset::Asset;
@@ -109,7 +109,7 @@ pub fn wind(c: &mut Call) -> Reply {
     let velocity = c.point(0)?.clamp_length_max(1e4);
     if c.in_frame {
         let this: ActorRef = c.this()?;
-        hook::edit_frame(|e| e.actors.push((this.id, ActorEdit::Wind(velocity))));
+        frame_callback::edit_frame(|e| e.actors.push((this.id, ActorEdit::Wind(velocity))));
         return c.receiver();
     }
     change_springs(c, |springs| springs.wind = velocity)

@@ -2,11 +2,11 @@
 
 use crate::build::{FrameCallbackDraft, Parameter, check_limit};
 use crate::call::{ApiError, Call, Options, Reply, api, color, numbers, point, rgb, wrong};
-use crate::hook::with_copied_captures;
+use crate::frame_callback::with_copied_captures;
 use crate::limits::raise_hint;
 use crate::value::StageRef;
 use choreo_motion::{FrameRate, Time};
-use choreo_stage::{Background, Pipeline, Settings, SkinOnce, ViewTransform};
+use choreo_stage::{Background, Pipeline, PreSkinning, Settings, ViewTransform};
 use rhai::{Dynamic, FnPtr, Map};
 
 api! {
@@ -175,12 +175,12 @@ fn read_rendering(o: &Options, s: &mut Settings) -> Result<(), ApiError> {
         s.samples = Some(1);
     }
     let when = |v: &Dynamic, label: &str| match v.as_bool() {
-        Ok(true) => Ok(SkinOnce::Always),
-        Ok(false) => Ok(SkinOnce::Never),
-        Err(_) if v.clone().into_string().is_ok_and(|word| word == "auto") => Ok(SkinOnce::Auto),
+        Ok(true) => Ok(PreSkinning::Always),
+        Ok(false) => Ok(PreSkinning::Never),
+        Err(_) if v.clone().into_string().is_ok_and(|word| word == "auto") => Ok(PreSkinning::Auto),
         Err(_) => Err(wrong(v, label, "true, false or \"auto\"")),
     };
-    s.skin_once = o.read("skin_once", when)?.unwrap_or(s.skin_once);
+    s.pre_skinning = o.read("skin_once", when)?.unwrap_or(s.pre_skinning);
     s.levels_of_detail = o.flag("levels_of_detail")?.unwrap_or(s.levels_of_detail);
     Ok(())
 }

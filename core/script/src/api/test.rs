@@ -5,7 +5,7 @@ use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers,
 use crate::compile::{compile, scope_with_constants};
 use crate::diagnostic::Severity;
 use crate::errors;
-use crate::hook::with_copied_captures;
+use crate::frame_callback::with_copied_captures;
 use crate::modules::read_text;
 use crate::resolve::resolve_test_stage;
 use crate::suggest::{did_you_mean, list};

@@ -7,8 +7,8 @@ use glam::DVec2;
 use rhai::Dynamic;
 
 /// Reads the value of a field.
-fn value(c: &Call, v: &Dynamic, label: &str, of_type: FieldType) -> Result<FieldValue, ApiError> {
-    Ok(match of_type {
+fn value(c: &Call, v: &Dynamic, label: &str, field_type: FieldType) -> Result<FieldValue, ApiError> {
+    Ok(match field_type {
         FieldType::Number(low, high, _) => FieldValue::Number(number_in(v, label, low, high)?),
         FieldType::Degrees(low, high) => FieldValue::Number(number_in(v, label, low, high)?.to_radians()),
         FieldType::Time => FieldValue::Time(c.stage_time(v, label)?),
@@ -37,7 +37,7 @@ pub fn pair(v: &Dynamic, label: &str) -> Result<DVec2, ApiError> {
 pub fn fill<T: Described>(c: &Call, o: &Options, of: &mut T) -> Result<(), ApiError> {
     for field in T::FIELDS {
         if let Some(given) = o.get(field.name) {
-            (field.set)(of, value(c, &given, &o.label(field.name), field.of_type)?);
+            (field.set)(of, value(c, &given, &o.label(field.name), field.field_type)?);
         }
     }
     Ok(())
@@ -46,17 +46,17 @@ pub fn fill<T: Described>(c: &Call, o: &Options, of: &mut T) -> Result<(), ApiEr
 /// The field with the name of the called method, and the value that the first argument gives it.
 pub fn field_and_value<T: Described>(c: &Call) -> Result<(&'static Field<T>, FieldValue), ApiError> {
     let field = T::field(c.def.name).ok_or_else(|| ApiError::new(format!("{} is no field", c.def.name)))?;
-    let given = match field.of_type {
+    let given = match field.field_type {
         FieldType::Flag if c.len() == 0 => FieldValue::Flag(true),
         FieldType::Point if c.len() > 1 => FieldValue::Vector(c.point(0)?),
-        of_type => value(c, &c.value(0), &c.label(0), of_type)?,
+        field_type => value(c, &c.value(0), &c.label(0), field_type)?,
     };
     Ok((field, given))
 }
 
 /// Fields of a type that apply to a value, except those in `without`.
 fn options<T: Described>(of: &T, without: &[&str]) -> impl Iterator<Item = &'static Field<T>> {
-    T::FIELDS.iter().filter(|field| (field.lacks)(of).is_none() && !without.contains(&field.name))
+    T::FIELDS.iter().filter(|field| (field.missing_reason)(of).is_none() && !without.contains(&field.name))
 }
 
 /// Names of the fields that are options of a value.
@@ -68,7 +68,7 @@ pub fn names<T: Described>(of: &T, without: &[&str]) -> Vec<&'static str> {
 pub fn describe_options<T: Described>(of: &T, without: &[&str]) -> String {
     let one = |field: &Field<T>| {
         let mut parts = vec![field.about()];
-        match field.of_type {
+        match field.field_type {
             FieldType::Number(low, high, unit) => parts.extend([unit.into(), format!("{low} to {high}")]),
             FieldType::Degrees(low, high) => parts.extend(["degrees".into(), format!("{low} to {high}")]),
             FieldType::Kelvin => {
@@ -79,7 +79,7 @@ pub fn describe_options<T: Described>(of: &T, without: &[&str]) -> String {
             FieldType::Color => parts.push("a color".into()),
             _ => {}
         }
-        let default = match field.of_type {
+        let default = match field.field_type {
             // The stored value differs from the script's: directions are normalized, colors linear.
             FieldType::Direction | FieldType::Color => None,
             _ => field.shown(of),

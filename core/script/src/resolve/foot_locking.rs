@@ -20,10 +20,10 @@ pub(super) fn lock_feet_in_phase_matched_fades(build: &mut StageDraft, matched: 
     for PhaseMatchedCues { actor, span, has_root_motion } in matched {
         let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
         let is_moving = has_root_motion || is_moved_by_channel_or_path(actor);
-        let foot_lock = foot_locks(actor).next().map(|lock| &mut lock.only);
-        match foot_lock {
+        let locked_spans = foot_locks(actor).next().map(|lock| &mut lock.locked_spans);
+        match locked_spans {
             // The script or an earlier fade has made a foot lock.
-            Some(only) => only.extend((!only.is_empty()).then_some(span)),
+            Some(spans) => spans.extend((!spans.is_empty()).then_some(span)),
             None if is_moving => lock_feet(actor, vec![span], Vec::new()),
             None => {}
         }
@@ -49,8 +49,8 @@ pub(super) fn lock_feet_in_standing_fades(build: &mut StageDraft, standing_fades
             continue;
         }
         for lock in foot_locks(actor) {
-            if !lock.only.is_empty() {
-                lock.only.extend(&spans);
+            if !lock.locked_spans.is_empty() {
+                lock.locked_spans.extend(&spans);
             }
             lock.standing_fades.clone_from(&fades);
         }
@@ -67,12 +67,12 @@ fn foot_locks(actor: &mut Actor) -> impl Iterator<Item = &mut FootLock> {
     })
 }
 
-/// Adds a foot lock to an actor that has legs. `only`: the spans in which it is active; empty: always.
-fn lock_feet(actor: &mut Actor, only: Vec<(Time, Time)>, standing_fades: Vec<StandingFade>) {
+/// Adds a foot lock to an actor that has legs. `locked_spans`: the spans in which it is active; empty: always.
+fn lock_feet(actor: &mut Actor, locked_spans: Vec<(Time, Time)>, standing_fades: Vec<StandingFade>) {
     let legs = legs::legs(&actor.asset);
     if !legs.is_empty() {
         let hips = legs::hips(&actor.asset, &legs);
-        let lock = FootLock { legs, hips, ground: Vec::new(), only, standing_fades };
+        let lock = FootLock { legs, hips, ground: Vec::new(), locked_spans, standing_fades };
         actor.constraints.push(Constraint::new(ConstraintKind::FootLock(lock)));
     }
 }

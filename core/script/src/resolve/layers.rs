@@ -213,8 +213,8 @@ fn match_phases(
             let fade = Arc::new(fade);
             let has_root_motion = [&*from, &*cue].iter().any(|c| c.root.as_ref().is_some_and(|r| r.carries));
             let span = (fade.start(), fade.end());
-            cue.in_step[0] = Some(fade.clone());
-            from.in_step[1] = Some(fade);
+            cue.phase_matched_fades[0] = Some(fade.clone());
+            from.phase_matched_fades[1] = Some(fade);
             Some(PhaseMatchedCues { actor: chain.actor, span, has_root_motion })
         }
         Err(why) => {

@@ -10,8 +10,8 @@ use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, CameraDraft, FrameCallbackDraft, ParentDraft, ScriptContext, StageDraft};
 use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
+use crate::frame_callback::ScriptCallback;
 use crate::hidden_parts::HiddenParts;
-use crate::hook::ScriptHook;
 use crate::lint::{ClipMarkers, Places};
 use choreo_asset::Projection;
 use choreo_motion::Time;
@@ -149,13 +149,13 @@ fn add_frame_callbacks(
     let count = callbacks.len();
     for draft in callbacks {
         let identity = identity(&draft.at);
-        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity, count);
-        if let Err(diagnostic) = hook.check_at(Time::ZERO)
+        let callback = ScriptCallback::new(engine.clone(), shared.clone(), draft, &identity, count);
+        if let Err(diagnostic) = callback.check_at(Time::ZERO)
             && !crate::errors::is_follow_up(&diagnostic.message)
         {
             shared.build.lock().unwrap_or_else(PoisonError::into_inner).add_diagnostic(diagnostic);
         }
-        stage.hooks.push(Arc::new(hook));
+        stage.frame_callbacks.push(Arc::new(callback));
     }
 }
 
@@ -269,7 +269,8 @@ fn resolve_camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
     }
     for field in Camera::FIELDS {
         let has_keys = |property| camera.channels.iter().any(|c: &Channel| c.property == property);
-        let missing = (field.lacks)(&camera).filter(|_| field.keyed.is_some_and(|(_, p)| has_keys(p)));
+        let missing =
+            (field.missing_reason)(&camera).filter(|_| field.keyed.is_some_and(|(_, p)| has_keys(p)));
         missing.into_iter().for_each(|why| add_error(format!(" {why}")));
     }
     if has_rig && has_placement {

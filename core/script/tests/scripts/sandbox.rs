@@ -238,8 +238,9 @@ fn the_deepest_calls_of_a_callback_fit_the_stack_of_a_small_thread() {
     let limits = Limits { call_levels: 1000, ..Limits::default() };
     let options = ScriptOptions { limits, ..ScriptOptions::default() };
     let script = assets().run_text(&text, &options).unwrap();
-    let hook = script.stage.hooks[0].clone();
-    let run = move || hook.run(choreo_motion::Time::from_secs(1.0), &mut choreo_stage::FrameEdits::default());
+    let callback = script.stage.frame_callbacks[0].clone();
+    let run =
+        move || callback.run(choreo_motion::Time::from_secs(1.0), &mut choreo_stage::FrameEdits::default());
     // Rust gives a thread 2 MiB where nothing else is said.
     let error =
         std::thread::Builder::new().stack_size(2 << 20).spawn(run).unwrap().join().unwrap().unwrap_err();

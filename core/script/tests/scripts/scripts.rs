@@ -89,7 +89,7 @@ fn callbacks_depend_on_time_only() {
     );
     let run = |t: f64| {
         let mut edits = FrameEdits::default();
-        script.stage.hooks[0].run(secs(t), &mut edits).unwrap();
+        script.stage.frame_callbacks[0].run(secs(t), &mut edits).unwrap();
         (edits.actors, edits.lights)
     };
     let first = run(1.5);
@@ -205,8 +205,8 @@ fn modules_come_from_the_folder_of_the_script() {
     let s = folder.run("main.rhai").unwrap_or_else(|e| panic!("{}", show(&e)));
     assert_eq!(s.files_used.len(), 4);
     let mut edits = FrameEdits::default();
-    for hook in &s.stage.hooks {
-        hook.run(secs(45.0), &mut edits).unwrap();
+    for callback in &s.stage.frame_callbacks {
+        callback.run(secs(45.0), &mut edits).unwrap();
     }
     let turn = |degrees: f64| (0, ActorEdit::Turn(DQuat::from_rotation_y(degrees.to_radians())));
     assert_eq!(edits.actors, [turn(90.0), turn(45.0)]);

@@ -274,7 +274,7 @@ fn a_texture_file_of_an_effect_is_watched() {
 
 /// The effect that the scene uses first.
 fn first_effect(scene: &Scene) -> Effect {
-    let name = scene.stage.effects[0].drawn_by();
+    let name = scene.stage.effects[0].effect_name();
     scene.registry.effects().iter().find(|e| e.manifest().name == name).unwrap().clone()
 }
 

@@ -128,13 +128,13 @@ pub(super) struct ContactSpan {
     pub highest: f64,
 }
 
-/// Whether feet are locked during a contact: it overlaps one of the spans in `only`, or there are none.
+/// Whether feet are locked during a contact: it overlaps one of the spans in `locked_spans`, or there are none.
 pub(super) fn is_locked_contact(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
     let overlaps = |span: &(Time, Time)| {
         let beside = if is_gait_fade(foot_lock, *span) { FADE_MARGIN } else { Time::ZERO };
         from - beside <= span.1 && to + beside >= span.0
     };
-    foot_lock.only.is_empty() || foot_lock.only.iter().any(overlaps)
+    foot_lock.locked_spans.is_empty() || foot_lock.locked_spans.iter().any(overlaps)
 }
 
 /// Contact of a foot with the ground. `raised`: height of the ground above the clips' floor in metres, at the previous contact on entry and

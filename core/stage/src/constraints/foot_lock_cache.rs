@@ -202,7 +202,7 @@ fn plan_track_with_feet(
         foot_lock.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
     let leg_length = leg_length(stage, actor, foot_lock);
     let samples = feet.sample_feet(from, to)?;
-    let by_clips = !foot_lock.only.is_empty() || !foot_lock.standing_fades.is_empty();
+    let by_clips = !foot_lock.locked_spans.is_empty() || !foot_lock.standing_fades.is_empty();
     let by_clips = by_clips.then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs, clips));
     let lowers_hips = ground.is_empty() && foot_lock.hips.is_some();
     let planner = ContactPlanner { foot_lock, stands, window, ground, leg_length, samples, lowers_hips };
@@ -214,7 +214,7 @@ fn plan_track_with_feet(
         gait_fades: Vec::new(),
         open_ends,
     };
-    match by_clips.as_ref().filter(|_| !foot_lock.only.is_empty()) {
+    match by_clips.as_ref().filter(|_| !foot_lock.locked_spans.is_empty()) {
         // The contacts of clips are exact in time.
         Some(contacts) => {
             planner.add_clip_contacts(&contacts.contact_spans(count, from, to), feet, &mut plan)?
@@ -430,10 +430,10 @@ impl ContactPlanner<'_> {
     }
 }
 
-/// A stage with this actor alone, if its motion does not depend on hooks or other actors.
+/// A stage with this actor alone, if its motion does not depend on callbacks or other actors.
 fn single_actor_stage(stage: &Stage, actor: usize) -> Option<Stage> {
     let own = &stage.actors[actor];
-    let depends = !stage.hooks.is_empty() || !own.parents.is_empty() || own.face.is_some();
+    let depends = !stage.frame_callbacks.is_empty() || !own.parents.is_empty() || own.face.is_some();
     (!depends).then(|| Stage {
         settings: stage.settings.clone(),
         actors: vec![own.clone()],
@@ -441,19 +441,19 @@ fn single_actor_stage(stage: &Stage, actor: usize) -> Option<Stage> {
     })
 }
 
-/// Time spans in which feet are sampled, sorted and disjoint: the whole stage, or the spans in `only` with a margin.
+/// Time spans in which feet are sampled, sorted and disjoint: the whole stage, or the spans in `locked_spans` with a margin.
 fn sampled_spans(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
     // The stage may end during a step, whose end must be known: on a slope a foot lands lower than it stood.
     let last_steps = foot_lock.standing_fades.last().map_or(Time::ZERO, |fade| fade.to);
     let length = stage.settings.length.max(last_steps) + LONGEST_GAP;
     let length = length.min(Time(MAX_SAMPLES * SAMPLE_INTERVAL.0));
     let around = |(from, to): &(Time, Time)| (*from - LONGEST_GAP, *to + LONGEST_GAP);
-    let mut all: Vec<(Time, Time)> = match foot_lock.only.is_empty() {
+    let mut all: Vec<(Time, Time)> = match foot_lock.locked_spans.is_empty() {
         true => vec![(Time::ZERO, length)],
-        false => foot_lock.only.iter().map(around).collect(),
+        false => foot_lock.locked_spans.iter().map(around).collect(),
     };
     all.iter_mut().for_each(|(from, to)| (*from, *to) = ((*from).max(Time::ZERO), (*to).min(length)));
-    all.retain(|(from, to)| from < to || foot_lock.only.is_empty());
+    all.retain(|(from, to)| from < to || foot_lock.locked_spans.is_empty());
     all.sort_unstable();
     all.dedup_by(|next, before| {
         // Windows stay separate only if the fade-out of one ends before the next one fades in.

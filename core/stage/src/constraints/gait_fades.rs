@@ -47,7 +47,7 @@ impl GaitFade {
             let heights = (0..contacts.len()).map(|leg| of_leg(*span, leg)).collect();
             GaitFade { span: *span, heights }
         };
-        foot_lock.only.iter().filter(|span| is_gait_fade(foot_lock, **span)).map(fade).collect()
+        foot_lock.locked_spans.iter().filter(|span| is_gait_fade(foot_lock, **span)).map(fade).collect()
     }
 
     /// World height of a standing foot at a time of the fade, or shortly before or after it.

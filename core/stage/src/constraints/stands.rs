@@ -43,7 +43,7 @@ pub(super) fn find_stands(actor: &Actor, foot_lock: &FootLock) -> Vec<StandingSp
     let fades = &foot_lock.standing_fades;
     let mut all = Vec::new();
     // The height of a foot on uneven ground is not that of the clip.
-    if foot_lock.only.is_empty() || !foot_lock.ground.is_empty() {
+    if foot_lock.locked_spans.is_empty() || !foot_lock.ground.is_empty() {
         return all;
     }
     for (i, fade) in fades.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! One actor's pose at a time: layers of clips, then hook edits, then model space.
+//! One actor's pose at a time: layers of clips, then edits of callbacks, then model space.
 
 pub(crate) mod expressions;
 pub(crate) mod gaze;
@@ -168,7 +168,7 @@ fn blend_clips_with_offsets(
     }
 }
 
-/// Changes the pose and the weights after the clips: mirroring, keys and the edits of hooks.
+/// Changes the pose and the weights after the clips: mirroring, keys and the edits of callbacks.
 fn apply_edits<'e>(
     actor: &Actor,
     time: Time,
@@ -450,7 +450,7 @@ fn override_expression_weights<'e>(
     }
 }
 
-/// Keyed placement of an actor, before hooks, and the parts of its state that need no pose.
+/// Keyed placement of an actor, before callbacks, and the parts of its state that need no pose.
 pub(crate) fn keyed_placement(
     actor: &Actor,
     time: Time,

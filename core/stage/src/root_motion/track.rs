@@ -361,7 +361,7 @@ fn cue_displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     let cue = &layer.cues[index];
     let Some(root) = cue.root.as_deref().filter(|root| root.carries) else { return Displacement::default() };
     let (until, _) = plays_until(layer, index, time);
-    let played = cue.played(until);
+    let played = cue.played_ticks(until);
     let length = i128::from((cue.trim.1 - cue.trim.0).0.max(0));
     if length == 0 {
         return Displacement::default();

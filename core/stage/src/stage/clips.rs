@@ -81,7 +81,7 @@ described! {
         /// Spans of stage time in which the clip stands still; sorted, one after the other.
         freezes: Vec<(Time, Time)> = Vec::new();
         /// Base layer: phase matching with the cue that fades into this one, and with the one that this one fades into.
-        in_step: [Option<Arc<PhaseMatchedFade>>; 2] = [None, None];
+        phase_matched_fades: [Option<Arc<PhaseMatchedFade>>; 2] = [None, None];
         /// Base layer: duration of the inertialization, in place of `fade_in`; 0: none. The cue begins at once with full weight, and the
         /// offset from the pose before decays in this time ([`choreo_motion::Inertialization`]).
         inertialization: Time = Time::ZERO;

@@ -101,7 +101,7 @@ pub struct FootLock {
     /// the height of this actor's origin.
     pub ground: Vec<usize>,
     /// If not empty, only contacts that overlap one of these spans are locked; each is then locked as a whole.
-    pub only: Vec<(Time, Time)>,
+    pub locked_spans: Vec<(Time, Time)>,
     /// Fades in which feet take steps to their positions in the standing clip; sorted, one after the other.
     pub standing_fades: Vec<StandingFade>,
 }
@@ -145,7 +145,7 @@ hashed! {
     }
     struct ReachConstraint { joints, target, offset, pole, hint, soft, keep_rotation }
     struct AimConstraint { joints, shares, target, limit }
-    struct FootLock { legs, hips, ground, only, standing_fades }
+    struct FootLock { legs, hips, ground, locked_spans, standing_fades }
     struct StandingFade { from, to, ends_standing }
     struct Leg { hip, knee, foot, toe }
 }

@@ -63,11 +63,11 @@ pub struct Field<T: 'static> {
     /// Lines of its description.
     pub doc: &'static [&'static str],
     /// Type and range of its values.
-    pub of_type: FieldType,
+    pub field_type: FieldType,
     /// The property and the name of its keyframes, where it can be animated.
     pub keyed: Option<(&'static str, Property)>,
     /// Reason why a value of `T` does not have the field; `None` if it has it.
-    pub lacks: fn(&T) -> Option<&'static str>,
+    pub missing_reason: fn(&T) -> Option<&'static str>,
     /// Reads the value.
     pub get: fn(&T) -> FieldValue,
     /// Sets the value.
@@ -86,14 +86,14 @@ pub trait Described: Sized + 'static {
 
     /// Errors of the values of its fields.
     fn problems(&self) -> Vec<String> {
-        let own = Self::FIELDS.iter().filter(|field| (field.lacks)(self).is_none());
+        let own = Self::FIELDS.iter().filter(|field| (field.missing_reason)(self).is_none());
         own.filter_map(|field| field.problem(self)).collect()
     }
 
     /// Whether keyframes of a property animate one of its fields.
     fn is_keyed(&self, property: Property) -> bool {
         let animates = |field: &Field<Self>| field.keyed.is_some_and(|(_, keyed)| keyed == property);
-        Self::FIELDS.iter().any(|field| animates(field) && (field.lacks)(self).is_none())
+        Self::FIELDS.iter().any(|field| animates(field) && (field.missing_reason)(self).is_none())
     }
 }
 
@@ -105,7 +105,7 @@ impl<T> Field<T> {
 
     /// The value as messages, the reference and the inspector write it; `None` if it is unset.
     pub fn shown(&self, of: &T) -> Option<String> {
-        Some(match ((self.get)(of), self.of_type) {
+        Some(match ((self.get)(of), self.field_type) {
             (FieldValue::Unset, _) => return None,
             (FieldValue::Number(n), FieldType::Degrees(..)) => format_number(n.to_degrees()),
             (FieldValue::Number(n), _) => format_number(n),
@@ -121,7 +121,7 @@ impl<T> Field<T> {
     /// The value with its unit; `None` if it is unset.
     pub fn shown_with_unit(&self, of: &T) -> Option<String> {
         let shown = self.shown(of)?;
-        Some(match self.of_type {
+        Some(match self.field_type {
             FieldType::Number(.., unit) if !unit.is_empty() => format!("{shown} {unit}"),
             FieldType::Degrees(..) => format!("{shown}°"),
             FieldType::Duration | FieldType::Time => format!("{shown} s"),
@@ -131,7 +131,7 @@ impl<T> Field<T> {
 
     fn problem(&self, of: &T) -> Option<String> {
         let name = self.name;
-        match ((self.get)(of), self.of_type) {
+        match ((self.get)(of), self.field_type) {
             (FieldValue::Number(n), FieldType::Number(low, high, _)) if !is_within(n, low, high) => {
                 Some(format!("{name} is {n}, must be from {low} to {high}"))
             }
@@ -252,8 +252,8 @@ impl<T: FieldStorage + Default> FieldStorage for Option<T> {
 /// ```
 /// Members in parentheses are arguments of `new`, which takes `&str` for `String => str`; the others have a default there. The content hash
 /// is made of all members in this order, each by [`Hashed`](choreo_asset::hash::Hashed) or by the function after `hash`. A field is a
-/// member, or a member of a member; `get` and `set` give access to values that are neither, and `lacks` gives the reason why some do not
-/// have it.
+/// member, or a member of a member; `get` and `set` give access to values that are neither, and the function after `lacks` gives the reason
+/// why some do not have it.
 macro_rules! described {
     (
         $(#[$attr:meta])*
@@ -320,16 +320,16 @@ pub(crate) use described;
 /// The `fields` of [`described!`], for a type that is declared elsewhere.
 macro_rules! fields {
     ($name:ident { $(
-        $(#[doc = $doc:literal])* $field:ident: $([get $get:expr, set $set:expr])? $($path:ident).*, $of_type:expr
-        $(, keys $key:literal $keyed:ident)? $(, lacks $lacks:expr)?;
+        $(#[doc = $doc:literal])* $field:ident: $([get $get:expr, set $set:expr])? $($path:ident).*,
+        $field_type:expr $(, keys $key:literal $keyed:ident)? $(, lacks $lacks:expr)?;
     )* }) => {
         impl $crate::stage::described::Described for $name {
             const FIELDS: &'static [$crate::stage::described::Field<$name>] = &[$($crate::stage::described::Field {
                 name: stringify!($field),
                 doc: &[$($doc),*],
-                of_type: $of_type,
+                field_type: $field_type,
                 keyed: $crate::stage::described::fields!(@option $(($key, $crate::stage::channel::Property::$keyed))?),
-                lacks: $crate::stage::described::fields!(@or $($lacks)?; |_| None),
+                missing_reason: $crate::stage::described::fields!(@or $($lacks)?; |_| None),
                 get: $crate::stage::described::fields!(@get $name [$($get)?] $($path).*),
                 set: $crate::stage::described::fields!(@set $name [$($set)?] $($path).*),
             }),*];

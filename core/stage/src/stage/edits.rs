@@ -9,7 +9,7 @@ use crate::stage::parenting::Parenting;
 use crate::stage::sky::SkyEdit;
 use glam::{DQuat, DVec3, Vec3, Vec4};
 
-/// The changes that a hook may make for one frame, each with the index of its actor, camera, light or 2D layer.
+/// The changes that a callback may make for one frame, each with the index of its actor, camera, light or 2D layer.
 #[derive(Clone, Debug, Default)]
 pub struct FrameEdits {
     /// Changes of actors, in the order in which they are made.

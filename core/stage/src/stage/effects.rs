@@ -108,7 +108,7 @@ impl EffectUse {
     }
 
     /// Name under which the effect is drawn: the plugin's name, extended by the hashes of its images. Uses with equal images share a name.
-    pub fn drawn_by(&self) -> Cow<'_, str> {
+    pub fn effect_name(&self) -> Cow<'_, str> {
         if self.images.is_empty() {
             return Cow::Borrowed(&self.plugin);
         }

@@ -17,13 +17,13 @@ use crate::stage::springs::ActorSprings;
 use crate::stage::surfaces::SurfaceRule;
 use crate::stage::time_remapping::TimeRemapping;
 use crate::stage::{
-    Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce, Stage, Transparency, ViewTransform,
+    Background, Cutouts, FrameCallback, Pipeline, PreSkinning, Settings, Stage, Transparency, ViewTransform,
 };
 use choreo_asset::hash::{ContentHash, Hashed, Writer, hash_of};
 use choreo_asset::{hashed, written};
 
 impl Stage {
-    /// Hash of everything that a snapshot depends on; warnings are left out. Hooks count by [`FrameHook::identity`].
+    /// Hash of everything that a snapshot depends on; warnings are left out. Callbacks count by [`FrameCallback::identity`].
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| self.hash(w))
     }
@@ -46,7 +46,10 @@ impl Layer {
 }
 
 hashed! {
-    struct Stage { settings, actors, cameras, cuts, lights, layers_2d, sky, effects, hooks; without solvers, markers, warnings }
+    struct Stage {
+        settings, actors, cameras, cuts, lights, layers_2d, sky, effects, frame_callbacks;
+        without solvers, markers, warnings
+    }
     enum Background {
         0 Color(color),
         1 Gradient { top, bottom },
@@ -146,7 +149,7 @@ written! {
     Transparency: |v, w| (*v as u32).hash(w);
     // The mirrored pairs follow from the asset.
     Mirroring: |_v, _w| ();
-    dyn FrameHook: |v, w| w.text(&v.identity());
+    dyn FrameCallback: |v, w| w.text(&v.identity());
     Path: |v, w| {
         v.points.hash(w);
         v.closed.hash(w)
@@ -162,7 +165,7 @@ written! {
     };
     Settings: |v, w| {
         let Settings { size, fps, length, background, ambient_up, ambient_down, samples, .. } = v;
-        let Settings { cutouts, transparency, pipeline, skin_once, exposure, view_transform, .. } = v;
+        let Settings { cutouts, transparency, pipeline, pre_skinning, exposure, view_transform, .. } = v;
         let Settings { levels_of_detail, .. } = v;
         (size, fps, length).hash(w);
         (background, ambient_up, ambient_down).hash(w);
@@ -184,9 +187,9 @@ written! {
             w.text("view transform");
             (*view_transform as u32).hash(w);
         }
-        if *skin_once != SkinOnce::default() {
+        if *pre_skinning != PreSkinning::default() {
             w.tag(1);
-            (*skin_once as u32).hash(w);
+            (*pre_skinning as u32).hash(w);
         }
         if !*levels_of_detail {
             w.text("no levels of detail");

@@ -60,7 +60,7 @@ pub struct Stage {
     /// Named times. They change no image.
     pub markers: Vec<(String, Time)>,
     /// Called in order for every frame, after keyed properties and before joint matrices are built.
-    pub hooks: Vec<Arc<dyn FrameHook>>,
+    pub frame_callbacks: Vec<Arc<dyn FrameCallback>>,
     /// Warnings of the script and the stage ("clip longer than its slot"), for `check`.
     pub warnings: Vec<String>,
 }
@@ -92,8 +92,8 @@ pub struct Settings {
     pub transparency: Transparency,
     /// The choice of forward or deferred shading of opaque surfaces.
     pub pipeline: Pipeline,
-    /// Whether vertices are pre-skinned.
-    pub skin_once: SkinOnce,
+    /// Whether vertices are pre-skinned: once a frame, instead of in each pass.
+    pub pre_skinning: PreSkinning,
     /// Whether small copies may be drawn with simplified meshes (levels of detail).
     pub levels_of_detail: bool,
 }
@@ -118,7 +118,7 @@ pub enum ViewTransform {
 
 /// Whether a character's vertices are pre-skinned once a frame for all passes that draw it (shadow maps, layers, hulls), or by each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum SkinOnce {
+pub enum PreSkinning {
     /// Pre-skinned if enough passes draw the mesh for that to be cheaper.
     #[default]
     Auto,
@@ -195,7 +195,7 @@ impl Default for Settings {
             view_transform: ViewTransform::default(),
             samples: None,
             cutouts: Cutouts::default(),
-            skin_once: SkinOnce::default(),
+            pre_skinning: PreSkinning::default(),
             levels_of_detail: true,
             transparency: Transparency::default(),
             pipeline: Pipeline::default(),
@@ -204,14 +204,14 @@ impl Default for Settings {
 }
 
 /// A callback of the script, a pure function of the time.
-pub trait FrameHook: Send + Sync + std::fmt::Debug {
+pub trait FrameCallback: Send + Sync + std::fmt::Debug {
     /// The changes at a time.
     ///
     /// # Errors
     /// The callback has failed.
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError>;
 
-    /// Text that distinguishes this hook from others (source text and captured values), for [`Stage::content_hash`].
+    /// Text that distinguishes this callback from others (source text and captured values), for [`Stage::content_hash`].
     fn identity(&self) -> String {
         format!("{self:?}")
     }
@@ -222,7 +222,7 @@ pub trait FrameHook: Send + Sync + std::fmt::Debug {
 #[derive(Clone, Debug)]
 pub enum StageError {
     /// A script callback failed; the error's text is complete, with file and line.
-    Hook { error: Arc<dyn std::error::Error + Send + Sync>, time: Time },
+    Callback { error: Arc<dyn std::error::Error + Send + Sync>, time: Time },
     /// An actor is attached to itself: its name, and the names of the actors in between.
     Cycle(String, String),
     /// An actor faces another whose position depends on how it is turned: the names of both.
@@ -232,7 +232,7 @@ pub enum StageError {
 }
 
 choreo_motion::error_texts! { StageError:
-    Self::Hook { error, time } => "{error}\n    at {} s", time.as_secs();
+    Self::Callback { error, time } => "{error}\n    at {} s", time.as_secs();
     Self::Cycle(actor, between) => "actor \"{actor}\" is attached to itself, through {between}";
     Self::FacingCycle(actor, faced) => "actor \"{actor}\" cannot face \"{faced}\": the position of \"{faced}\" depends on the rotation of \"{actor}\"; \
         rotate \"{actor}\" with .turn, or face something that is not attached to it";

@@ -27,7 +27,7 @@ const PLAUSIBLE_METRES: std::ops::RangeInclusive<f64> = 0.05..=30.0;
 #[derive(Clone, Debug, Default)]
 struct ActorFacts {
     was_visible: bool,
-    was_posed_by_hook: bool,
+    was_posed_by_callback: bool,
     was_in_image: bool,
     /// Longer side of its largest area in the image so far, pixels.
     max_pixels: f64,
@@ -121,7 +121,7 @@ impl SurveyFacts {
             if let ActorEdit::TurnJoint { .. } = edit
                 && let Some(facts) = self.actors.get_mut(*actor)
             {
-                facts.was_posed_by_hook = true;
+                facts.was_posed_by_callback = true;
             }
         }
         self.record_look_ats(stage, snapshot, time);
@@ -169,15 +169,15 @@ impl SurveyFacts {
         let is_unseen = |(actor, f): (&Actor, &ActorFacts)| {
             has_meshes(&actor.asset) && (!f.was_in_image || f.max_pixels < 1.0)
         };
-        let hooked = !stage.hooks.is_empty();
+        let has_callbacks = !stage.frame_callbacks.is_empty();
         stage.actors.iter().zip(&self.actors).any(is_unseen)
             || self.actors.iter().any(|f| !f.was_visible)
-            || hooked
+            || has_callbacks
                 && stage
                     .actors
                     .iter()
                     .zip(&self.actors)
-                    .any(|(a, f)| plays_no_clip(a) && !f.was_posed_by_hook)
+                    .any(|(a, f)| plays_no_clip(a) && !f.was_posed_by_callback)
             || self.looks.iter().flatten().any(|f| !f.was_active || !f.was_reached)
             || self.reaches.may_change(stage)
             || self.lights.iter().any(|f| !f.has_shone || !f.has_reached_actor)
@@ -292,7 +292,7 @@ impl SurveyFacts {
                 "is its file in other units? .scale(100.0) makes metres of centimetres",
             );
         }
-        if plays_no_clip(actor) && !facts.was_posed_by_hook && facts.was_in_image {
+        if plays_no_clip(actor) && !facts.was_posed_by_callback && facts.was_in_image {
             let text = format!("\"{name}\" plays no clip: it stands in its rest pose");
             let clips = actor.asset.clips.iter().map(|c| format!("\"{}\"", c.name)).take(6);
             let clips: Vec<String> = clips.collect();

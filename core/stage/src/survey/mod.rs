@@ -51,9 +51,9 @@ pub struct Finding {
     pub hint: Option<String>,
 }
 
-/// Limit of the cost of a survey, in poses; a callback costs [`HOOK_COST`]. About 20 ms for characters of 50 joints.
+/// Limit of the cost of a survey, in poses; a callback costs [`CALLBACK_COST`]. About 20 ms for characters of 50 joints.
 const MAX_COST: usize = 3000;
-const HOOK_COST: usize = 20;
+const CALLBACK_COST: usize = 20;
 
 impl Stage {
     /// Finds all parts of the stage that have no visible effect, in the order of the stage. Evaluates frames spread over the whole length
@@ -80,7 +80,8 @@ impl Stage {
             let time = rate.time_of(frame);
             evaluator.at_into(time, &mut snapshot)?;
             facts.record(self, evaluator.edits(), &snapshot, time);
-            cost += evaluator.poses() + self.actors.len() / 8 + HOOK_COST * self.hooks.len() + 1;
+            cost +=
+                evaluator.poses() + self.actors.len() / 8 + CALLBACK_COST * self.frame_callbacks.len() + 1;
             if !facts.may_change(self) {
                 break;
             }

@@ -11,13 +11,13 @@ impl Cue {
     }
 
     /// Whether the clip plays at one speed from its start on: there is no time remapping and no freeze.
-    pub fn is_even(&self) -> bool {
+    pub fn plays_at_constant_speed(&self) -> bool {
         self.time_remapping.is_none() && self.freezes.is_empty()
     }
 
     /// Ticks of the clip that have been played at a stage time, whole loops included; 0 before the start, negative if a speed curve runs
     /// backwards.
-    pub fn played(&self, time: Time) -> i128 {
+    pub fn played_ticks(&self, time: Time) -> i128 {
         let time = time.max(self.start);
         let mut played = self.ticks_without_freezes(time);
         for (from, to) in &self.freezes {
@@ -30,7 +30,7 @@ impl Cue {
     }
 
     fn ticks_without_freezes(&self, time: Time) -> i128 {
-        let [into, out] = &self.in_step;
+        let [into, out] = &self.phase_matched_fades;
         if let Some(out) = out
             && time >= out.start()
         {
@@ -67,7 +67,7 @@ impl Cue {
         if ticks <= 0 {
             return Some(self.start);
         }
-        let has_played = |time: Time| self.played(time) >= ticks;
+        let has_played = |time: Time| self.played_ticks(time) >= ticks;
         // After the end of a curve or a freeze, playback goes on at its last speed.
         let keys = match self.time_remapping.as_deref() {
             Some(TimeRemapping::Speed(curve)) => &curve.keys.times[..],
@@ -99,7 +99,7 @@ impl Cue {
     /// Clip time at a stage time. `held`: the pose is held from there on, so the end of a loop shows its last pose instead of the first
     /// pose of the next loop.
     pub(crate) fn clip_time(&self, time: Time, held: bool) -> Time {
-        let played = self.played(time);
+        let played = self.played_ticks(time);
         let at = self.playback().clip_time_at(played);
         let (first, last) = if self.speed < 0.0 { (self.trim.1, self.trim.0) } else { self.trim };
         if held && at == first && played > 0 && self.repeat == Repeat::Loop { last } else { at }

@@ -106,14 +106,14 @@ fn posed_meshes_apply_skin_morph_targets_and_placement() {
     stage.actors[1].morphs = vec![(0, 0, 2.0), (0, 1, 0.0)];
     #[derive(Debug)]
     struct Bow;
-    impl FrameHook for Bow {
+    impl FrameCallback for Bow {
         fn run(&self, _: choreo_motion::Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             let rotation = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
             edits.actors.push((0, ActorEdit::TurnJoint { joint: CHEST, rotation }));
             Ok(())
         }
     }
-    stage.hooks.push(Arc::new(Bow));
+    stage.frame_callbacks.push(Arc::new(Bow));
     let snapshot = stage.at(secs(0.0)).unwrap();
     let body = &posed_meshes(&f, &snapshot.actors[0])[0].primitives[0];
     // A lower corner stays; an upper one goes half way to where the chest, a quarter turn to the left, carries it.
@@ -133,7 +133,7 @@ fn posed_meshes_apply_skin_morph_targets_and_placement() {
 fn actors_with_morph_targets_are_culled_only_outside_their_morph_range() {
     #[derive(Debug)]
     struct Pull;
-    impl FrameHook for Pull {
+    impl FrameCallback for Pull {
         fn run(&self, _: choreo_motion::Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             edits.actors.push((0, ActorEdit::Morph { instance: 0, target: 0, weight: -90.0 }));
             Ok(())
@@ -164,7 +164,7 @@ fn actors_with_morph_targets_are_culled_only_outside_their_morph_range() {
             let values = vec![0.0, 0.0, 0.0, -60.0, 0.0, 0.0];
             stage.actors[0].channels.push(keyed(Interpolation::CubicSpline, values));
         }),
-        ("a callback", false, &|stage| stage.hooks.push(Arc::new(Pull))),
+        ("a callback", false, &|stage| stage.frame_callbacks.push(Arc::new(Pull))),
     ];
     for (name, is_bounded, change) in changes {
         let mut culled = 0;

@@ -164,7 +164,7 @@ fn camera_shake_depends_on_its_seed_and_not_on_the_frame_order() {
 #[derive(Debug)]
 struct Edits(Vec<(usize, CameraEdit)>);
 
-impl FrameHook for Edits {
+impl FrameCallback for Edits {
     fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
         edits.cameras.extend(self.0.iter().cloned());
         Ok(())
@@ -175,7 +175,7 @@ impl FrameHook for Edits {
 fn camera_callbacks_aim_turn_and_zoom_for_one_frame() {
     let edited = |edits: Vec<(usize, CameraEdit)>| {
         let mut stage = stage_with_camera();
-        stage.hooks.push(Arc::new(Edits(edits)));
+        stage.frame_callbacks.push(Arc::new(Edits(edits)));
         stage.at(secs(1.0)).unwrap()
     };
     let (camera, target) = (0, Target::Point(v(7.0, 2.0, 0.0)));

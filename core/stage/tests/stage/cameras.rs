@@ -94,7 +94,7 @@ fn near_plane_set_by_the_script_is_kept_by_every_rig() {
 }
 
 #[test]
-fn camera_cuts_keys_and_hooks_apply_at_their_times() {
+fn camera_cuts_keys_and_callbacks_apply_at_their_times() {
     let mut stage =
         stage_with_camera(Rig::Fixed { position: DVec3::ZERO, rotation: DQuat::IDENTITY, look_at: None });
     let target = Target::Point(DVec3::ZERO);
@@ -125,15 +125,15 @@ fn camera_cuts_keys_and_hooks_apply_at_their_times() {
         Projection::Perspective { yfov: 1.0, near: 0.05, far: None }
     ));
     #[derive(Debug)]
-    struct Hook;
-    impl FrameHook for Hook {
+    struct Callback;
+    impl FrameCallback for Callback {
         fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             edits.cameras.push((0, CameraEdit::MoveTo(v(0.0, 0.0, 9.0))));
             edits.cameras.push((7, CameraEdit::MoveTo(v(0.0, 0.0, 9.0))));
             Ok(())
         }
     }
-    stage.hooks.push(std::sync::Arc::new(Hook));
+    stage.frame_callbacks.push(std::sync::Arc::new(Callback));
     assert_close(camera_position(&stage.at(secs(0.5)).unwrap()), v(0.0, 0.0, 9.0), 1e-12);
 }
 

@@ -321,7 +321,7 @@ fn foot_lock(ground: Option<usize>) -> Constraint {
         legs,
         hips: Some(0),
         ground: ground.into_iter().collect(),
-        only: Vec::new(),
+        locked_spans: Vec::new(),
         standing_fades: Vec::new(),
     }))
 }

@@ -26,8 +26,8 @@ fn parenting_with(change: fn(&mut Parenting)) -> Parenting {
 }
 
 #[derive(Debug)]
-struct NamedHook(#[allow(dead_code)] &'static str);
-impl FrameHook for NamedHook {
+struct NamedCallback(#[allow(dead_code)] &'static str);
+impl FrameCallback for NamedCallback {
     fn run(&self, _: Time, _: &mut FrameEdits) -> Result<(), StageError> {
         Ok(())
     }
@@ -69,8 +69,8 @@ fn content_hash_of_a_stage_changes_with_every_field() {
         |s| s.lights[0].light.kind = LightKind::Point,
         |s| s.lights[0].shadow = Some(Shadow::default()),
         |s| s.actors[0].asset = stick(),
-        |s| s.hooks.push(Arc::new(NamedHook("a"))),
-        |s| s.hooks.push(Arc::new(NamedHook("b"))),
+        |s| s.frame_callbacks.push(Arc::new(NamedCallback("a"))),
+        |s| s.frame_callbacks.push(Arc::new(NamedCallback("b"))),
     ];
     let mut seen = BTreeSet::from([first]);
     for (index, change) in changes.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Lights of a stage: the default sun, lights of files, parents, keys and hooks.
+//! Lights of a stage: the default sun, lights of files, parents, keys and callbacks.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -62,7 +62,7 @@ fn light_of_a_file_moves_with_its_joint() {
 }
 
 #[test]
-fn lights_follow_parents_keys_and_hooks() {
+fn lights_follow_parents_keys_and_callbacks() {
     let mut stage = Stage::default();
     stage.cast("anna", figure());
     stage.actors[0].transform = Placement::at(5.0, 0.0, 0.0).turned(std::f64::consts::FRAC_PI_2);
@@ -91,8 +91,8 @@ fn lights_follow_parents_keys_and_hooks() {
     // Out at 2 s: not in the list at all.
     assert_eq!(stage.at(secs(2.0)).unwrap().lights.len(), 1);
     #[derive(Debug)]
-    struct Hook;
-    impl FrameHook for Hook {
+    struct Callback;
+    impl FrameCallback for Callback {
         fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             edits.lights.push((0, LightEdit::Intensity(9.0)));
             edits.lights.push((0, LightEdit::Color(Vec3::Y)));
@@ -102,7 +102,7 @@ fn lights_follow_parents_keys_and_hooks() {
             Ok(())
         }
     }
-    stage.hooks.push(Arc::new(Hook));
+    stage.frame_callbacks.push(Arc::new(Callback));
     let lights = stage.at(secs(2.0)).unwrap().lights;
     assert_eq!(lights.len(), 1);
     assert_eq!((lights[0].light.intensity, lights[0].light.color), (9.0, Vec3::Y));

@@ -299,8 +299,8 @@ fn parent_change_from_a_reaching_hand_is_continuous() {
 }
 
 #[derive(Debug)]
-struct Hook(fn(f64, &mut FrameEdits));
-impl FrameHook for Hook {
+struct Callback(fn(f64, &mut FrameEdits));
+impl FrameCallback for Callback {
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
         self.0(time.as_secs(), edits);
         Ok(())
@@ -310,7 +310,7 @@ impl FrameHook for Hook {
 #[test]
 fn callback_sets_the_parent_of_one_frame() {
     let mut stage = handover();
-    stage.hooks.push(Arc::new(Hook(|t, edits| {
+    stage.frame_callbacks.push(Arc::new(Callback(|t, edits| {
         let parent = parenting_on_hand(1);
         let parent = if t > 1.5 { Parenting { to: None, ..parent } } else { parent };
         if t > 1.0 {

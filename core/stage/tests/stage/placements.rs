@@ -1,4 +1,4 @@
-//! Where actors stand: placements, parents, hands, keys, hooks, facing, visibility.
+//! Where actors stand: placements, parents, hands, keys, callbacks, facing, visibility.
 
 use crate::support::*;
 use choreo_asset::*;
@@ -158,15 +158,15 @@ fn keyed_rotations_turn_at_constant_speed_along_the_shortest_arc() {
 }
 
 #[derive(Debug)]
-struct Hook(fn(f64, &mut FrameEdits) -> Result<(), StageError>);
-impl FrameHook for Hook {
+struct Callback(fn(f64, &mut FrameEdits) -> Result<(), StageError>);
+impl FrameCallback for Callback {
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
         self.0(time.as_secs(), edits)
     }
 }
 
 #[test]
-fn hooks_edit_keyed_values_in_the_order_of_the_hooks() {
+fn callbacks_edit_keyed_values_in_their_order() {
     let mut stage = Stage::default();
     let a = stage.cast("a", figure());
     stage.actors[a].channels = vec![channel(
@@ -175,7 +175,7 @@ fn hooks_edit_keyed_values_in_the_order_of_the_hooks() {
         &[0.0, 1.0],
         &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
     )];
-    stage.hooks.push(Arc::new(Hook(|t, edits| {
+    stage.frame_callbacks.push(Arc::new(Callback(|t, edits| {
         edits.actors.push((0, ActorEdit::MoveBy(v(0.0, t, 0.0))));
         edits.actors.push((0, ActorEdit::Scale(DVec3::splat(2.0))));
         edits.actors.push((0, ActorEdit::Tint(Vec4::splat(0.5))));
@@ -195,14 +195,14 @@ fn hooks_edit_keyed_values_in_the_order_of_the_hooks() {
     stage.actors[a].transform.rotation = DQuat::from_rotation_x(-FRAC_PI_2);
     assert_close(actor_direction(&stage.at(secs(0.5)).unwrap(), a), v(0.0, 2.0, 0.0), 1e-12);
     stage.actors[a].transform.rotation = DQuat::IDENTITY;
-    stage.hooks.push(Arc::new(Hook(|_, edits| {
+    stage.frame_callbacks.push(Arc::new(Callback(|_, edits| {
         edits.actors.push((0, ActorEdit::MoveTo(v(7.0, 0.0, 0.0))));
         edits.actors.push((0, ActorEdit::MoveBy(v(0.0, 0.0, 1.0))));
         Ok(())
     })));
     assert_close(actor_position(&stage.at(secs(0.5)).unwrap(), a), v(7.0, 0.0, 1.0), 1e-12);
-    stage.hooks.push(Arc::new(Hook(|_, _| {
-        Err(StageError::Hook { error: Arc::from(Box::from("walk.rhai:3:1: no")), time: secs(0.5) })
+    stage.frame_callbacks.push(Arc::new(Callback(|_, _| {
+        Err(StageError::Callback { error: Arc::from(Box::from("walk.rhai:3:1: no")), time: secs(0.5) })
     })));
     assert_eq!(stage.at(secs(0.5)).unwrap_err().to_string(), "walk.rhai:3:1: no\n    at 0.5 s");
 }

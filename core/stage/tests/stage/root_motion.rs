@@ -199,13 +199,13 @@ fn clip_time_follows_the_speed_curve_and_freezes_to_the_tick() {
     let cue =
         Cue { time_remapping: Some(Arc::new(TimeRemapping::Speed(curve))), ..Cue::new(straight_clip(1.0)) };
     for (t, clip_secs) in [(0.0, 0.0), (1.0, 0.5), (2.0, 2.0), (3.0, 4.0), (360_000.0, 719_998.0)] {
-        assert_eq!(cue.played(secs(t)), i128::from(secs(clip_secs).0), "at {t} s");
+        assert_eq!(cue.played_ticks(secs(t)), i128::from(secs(clip_secs).0), "at {t} s");
     }
     assert_eq!(cue.time_of_played(i128::from(secs(4.0).0)), Some(secs(3.0)));
     let frozen = Cue { freezes: vec![(secs(1.0), secs(2.5))], ..cue };
-    assert_eq!(frozen.played(secs(2.0)), i128::from(secs(0.5).0));
+    assert_eq!(frozen.played_ticks(secs(2.0)), i128::from(secs(0.5).0));
     // Frozen, the speed goes on as keyed: what is left out is the integral over the freeze.
-    assert_eq!(frozen.played(secs(3.0)), i128::from(secs(0.5 + 1.0).0));
+    assert_eq!(frozen.played_ticks(secs(3.0)), i128::from(secs(0.5 + 1.0).0));
     let mut broken = stage_with_cues(vec![Cue::new(straight_clip(1.0))]);
     broken.actors[0].layers[0].cues[0].freezes = vec![(Time(9), Time(3))];
     assert_eq!(broken.check().len(), 1);

@@ -126,7 +126,7 @@ fn springs_of_a_child_actor_follow_the_springs_of_its_parent() {
 fn wind_moves_springs_and_callbacks_override_it() {
     #[derive(Debug)]
     struct Gust;
-    impl FrameHook for Gust {
+    impl FrameCallback for Gust {
         fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             let wind = if time < secs(1.0) { DVec3::ZERO } else { DVec3::X * 10.0 };
             edits.actors.push((0, ActorEdit::Wind(wind)));
@@ -138,9 +138,9 @@ fn wind_moves_springs_and_callbacks_override_it() {
     stage.actors[0].transform = Placement::default();
     let x = |stage: &Stage, t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, 4).x;
     assert!(x(&stage, 1.0).abs() < 1e-6);
-    stage.hooks.push(Arc::new(Gust));
+    stage.frame_callbacks.push(Arc::new(Gust));
     assert!(x(&stage, 0.9).abs() < 1e-6 && x(&stage, 3.0) > 0.05);
-    stage.hooks.clear();
+    stage.frame_callbacks.clear();
     stage.actors[0].springs = Some(Arc::new(ActorSprings { wind: DVec3::X * 10.0, ..tail_springs() }));
     assert!((x(&stage, 0.0) - x(&stage, 3.0)).abs() < 1e-6 && x(&stage, 0.0) > 0.05);
 }
@@ -292,7 +292,7 @@ fn springs_of_a_culled_parent_are_simulated_for_visible_children() {
 fn springs_attached_by_callbacks_are_simulated_together() {
     #[derive(Debug)]
     struct Hang(usize);
-    impl FrameHook for Hang {
+    impl FrameCallback for Hang {
         fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             if (secs(0.5)..secs(1.5)).contains(&time) {
                 let parent = Parenting::always(Attachment { actor: self.0, joint: Some(4) });
@@ -302,7 +302,7 @@ fn springs_attached_by_callbacks_are_simulated_together() {
         }
     }
     let (mut stage, away) = stage_with_changing_view();
-    stage.hooks.push(Arc::new(Hang(away)));
+    stage.frame_callbacks.push(Arc::new(Hang(away)));
     let stage = Arc::new(stage);
     let mut player = Evaluator::new(stage.clone());
     let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);

@@ -70,7 +70,7 @@ fn fused_crossfade_equals_the_general_blend() {
 }
 
 #[test]
-fn morph_weights_are_overridden_by_clip_script_keys_and_hooks_in_order() {
+fn morph_weights_are_overridden_by_clip_script_keys_and_callbacks_in_order() {
     let asset = stick();
     let mut stage = Stage::default();
     stage.cast("stick", asset.clone());
@@ -96,14 +96,14 @@ fn morph_weights_are_overridden_by_clip_script_keys_and_hooks_in_order() {
     });
     near(weights(&stage, 1.5), [0.375, 0.3]);
     #[derive(Debug)]
-    struct Hook;
-    impl FrameHook for Hook {
+    struct Callback;
+    impl FrameCallback for Callback {
         fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             edits.actors.push((0, ActorEdit::Morph { instance: 0, target: 0, weight: 0.7 }));
             Ok(())
         }
     }
-    stage.hooks.push(Arc::new(Hook));
+    stage.frame_callbacks.push(Arc::new(Callback));
     near(weights(&stage, 1.5), [0.7, 0.3]);
     assert_eq!(stage.check().len(), 0);
 }

@@ -78,7 +78,7 @@ fn describe_stage_difference(a: &Stage, b: &Stage) -> String {
         ("cuts", a.cuts.len(), b.cuts.len()),
         ("lights", a.lights.len(), b.lights.len()),
         ("effects", a.effects.len(), b.effects.len()),
-        ("callbacks", a.hooks.len(), b.hooks.len()),
+        ("callbacks", a.frame_callbacks.len(), b.frame_callbacks.len()),
     ];
     if let Some((what, a, b)) = counts.into_iter().find(|(_, a, b)| a != b) {
         return format!("{a} and {b} {what}");

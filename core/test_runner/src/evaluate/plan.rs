@@ -75,7 +75,7 @@ pub(crate) fn count_stage(snapshots: &SnapshotCache, what: Count) -> usize {
         Count::Effects => stage.effects.len(),
         Count::Layers => stage.actors.iter().map(|a| a.layers.len()).sum(),
         Count::Cues => stage.actors.iter().flat_map(|a| &a.layers).map(|l| l.cues.len()).sum(),
-        Count::Callbacks => stage.hooks.len(),
+        Count::Callbacks => stage.frame_callbacks.len(),
         Count::Assets => {
             let mut known: Vec<*const Asset> = stage.actors.iter().map(|a| Arc::as_ptr(&a.asset)).collect();
             known.sort_unstable();

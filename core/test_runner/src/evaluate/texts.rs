@@ -119,7 +119,7 @@ fn lines_of_quantity(
         TextsQuantity::Printed => Vec::new(),
         TextsQuantity::LeftOut(options) => {
             let plan = plan::make_plan(snapshots, &options, time)?;
-            plan.left_out.iter().map(|l| format!("{}: {}", l.what, l.why)).collect()
+            plan.left_out.iter().map(|l| format!("{}: {}", l.part, l.why)).collect()
         }
         TextsQuantity::Effects => {
             let on = snapshots.at(time)?.effects.clone();

@@ -122,7 +122,7 @@ pub fn described<T: Described>(
     let name = field.name;
     let shown = format!("{}{name}", form.owner);
     let mut wanted = label(ui, form.stated, name, &field.about());
-    let set = match ((field.get)(of), field.of_type) {
+    let set = match ((field.get)(of), field.field_type) {
         (FieldValue::Number(n), FieldType::Number(low, high, unit)) => {
             let set = written(ui, &shown, n, low..=high, (unit, form.stated.get(name)));
             set.map(|to| FieldChange::Value(name, to, new_value_syntax(form, name)))
@@ -293,7 +293,8 @@ fn clip(
         let form = Form::of(stated, what).with_end(viewer, what);
         // Clips on upper layers fade in and have no inertial transition.
         let suits = |field: &&Field<Cue>| layer == 0 || field.name != "inertial";
-        for field in Cue::FIELDS.iter().filter(|field| (field.lacks)(played).is_none()).filter(suits) {
+        for field in Cue::FIELDS.iter().filter(|field| (field.missing_reason)(played).is_none()).filter(suits)
+        {
             wanted = match keys_of(viewer, what, played, field.name) {
                 Some(keys) => keyed(ui, stated, field.name, &keys),
                 None => described(ui, &form, played, field),
@@ -542,7 +543,7 @@ fn title(
     }
     Grid::new("title").num_columns(2).show(ui, |ui| {
         let form = Form::of(stated, what).with_end(viewer, what);
-        for field in Layer2d::FIELDS.iter().filter(|field| (field.lacks)(layer).is_none()) {
+        for field in Layer2d::FIELDS.iter().filter(|field| (field.missing_reason)(layer).is_none()) {
             wanted = described(ui, &form, layer, field).or(wanted.take());
         }
         if let Layer2dContent::Text { size, width, line_height, color, align, .. } = &layer.content {

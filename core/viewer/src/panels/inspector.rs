@@ -375,9 +375,9 @@ fn light_fields(
     let light = light_at(stage.lights.get(index)?, viewer.playhead.time());
     let mut wanted = None;
     Grid::new("light").num_columns(4).show(ui, |ui| {
-        for field in StageLight::FIELDS.iter().filter(|field| (field.lacks)(&light).is_none()) {
+        for field in StageLight::FIELDS.iter().filter(|field| (field.missing_reason)(&light).is_none()) {
             let name = format!("light {}", field.name);
-            let set = match ((field.get)(&light), field.of_type) {
+            let set = match ((field.get)(&light), field.field_type) {
                 (FieldValue::Number(n), FieldType::Number(low, high, _)) => {
                     wanted = default_menu(ui, written, field.name).or(wanted.take());
                     values::written(ui, &name, n, 0.05, low..=high, written.get(field.name))
@@ -510,7 +510,7 @@ fn sky_fields(
             let Some((key, _)) = field.keyed else { continue };
             let keyed = keyable.iter().find(|keyed| keyed.name == key && keyed.has_keys());
             let now = keyed.map(|keyed| keyed.at(viewer.playhead.time())[0]);
-            let (stated, [low, high], speed) = match ((field.get)(sky), field.of_type) {
+            let (stated, [low, high], speed) = match ((field.get)(sky), field.field_type) {
                 (FieldValue::Number(n), FieldType::Degrees(low, high)) => (n.to_degrees(), [low, high], 0.25),
                 (FieldValue::Number(n), FieldType::Number(low, high, _)) => (n, [low, high], 0.01),
                 _ => continue,

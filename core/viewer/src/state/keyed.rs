@@ -406,7 +406,7 @@ fn described<T: Described>(
     object: Option<&ScriptObject>,
 ) -> Vec<KeyedProperty> {
     let mut all = Vec::new();
-    for field in T::FIELDS.iter().filter(|field| (field.lacks)(of).is_none()) {
+    for field in T::FIELDS.iter().filter(|field| (field.missing_reason)(of).is_none()) {
         let Some((name, property)) = field.keyed else { continue };
         let keys: Vec<Channel> =
             channels.iter().rev().find(|c| c.property == property).cloned().into_iter().collect();
@@ -416,8 +416,8 @@ fn described<T: Described>(
         let is_named = |name: &str| object.is_some_and(|object| object.has_keys(name));
         if let Some(alias) = alias
             && match keys.is_empty() {
-                true => field.of_type == FieldType::Kelvin,
-                false => is_named(alias) || (field.of_type == FieldType::Kelvin && !is_named(name)),
+                true => field.field_type == FieldType::Kelvin,
+                false => is_named(alias) || (field.field_type == FieldType::Kelvin && !is_named(name)),
             }
         {
             continue;
@@ -434,7 +434,7 @@ pub(super) fn of_field<T>(
     name: &str,
     channels: Vec<Channel>,
 ) -> Option<KeyedProperty> {
-    let (kind, unit, range) = match field.of_type {
+    let (kind, unit, range) = match field.field_type {
         FieldType::Number(low, high, unit) => (ValueKind::Numbers(1), unit, [low, high]),
         FieldType::Degrees(low, high) => (ValueKind::Degrees, "°", [low, high]),
         FieldType::Flag => (ValueKind::Flag, "", [0.0, 1.0]),

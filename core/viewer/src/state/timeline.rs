@@ -65,7 +65,7 @@ impl Strip {
             speed: cue.speed,
             repeat: cue.repeat,
             weight: f64::from(cue.weight),
-            is_keyed: !cue.is_even(),
+            is_keyed: !cue.plays_at_constant_speed(),
         }
     }
 

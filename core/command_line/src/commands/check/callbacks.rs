@@ -21,7 +21,7 @@ pub fn callback_problems(
     limits: &Limits,
     should_continue: &(dyn Fn() -> bool + Sync),
 ) -> Vec<Problem> {
-    if stage.hooks.is_empty() {
+    if stage.frame_callbacks.is_empty() {
         return Vec::new();
     }
     let rate = stage.settings.fps;
@@ -72,9 +72,11 @@ pub fn callback_problems(
 fn run_callbacks_at(stage: &Stage, frame: i64) -> Option<(Problem, f64)> {
     let time = stage.settings.fps.time_of(frame);
     let mut edits = FrameEdits::default();
-    stage.hooks.iter().find_map(|hook| hook.run(time, &mut edits).err()).map(|error| match &error {
-        StageError::Hook { error, time } => (callback_problem(error.as_ref()), time.as_secs()),
-        _ => (Problem::Text(error.to_string()), time.as_secs()),
+    stage.frame_callbacks.iter().find_map(|callback| callback.run(time, &mut edits).err()).map(|error| {
+        match &error {
+            StageError::Callback { error, time } => (callback_problem(error.as_ref()), time.as_secs()),
+            _ => (Problem::Text(error.to_string()), time.as_secs()),
+        }
     })
 }
 

@@ -140,16 +140,16 @@ pub fn check_stage(
             let subject = Subject::Effect(index);
             on_stage.push(Finding { rule: "effect_leaves_out", note: false, subject, text, hint: None });
         }
-        if let Some(effect) = registry.effect(&used.drawn_by())
+        if let Some(effect) = registry.effect(&used.effect_name())
             && used.keys.is_empty()
-            && stage.hooks.is_empty()
+            && stage.frame_callbacks.is_empty()
             && changes_nothing(effect, used)
         {
             let text = format!("effect \"{}\" changes no pixel with these parameters", used.plugin);
             let subject = Subject::Effect(index);
             on_stage.push(Finding { rule: "effect_changes_nothing", note: false, subject, text, hint: None });
         }
-        if let Some(effect) = registry.effect(&used.drawn_by())
+        if let Some(effect) = registry.effect(&used.effect_name())
             && used.on.is_empty()
             && used.keys.is_empty()
             && hides_surfaces(effect, used)

@@ -23,7 +23,7 @@ impl FrameContent<'_> {
         let mut table = Table::new("", &columns);
         for part in &self.parts {
             table.rows.push(vec![
-                Cell::text(part.kind.word()),
+                Cell::text(part.kind.name()),
                 Cell::text(&part.what),
                 part.bytes.map_or_else(Cell::empty, |b| Cell::number(bytes(b as f64), b as f64)),
                 Cell::text(self.requested_by_text(&part.requested_by)),
@@ -38,7 +38,7 @@ impl FrameContent<'_> {
             let actors: Vec<Value> = by.actors.iter().map(|a| self.actor_json(*a as usize)).collect();
             let materials: Vec<&str> = by.materials.iter().map(|m| self.material_name(*m)).collect();
             json!({
-                "kind": part.kind.word(), "what": part.what, "bytes": part.bytes,
+                "kind": part.kind.name(), "what": part.what, "bytes": part.bytes,
                 "asked_by": { "actors": actors, "materials": materials, "effects": by.effects, "other": by.other },
             })
         };
@@ -47,7 +47,7 @@ impl FrameContent<'_> {
 
     /// Bytes of each part, for the chart.
     pub fn bytes_by_part(&self) -> Vec<(String, u64)> {
-        let named = |p: &Cost| Some((format!("{} {}", p.kind.word(), p.what), p.bytes?));
+        let named = |p: &Cost| Some((format!("{} {}", p.kind.name(), p.what), p.bytes?));
         self.parts.iter().filter_map(named).collect()
     }
 
@@ -67,7 +67,7 @@ impl FrameContent<'_> {
     fn requested_by_text(&self, by: &RequestedBy) -> String {
         let mut words: Vec<String> = by.other.iter().map(|w| w.to_string()).collect();
         for effect in &by.effects {
-            let used = self.stage.effects.iter().position(|e| e.drawn_by() == *effect);
+            let used = self.stage.effects.iter().position(|e| e.effect_name() == *effect);
             let place = used.map(|e| self.place_suffix(Subject::Effect(e))).unwrap_or_default();
             words.push(format!("effect {effect}{place}"));
         }

@@ -70,7 +70,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut plan = plan.first_drawn();
     let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
-    let parts = choreo_render::explain::explain(&resources, &plan, &recording);
+    let parts = choreo_render::explain::frame_costs(&resources, &plan, &recording);
     let content = FrameContent { stage, resources: &resources, places: &scene.places, parts };
     if let Some(path) = &args.plot {
         let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
@@ -96,9 +96,9 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
 /// Parts of the script's files that were not even read.
 fn unread_meshes_and_images(places: &Places) -> impl Iterator<Item = LeftOut> {
     places.clips_only.iter().map(|(file, place)| {
-        let what = format!("meshes and images of {file}");
+        let part = format!("meshes and images of {file}");
         let file = if places.is_main(&place.file) { String::new() } else { format!("{}:", place.file) };
-        LeftOut { what, why: format!("only its clips are used ({file}line {})", place.line) }
+        LeftOut { part, why: format!("only its clips are used ({file}line {})", place.line) }
     })
 }
 
@@ -151,7 +151,7 @@ fn frame_facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) 
             "lights": plan.lights.len(),
             "effects": plan.post.iter().map(|p| p.effect.clone()).collect::<Vec<_>>(),
         },
-        "left_out": plan.left_out.iter().map(|l| json!({ "what": l.what, "why": l.why })).collect::<Vec<_>>(),
+        "left_out": plan.left_out.iter().map(|l| json!({ "what": l.part, "why": l.why })).collect::<Vec<_>>(),
     })
 }
 
@@ -245,6 +245,6 @@ fn facts_text(f: &Value) -> String {
 
 fn left_out_table(plan: &Plan) -> Table {
     let mut table = Table::new("", &[("left out", "what"), ("why", "why")]);
-    table.rows = plan.left_out.iter().map(|l| vec![Cell::text(&l.what), Cell::text(&l.why)]).collect();
+    table.rows = plan.left_out.iter().map(|l| vec![Cell::text(&l.part), Cell::text(&l.why)]).collect();
     table
 }

@@ -10,7 +10,7 @@ use crate::output::target::Target;
 use crate::scene;
 use choreo_files::PartFile;
 use choreo_plugin::{Frame, Registry, VideoInfo};
-use choreo_render::cpu::{CpuRenderer, STAGES};
+use choreo_render::cpu::{CpuRenderer, STAGE_IMAGE_NAMES};
 use choreo_render::layers_2d::{ScreenLabel, compose_layers};
 use choreo_render::plan::motion_blur::plan_alone;
 use choreo_render::{PlanOptions, Renderer, SceneResources};
@@ -76,12 +76,12 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         return Err(Failure::Usage(text));
     }
     let file = |number: usize, name: &str| folder.join(format!("{number}_{name}.png"));
-    let last = file(STAGES.len(), STAGES[STAGES.len() - 1]);
+    let last = file(STAGE_IMAGE_NAMES.len(), STAGE_IMAGE_NAMES[STAGE_IMAGE_NAMES.len() - 1]);
     let target = Target::parse(&last.to_string_lossy())?;
     let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let args = RenderArgs { at: args.at.clone().or_else(|| Some("0".into())), ..args.clone() };
     let job = render::prepare_job(&args, target, &registry, None)?;
-    for (number, name) in (1..).zip(STAGES) {
+    for (number, name) in (1..).zip(STAGE_IMAGE_NAMES) {
         job.scene.inputs.check_output(&file(number, name))?;
     }
     let effects = job.scene.registry.effects();
@@ -96,7 +96,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let plan = plan_alone(&resources, stage, &snapshot, &options, |at| stage.at(at))
         .map_err(|e| Failure::input(e.to_string()))?;
     renderer.load(resources).map_err(render_failure)?;
-    let mut images = renderer.stages(&plan).map_err(render_failure)?;
+    let mut images = renderer.draw_stage_images(&plan).map_err(render_failure)?;
     let captioned = images.iter_mut().zip(STAGE_CAPTIONS).enumerate();
     captioned.for_each(|(i, (image, text))| draw_caption(image, &format!("{}  {text}", i + 1)));
     std::fs::create_dir_all(folder).map_err(|e| output_failure(&args.output, &e))?;
@@ -114,7 +114,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         ),
         options: job.options.clone(),
     };
-    for (number, (name, image)) in (1..).zip(STAGES.iter().zip(&images)) {
+    for (number, (name, image)) in (1..).zip(STAGE_IMAGE_NAMES.iter().zip(&images)) {
         let path = file(number, name);
         image_files::write_image_to(
             &path,

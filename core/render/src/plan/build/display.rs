@@ -70,7 +70,7 @@ pub(super) fn keep_light(passes: &mut Vec<PostPass>, options: &PlanOptions) -> V
     let rest = passes.split_off(after_light(passes, options));
     let first = rest.into_iter().filter(|pass| pass.number == 0);
     let left_out = |pass: PostPass| LeftOut {
-        what: format!("effect \"{}\"", pass.effect),
+        part: format!("effect \"{}\"", pass.effect),
         why: "it works on display colors, but the frame is linear light before the view transform".into(),
     };
     first.map(left_out).collect()

@@ -86,8 +86,8 @@ pub fn effect_parameters(effect: &Effect, given: &[(String, f64)]) -> Vec<f32> {
 }
 
 /// The effect plugin that draws an effect of the stage.
-fn drawn_by<'a>(used: &EffectUse, effects: &'a [Effect]) -> Option<&'a Effect> {
-    let name = used.drawn_by();
+fn effect_of<'a>(used: &EffectUse, effects: &'a [Effect]) -> Option<&'a Effect> {
+    let name = used.effect_name();
     effects.iter().find(|e| e.manifest().name == name)
 }
 
@@ -99,7 +99,7 @@ pub(crate) fn active_uses<'a>(
 ) -> impl Iterator<Item = (&'a Effect, &'a EffectUse, &'a EffectState)> {
     snapshot.effects.iter().filter_map(|state| {
         let used = stage.effects.get(state.effect)?;
-        let effect = drawn_by(used, effects)?;
+        let effect = effect_of(used, effects)?;
         let why = effect.off(&effect_parameters(effect, &state.parameters));
         why.is_none().then_some((effect, used, state))
     })
@@ -163,7 +163,7 @@ pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOp
             hook: effect.hook(),
             needs: effect.surface_inputs(&parameters),
             used: {
-                let mut used = PostPass::only(used.drawn_by().into_owned(), parameters);
+                let mut used = PostPass::only(used.effect_name().into_owned(), parameters);
                 add_frame_numbers(&mut used, &frame, options);
                 used
             },
@@ -195,8 +195,8 @@ pub(super) fn post_passes(
     for state in &snapshot.effects {
         let Some(used) = stage.effects.get(state.effect) else { continue };
         let mut leave_out =
-            |why: String| left_out.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
-        let Some(effect) = drawn_by(used, options.effects) else {
+            |why: String| left_out.push(LeftOut { part: format!("effect \"{}\"", used.plugin), why });
+        let Some(effect) = effect_of(used, options.effects) else {
             leave_out("no plugin of this name is known".into());
             continue;
         };
@@ -224,12 +224,12 @@ pub(super) fn post_passes(
                 shrink,
                 texture: pass.filter(|_| smaller).map(|pass| pass.name.clone()),
                 reads: pass.map_or_else(Vec::new, |pass| reads_of(pass, number).collect()),
-                ..PostPass::only(used.drawn_by().into_owned(), parameters.clone())
+                ..PostPass::only(used.effect_name().into_owned(), parameters.clone())
             }
         }));
         for (pass, _) in named.iter().zip(&runs).filter(|(_, runs)| !**runs) {
-            let what = format!("pass {} of the effect \"{}\"", pass.name, used.plugin);
-            left_out.push(LeftOut { what, why: "nothing reads its texture".into() });
+            let part = format!("pass {} of the effect \"{}\"", pass.name, used.plugin);
+            left_out.push(LeftOut { part, why: "nothing reads its texture".into() });
         }
     }
     (passes, left_out)

@@ -310,7 +310,7 @@ impl<'a> Planner<'a> {
             history: Vec::new(),
             dissolve: None,
             linear: false,
-            skin_once: stage.settings.skin_once,
+            pre_skinning: stage.settings.pre_skinning,
             left_out,
             effect_faults: self.effect_faults,
         }

@@ -43,8 +43,8 @@ pub(crate) fn overlays(
         drawn.left_out.extend(many.map(|(what, n)| format!("{n} {what}, at most {most} are drawn")));
         drawn.strokes.truncate(most);
         drawn.triangles.truncate(most);
-        let what = format!("part of effect \"{}\"", used.plugin);
-        left_out.extend(drawn.left_out.into_iter().map(|why| LeftOut { what: what.clone(), why }));
+        let part = format!("part of effect \"{}\"", used.plugin);
+        left_out.extend(drawn.left_out.into_iter().map(|why| LeftOut { part: part.clone(), why }));
         labels
             .extend(drawn.labels.into_iter().filter_map(|l| label(l, view)).take(MOST_LABELS - labels.len()));
         let first = overlay.vertices.len();
@@ -54,7 +54,7 @@ pub(crate) fn overlays(
         let count = overlay.vertices.len() - first;
         if count > 0 {
             overlay.parts.push(OverlayPart {
-                effect: used.drawn_by().into_owned(),
+                effect: used.effect_name().into_owned(),
                 over: drawn.over,
                 first: first as u32,
                 count: count as u32,

@@ -5,7 +5,7 @@ use crate::build::{FrameCallbackDraft, ScriptContext};
 use crate::diagnostic::Severity;
 use crate::errors;
 use choreo_motion::Time;
-use choreo_stage::{FrameEdits, FrameHook, StageError};
+use choreo_stage::{FrameCallback, FrameEdits, StageError};
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
 use rhai::NativeCallContextStore;
 use rhai::{Dynamic, Engine, FnPtr};
@@ -55,7 +55,7 @@ pub fn edit_frame(change: impl FnOnce(&mut FrameEdits)) {
 
 /// An `on_frame` callback or a function of time, with its place in the script.
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-pub(crate) struct ScriptHook {
+pub(crate) struct ScriptCallback {
     engine: Arc<Engine>,
     callback: FnPtr,
     context: NativeCallContextStore,
@@ -66,13 +66,13 @@ pub(crate) struct ScriptHook {
     callback_count: u64,
 }
 
-impl std::fmt::Debug for ScriptHook {
+impl std::fmt::Debug for ScriptCallback {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "ScriptHook({}:{}:{})", self.at.file, self.at.line, self.at.column)
+        write!(f, "ScriptCallback({}:{}:{})", self.at.file, self.at.line, self.at.column)
     }
 }
 
-impl ScriptHook {
+impl ScriptCallback {
     /// A callback. `script`: hash that identifies the script with its parameters and files; `callback_count`: number of callbacks
     /// of the stage, which share the limits of a frame.
     pub fn new(
@@ -81,12 +81,12 @@ impl ScriptHook {
         draft: FrameCallbackDraft,
         script: &str,
         callback_count: usize,
-    ) -> ScriptHook {
+    ) -> ScriptCallback {
         let FrameCallbackDraft { callback, context, at } = draft;
         // Captured values need no hash of their own, because they follow from the script, whose hash covers everything.
         let identity = format!("{script} {}:{}", at.line, at.column);
         let callback_count = callback_count as u64;
-        ScriptHook { engine, callback, context, at, shared, identity, callback_count }
+        ScriptCallback { engine, callback, context, at, shared, identity, callback_count }
     }
 
     /// Runs the callback, which adds to `edits`.
@@ -146,10 +146,10 @@ impl ScriptHook {
     }
 }
 
-impl FrameHook for ScriptHook {
+impl FrameCallback for ScriptCallback {
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
         let run = self.run_callback(time, edits);
-        run.map_err(|e| StageError::Hook { error: Arc::new(self.explain_error(&e)), time })
+        run.map_err(|e| StageError::Callback { error: Arc::new(self.explain_error(&e)), time })
     }
 
     fn identity(&self) -> String {
