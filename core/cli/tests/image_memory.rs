@@ -125,8 +125,8 @@ fn a_scene_is_the_same_without_pixels() {
         cast("cells", shape("plane", #{ image: [waves, image("holes.png")] }));
         picture(waves, #{ height: 0.5 });
     "#;
-    let run = |needs: choreo_plugin::ImportScope| {
-        let options = choreo_script::ScriptOptions { needs, ..Default::default() };
+    let run = |requested_parts: choreo_plugin::ImportScope| {
+        let options = choreo_script::ScriptOptions { requested_parts, ..Default::default() };
         choreo_script::run_text("a.rhai", script, dir.path(), &choreo::registry(), &options).unwrap().stage
     };
     let (all, few) = (run(choreo_plugin::ImportScope::ALL), run(choreo_plugin::ImportScope::NO_PIXELS));

@@ -112,7 +112,7 @@ pub fn run(
         let s = &options.test.script;
         let identity = [
             options.program.clone(),
-            format!("{:?} {:?} {:?} {:?}", s.search_paths, s.set, s.limits, s.needs),
+            format!("{:?} {:?} {:?} {:?}", s.search_paths, s.set_parameters, s.limits, s.requested_parts),
             format!("{:?} {:?} {}", options.test.root, p.device, p.any_device),
         ];
         Results::new(folder.clone(), &identity.each_ref().map(String::as_str))

@@ -118,7 +118,7 @@ fn judge(
     }
     outcome.checks = evaluate(run, registry);
     let mut skipped = None;
-    if run.broken.is_empty() {
+    if run.stage_errors.is_empty() {
         for expectation in &run.expectations {
             let Claim::Image(wanted) = &expectation.claim else { continue };
             if run.timeout.is_some_and(|timeout| timeout.check().is_err()) {

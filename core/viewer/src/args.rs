@@ -166,18 +166,18 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
     for limit in &args.limit {
         limits.set(limit).map_err(|e| usage(format!("--limit {limit}: {e}")))?;
     }
-    let mut set = Vec::new();
+    let mut set_parameters = Vec::new();
     for text in &args.set {
         let pair = text.split_once('=').filter(|(name, _)| !name.is_empty());
         let (name, value) = pair.ok_or_else(|| usage(format!("--set {text}: write NAME=VALUE")))?;
-        set.push((name.to_string(), value.to_string()));
+        set_parameters.push((name.to_string(), value.to_string()));
     }
     if !args.at.is_finite() {
         return Err(usage(format!("--at {}: write seconds", args.at)));
     }
     let commands = commands(&args, app);
     let base_source = SceneSource {
-        set,
+        set_parameters,
         search: args.search,
         plugins: args.plugins,
         limits,

@@ -89,7 +89,8 @@ fn badly_formatted(text: &str) -> String {
 #[test]
 fn formatted_lessons_make_the_same_scenes() {
     let registry = choreo::app().registry;
-    let options = ScriptOptions { needs: choreo_plugin::ImportScope::NO_PIXELS, ..ScriptOptions::default() };
+    let options =
+        ScriptOptions { requested_parts: choreo_plugin::ImportScope::NO_PIXELS, ..ScriptOptions::default() };
     let mut compared = 0;
     for path in lessons() {
         let text = badly_formatted(&std::fs::read_to_string(&path).unwrap());

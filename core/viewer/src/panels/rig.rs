@@ -43,7 +43,7 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
         for (number, look) in actor.look_at.iter().enumerate().take(MAX_CALLS) {
-            let call = shown(&places.looks, number, "look_at");
+            let call = shown(&places.look_at_constraints, number, "look_at");
             let change = section(ui, &call, |ui, form| fields(ui, form, look));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }

@@ -77,10 +77,10 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
 
 /// Files of the last round, and folders in which plugin files would be found.
 fn paths_to_watch(args: &RenderArgs, reopen_state: &ReopenState) -> WatchedPaths {
-    let touched = reopen_state.touched();
+    let dependencies = reopen_state.dependencies();
     let mut paths_to_watch = WatchedPaths::default();
-    paths_to_watch.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
-    for path in touched.missing_or_linked_paths {
+    paths_to_watch.files.extend(dependencies.read.into_iter().map(|(path, hash)| (path, Some(hash))));
+    for path in dependencies.missing_or_linked_paths {
         let content = content_of(&path);
         paths_to_watch.files.entry(path).or_insert(content);
     }
