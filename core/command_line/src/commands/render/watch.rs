@@ -69,7 +69,8 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             }
         };
         if !args.quiet && !args.json {
-            let names: Vec<String> = changed.iter().map(|f| choreo_test_runner::collect::shown(f)).collect();
+            let names: Vec<String> =
+                changed.iter().map(|f| choreo_test_runner::collect::display_path(f)).collect();
             print(&format!("changed: {}\n", names.join(", ")))?;
         }
     }
