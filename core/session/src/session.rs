@@ -244,7 +244,12 @@ impl Session {
     /// Registry of the program's plugins and the plugin files. Changed files are compiled again.
     fn registry(&mut self, interest: &mut WatchedPaths) -> Result<Registry, Vec<Problem>> {
         let inputs = [self.source.input.as_path()];
-        let found = plugin_files::list(&self.plugins, &self.source.plugins, &inputs, self.files.as_ref());
+        let found = plugin_files::list_plugin_files(
+            &self.plugins,
+            &self.source.plugins,
+            &inputs,
+            self.files.as_ref(),
+        );
         let listing = found.map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         for folder in &listing.folders {
             // The path of a folder that does not exist yet is derived from its parent.

@@ -144,14 +144,14 @@ impl FileOptions {
 }
 
 /// The command line, for completions and manual pages.
-pub fn command(app: &App) -> clap::Command {
+pub fn clap_command(app: &App) -> clap::Command {
     let name = format!("{}-view", app.name);
     Args::command().display_name(&name).bin_name(&name).version(app.version)
 }
 
 pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<ViewerOptions, ExitCode> {
     let name = format!("{}-view", app.name);
-    let matches = command(app).try_get_matches_from(args);
+    let matches = clap_command(app).try_get_matches_from(args);
     let args = matches.and_then(|matches| Args::from_arg_matches(&matches)).map_err(|error| {
         // Help and version are answers, not errors; clap knows the right stream and exit code.
         let code = error.exit_code();

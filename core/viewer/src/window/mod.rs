@@ -314,7 +314,7 @@ impl ViewerWindow {
                 self.frame_renderer.shaders_changed();
             }
             self.last_requested = Some(Instant::now());
-            self.frame_renderer.ask(request);
+            self.frame_renderer.request_frame(request);
         }
         // A frame that is being rendered wakes the window itself.
         if let Some(due) = due.filter(|_| !self.viewer.is_waiting()) {
@@ -375,7 +375,7 @@ impl ViewerWindow {
             Ok(true) => {
                 self.failures = 0;
                 for (view, frame) in std::mem::take(&mut self.frames) {
-                    self.frame_renderer.give_back(frame);
+                    self.frame_renderer.recycle_frame(frame);
                     if let Some(shown) = self.viewer.views.get(view).and_then(|v| v.shown.as_ref()) {
                         self.event_log.shown(view, shown, &self.viewer.device_usage);
                     }
@@ -503,7 +503,7 @@ impl ViewerWindow {
             });
         }
         if let Some(skipped) = self.frames.insert(view, frame) {
-            self.frame_renderer.give_back(skipped);
+            self.frame_renderer.recycle_frame(skipped);
         }
     }
 

@@ -5,7 +5,7 @@ mod callbacks;
 mod sheet;
 mod survey;
 
-pub use survey::{SceneToSurvey, survey};
+pub use survey::{SceneToSurvey, survey_scene};
 
 use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json, print_message};

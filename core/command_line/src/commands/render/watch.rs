@@ -87,7 +87,9 @@ fn paths_to_watch(args: &RenderArgs, reopen_state: &ReopenState) -> WatchedPaths
     }
     let named = &args.scene.import.plugins;
     let inputs = [args.scene.input.as_path()];
-    if let Ok(listing) = choreo_session::plugin_files::list(&Registry::default(), named, &inputs, None) {
+    if let Ok(listing) =
+        choreo_session::plugin_files::list_plugin_files(&Registry::default(), named, &inputs, None)
+    {
         for file in listing.files() {
             paths_to_watch.files.entry(file.to_path_buf()).or_insert_with(|| content_of(file));
         }
