@@ -10,7 +10,7 @@ use toml::de::{DeTable, DeValue};
 
 /// File name extensions of plugins.
 pub const FILE_ENDINGS: [&str; 5] = [
-    choreo_rhai_importer::FILE_ENDING,
+    choreo_rhai_importer::IMPORTER_ENDING,
     choreo_rhai_importer::EXPORTER_ENDING,
     choreo_wgsl_effect::FILE_ENDING,
     choreo_wasm_plugin::IMPORTER_ENDING,

@@ -1,7 +1,7 @@
 //! `choreo new`: the files that it writes work, and it overwrites nothing.
 
 use crate::common::*;
-use choreo_importer_kit_testing::outside;
+use choreo_importer_kit_testing::external_crates;
 use std::path::Path;
 
 #[test]
@@ -51,7 +51,7 @@ const OUTPUTS: &str = env!("CARGO_TARGET_TMPDIR");
 
 /// The output of a cargo command in a folder.
 fn run_cargo(folder: &Path, arguments: &[&str]) -> String {
-    let output = outside::cargo(OUTPUTS, folder).args(arguments).arg("--offline").output().unwrap();
+    let output = external_crates::cargo(OUTPUTS, folder).args(arguments).arg("--offline").output().unwrap();
     let text = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat();
     assert!(output.status.success(), "{text}");
     text
@@ -62,7 +62,7 @@ const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "outline", "
 /// A crate of each kind, and an effect for each hook, as members of one workspace; their own tests pass.
 #[test]
 fn new_plugin_crates_build_and_pass_their_tests() {
-    let (dir, sources) = (outside::folder(OUTPUTS, "new"), outside::sources());
+    let (dir, sources) = (external_crates::folder(OUTPUTS, "new"), external_crates::sources());
     std::fs::write(dir.join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
         .unwrap();
     std::fs::create_dir(dir.join("mine")).unwrap();
@@ -104,7 +104,7 @@ fn new_plugin_crates_build_and_pass_their_tests() {
 /// Outside a workspace the new crate is a workspace itself.
 #[test]
 fn a_new_crate_outside_a_workspace_builds() {
-    let (dir, sources) = (folder_with_triangle(), outside::sources());
+    let (dir, sources) = (folder_with_triangle(), external_crates::sources());
     let run = choreo(dir.path(), &["new", "exporter", "alone", "--sources", sources.to_str().unwrap()]);
     assert_eq!(run.code, 0, "{}", run.err);
     let text = run_cargo(&dir.path().join("export-alone"), &["check", "--tests"]);
@@ -180,7 +180,8 @@ fn settings_of_a_project_are_well_formed() {
     let workflow = text(".github/workflows/test.yml");
     assert!(workflow.contains(concat!("--tag v", env!("CARGO_PKG_VERSION"), " choreo")), "{workflow}");
     assert!(workflow.contains("choreo test"), "{workflow}");
-    let page = std::fs::read_to_string(outside::sources().join("core/language_server/README.md")).unwrap();
+    let page =
+        std::fs::read_to_string(external_crates::sources().join("core/language_server/README.md")).unwrap();
     let (_, settings) =
         text(".nvim.lua").split_once('\n').map(|(a, b)| (a.to_string(), b.to_string())).unwrap();
     assert!(page.contains(&settings), "{settings}");
