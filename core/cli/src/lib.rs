@@ -5,7 +5,7 @@ mod pages;
 
 use choreo_plugin::Registry;
 
-pub use choreo_command_line::{App, command, run};
+pub use choreo_command_line::{App, clap_command, run};
 
 /// Describes the program `choreo`.
 pub fn app() -> App {

@@ -7,16 +7,16 @@ use std::path::Path;
 
 /// Exit code and first line on standard error of a command that must fail without creating a file.
 fn failed_run(folder: &Path, args: &[&str]) -> (i32, String) {
-    let before = names(folder);
+    let before = file_names(folder);
     let run = choreo(folder, args);
-    assert_eq!(names(folder), before, "{args:?} left something behind");
+    assert_eq!(file_names(folder), before, "{args:?} left something behind");
     assert_eq!(run.out, "", "{args:?}");
     (run.code, run.err.lines().next().unwrap_or_default().to_string())
 }
 
 #[test]
 fn missing_and_unreadable_inputs_are_errors_that_name_the_file() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::create_dir(d.join("models")).unwrap();
     std::fs::write(d.join("models/Fox.glb"), "x").unwrap();
@@ -49,7 +49,7 @@ fn missing_and_unreadable_inputs_are_errors_that_name_the_file() {
 /// Models that are cut or have a flipped bit, at many places, give an error or a result, but no panic and no hang.
 #[test]
 fn truncated_and_bit_flipped_models_never_panic() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let whole = triangle(1.0).into_bytes();
     for (i, cut) in (0..whole.len()).step_by(97).enumerate() {
@@ -66,14 +66,14 @@ fn truncated_and_bit_flipped_models_never_panic() {
 
 #[test]
 fn an_unknown_clip_is_an_error_with_the_closest_name() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let (code, line) = failed_run(dir.path(), &["render", "tri.gltf", "--clip", "Slde", "-o", "o.mp4"]);
     assert_eq!((code, line.as_str()), (1, "tri.gltf: unknown clip \"Slde\"; did you mean \"Slide\"?"));
 }
 
 #[test]
 fn invalid_options_are_errors_that_state_the_allowed_values() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::create_dir(d.join("frames")).unwrap();
     std::fs::write(d.join("s.rhai"), "stage(#{ length: 1.0 });").unwrap();
@@ -158,7 +158,7 @@ fn invalid_options_are_errors_that_state_the_allowed_values() {
         let expected = format!("--mesh {mesh}: write a name that ends in .obj");
         assert_eq!(failed_run(d, &["pose", "tri.gltf", "--mesh", mesh]), (2, expected));
     }
-    assert_eq!(read(d, "tri.gltf"), triangle(1.0).into_bytes());
+    assert_eq!(read_file(d, "tri.gltf"), triangle(1.0).into_bytes());
     // These errors are found by clap itself.
     for args in [
         &["render", "tri.gltf"][..],
@@ -171,7 +171,7 @@ fn invalid_options_are_errors_that_state_the_allowed_values() {
 
 #[test]
 fn outputs_that_cannot_be_written_are_errors_with_the_reason() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     for (output, expected) in [
         ("no/o.mp4", "no/o.mp4: cannot write: the folder no does not exist; create it: mkdir -p no"),
@@ -198,7 +198,7 @@ fn outputs_that_cannot_be_written_are_errors_with_the_reason() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_reported() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     for format in ["y4m", "mp4", "gif"] {
         let name = format!("full.{format}");
@@ -283,13 +283,13 @@ fn errors_of_callbacks_in_late_frames_are_found() {
         assert!(run.err.trim_end().ends_with("    at 3.3 s"), "{}", run.err);
         let whole = if output.starts_with("f/") { vec!["f", "s.rhai"] } else { vec!["s.rhai"] };
         assert!(
-            part_files(d).is_empty() && names(d).iter().all(|n| whole.contains(&n.as_str())),
+            part_files(d).is_empty() && file_names(d).iter().all(|n| whole.contains(&n.as_str())),
             "{:?}",
-            names(d)
+            file_names(d)
         );
     }
     // Numbered images of the frames before the error are kept, and these frames can be rendered alone.
-    assert!(names(&d.join("f")).iter().all(|n| n.as_str() < "099.png" && n.ends_with(".png")));
+    assert!(file_names(&d.join("f")).iter().all(|n| n.as_str() < "099.png" && n.ends_with(".png")));
     let args = ["render", "s.rhai", "-o", "o.mp4", "--frames", "0..99", "--device", "cpu", "--size", "64x64"];
     assert_eq!(choreo(d, &args).code, 0);
 }
@@ -324,7 +324,7 @@ fn scripts_that_are_not_utf8_too_large_or_too_deep_are_errors() {
 
 #[test]
 fn several_script_errors_are_reported_together() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::write(d.join("s.rhai"), "let a = load(\"no.glb\");\nlet b = load(\"tr.gltf\");").unwrap();
     let run = choreo(d, &["check", "s.rhai", "--json"]);
@@ -341,7 +341,7 @@ fn several_script_errors_are_reported_together() {
 /// Errors of the command line are printed as JSON, too, wherever `--json` stands.
 #[test]
 fn command_line_errors_are_printed_as_json() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     for (args, kind, message) in [
         (&["check", "tri.gltf", "--jsn", "--json"][..], "usage", "unexpected argument '--jsn' found"),
         (&["--json", "check", "tri.gltf"], "usage", "unexpected argument '--json' found"),
@@ -374,7 +374,7 @@ fn command_line_errors_are_printed_as_json() {
 
 #[test]
 fn help_lists_limits_and_exit_codes() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let help = choreo(dir.path(), &["render", "--help"]).out;
     let row = |name: &str| help.lines().find(|l| l.trim_start().starts_with(name)).unwrap_or_default();
     assert!(row("memory ").contains(" 4 GiB = 4294967296  bytes of memory"), "{}", row("memory "));
@@ -427,7 +427,7 @@ fn run_with_thread_limit(folder: &Path, most: u32, args: &[&str]) -> Option<Run>
 #[cfg(target_os = "linux")]
 #[test]
 fn too_few_threads_end_with_exit_code_5() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::write(
         d.join("s.rhai"),
@@ -476,7 +476,7 @@ fn too_few_threads_end_with_exit_code_5() {
 #[cfg(target_os = "linux")]
 #[test]
 fn too_little_memory_ends_with_an_exit_code() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::write(
         d.join("s.rhai"),
@@ -520,7 +520,7 @@ fn too_little_memory_ends_with_an_exit_code() {
 /// `info` stops at the memory limit, as `check` does.
 #[test]
 fn info_and_check_obey_the_memory_limit() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let mut stl = vec![0u8; 80];
     let triangles = 400_000u32;
     stl.extend(triangles.to_le_bytes());

@@ -17,7 +17,7 @@ mod common;
 #[path = "common/hostile_assets.rs"]
 mod hostile_assets;
 
-use common::{Run, names, run_result};
+use common::{Run, file_names, run_result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -217,7 +217,7 @@ fn judge(sandbox: &Sandbox, script: &Script, command: &str) -> Result<Run, Strin
     if let Some(bad) = text.chars().find(|c| steers(*c)) {
         return Err(format!("steers the terminal with {bad:?}:\n{}", text.escape_debug()));
     }
-    let pictures = if folder.is_dir() { names(&folder) } else { Vec::new() };
+    let pictures = if folder.is_dir() { file_names(&folder) } else { Vec::new() };
     if run.code == 0 && command == "render" && pictures != ["0000.png", "0001.png"] {
         return Err(format!("good, but the images are {pictures:?}"));
     }
@@ -349,7 +349,7 @@ fn accept(script: &Script, check: &Run, render: &Run) {
 fn every_hostile_script_gives_the_result_in_its_head() {
     let accepting = std::env::var_os("CHOREO_ACCEPT").is_some();
     let only = std::env::var("CHOREO_ONLY").unwrap_or_default();
-    let mut scripts: Vec<Script> = names(&corpus())
+    let mut scripts: Vec<Script> = file_names(&corpus())
         .iter()
         .filter(|n| n.ends_with(".rhai"))
         .map(|n| Script::read(&corpus().join(n)))

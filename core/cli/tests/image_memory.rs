@@ -1,6 +1,6 @@
 //! Memory for images: commands that describe a scene read only the headers, and a render holds an image once with its mipmaps.
 
-use choreo_importer_kit_testing::alone;
+use choreo_importer_kit_testing::own_process;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
@@ -57,7 +57,7 @@ fn run_in_this_process(folder: &Path, args: &[&str]) {
 
 /// Runs a command in a separate process and asserts that its peak memory is at most `most` MiB.
 fn assert_memory_at_most(most: u64, args: &[&str]) {
-    if alone::ran_in_own_process() {
+    if own_process::ran_in_own_process() {
         return;
     }
     let folder = folder_with_large_image();
@@ -125,8 +125,8 @@ fn a_scene_is_the_same_without_pixels() {
         cast("cells", shape("plane", #{ image: [waves, image("holes.png")] }));
         picture(waves, #{ height: 0.5 });
     "#;
-    let run = |needs: choreo_plugin::ImportScope| {
-        let options = choreo_script::ScriptOptions { needs, ..Default::default() };
+    let run = |requested_parts: choreo_plugin::ImportScope| {
+        let options = choreo_script::ScriptOptions { requested_parts, ..Default::default() };
         choreo_script::run_text("a.rhai", script, dir.path(), &choreo::registry(), &options).unwrap().stage
     };
     let (all, few) = (run(choreo_plugin::ImportScope::ALL), run(choreo_plugin::ImportScope::NO_PIXELS));
@@ -171,7 +171,7 @@ fn a_render_holds_the_image_once_with_its_mipmaps() {
 /// The limit can be exceeded: decoding the image takes more memory.
 #[test]
 fn decoding_the_image_exceeds_the_limit_for_headers() {
-    if alone::ran_in_own_process() {
+    if own_process::ran_in_own_process() {
         return;
     }
     let folder = folder_with_large_image();

@@ -26,7 +26,7 @@ fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
 
 /// A folder with a model whose clip takes ten minutes.
 fn long_folder() -> tempfile::TempDir {
-    let folder = folder();
+    let folder = folder_with_triangle();
     std::fs::write(folder.path().join("long.gltf"), triangle(600.0)).unwrap();
     folder
 }
@@ -43,14 +43,14 @@ fn with_file_limit(folder: &Path, blocks: usize, args: &[&str]) -> Run {
 #[test]
 fn a_full_disk_keeps_the_old_file_and_finished_frames() {
     for (output, blocks) in [("o.y4m", 300), ("o.gif", 20), ("o.mp4", 60)] {
-        let dir = folder();
+        let dir = folder_with_triangle();
         let d = dir.path();
         std::fs::write(d.join(output), "old").unwrap();
         let frames = &["--frames", "0..24"];
         let run = with_file_limit(d, blocks, &render("tri.gltf", output, frames));
         assert_eq!(run.code, 3, "{output}: {}", run.err);
         assert!(run.err.contains(&format!("{output}: cannot write: File too large")), "{}", run.err);
-        assert_eq!(read(d, output), b"old");
+        assert_eq!(read_file(d, output), b"old");
         assert!(d.join(format!("{output}.part")).is_dir(), "{output}: the finished frames are kept");
         let loud: Vec<&str> = render("tri.gltf", output, &["--resume", "--frames", "0..24"])
             .into_iter()
@@ -58,17 +58,17 @@ fn a_full_disk_keeps_the_old_file_and_finished_frames() {
             .collect();
         let run = choreo(d, &loud);
         assert!(run.code == 0 && run.err.contains("of them finished before"), "{}", run.err);
-        let resumed = read(d, output);
+        let resumed = read_file(d, output);
         let whole = format!("whole{}", &output[1..]);
         assert_eq!(choreo(d, &render("tri.gltf", &whole, frames)).code, 0);
-        assert!(resumed == read(d, &whole), "{output}");
+        assert!(resumed == read_file(d, &whole), "{output}");
         assert_eq!(part_files(d), Vec::<String>::new());
     }
 }
 
 #[test]
 fn an_image_that_does_not_fit_keeps_the_old_file() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::write(d.join("o.png"), "old").unwrap();
     for output in ["o.png", "f/%d.png"] {
@@ -76,14 +76,14 @@ fn an_image_that_does_not_fit_keeps_the_old_file() {
         assert_eq!(run.code, 3, "{}", run.err);
         assert!(run.err.contains(".png: cannot write: File too large"), "{}", run.err);
     }
-    assert_eq!(read(d, "o.png"), b"old");
-    assert_eq!(names(d), ["o.png", "tri.gltf"]);
+    assert_eq!(read_file(d, "o.png"), b"old");
+    assert_eq!(file_names(d), ["o.png", "tri.gltf"]);
 }
 
 /// Uses a separate file system, if the test is allowed to mount one.
 #[test]
 fn a_write_that_fills_the_disk_reports_a_full_disk() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::create_dir(d.join("small")).unwrap();
     let mut mount = Command::new("mount");
@@ -95,7 +95,7 @@ fn a_write_that_fills_the_disk_reports_a_full_disk() {
     }
     std::fs::write(d.join("small/o.y4m"), "old").unwrap();
     let run = choreo(d, &render("tri.gltf", "small/o.y4m", &[]));
-    let kept = (read(d, "small/o.y4m"), d.join("small/o.y4m.part").exists());
+    let kept = (read_file(d, "small/o.y4m"), d.join("small/o.y4m.part").exists());
     let pictures = choreo(d, &render("tri.gltf", "small/f/%d.png", &[]));
     let unmounted = Command::new("umount").arg(d.join("small")).status();
     assert!(unmounted.is_ok_and(|s| s.success()));
@@ -125,7 +125,7 @@ fn a_video_whose_folder_vanishes_ends_at_once() {
 
 #[test]
 fn read_only_files_and_folders_are_not_written() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     for output in ["o.mp4", "o.png", "o.gif", "o.y4m"] {
         std::fs::write(d.join(output), "old").unwrap();
@@ -133,7 +133,7 @@ fn read_only_files_and_folders_are_not_written() {
         let run = choreo(d, &render("tri.gltf", output, &["--frames", "0"]));
         assert_eq!(run.code, 3, "{}", run.err);
         assert_eq!(run.err, format!("{output}: cannot write: the file there is read-only\n"));
-        assert_eq!(read(d, output), b"old");
+        assert_eq!(read_file(d, output), b"old");
         // There is something else under the name of the part.
         let blocked = format!("b{output}");
         match output {
@@ -242,8 +242,8 @@ fn symbolic_links_at_outputs_are_refused_and_named() {
         let words = format!("cannot write: {link} is a symbolic link to {}; remove it", target.display());
         assert!(output.contains(&words), "{all}");
         assert!(std::fs::symlink_metadata(d.join(link)).unwrap().is_symlink(), "{all}");
-        assert_eq!(read(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{all}");
-        assert_eq!(names(&dir.path().join("far")), Vec::<String>::new(), "{all}");
+        assert_eq!(read_file(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{all}");
+        assert_eq!(file_names(&dir.path().join("far")), Vec::<String>::new(), "{all}");
     }
 }
 
@@ -284,8 +284,8 @@ fn a_hard_link_in_the_place_of_a_part_is_replaced() {
         std::fs::hard_link(dir.path().join("bashrc"), d.join(part)).unwrap();
         let run = choreo(&d, &render("tri.gltf", output, &["--frames", "0"]));
         assert_eq!(run.code, 0, "{part}: {}", run.err);
-        assert_eq!(read(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{part}");
-        assert!(read(&d, output).len() > 100 && part_files(&d).is_empty());
+        assert_eq!(read_file(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{part}");
+        assert!(read_file(&d, output).len() > 100 && part_files(&d).is_empty());
     }
 }
 
@@ -315,7 +315,7 @@ fn pipes_are_written_only_if_they_have_a_reader() {
     ];
     for (name, args) in cases {
         assert_eq!(choreo(d, &args).code, 0);
-        let expected = read(d, name);
+        let expected = read_file(d, name);
         std::fs::remove_file(d.join(name)).unwrap();
         assert!(Command::new("mkfifo").arg(d.join(name)).status().unwrap().success());
         // `timeout` ends a command that blocks, with exit code 124.
@@ -341,7 +341,7 @@ fn a_linked_folder_beside_the_script_is_not_written_through() {
     let (scene, far) = (dir.path().join("scene"), dir.path().join("far"));
     std::fs::create_dir_all(scene.join("inner")).unwrap();
     std::fs::create_dir_all(&far).unwrap();
-    std::fs::copy(folder().path().join("tri.gltf"), scene.join("tri.gltf")).unwrap();
+    std::fs::copy(folder_with_triangle().path().join("tri.gltf"), scene.join("tri.gltf")).unwrap();
     std::os::unix::fs::symlink("../far", scene.join("frames")).unwrap();
     std::os::unix::fs::symlink("inner", scene.join("within")).unwrap();
     for output in ["frames/%04d.png", "frames/new/o.y4m", "./frames/o.mp4", "inner/../frames/o.png"] {
@@ -366,7 +366,7 @@ fn an_output_in_the_place_of_an_input_is_refused() {
         std::fs::write(d.join(name), bytes).unwrap();
     };
     assert_eq!(choreo(d, &render("tri.gltf", "t.png", &["--frames", "0"])).code, 0);
-    let picture = read(d, "t.png");
+    let picture = read_file(d, "t.png");
     for name in ["n/2.png", "s/3_clip.png"] {
         write(name, &picture);
     }
@@ -408,14 +408,14 @@ fn an_output_in_the_place_of_an_input_is_refused() {
         ("suite/box.rhai", "suite/box.rhai", vec!["test", "suite", "--junit", "suite/box.rhai"]),
     ];
     for (output, input, args) in cases {
-        let before = read(d, input);
+        let before = read_file(d, input);
         let run = choreo(d, &args);
         let words =
             format!("{output}: cannot write: it is the input {input}; give the output another name\n");
         assert!(run.code == 3 && run.err.ends_with(&words), "{args:?}: {} {}", run.code, run.err);
-        assert!(read(d, input) == before && read(d, output) == before, "{args:?}: written");
+        assert!(read_file(d, input) == before && read_file(d, output) == before, "{args:?}: written");
     }
-    assert_eq!(names(&d.join("n")), ["2.png"]);
+    assert_eq!(file_names(&d.join("n")), ["2.png"]);
     // This includes the name of the part.
     std::fs::rename(d.join("t.png"), d.join("x.png.part")).unwrap();
     let script = std::fs::read_to_string(d.join("s.rhai")).unwrap().replace("\"t.png\"", "\"x.png.part\"");
@@ -462,7 +462,7 @@ fn the_second_of_two_renders_to_one_output_is_refused() {
 /// Two processes at the same time each render half of the frames of a video.
 #[test]
 fn two_processes_can_share_numbered_images() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let start = |frames: &'static str| {
         command(d, &render("tri.gltf", "f/%03d.png", &["--frames", frames]))
@@ -474,16 +474,16 @@ fn two_processes_can_share_numbered_images() {
         let run = run_result(child.wait_with_output().unwrap());
         assert_eq!(run.code, 0, "{}", run.err);
     }
-    assert_eq!(names(&d.join("f")).len(), 30);
+    assert_eq!(file_names(&d.join("f")).len(), 30);
     assert_eq!(choreo(d, &render("tri.gltf", "w/%03d.png", &[])).code, 0);
-    for name in names(&d.join("w")) {
-        assert!(read(&d.join("f"), &name) == read(&d.join("w"), &name), "{name}");
+    for name in file_names(&d.join("w")) {
+        assert!(read_file(&d.join("f"), &name) == read_file(&d.join("w"), &name), "{name}");
     }
 }
 
 #[test]
 fn an_image_that_another_process_writes_is_not_overwritten() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let held = std::fs::File::create(d.join("o.png.part")).unwrap();
     held.lock().unwrap();
@@ -491,5 +491,5 @@ fn an_image_that_another_process_writes_is_not_overwritten() {
     assert_eq!((run.code, run.err.contains("another choreo is rendering to it")), (3, true), "{}", run.err);
     drop(held);
     assert_eq!(choreo(d, &render("tri.gltf", "o.png", &["--frames", "0"])).code, 0);
-    assert_eq!(names(d), ["o.png", "tri.gltf"]);
+    assert_eq!(file_names(d), ["o.png", "tri.gltf"]);
 }

@@ -12,7 +12,7 @@ use choreo_render::{
 };
 use choreo_script::run_file;
 use choreo_stage::Evaluator;
-use common::{choreo, names, read};
+use common::{choreo, file_names, read_file};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -45,7 +45,7 @@ fn render_video(folder: &Path, device: &str, name: &str, frames: &str, jobs: &st
     args.extend(["--device", device, "--jobs", jobs, "--size", "160x90", "--samples", "1"]);
     let run = choreo(folder, &args);
     assert_eq!(run.code, 0, "{}", run.err);
-    read(folder, name)
+    read_file(folder, name)
 }
 
 fn assert_processes_agree(device: &str) {
@@ -65,18 +65,18 @@ fn assert_processes_agree(device: &str) {
             return;
         }
     }
-    let whole = names(&d.join("whole"));
+    let whole = file_names(&d.join("whole"));
     assert_eq!(whole.len(), 8);
     for (out, ranges, _) in cases {
-        let file_names = names(&d.join(out));
-        assert_eq!(file_names.len(), if out == "alone" { ranges.len() } else { 8 }, "{out}");
-        for name in &file_names {
-            let same = read(d, &format!("whole/{name}")) == read(d, &format!("{out}/{name}"));
+        let frame_files = file_names(&d.join(out));
+        assert_eq!(frame_files.len(), if out == "alone" { ranges.len() } else { 8 }, "{out}");
+        for name in &frame_files {
+            let same = read_file(d, &format!("whole/{name}")) == read_file(d, &format!("{out}/{name}"));
             assert!(same, "{device}: {name} differs between whole and {out}");
         }
     }
     // The comparison can fail: consecutive frames differ.
-    assert!(read(d, "whole/0040.png") != read(d, "whole/0041.png"));
+    assert!(read_file(d, "whole/0040.png") != read_file(d, "whole/0041.png"));
 
     for format in ["y4m", "mp4", "gif"] {
         let whole = render_video(d, device, &format!("whole.{format}"), "40..48", "1");
@@ -84,7 +84,8 @@ fn assert_processes_agree(device: &str) {
         assert!(other == whole, "{device}: {format} with seven threads");
     }
     // Parts of a y4m stream, joined, are the whole stream.
-    let (whole, mut joined) = (read(d, "whole.y4m"), render_video(d, device, "first.y4m", "40..43", "2"));
+    let (whole, mut joined) =
+        (read_file(d, "whole.y4m"), render_video(d, device, "first.y4m", "40..43", "2"));
     let rest = render_video(d, device, "rest.y4m", "43..48", "1");
     let header = rest.iter().position(|b| *b == b'\n').unwrap() + 1;
     joined.extend(&rest[header..]);

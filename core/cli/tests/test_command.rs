@@ -97,12 +97,12 @@ fn without_a_build_folder_the_cache_of_the_user_is_used() {
         let seen = run.out.lines().find_map(|line| line.trim().strip_prefix("see "));
         let seen = Path::new(seen.unwrap_or_else(|| panic!("{}", run.out)).trim()).to_path_buf();
         assert!(seen.starts_with(cache.join("choreo/test/pictures")) && seen.exists(), "{}", run.out);
-        assert_eq!(names(&d.join("shared")), Vec::<String>::new());
+        assert_eq!(file_names(&d.join("shared")), Vec::<String>::new());
     };
     failing();
     symlink(d.join("far"), d.join("target")).unwrap();
     failing();
-    assert_eq!(names(&d.join("far")), Vec::<String>::new());
+    assert_eq!(file_names(&d.join("far")), Vec::<String>::new());
 }
 
 #[test]
@@ -116,7 +116,7 @@ fn images_are_accepted_then_compared_and_a_changed_block_fails() {
     assert!(run.err.contains("2 sections failed"), "{}", run.err);
 
     assert_eq!(run_tests(d, &["suite", "--accept=box"]).code, 1, "the other is still missing");
-    assert_eq!(names(&d.join("suite/pictures/box")), ["box.png"]);
+    assert_eq!(file_names(&d.join("suite/pictures/box")), ["box.png"]);
     assert_eq!(run_tests(d, &["suite", "--accept"]).code, 0);
     let run = run_tests(d, &["suite"]);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
@@ -142,7 +142,8 @@ fn images_are_accepted_then_compared_and_a_changed_block_fails() {
     }
     for kind in ["expected", "got", "difference"] {
         assert!(
-            read(d, &format!("target/choreo-test/pictures/suite_box/box.{kind}.png")).starts_with(b"\x89PNG")
+            read_file(d, &format!("target/choreo-test/pictures/suite_box/box.{kind}.png"))
+                .starts_with(b"\x89PNG")
         );
     }
     // The commands in the message work.
@@ -405,7 +406,7 @@ fn only_sections_that_depend_on_a_change_run_again() {
     assert_eq!(value["reused"], 0);
     // Damaged entries are ignored.
     let results = d.join("target/choreo-test/results");
-    for name in names(&results) {
+    for name in file_names(&results) {
         std::fs::write(results.join(name), b"{").unwrap();
     }
     assert_eq!(reused(&[]), (0, vec![false; 3]));
@@ -422,12 +423,12 @@ fn json_junit_and_html_reports_agree() {
     assert_eq!(value["unused_pictures"], serde_json::json!(["suite/pictures/box/old.png"]));
     let measures = &value["sections"][0]["checks"][0]["picture"]["measures"];
     assert_eq!(measures["region"], serde_json::json!([40, 20, 4, 4]));
-    let xml = String::from_utf8(read(d, "r.xml")).unwrap();
+    let xml = String::from_utf8(read_file(d, "r.xml")).unwrap();
     assert!(
         xml.contains("<testsuites name=\"choreo test\" tests=\"3\" failures=\"1\" errors=\"0\""),
         "{xml}"
     );
-    let html = String::from_utf8(read(d, "r.html")).unwrap();
+    let html = String::from_utf8(read_file(d, "r.html")).unwrap();
     assert_eq!(html.matches("src=\"data:image/png").count(), 6);
     assert_eq!(part_files(d), Vec::<String>::new());
     for option in ["--junit", "--html"] {

@@ -35,7 +35,7 @@ fn build_new_package(folder: &Path, kind: &str, crate_name: &str) {
 
 #[test]
 fn new_packages_are_built_installed_and_used() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let folder = dir.path();
     for (kind, crate_name) in [("importer", "import-my-format"), ("exporter", "export-my-format")] {
         build_new_package(folder, kind, crate_name);
@@ -60,7 +60,7 @@ fn new_packages_are_built_installed_and_used() {
     std::fs::write(folder.join("s.rhai"), script).unwrap();
     run_successfully(folder, &["export", "s.rhai", "-o", "own.my_format", "--export", "digits=2"]);
     run_successfully(folder, &["export", "s.rhai", "-o", "ours.csv", "--export", "digits=2"]);
-    let (own, ours) = (read(folder, "own.my_format"), read(folder, "ours.csv"));
+    let (own, ours) = (read_file(folder, "own.my_format"), read_file(folder, "ours.csv"));
     assert_eq!(String::from_utf8_lossy(&own), String::from_utf8_lossy(&ours));
     assert!(own.len() > 60, "{}", String::from_utf8_lossy(&own));
     run_successfully(folder, &["plugins", "remove", "my_exporter"]);
@@ -69,7 +69,7 @@ fn new_packages_are_built_installed_and_used() {
 
 #[test]
 fn a_manifest_is_cached_and_a_different_one_detected() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let folder = dir.path();
     build_new_package(folder, "importer", "import-my-format");
     std::fs::create_dir(folder.join("plugins")).unwrap();
@@ -82,7 +82,7 @@ fn a_manifest_is_cached_and_a_different_one_detected() {
         .unwrap();
     run_successfully(folder, &["info", "a.my_format"]);
     let remembered = folder.join("cache/choreo/plugin-manifests");
-    let [name] = names(&remembered).try_into().unwrap();
+    let [name] = file_names(&remembered).try_into().unwrap();
     let text = std::fs::read(remembered.join(&name)).unwrap();
     let place = text.windows(5).position(|part| part == b"0.1.0").unwrap();
     let mut other = text.clone();
@@ -113,7 +113,7 @@ fn png_of_four_squares() -> Vec<u8> {
 
 #[test]
 fn an_importer_provides_a_texture_and_its_file() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let folder = dir.path();
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
     run_successfully(
@@ -123,7 +123,7 @@ fn an_importer_provides_a_texture_and_its_file() {
     let crate_folder = folder.join("import-painted");
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).unwrap();
     write("import-painted/src/lib.rs", include_bytes!("wasm/painted.rs"));
-    let manifest = String::from_utf8(read(&crate_folder, "Cargo.toml")).unwrap();
+    let manifest = String::from_utf8(read_file(&crate_folder, "Cargo.toml")).unwrap();
     let manifest = manifest.replacen("[dependencies]", "[dependencies]\npng = \"0.18\"", 1);
     write("import-painted/Cargo.toml", manifest.as_bytes());
     let picture = png_of_four_squares();
@@ -158,7 +158,7 @@ fn an_importer_provides_a_texture_and_its_file() {
     }
     // An export asks for the file of the image and keeps its bytes.
     run_successfully(folder, &["export", "s.rhai", "-o", "s.glb"]);
-    let exported = read(folder, "s.glb");
+    let exported = read_file(folder, "s.glb");
     assert!(exported.windows(picture.len()).any(|part| part == picture), "the PNG file as it was");
     if let Some(kept) = std::env::var_os("CHOREO_KEEP_IMAGES") {
         std::fs::copy(folder.join("s.png"), Path::new(&kept).join("painted_by_wasm.png")).unwrap();

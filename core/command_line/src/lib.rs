@@ -15,8 +15,8 @@ mod terminal;
 
 pub use app::App;
 pub use args::Device;
-pub use commands::check::{SceneToSurvey, survey};
-pub use drawing::device::{cache_dir, slower_than_the_cpu};
+pub use commands::check::{SceneToSurvey, survey_scene};
+pub use drawing::device::{cache_dir, software_vulkan_reason};
 pub use process::panics::set_exit_code_of_abort;
 
 use args::{Cli, Command, PluginsAction, PluginsArgs, RenderArgs, values};
@@ -71,7 +71,7 @@ pub fn project_folders(input: &Path, app: &App) -> Result<Vec<OsString>, Project
 }
 
 /// The command line of a program, for completions and manual pages.
-pub fn command(app: &App) -> clap::Command {
+pub fn clap_command(app: &App) -> clap::Command {
     help::command_with_plugin_options(&[], app)
 }
 

@@ -287,7 +287,7 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
 }
 
 /// Decoded images, with one white pixel and a warning in place of each image that cannot be decoded. An error if the import was cancelled.
-pub fn or_white<B>(
+pub fn replace_failed_with_white<B>(
     decoded: Vec<Result<Arc<Image>>>,
     entries: &[Encoded<B>],
     notes: &Notes,

@@ -33,7 +33,7 @@ impl Triangulator {
     /// Passes the triangles of a polygon to `out`, as numbers of its vertices, with the winding of the polygon: always `count − 2` of them;
     /// none for fewer than three vertices. `vertex` returns the position of a vertex. Convex polygons and quads are not copied, so that
     /// they take no memory, whatever their size.
-    pub fn cut(
+    pub fn triangulate(
         &mut self,
         count: usize,
         vertex: impl Fn(usize) -> DVec3,
@@ -204,7 +204,7 @@ mod tests {
     fn cut(vertices: &[[f64; 2]]) -> (Vec<[u32; 3]>, Cut) {
         let vertices: Vec<DVec3> = vertices.iter().map(|c| DVec3::new(c[0], c[1], 0.0)).collect();
         let mut out = Vec::new();
-        let how = Triangulator::default().cut(vertices.len(), |i| vertices[i], |t| out.push(t));
+        let how = Triangulator::default().triangulate(vertices.len(), |i| vertices[i], |t| out.push(t));
         assert_eq!(out.len(), vertices.len().saturating_sub(2));
         (out, how)
     }
@@ -288,7 +288,7 @@ mod tests {
                 })
                 .collect();
             let mut out = Vec::new();
-            let how = Triangulator::default().cut(vertices.len(), |i| vertices[i], |t| out.push(t));
+            let how = Triangulator::default().triangulate(vertices.len(), |i| vertices[i], |t| out.push(t));
             assert_eq!(how, Cut::Whole);
             let vector = |t: &[u32; 3]| {
                 let [a, b, c] = t.map(|i| vertices[i as usize]);

@@ -18,7 +18,7 @@ pub struct SamplingLimits {
 pub type Row = (Time, Vec<f32>);
 
 /// Samples `at` at these ascending times and, where needed, between them. `None` if this takes more rows than allowed.
-pub fn rows(
+pub fn sample_rows(
     times: &[Time],
     limits: SamplingLimits,
     mut at: impl FnMut(Time) -> Vec<f32>,
@@ -82,7 +82,7 @@ mod tests {
         let limits = SamplingLimits { tolerance: 1e-4, depth: 9, rows: 1000 };
         let curve = |time: Time| vec![libm::sin(3.0 * time.as_secs()) as f32, 2.0];
         let times = [0.0, 0.5, 2.0].map(Time::from_secs);
-        let rows = rows(&times, limits, curve).unwrap_or_default();
+        let rows = sample_rows(&times, limits, curve).unwrap_or_default();
         assert!((20..400).contains(&rows.len()), "{}", rows.len());
         assert!(times.iter().all(|time| rows.iter().any(|row| row.0 == *time)));
         for pair in rows.windows(2) {
@@ -98,8 +98,8 @@ mod tests {
     fn linear_curves_need_no_added_rows_and_too_many_rows_are_refused() {
         let times = [0.0, 1.0].map(Time::from_secs);
         let limits = SamplingLimits { tolerance: 1e-4, depth: 9, rows: 8 };
-        let straight = rows(&times, limits, |time| vec![time.as_secs() as f32]);
+        let straight = sample_rows(&times, limits, |time| vec![time.as_secs() as f32]);
         assert_eq!(straight.map(|rows| rows.len()), Some(2));
-        assert_eq!(rows(&times, limits, |time| vec![libm::sin(40.0 * time.as_secs()) as f32]), None);
+        assert_eq!(sample_rows(&times, limits, |time| vec![libm::sin(40.0 * time.as_secs()) as f32]), None);
     }
 }

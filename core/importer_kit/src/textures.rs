@@ -5,7 +5,7 @@
 
 use crate::Result;
 use crate::budget::{Budget, Notes};
-use crate::images::{Encoded, Formats, decode_beside, or_white};
+use crate::images::{Encoded, Formats, decode_beside, replace_failed_with_white};
 use crate::search;
 use crate::text::percent_decoded;
 use choreo_asset::{Image, Material, TextureRef};
@@ -84,7 +84,7 @@ impl Textures {
         rest: impl FnOnce() -> R,
     ) -> Result<(Vec<Arc<Image>>, R)> {
         let (decoded, rest) = decode_beside(&self.entries, needs, files, rest);
-        Ok((or_white(decoded, &self.entries, notes)?, rest))
+        Ok((replace_failed_with_white(decoded, &self.entries, notes)?, rest))
     }
 }
 

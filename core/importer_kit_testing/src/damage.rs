@@ -1,6 +1,6 @@
 //! Imports of truncated files and of files with flipped bits: no panic, bounded memory, an error with a place or a valid asset.
 
-use crate::{Companions, import, sound, source};
+use crate::{Companions, asset_rules, import, source};
 use choreo_plugin::{Files, ImportScope, Importer};
 use std::time::Instant;
 
@@ -30,7 +30,7 @@ pub struct Outcome {
 /// Damages each file, given as (name, bytes, flips), all in one separate process. Of each file, some variants must be refused and some
 /// read.
 pub fn run_cases(importer: &dyn Importer, cases: impl FnOnce() -> Vec<(&'static str, Vec<u8>, usize)>) {
-    if crate::alone::ran_in_own_process() {
+    if crate::own_process::ran_in_own_process() {
         return;
     }
     for (name, bytes, flips) in cases() {
@@ -49,7 +49,7 @@ const MAX_SECS: f64 = 30.0;
 
 /// Truncates the file at `cuts` places and flips `flips` pseudo-random bits, one at a time. Panics with the name and the place if an error
 /// has no place, if an import computes for more than half a minute, or if all of it takes more memory at once than 16 times the file and 64
-/// MiB: the test begins with [`crate::alone::ran_in_own_process`]. The files of `beside` are not damaged.
+/// MiB: the test begins with [`crate::own_process::ran_in_own_process`]. The files of `beside` are not damaged.
 pub fn run_slice(
     importer: &dyn Importer,
     name: &str,
@@ -69,7 +69,7 @@ pub fn run_slice(
         assert!(secs < MAX_SECS, "{name} {how}: {secs:.1} s");
         match result {
             Ok(asset) => {
-                sound::check(&format!("{name} {how}"), &asset);
+                asset_rules::check(&format!("{name} {how}"), &asset);
                 outcome.read += 1;
             }
             Err(e) => {
@@ -112,7 +112,7 @@ fn thread_cpu_secs() -> Option<f64> {
 }
 
 /// The process's greatest resident memory since the start (Linux). Other tests of the process would count, too, so the caller begins with
-/// [`crate::alone::ran_in_own_process`].
+/// [`crate::own_process::ran_in_own_process`].
 struct Memory {
     before: Option<u64>,
 }

@@ -2,15 +2,15 @@
 //! tests in a process of their own, crates outside the workspace, packages from npm and PyPI, and assimp's command line as a second
 //! opinion. Only tests depend on this crate.
 
-pub mod alone;
+pub mod asset_rules;
 pub mod assimp;
 pub mod damage;
 pub mod export;
+pub mod external_crates;
 pub mod npm;
-pub mod outside;
+pub mod own_process;
 pub mod pose;
 pub mod pypi;
-pub mod sound;
 pub mod wasm;
 
 use choreo_asset::Asset;

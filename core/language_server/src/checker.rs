@@ -2,8 +2,8 @@
 
 use crate::{Host, Project};
 use choreo_plugin::{ImportScope, PluginPanic};
-use choreo_script::testing::{TestOptions, has_sections, section_errors};
-use choreo_script::{AssetCache, Diagnostic, Places, ScriptOptions, run_file_touching};
+use choreo_script::testing::{TestOptions, check_sections, has_sections};
+use choreo_script::{AssetCache, Diagnostic, Places, ScriptOptions, run_file_with_dependencies};
 use choreo_stage::Stage;
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -24,7 +24,7 @@ pub struct Job {
     /// Path of the script, even if it was never saved; `None` for a text without a path.
     pub path: Option<PathBuf>,
     pub text: Arc<str>,
-    pub unsaved: UnsavedTexts,
+    pub unsaved_texts: UnsavedTexts,
     /// Folder that is open in the editor, in which a text without a path looks for files.
     pub folder: PathBuf,
 }
@@ -138,12 +138,12 @@ fn script_path(job: &Job) -> PathBuf {
 
 /// Unsaved texts, including the script itself, which may have no file.
 fn texts_with_script(job: &Job, path: &Path) -> UnsavedTexts {
-    if job.unsaved.contains_key(path) {
-        return job.unsaved.clone();
+    if job.unsaved_texts.contains_key(path) {
+        return job.unsaved_texts.clone();
     }
-    let mut unsaved = BTreeMap::clone(&job.unsaved);
-    unsaved.insert(path.to_path_buf(), job.text.clone());
-    Arc::new(unsaved)
+    let mut unsaved_texts = BTreeMap::clone(&job.unsaved_texts);
+    unsaved_texts.insert(path.to_path_buf(), job.text.clone());
+    Arc::new(unsaved_texts)
 }
 
 /// Runs a script. `None` if `is_outdated` reports meanwhile that the text is no longer the latest.
@@ -169,13 +169,13 @@ fn check(
         root: root.clone(),
         search_paths: project.search.clone(),
         limits: project.limits.clone(),
-        needs: ImportScope::NO_PIXELS,
+        requested_parts: ImportScope::NO_PIXELS,
         assets: assets.clone(),
-        unsaved: texts_with_script(job, &path),
+        unsaved_texts: texts_with_script(job, &path),
         ..ScriptOptions::default()
     };
-    let (result, touched) = run_file_touching(&path, &project.registry, &options);
-    checked.read_files = touched.read.into_keys().collect();
+    let (result, dependencies) = run_file_with_dependencies(&path, &project.registry, &options);
+    checked.read_files = dependencies.read.into_keys().collect();
     if is_outdated() {
         return None;
     }
@@ -190,7 +190,7 @@ fn check(
             if has_sections {
                 let should_continue = || !is_outdated() && begun.elapsed() < TEST_SECTIONS_TIME_LIMIT;
                 let test = TestOptions { script: options, root, ..TestOptions::default() };
-                let found = section_errors(&path, &project.registry, &test, &should_continue);
+                let found = check_sections(&path, &project.registry, &test, &should_continue);
                 checked.diagnostics.extend(found.errors);
                 checked.read_files.extend(found.read);
             }

@@ -134,8 +134,8 @@ impl Items<'_> {
         }
         let known = !on.kind.is_empty();
         let mut seen = BTreeSet::new();
-        for entry in describe::entries().iter().filter(|entry| !entry.on.is_empty()) {
-            let fits = if known { entry.on == on.kind } else { seen.insert(entry.name) };
+        for entry in describe::entries().iter().filter(|entry| !entry.receiver_type.is_empty()) {
+            let fits = if known { entry.receiver_type == on.kind } else { seen.insert(entry.name) };
             if fits {
                 self.add_call(entry, 5);
             }
@@ -148,7 +148,7 @@ impl Items<'_> {
         let has_parenthesis = self.view.source.text[self.range.end..].starts_with('(');
         let plain = has_parenthesis || entry.is_constant;
         let text = if plain { entry.name.to_string() } else { snippets::call_snippet(entry, &is_text) };
-        let kind = match (entry.is_constant, entry.on.is_empty()) {
+        let kind = match (entry.is_constant, entry.receiver_type.is_empty()) {
             (true, _) => ItemKind::Constant,
             (_, true) => ItemKind::Function,
             _ => ItemKind::Method,
@@ -210,7 +210,7 @@ impl Items<'_> {
         }
         self.add_variables(at, wanted);
         let starts = matches!(source.token_before(at, 1), "" | ";" | "{" | "}");
-        for entry in describe::entries().iter().filter(|entry| entry.on.is_empty()) {
+        for entry in describe::entries().iter().filter(|entry| entry.receiver_type.is_empty()) {
             let fits = matches!(entry.returns, Returns::Handle(kind) if wanted.contains(&kind));
             self.add_call(entry, if fits { 2 } else { 6 });
         }

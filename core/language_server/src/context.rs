@@ -30,7 +30,7 @@ impl CallSite {
         match &self.receiver {
             None => describe::entry("", name),
             Some(value) if value.kind.is_empty() => {
-                describe::entries().iter().find(|entry| !entry.on.is_empty() && entry.name == name)
+                describe::entries().iter().find(|entry| !entry.receiver_type.is_empty() && entry.name == name)
             }
             Some(value) => describe::entry(&value.kind, name),
         }

@@ -34,7 +34,9 @@ fn describe_word(view: &View, token: usize) -> Option<String> {
         }
         let of_kind = describe::entry(&on.kind, word);
         let entry = match on.kind.is_empty() {
-            true => describe::entries().iter().find(|entry| !entry.on.is_empty() && entry.name == word),
+            true => {
+                describe::entries().iter().find(|entry| !entry.receiver_type.is_empty() && entry.name == word)
+            }
             false => of_kind,
         };
         return entry.map(facts::describe_entry);

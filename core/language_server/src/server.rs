@@ -406,13 +406,13 @@ impl Server {
     fn submit(&self, uri: &str) {
         let Some(document) = self.documents.get(uri) else { return };
         let texts = self.documents.values().filter_map(|d| Some((d.path.clone()?, d.source.text.clone())));
-        let unsaved: UnsavedTexts = Arc::new(texts.collect());
+        let unsaved_texts: UnsavedTexts = Arc::new(texts.collect());
         self.checker.submit(Job {
             uri: uri.to_string(),
             version: document.version,
             path: document.path.clone(),
             text: document.source.text.clone(),
-            unsaved,
+            unsaved_texts,
             folder: self.root.clone(),
         });
     }

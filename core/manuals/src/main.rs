@@ -32,8 +32,8 @@ fn write(share: &Path) -> Result<()> {
     let app = choreo::app();
     // `choreo view` starts the viewer, whose page has the same name and takes its place.
     let programs = [
-        ("choreo", choreo::command(&app)),
-        ("choreo-view", choreo_viewer::command(&app).name("choreo-view")),
+        ("choreo", choreo::clap_command(&app)),
+        ("choreo-view", choreo_viewer::clap_command(&app).name("choreo-view")),
     ];
     for (name, mut command) in programs {
         completions(&mut command, name, share)?;

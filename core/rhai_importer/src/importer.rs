@@ -15,7 +15,7 @@ use rhai::{AST, Dynamic, Engine, EvalAltResult, Map, Scope};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 
 /// File name ending of importer scripts.
-pub const FILE_ENDING: &str = ".importer.rhai";
+pub const IMPORTER_ENDING: &str = ".importer.rhai";
 
 /// Stack size in bytes: enough for the nesting of calls and expressions that the engine allows, also in unoptimized builds.
 pub const STACK_BYTES: usize = 64 << 20;

@@ -23,7 +23,7 @@ mod scene;
 mod script_error;
 
 pub use exporter::{EXPORTER_ENDING, RhaiExporter};
-pub use importer::{FILE_ENDING, RhaiImporter};
+pub use importer::{IMPORTER_ENDING, RhaiImporter};
 pub use lazy_importer::LazyImporter;
 pub use script_error::ScriptError;
 

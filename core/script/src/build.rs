@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 /// State that all API calls of one script share: the stage under construction, its loader and its diagnostics.
 pub(crate) struct ScriptContext {
     /// The stage under construction.
-    pub build: Mutex<StageDraft>,
+    pub stage_draft: Mutex<StageDraft>,
     pub defs: &'static Defs,
     pub loader: Arc<Loader>,
     /// Places of `load` calls whose file is used for its clips only.
@@ -136,9 +136,9 @@ impl ScriptContext {
         if !error.rule.is_empty() && self.is_rule_allowed(place, error.rule) {
             return;
         }
-        let mut build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
-        let order = order.unwrap_or(build.current_order);
-        build.add_diagnostic_at(order, diagnostic);
+        let mut stage_draft = self.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);
+        let order = order.unwrap_or(stage_draft.current_order);
+        stage_draft.add_diagnostic_at(order, diagnostic);
     }
 
     /// Finds, before a script runs, the `load` calls whose file is used for its clips only.
@@ -150,8 +150,8 @@ impl ScriptContext {
     /// Waits for all files that are being loaded, so that errors of unused files are reported, too.
     pub fn wait_for_loads(&self) {
         let loads: Vec<Arc<Load>> = {
-            let build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
-            build.loads.iter().map(|l| l.load.clone()).collect()
+            let stage_draft = self.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);
+            stage_draft.loads.iter().map(|l| l.load.clone()).collect()
         };
         for load in loads {
             // `asset` reports a failure.
@@ -325,7 +325,7 @@ pub struct UnusedVariable {
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
 pub(crate) struct FrameCallbackDraft {
     pub callback: FnPtr,
-    pub context: NativeCallContextStore,
+    pub native_context: NativeCallContextStore,
     pub at: Place,
 }
 

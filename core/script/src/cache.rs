@@ -54,7 +54,7 @@ pub(crate) struct CacheKey {
     pub importer: String,
     pub options: String,
     /// The requested parts of the file (`ImportScope`) as text.
-    pub needs: String,
+    pub requested_parts: String,
 }
 
 /// A cached asset, and the hashes of the files that it was made of.

@@ -10,27 +10,27 @@ use choreo_stage::{Cut, Repeat};
 use std::sync::Arc;
 
 /// Adds warnings about the drafts to `notes`, before they are resolved to a stage.
-pub fn check_drafts(build: &StageDraft, notes: &mut Vec<(Severity, Place, ApiError)>) {
+pub fn check_drafts(stage_draft: &StageDraft, notes: &mut Vec<(Severity, Place, ApiError)>) {
     let mut warn = |rule: &'static str, place: &Place, text: String| {
         notes.push((Severity::Warning, place.clone(), ApiError { rule, ..ApiError::new(text) }));
     };
-    warn_about_cues(build, &mut warn);
-    warn_about_actors_at_origin(build, &mut warn);
-    for (i, (Cut { at, camera, dissolve }, place)) in build.cuts.iter().enumerate() {
-        let next = build.cuts.iter().map(|(next, _)| next.at).filter(|next| next > at).min();
+    warn_about_cues(stage_draft, &mut warn);
+    warn_about_actors_at_origin(stage_draft, &mut warn);
+    for (i, (Cut { at, camera, dissolve }, place)) in stage_draft.cuts.iter().enumerate() {
+        let next = stage_draft.cuts.iter().map(|(next, _)| next.at).filter(|next| next > at).min();
         if let Some(next) = next.filter(|next| *next < *at + *dissolve) {
             let text = "this dissolve has not ended at the next cut, at";
             warn("dissolve_cut_off", place, format!("{text} {} s", rounded_secs(next)));
         }
-        if *at >= build.settings.length {
-            let end = rounded_secs(build.settings.length);
+        if *at >= stage_draft.settings.length {
+            let end = rounded_secs(stage_draft.settings.length);
             warn(
                 "starts_after_end",
                 place,
                 format!("this cut at {} s comes after the end of the stage, {end} s", rounded_secs(*at)),
             );
         }
-        if build.cuts[..i].iter().any(|(cut, _)| cut.at == *at && cut.camera != *camera) {
+        if stage_draft.cuts[..i].iter().any(|(cut, _)| cut.at == *at && cut.camera != *camera) {
             warn(
                 "two_cuts",
                 place,
@@ -45,15 +45,15 @@ pub(crate) fn rounded_secs(time: Time) -> f64 {
     libm::round(time.as_secs() * 1000.0) / 1000.0
 }
 
-fn warn_about_cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String)) {
-    let times = times_of_cues(build);
+fn warn_about_cues(stage_draft: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String)) {
+    let times = times_of_cues(stage_draft);
     // A pose that is held for less than a frame is not visible; clip lengths are often not whole milliseconds.
-    let frame = build.settings.fps.time_of(1);
-    for (id, draft) in build.cues.iter().enumerate() {
+    let frame = stage_draft.settings.fps.time_of(1);
+    for (id, draft) in stage_draft.cues.iter().enumerate() {
         let name = &draft.cue.clip.name;
         let (start, end) = times[id];
         let length = draft.length();
-        let chain = &build.chains[draft.chain];
+        let chain = &stage_draft.chains[draft.chain];
         let repeat = draft.repeat_mode(chain.is_layer());
         if let (Repeat::Once, Some(until)) = (repeat, draft.until)
             && until - start >= length + frame
@@ -89,8 +89,8 @@ fn warn_about_cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Plac
             );
             warn("inertia_longer_than_cue", &draft.at, text);
         }
-        if start >= build.settings.length {
-            let end = rounded_secs(build.settings.length);
+        if start >= stage_draft.settings.length {
+            let end = rounded_secs(stage_draft.settings.length);
             let text = format!(
                 "clip \"{name}\" starts at {} s, after the end of the stage, {end} s",
                 rounded_secs(start)
@@ -101,19 +101,19 @@ fn warn_about_cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Plac
             warn("no_length", &draft.at, format!("clip \"{name}\" has no length: it is a pose"));
         }
     }
-    warn_about_restarts(build, &times, warn);
+    warn_about_restarts(stage_draft, &times, warn);
     // Two chains on the base layer of an actor that begin at the same time: the later one hides the earlier.
     let mut cue_by_start: std::collections::BTreeMap<(usize, Time), usize> =
         std::collections::BTreeMap::new();
-    for (id, draft) in build.cues.iter().enumerate() {
-        let chain = &build.chains[draft.chain];
+    for (id, draft) in stage_draft.cues.iter().enumerate() {
+        let chain = &stage_draft.chains[draft.chain];
         if chain.is_layer() {
             continue;
         }
         let first = cue_by_start.insert((chain.actor, times[id].0), id);
         // While the later one fades in, the earlier one is visible.
         if let Some(first) = first.filter(|_| draft.cue.fade_in == Time::ZERO) {
-            let hidden = &build.cues[first];
+            let hidden = &stage_draft.cues[first];
             let text = format!(
                 "clip \"{}\" is never seen: \"{}\" starts at the same time, {} s; use .from, or .on(\"Spine..\") for a layer",
                 hidden.cue.clip.name,
@@ -128,15 +128,15 @@ fn warn_about_cues(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Plac
 /// Warns about a trimmed part of a clip that restarts with a jump while the next clip fades in over it, which is probably not
 /// intended. (Whole clips are assumed to loop.)
 fn warn_about_restarts(
-    build: &StageDraft,
+    stage_draft: &StageDraft,
     times: &[(Time, Option<Time>)],
     warn: &mut impl FnMut(&'static str, &Place, String),
 ) {
-    for (id, next) in build.cues.iter().enumerate() {
+    for (id, next) in stage_draft.cues.iter().enumerate() {
         let Some(before) = next.predecessor else { continue };
-        let draft = &build.cues[before];
+        let draft = &stage_draft.cues[before];
         let length = draft.length().as_secs();
-        let looped = draft.repeat_mode(build.chains[draft.chain].is_layer()) == Repeat::Loop;
+        let looped = draft.repeat_mode(stage_draft.chains[draft.chain].is_layer()) == Repeat::Loop;
         if draft.trim.is_none() || draft.repeat.is_some() || !looped || length <= 0.0 {
             continue;
         }
@@ -161,12 +161,16 @@ fn warn_about_restarts(
 
 /// Warns about several actors at the origin, which is probably not intended. A plane shape, a mesh made from arrays and a file
 /// that contains only cameras or lights do not count.
-fn warn_about_actors_at_origin(build: &StageDraft, warn: &mut impl FnMut(&'static str, &Place, String)) {
+fn warn_about_actors_at_origin(
+    stage_draft: &StageDraft,
+    warn: &mut impl FnMut(&'static str, &Place, String),
+) {
     let is_plane = |a: &ActorDraft| a.actor.asset.name == "shape plane";
     // The vertices of a mesh from arrays can contain its position.
     let is_from_arrays = |a: &ActorDraft| {
         let own = |l: &&LoadDraft| l.load.ready().is_some_and(|made| Arc::ptr_eq(made, &a.actor.asset));
-        !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.is_procedural && own(&l))
+        !a.actor.asset.name.starts_with("shape ")
+            && stage_draft.loads.iter().any(|l| l.is_procedural && own(&l))
     };
     // A file without meshes is cast for its cameras and lights.
     let has_only_cameras_or_lights = |a: &ActorDraft| {
@@ -176,7 +180,7 @@ fn warn_about_actors_at_origin(build: &StageDraft, warn: &mut impl FnMut(&'stati
     let is_at_origin = |a: &&ActorDraft| {
         !a.is_placed && !is_plane(a) && !is_from_arrays(a) && !has_only_cameras_or_lights(a)
     };
-    let at_origin: Vec<_> = build.actors.iter().filter(is_at_origin).collect();
+    let at_origin: Vec<_> = stage_draft.actors.iter().filter(is_at_origin).collect();
     if at_origin.len() < 2 {
         return;
     }

@@ -9,7 +9,7 @@ use choreo_stage::{Cue, CueRootMotion, Pace, Repeat, StandingFade};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Key for a range of a clip on a skeleton: the addresses of skeleton and clip (the build keeps both alive), start and end.
+/// Key for a range of a clip on a skeleton: the addresses of skeleton and clip (the stage draft keeps both alive), start and end.
 type ClipRange = (usize, usize, Time, Time);
 
 /// Root motion options for a range of a clip, and the root motion found with them.
@@ -45,11 +45,11 @@ fn clip_range(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> ClipRange 
 
 /// Root motion of a cue on the base layer, if the cue or its actor requests it.
 pub fn root_motion(
-    build: &StageDraft,
+    stage_draft: &StageDraft,
     draft: &CueDraft,
     analyses: &mut ClipAnalyses,
 ) -> Option<Arc<CueRootMotion>> {
-    let actor = &build.actors[build.chains[draft.chain].actor];
+    let actor = &stage_draft.actors[stage_draft.chains[draft.chain].actor];
     // An actor that follows a path at the pace of its clips needs their root motion, also if the script does not request it.
     let has_pace_of_clips = actor
         .actor
@@ -73,13 +73,18 @@ pub fn root_motion(
 }
 
 /// Footsteps of a cue's clip: those that the script states, else those found from its foot contacts.
-fn footsteps(build: &StageDraft, draft: &CueDraft, analyses: &mut ClipAnalyses) -> Option<Arc<Footsteps>> {
+fn footsteps(
+    stage_draft: &StageDraft,
+    draft: &CueDraft,
+    analyses: &mut ClipAnalyses,
+) -> Option<Arc<Footsteps>> {
     let trim = draft.trim_or_whole();
-    if let Some(times) = build.clip_notes_of(&draft.cue.clip).and_then(|notes| notes.footstep_times.as_ref())
+    if let Some(times) =
+        stage_draft.clip_notes_of(&draft.cue.clip).and_then(|notes| notes.footstep_times.as_ref())
     {
         return Footsteps::given(times, trim).map(Arc::new);
     }
-    let asset = &build.actors[build.chains[draft.chain].actor].actor.asset;
+    let asset = &stage_draft.actors[stage_draft.chains[draft.chain].actor].actor.asset;
     let entry = analyses.footsteps.entry(clip_range(asset, &draft.cue.clip, trim));
     let find = || {
         let feet = find_feet(&asset.skeleton);
@@ -94,12 +99,12 @@ fn footsteps(build: &StageDraft, draft: &CueDraft, analyses: &mut ClipAnalyses) 
 /// # Errors
 /// Returns an error that states why the phases cannot be matched.
 pub fn phase_matched_fade(
-    build: &StageDraft,
+    stage_draft: &StageDraft,
     drafts: [usize; 2],
     cues: [&Cue; 2],
     analyses: &mut ClipAnalyses,
 ) -> Result<PhaseMatchedFade, ApiError> {
-    let drafts = drafts.map(|id| &build.cues[id]);
+    let drafts = drafts.map(|id| &stage_draft.cues[id]);
     for (draft, cue) in drafts.iter().zip(cues) {
         if cue.repeat != Repeat::Loop || !cue.plays_at_constant_speed() || cue.speed <= 0.0 {
             let text = format!("\"{}\" must loop, forwards and at one speed", draft.cue.clip.name);
@@ -113,7 +118,7 @@ pub fn phase_matched_fade(
         let hint = "give the times when its feet touch down with clip.steps([…])";
         let name = &draft.cue.clip.name;
         let missing = || ApiError::new(format!("no steps are found in \"{name}\"; {hint}"));
-        footsteps(build, draft, analyses).ok_or_else(missing)
+        footsteps(stage_draft, draft, analyses).ok_or_else(missing)
     };
     let steps = [footsteps_of(drafts[0])?, footsteps_of(drafts[1])?];
     let played = cues[0].played_ticks(cues[1].start);

@@ -27,8 +27,8 @@ pub(crate) const CONSTANTS: &[(&str, &str)] =
 
 /// Parses a script. An unclosed comment is an error: Rhai itself ignores the rest of the text without one. To detect it, the
 /// script is parsed again with a `;` appended: the last token stays the same only inside a comment.
-pub fn compile(engine: &Engine, shared: &ScriptContext, text: &str) -> Result<AST, ParseError> {
-    compile_in_scope(engine, shared, text, &scope_with_constants())
+pub fn compile(engine: &Engine, context: &ScriptContext, text: &str) -> Result<AST, ParseError> {
+    compile_in_scope(engine, context, text, &scope_with_constants())
 }
 
 /// A variable that is used without being declared before.
@@ -45,12 +45,12 @@ const MOST_UNKNOWN: usize = 20;
 /// If the text has another error, the variables before that error are returned.
 pub(crate) fn compile_with_unknown_variables(
     engine: &Engine,
-    shared: &ScriptContext,
+    context: &ScriptContext,
     text: &str,
 ) -> (Result<AST, ParseError>, Vec<UnknownVariable>) {
     let (mut scope, mut unknown) = (scope_with_constants(), Vec::<UnknownVariable>::new());
     let parsed = loop {
-        match compile_in_scope(engine, shared, text, &scope) {
+        match compile_in_scope(engine, context, text, &scope) {
             Err(ParseError(kind, at)) if unknown.len() < MOST_UNKNOWN => match *kind {
                 ParseErrorType::VariableUndefined(name) if !scope.contains(&name) => {
                     scope.push(name.clone(), ());
@@ -103,12 +103,12 @@ fn add_further_places(ast: &AST, unknown: &mut Vec<UnknownVariable>) {
 
 fn compile_in_scope(
     engine: &Engine,
-    shared: &ScriptContext,
+    context: &ScriptContext,
     text: &str,
     scope: &Scope,
 ) -> Result<AST, ParseError> {
-    let last_token = || *shared.last_token.lock().unwrap_or_else(PoisonError::into_inner);
-    *shared.last_token.lock().unwrap_or_else(PoisonError::into_inner) = (0, 0);
+    let last_token = || *context.last_token.lock().unwrap_or_else(PoisonError::into_inner);
+    *context.last_token.lock().unwrap_or_else(PoisonError::into_inner) = (0, 0);
     let ast = engine.compile_with_scope(scope, text)?;
     check_calls(&ast)?;
     if !text.contains("/*") {

@@ -35,19 +35,19 @@ impl CueDraft {
 }
 
 /// Start and end of every cue; `None` for one that repeats without end.
-pub(crate) fn times_of_cues(build: &StageDraft) -> Vec<(Time, Option<Time>)> {
-    let mut times: Vec<(Time, Option<Time>)> = Vec::with_capacity(build.cues.len());
+pub(crate) fn times_of_cues(stage_draft: &StageDraft) -> Vec<(Time, Option<Time>)> {
+    let mut times: Vec<(Time, Option<Time>)> = Vec::with_capacity(stage_draft.cues.len());
     // A cue comes later in the list than its predecessor.
-    for cue in &build.cues {
-        let predecessor = cue.predecessor.map(|before| (&build.cues[before], times[before]));
-        times.push(start_and_end(build, cue, predecessor));
+    for cue in &stage_draft.cues {
+        let predecessor = cue.predecessor.map(|before| (&stage_draft.cues[before], times[before]));
+        times.push(start_and_end(stage_draft, cue, predecessor));
     }
     times
 }
 
 /// Start and end of one cue. `predecessor`: the cue before it in the chain, with start and end.
 fn start_and_end(
-    build: &StageDraft,
+    stage_draft: &StageDraft,
     cue: &CueDraft,
     predecessor: Option<(&CueDraft, (Time, Option<Time>))>,
 ) -> (Time, Option<Time>) {
@@ -61,7 +61,7 @@ fn start_and_end(
         }
     };
     let start = cue.start.unwrap_or(start);
-    let is_layer = build.chains[cue.chain].is_layer();
+    let is_layer = stage_draft.chains[cue.chain].is_layer();
     let end_of_clip = match cue.repeat_mode(is_layer) {
         Repeat::Once if cue.cue.plays_at_constant_speed() => Some(start + cue.length()),
         Repeat::Once => cue.cue(start).first_play_end(),
@@ -71,16 +71,16 @@ fn start_and_end(
 }
 
 /// Start and end of the cue with this index.
-pub fn times_of_cue(build: &StageDraft, id: usize) -> (Time, Option<Time>) {
+pub fn times_of_cue(stage_draft: &StageDraft, id: usize) -> (Time, Option<Time>) {
     // The cue and its predecessors, last to first. Chains can be too long for recursion.
     let mut ids = vec![id];
-    while let Some(before) = ids.last().and_then(|id| build.cues[*id].predecessor) {
+    while let Some(before) = ids.last().and_then(|id| stage_draft.cues[*id].predecessor) {
         ids.push(before);
     }
     let mut last = None;
     for id in ids.into_iter().rev() {
-        let cue = &build.cues[id];
-        last = Some((cue, start_and_end(build, cue, last)));
+        let cue = &stage_draft.cues[id];
+        last = Some((cue, start_and_end(stage_draft, cue, last)));
     }
     last.map_or((Time::ZERO, None), |(_, times)| times)
 }

@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 #[derive(Clone, Debug)]
 pub struct Entry {
     /// Type of the receiver; empty for a function.
-    pub on: &'static str,
+    pub receiver_type: &'static str,
     pub name: &'static str,
     /// Heading in the reference.
     pub heading: &'static str,
@@ -80,7 +80,7 @@ pub fn entries() -> &'static [Entry] {
 /// An entry of the section "Mathematics", without forms and usages.
 fn mathematics_entry(name: &'static str, about: &str, returns: Returns) -> Entry {
     Entry {
-        on: "",
+        receiver_type: "",
         name,
         heading: "Mathematics",
         forms: Vec::new(),
@@ -95,7 +95,7 @@ fn mathematics_entry(name: &'static str, about: &str, returns: Returns) -> Entry
 
 fn entry_of_def(heading: &'static str, def: &'static Def) -> Entry {
     Entry {
-        on: def.on.name(),
+        receiver_type: def.on.name(),
         name: def.name,
         heading,
         forms: def.forms(),
@@ -114,19 +114,23 @@ fn entry_of_def(heading: &'static str, def: &'static Def) -> Entry {
 }
 
 /// The entry of a method of a type, or of a function where the type is empty.
-pub fn entry(on: &str, name: &str) -> Option<&'static Entry> {
-    entries().iter().find(|entry| entry.on == on && entry.name == name)
+pub fn entry(receiver_type: &str, name: &str) -> Option<&'static Entry> {
+    entries().iter().find(|entry| entry.receiver_type == receiver_type && entry.name == name)
 }
 
 /// The entry of a full name, such as `Cue.then` or `shape`.
 fn entry_by_full_name(full: &str) -> Option<&'static Entry> {
-    let (on, name) = full.split_once('.').unwrap_or(("", full));
-    entry(on, name)
+    let (receiver_type, name) = full.split_once('.').unwrap_or(("", full));
+    entry(receiver_type, name)
 }
 
 impl Entry {
     pub fn full_name(&self) -> String {
-        if self.on.is_empty() { self.name.to_string() } else { format!("{}.{}", self.on, self.name) }
+        if self.receiver_type.is_empty() {
+            self.name.to_string()
+        } else {
+            format!("{}.{}", self.receiver_type, self.name)
+        }
     }
 
     /// The options of the call's object map, including options of other calls to which the description refers.

@@ -21,8 +21,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-/// Makes the engine of one run, with the script API and the limits of `shared`.
-pub fn make_engine(shared: &Arc<ScriptContext>) -> Engine {
+/// Makes the engine of one run, with the script API and the limits of `context`.
+pub fn make_engine(context: &Arc<ScriptContext>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     engine.register_global_module(BasicBlobPackage::new().as_shared_module());
     let mut globals = rhai::Module::new();
@@ -30,24 +30,24 @@ pub fn make_engine(shared: &Arc<ScriptContext>) -> Engine {
         globals.set_var(name, value);
     }
     engine.register_global_module(globals.into());
-    set_limits(&mut engine, shared);
-    capture_output(&mut engine, shared);
-    adapt_tokens(&mut engine, shared);
-    engine.set_module_resolver(Modules::new(shared.clone()));
+    set_limits(&mut engine, context);
+    capture_output(&mut engine, context);
+    adapt_tokens(&mut engine, context);
+    engine.set_module_resolver(Modules::new(context.clone()));
     register_types(&mut engine);
     api::maths::register(&mut engine);
     for function in api::functions() {
-        register(&mut engine, shared, function.def.name, function);
+        register(&mut engine, context, function.def.name, function);
         for (alias, _) in ALIASES.iter().filter(|(_, name)| *name == function.def.full_name()) {
-            register(&mut engine, shared, alias, function);
+            register(&mut engine, context, alias, function);
         }
     }
     engine
 }
 
 /// Disables forbidden functions and sets all limits.
-fn set_limits(engine: &mut Engine, shared: &Arc<ScriptContext>) {
-    let limits = &shared.limits;
+fn set_limits(engine: &mut Engine, context: &Arc<ScriptContext>) {
+    let limits = &context.limits;
     for (name, _) in FORBIDDEN_NAMES {
         engine.disable_symbol(*name);
     }
@@ -66,7 +66,7 @@ fn set_limits(engine: &mut Engine, shared: &Arc<ScriptContext>) {
     engine.set_max_variables(size(limits.variables));
     engine.set_max_functions(size(limits.functions));
     engine.set_max_modules(size(limits.modules));
-    let watched = Arc::downgrade(shared);
+    let watched = Arc::downgrade(context);
     let (operations, memory) = (limits.operations, limits.memory);
     engine.on_progress(move |steps| {
         if memory::in_use() > memory {
@@ -82,22 +82,23 @@ fn set_limits(engine: &mut Engine, shared: &Arc<ScriptContext>) {
         if steps & 0x3f != 0 {
             return None;
         }
-        watched.upgrade().and_then(|shared| shared.exceeded_time_limit()).map(Into::into)
+        watched.upgrade().and_then(|context| context.exceeded_time_limit()).map(Into::into)
     });
 }
 
 /// Collects the lines of `print` and `debug` in the stage draft.
-fn capture_output(engine: &mut Engine, shared: &Arc<ScriptContext>) {
+fn capture_output(engine: &mut Engine, context: &Arc<ScriptContext>) {
     // Lines beyond the limit are only counted, so that a loop that prints cannot fill the memory.
-    let keep = |shared: &std::sync::Weak<ScriptContext>, line: String| {
-        if let Some(shared) = shared.upgrade() {
-            let mut build = shared.build.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            build.print(&line, shared.limits.printed);
+    let keep = |context: &std::sync::Weak<ScriptContext>, line: String| {
+        if let Some(context) = context.upgrade() {
+            let mut stage_draft =
+                context.stage_draft.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            stage_draft.print(&line, context.limits.printed);
         }
     };
-    let weak = Arc::downgrade(shared);
+    let weak = Arc::downgrade(context);
     engine.on_print(move |text| keep(&weak, text.to_string()));
-    let weak = Arc::downgrade(shared);
+    let weak = Arc::downgrade(context);
     engine.on_debug(move |text, file, at| {
         let line = at.line().unwrap_or(0);
         keep(&weak, format!("{}:{line}: {text}", file.unwrap_or("")));
@@ -107,7 +108,7 @@ fn capture_output(engine: &mut Engine, shared: &Arc<ScriptContext>) {
 /// Adapts the tokenizer: keywords of Rhai after a dot are method names (`.loop()`, `.until(3.0)`), and `until` can be a key of an
 /// object map. Past the time limit every token is an error, because Rhai takes quadratic time to parse a file with many
 /// variables.
-fn adapt_tokens(engine: &mut Engine, shared: &Arc<ScriptContext>) {
+fn adapt_tokens(engine: &mut Engine, context: &Arc<ScriptContext>) {
     // The kinds of the previous token.
     const OTHER: u8 = 0;
     const DOT: u8 = 1;
@@ -116,16 +117,16 @@ fn adapt_tokens(engine: &mut Engine, shared: &Arc<ScriptContext>) {
     // A keyword that became a name. Rhai reads a minus after it as a sign, as after keywords.
     const RENAMED: u8 = 3;
     let previous = AtomicU8::new(OTHER);
-    let watched = Arc::downgrade(shared);
+    let watched = Arc::downgrade(context);
     let count = AtomicU32::new(0);
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
     engine.on_parse_token(move |token, at, _| {
-        if let Some(shared) = watched.upgrade() {
+        if let Some(context) = watched.upgrade() {
             let here = (at.line().unwrap_or(0), at.position().unwrap_or(0));
-            *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = here;
+            *context.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = here;
         }
         if count.fetch_add(1, Ordering::Relaxed) & 0x3f == 0x3f
-            && watched.upgrade().is_some_and(|shared| shared.exceeded_time_limit().is_some())
+            && watched.upgrade().is_some_and(|context| context.exceeded_time_limit().is_some())
         {
             return Token::LexError(Box::new(rhai::LexError::Runtime(PARSE_TIMEOUT.into())));
         }
@@ -179,7 +180,7 @@ fn missing_space_error() -> Token {
 }
 
 /// Registers a function of the API under a name, once for each number of arguments.
-fn register(engine: &mut Engine, shared: &Arc<ScriptContext>, name: &str, function: &'static Function) {
+fn register(engine: &mut Engine, context: &Arc<ScriptContext>, name: &str, function: &'static Function) {
     let def = &function.def;
     let counts: BTreeSet<usize> = def.forms().iter().map(Vec::len).collect();
     for count in counts {
@@ -188,10 +189,10 @@ fn register(engine: &mut Engine, shared: &Arc<ScriptContext>, name: &str, functi
             types.push(def.on.type_id());
         }
         types.extend(std::iter::repeat_n(TypeId::of::<Dynamic>(), count));
-        // A weak reference, because callbacks on the stage keep both the engine and `shared` alive.
-        let shared = Arc::downgrade(shared);
-        engine.register_raw_fn(name, types, move |context, args| match shared.upgrade() {
-            Some(shared) => call_function(&shared, function, &context, args),
+        // A weak reference, because callbacks on the stage keep both the engine and `context` alive.
+        let context = Arc::downgrade(context);
+        engine.register_raw_fn(name, types, move |native_context, args| match context.upgrade() {
+            Some(context) => call_function(&context, function, &native_context, args),
             None => Ok(Dynamic::UNIT),
         });
     }
@@ -200,14 +201,14 @@ fn register(engine: &mut Engine, shared: &Arc<ScriptContext>, name: &str, functi
 /// Runs a function of the API. While the stage is built, an error is reported and replaced by a placeholder, so that the script
 /// goes on; other errors are thrown.
 fn call_function(
-    shared: &Arc<ScriptContext>,
+    context: &Arc<ScriptContext>,
     Function { def, run }: &'static Function,
-    context: &NativeCallContext,
+    native_context: &NativeCallContext,
     args: &mut [&mut Dynamic],
 ) -> Result<Dynamic, Box<EvalAltResult>> {
-    let at = context.call_position();
+    let at = native_context.call_position();
     let place = Place {
-        file: context.call_source().unwrap_or_default().to_string(),
+        file: native_context.call_source().unwrap_or_default().to_string(),
         line: at.line().unwrap_or(0),
         column: at.position().unwrap_or(0),
     };
@@ -224,25 +225,25 @@ fn call_function(
     if !in_frame && args.iter().any(|a| is_dead(a)) {
         return placeholder.ok_or_else(|| throw(ApiError::silent(), place));
     }
-    if def.is_for_tests && !in_frame && !shared.test().is_running {
+    if def.is_for_tests && !in_frame && !context.test().is_running {
         let error = ApiError::new(format!("{} can be used in test sections only", def.name))
             .hint("a section is test(\"name\", || { … }); choreo test runs it");
         return match placeholder {
             Some(value) => {
-                shared.add_diagnostic(Severity::Error, &place, &error);
+                context.add_diagnostic(Severity::Error, &place, &error);
                 Ok(value)
             }
             None => Err(throw(error, place)),
         };
     }
-    let mut call = Call { shared, def, args, place: place.clone(), in_frame, context };
+    let mut call = Call { context, def, args, place: place.clone(), in_frame, native_context };
     match run(&mut call) {
         Ok(value) => Ok(value),
         Err(error) => match placeholder {
             Some(value) if !in_frame && !error.fatal => {
-                shared.add_diagnostic(Severity::Error, &place, &error);
+                context.add_diagnostic(Severity::Error, &place, &error);
                 if let Some(expect) = args.first().and_then(|of| of.read_lock::<ExpectRef>()) {
-                    shared.test().count_comparison(expect.id);
+                    context.test().count_comparison(expect.id);
                 }
                 Ok(value)
             }

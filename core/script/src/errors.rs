@@ -37,7 +37,7 @@ pub fn forbidden_name_error(name: &str) -> ApiError {
 }
 
 /// Place and message of an error of the interpreter. `file`: the script that was run.
-pub fn explain_error(error: &EvalAltResult, file: &str, shared: &ScriptContext) -> (Place, ApiError) {
+pub fn explain_error(error: &EvalAltResult, file: &str, context: &ScriptContext) -> (Place, ApiError) {
     let place = |at: Position| Place {
         file: file.to_string(),
         line: at.line().unwrap_or(0),
@@ -46,7 +46,7 @@ pub fn explain_error(error: &EvalAltResult, file: &str, shared: &ScriptContext) 
     match error {
         EvalAltResult::ErrorInFunctionCall(_, source, inner, at) => {
             let file = if source.is_empty() { file } else { source };
-            let (mut inner_place, error) = explain_error(inner, file, shared);
+            let (mut inner_place, error) = explain_error(inner, file, context);
             if inner_place.line == 0 {
                 inner_place = place(*at);
             }
@@ -54,7 +54,7 @@ pub fn explain_error(error: &EvalAltResult, file: &str, shared: &ScriptContext) 
         }
         EvalAltResult::ErrorInModule(source, inner, at) => {
             let file = if source.is_empty() { file } else { source };
-            let (inner_place, error) = explain_error(inner, file, shared);
+            let (inner_place, error) = explain_error(inner, file, context);
             if inner_place.line == 0 { (place(*at), error) } else { (inner_place, error) }
         }
         EvalAltResult::ErrorRuntime(value, at) => thrown_error(value, place(*at)),
@@ -62,11 +62,11 @@ pub fn explain_error(error: &EvalAltResult, file: &str, shared: &ScriptContext) 
         other => {
             let place = place(other.position());
             let earlier_cause = match other {
-                EvalAltResult::ErrorParsing(kind, _) => earlier_cause(kind, &place, shared),
+                EvalAltResult::ErrorParsing(kind, _) => earlier_cause(kind, &place, context),
                 _ => None,
             };
             earlier_cause.unwrap_or_else(|| {
-                let error = interpreter_error(other, &place, shared);
+                let error = interpreter_error(other, &place, context);
                 (place, error)
             })
         }
@@ -74,8 +74,8 @@ pub fn explain_error(error: &EvalAltResult, file: &str, shared: &ScriptContext) 
 }
 
 /// Place and message of a parser error whose cause lies before the place at which the parser stops.
-fn earlier_cause(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> Option<(Place, ApiError)> {
-    let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
+fn earlier_cause(kind: &ParseErrorType, place: &Place, context: &ScriptContext) -> Option<(Place, ApiError)> {
+    let sources = context.sources.lock().unwrap_or_else(PoisonError::into_inner);
     let text = sources.get(&place.file).cloned()?;
     drop(sources);
     let EarlierCause { line, column, error } = EarlierCause::find(kind, (place.line, place.column), &text)?;
@@ -83,23 +83,23 @@ fn earlier_cause(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -
 }
 
 /// Message and hint of an error of the interpreter itself.
-fn interpreter_error(error: &EvalAltResult, place: &Place, shared: &ScriptContext) -> ApiError {
-    let limits = &shared.limits;
+fn interpreter_error(error: &EvalAltResult, place: &Place, context: &ScriptContext) -> ApiError {
+    let limits = &context.limits;
     match error {
-        EvalAltResult::ErrorParsing(kind, _) => parser_error(kind, place, shared),
+        EvalAltResult::ErrorParsing(kind, _) => parser_error(kind, place, context),
         EvalAltResult::ErrorVariableNotFound(name, _) => {
             let reported =
-                shared.reported_variables.lock().unwrap_or_else(PoisonError::into_inner).contains(name);
-            if reported { ApiError::silent() } else { unknown_variable(name, place, shared) }
+                context.reported_variables.lock().unwrap_or_else(PoisonError::into_inner).contains(name);
+            if reported { ApiError::silent() } else { unknown_variable(name, place, context) }
         }
-        EvalAltResult::ErrorFunctionNotFound(signature, _) => unknown_function(signature, shared),
+        EvalAltResult::ErrorFunctionNotFound(signature, _) => unknown_function(signature, context),
         EvalAltResult::ErrorModuleNotFound(name, _) => ApiError::new(format!("unknown module \"{name}\"")),
-        EvalAltResult::ErrorTerminated(limit, _) => limit_error(limit, shared),
+        EvalAltResult::ErrorTerminated(limit, _) => limit_error(limit, context),
         EvalAltResult::ErrorStackOverflow(_) => {
             ApiError::new("functions call each other too deeply; does one call itself without end?")
                 .hint(raise_hint("call_levels", format!("{} levels", limits.call_levels)))
         }
-        EvalAltResult::ErrorDataTooLarge(what, _) => size_error(what, shared),
+        EvalAltResult::ErrorDataTooLarge(what, _) => size_error(what, context),
         EvalAltResult::ErrorTooManyVariables(_) => {
             ApiError::new("too many variables at once").hint(raise_hint("variables", limits.variables))
         }
@@ -116,7 +116,7 @@ fn interpreter_error(error: &EvalAltResult, place: &Place, shared: &ScriptContex
             // `Unknown property 'foo' - a getter is not registered for type 'Actor'`.
             let mut quoted = text.split('\'').skip(1).step_by(2);
             match (quoted.next(), quoted.next()) {
-                (Some(name), Some(kind)) => unknown_member(name, kind, shared),
+                (Some(name), Some(kind)) => unknown_member(name, kind, context),
                 _ => ApiError::new(text.clone()),
             }
         }
@@ -162,9 +162,9 @@ fn thrown_error(value: &Dynamic, place: Place) -> (Place, ApiError) {
 }
 
 /// The error that a run has exceeded a limit. `limit`: its name.
-fn limit_error(limit: &Dynamic, shared: &ScriptContext) -> ApiError {
+fn limit_error(limit: &Dynamic, context: &ScriptContext) -> ApiError {
     let name = limit.clone().into_string().unwrap_or_default();
-    let limits = &shared.limits;
+    let limits = &context.limits;
     match name.as_str() {
         "frame_operations" => {
             ApiError::new("this on_frame callback takes too many steps; does a loop never end?")
@@ -174,7 +174,7 @@ fn limit_error(limit: &Dynamic, shared: &ScriptContext) -> ApiError {
             .hint(raise_hint(&name, format!("{} s a frame", limits.frame_seconds))),
         "seconds" => ApiError::new("the script takes too long; does a loop never end?")
             .hint(raise_hint(&name, format!("{} s", limits.seconds))),
-        "timeout" => match shared.timeout.map(|timeout| timeout.error()) {
+        "timeout" => match context.timeout.map(|timeout| timeout.error()) {
             Some((what, hint)) => ApiError::new(what).hint(hint),
             None => ApiError::new("the test section takes too long"),
         },
@@ -186,8 +186,8 @@ fn limit_error(limit: &Dynamic, shared: &ScriptContext) -> ApiError {
 }
 
 /// The error that a text, map or array grows too large. `what`: its type as Rhai names it.
-fn size_error(what: &str, shared: &ScriptContext) -> ApiError {
-    let limits = &shared.limits;
+fn size_error(what: &str, context: &ScriptContext) -> ApiError {
+    let limits = &context.limits;
     let lower = what.to_lowercase();
     if lower.contains("string") {
         ApiError::new("this text grows too long")
@@ -202,9 +202,9 @@ fn size_error(what: &str, shared: &ScriptContext) -> ApiError {
 }
 
 /// Message and hint of an error of the parser.
-fn parser_error(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) -> ApiError {
+fn parser_error(kind: &ParseErrorType, place: &Place, context: &ScriptContext) -> ApiError {
     match kind {
-        ParseErrorType::VariableUndefined(name) => unknown_variable(name, place, shared),
+        ParseErrorType::VariableUndefined(name) => unknown_variable(name, place, context),
         ParseErrorType::ModuleUndefined(name) => ApiError::new(format!("unknown module \"{name}\""))
             .hint(format!("write import \"file\" as {name}; before it is used")),
         ParseErrorType::Reserved(word) | ParseErrorType::UnknownOperator(word) if is_forbidden(word) => {
@@ -217,7 +217,7 @@ fn parser_error(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) ->
         }
         ParseErrorType::BadInput(LexError::Runtime(why)) if why == PARSE_TIMEOUT => {
             ApiError::new("the script takes too long to read; split it into functions and modules")
-                .hint(raise_hint("seconds", format!("{} s", shared.limits.seconds)))
+                .hint(raise_hint("seconds", format!("{} s", context.limits.seconds)))
         }
         ParseErrorType::BadInput(LexError::Runtime(why)) if why == MANY_ARGUMENTS => {
             ApiError::new(format!("this call has too many arguments: {} at most", MOST_ARGUMENTS))
@@ -250,8 +250,8 @@ fn parser_error(kind: &ParseErrorType, place: &Place, shared: &ScriptContext) ->
             ApiError::new("this expression is nested too deeply").hint("give its parts names with let")
         }
         ParseErrorType::TooManyFunctions => ApiError::new("too many functions in one file")
-            .hint(raise_hint("functions", shared.limits.functions)),
-        ParseErrorType::LiteralTooLarge(what, _) => size_error(what, shared),
+            .hint(raise_hint("functions", context.limits.functions)),
+        ParseErrorType::LiteralTooLarge(what, _) => size_error(what, context),
         ParseErrorType::MissingToken(token, why) => {
             ApiError::new(format!("expected {} {}", quote_symbol(token), why.trim()))
         }
@@ -268,18 +268,18 @@ fn quote_symbol(token: &str) -> String {
 }
 
 /// Reports the unknown variables of a file.
-pub(crate) fn report_unknown_variables(unknown: &[UnknownVariable], file: &str, shared: &ScriptContext) {
+pub(crate) fn report_unknown_variables(unknown: &[UnknownVariable], file: &str, context: &ScriptContext) {
     for variable in unknown {
         let (line, column) = (variable.at.line().unwrap_or(0), variable.at.position().unwrap_or(0));
         let place = Place { file: file.to_string(), line, column };
-        shared.add_diagnostic(Severity::Error, &place, &unknown_variable(&variable.name, &place, shared));
+        context.add_diagnostic(Severity::Error, &place, &unknown_variable(&variable.name, &place, context));
     }
 }
 
 /// Marks unknown variables as reported, so that errors that they cause at run time are not shown.
-pub(crate) fn mark_as_reported(unknown: &[UnknownVariable], shared: &ScriptContext) {
+pub(crate) fn mark_as_reported(unknown: &[UnknownVariable], context: &ScriptContext) {
     let names = unknown.iter().map(|variable| variable.name.clone());
-    shared.reported_variables.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
+    context.reported_variables.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
 }
 
 /// Whether a message belongs to an error that another error has caused, so that it is not shown.
@@ -287,8 +287,8 @@ pub(crate) fn is_follow_up(message: &str) -> bool {
     message.is_empty() || message.contains(POISON)
 }
 
-fn unknown_variable(name: &str, place: &Place, shared: &ScriptContext) -> ApiError {
-    let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
+fn unknown_variable(name: &str, place: &Place, context: &ScriptContext) -> ApiError {
+    let sources = context.sources.lock().unwrap_or_else(PoisonError::into_inner);
     let text = sources.get(&place.file).cloned().unwrap_or_default();
     drop(sources);
     let mut known = declared_names(&text, place.line);
@@ -304,20 +304,20 @@ fn unknown_variable(name: &str, place: &Place, shared: &ScriptContext) -> ApiErr
     if declared_anywhere.contains(name) {
         return error.hint("it is declared further down: move that line up");
     }
-    if shared.defs.iter().any(|d| d.name == name && d.on == HandleKind::None) {
+    if context.defs.iter().any(|d| d.name == name && d.on == HandleKind::None) {
         return error.hint(format!("{name} is a function: write {name}(…)"));
     }
     if closest(name, known.iter().map(String::as_str)).is_some() {
         return error;
     }
-    match synonyms::suggest_function(shared.defs, name, HandleKind::None) {
+    match synonyms::suggest_function(context.defs, name, HandleKind::None) {
         Some(synonym) => error.hint(synonym.hint),
         None => error,
     }
 }
 
 /// The error about an unknown function. `signature`: `name (type, type)`.
-fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
+fn unknown_function(signature: &str, context: &ScriptContext) -> ApiError {
     let (name, types) = signature_parts(signature);
     let argument_types = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
     if name.starts_with("anon$") {
@@ -332,7 +332,7 @@ fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
     if FORBIDDEN_NAMES.iter().any(|(n, _)| *n == name) {
         return forbidden_name_error(name);
     }
-    let with_name: Vec<&Def> = shared.defs.iter().filter(|d| d.name == name).collect();
+    let with_name: Vec<&Def> = context.defs.iter().filter(|d| d.name == name).collect();
     let receiver = types.first().and_then(|t| HandleKind::from_name(t));
     if let Some(kind) = receiver {
         if let Some(def) = with_name.iter().find(|d| d.on == kind) {
@@ -343,7 +343,7 @@ fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
             ))
             .hint(format!("{}.{}: {}", kind.name(), def.name, def.about().join(" ")));
         }
-        return unknown_member(name, kind.name(), shared);
+        return unknown_member(name, kind.name(), context);
     }
     if let Some(def) = with_name.iter().find(|d| d.on == HandleKind::None) {
         return ApiError::new(format!(
@@ -353,7 +353,7 @@ fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
         ))
         .hint(format!("{}: {}", def.name, def.about().join(" ")));
     }
-    if let Some((_, args, about)) = shared.defs.maths.iter().find(|f| f.0 == name) {
+    if let Some((_, args, about)) = context.defs.maths.iter().find(|f| f.0 == name) {
         return ApiError::new(format!("write {name}({args}) with numbers, not {name}({})", argument_types()))
             .hint(format!("{name}: {about}"));
     }
@@ -371,7 +371,7 @@ fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
         ))
         .hint(format!("write x.{}", def.usage()));
     }
-    let script_functions = shared.functions.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let script_functions = context.functions.lock().unwrap_or_else(PoisonError::into_inner).clone();
     if let Some((_, count)) = script_functions.iter().find(|(n, _)| n == name) {
         return ApiError::new(format!(
             "{name} takes {}, not {}",
@@ -379,15 +379,15 @@ fn unknown_function(signature: &str, shared: &ScriptContext) -> ApiError {
             types.len()
         ));
     }
-    let globals = shared.defs.iter().filter(|d| d.on == HandleKind::None).map(|d| d.name);
+    let globals = context.defs.iter().filter(|d| d.on == HandleKind::None).map(|d| d.name);
     let known: Vec<&str> = globals
-        .chain(shared.defs.maths.iter().map(|f| f.0))
+        .chain(context.defs.maths.iter().map(|f| f.0))
         .chain(script_functions.iter().map(|(n, _)| n.as_str()))
         .chain(synonyms::ALIASES.iter().map(|(alias, _)| *alias))
         .collect();
     let unknown = format!("unknown function \"{name}\"");
     // The receiver may be a number or a text, so functions are suggested first.
-    if let Some(synonym) = synonyms::suggest_function(shared.defs, name, HandleKind::None) {
+    if let Some(synonym) = synonyms::suggest_function(context.defs, name, HandleKind::None) {
         return ApiError::new(format!("{unknown}{}", suggestion_text(&synonym.name))).hint(synonym.hint);
     }
     ApiError::new(format!("{unknown}{}", did_you_mean(name, known.iter().copied())))
@@ -400,21 +400,21 @@ pub(crate) fn format_count(count: usize, noun: &str) -> String {
 }
 
 /// The error about an unknown method or property. `kind`: the type of the value, as Rhai names it.
-fn unknown_member(name: &str, kind: &str, shared: &ScriptContext) -> ApiError {
+fn unknown_member(name: &str, kind: &str, context: &ScriptContext) -> ApiError {
     let Some(on) = HandleKind::from_name(kind) else {
         return ApiError::new(format!("{} has no \"{name}\"", type_word_with_article(kind)));
     };
-    let methods: Vec<&str> = shared.defs.iter().filter(|d| d.on == on).map(|d| d.name).collect();
+    let methods: Vec<&str> = context.defs.iter().filter(|d| d.on == on).map(|d| d.name).collect();
     if methods.contains(&name) {
         return ApiError::new(format!("{name} is a method of {kind}: write .{name}(…)"));
     }
-    let other_kinds: Vec<&str> = shared
+    let other_kinds: Vec<&str> = context
         .defs
         .iter()
         .filter(|d| d.name == name && d.on != HandleKind::None)
         .map(|d| d.on.name())
         .collect();
-    let synonym = synonyms::suggest_function(shared.defs, name, on);
+    let synonym = synonyms::suggest_function(context.defs, name, on);
     let is_method = |synonym: &Suggestion| methods.contains(&&*synonym.name);
     let (suggestion, hint) = match (closest(name, methods.iter().copied()), synonym) {
         (_, Some(synonym)) if is_method(&synonym) => (suggestion_text(&synonym.name), Some(synonym.hint)),

@@ -25,7 +25,7 @@ pub fn warn_about_missing_characters(c: &Call, font: &Font, words: &str) {
     let shown = |chars: &[String]| list(chars.iter().map(String::as_str), 24);
     let warn = |text: String, hint: &str| {
         let error = ApiError::new(format!("{}: {text}", c.def.name)).hint(hint);
-        c.shared.add_diagnostic(Severity::Warning, &c.place, &error.rule("font_lacks"));
+        c.context.add_diagnostic(Severity::Warning, &c.place, &error.rule("font_lacks"));
     };
     let font_hint = "give a font that has them: font: \"file.ttf\"";
     if !without_font.is_empty() {

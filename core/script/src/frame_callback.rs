@@ -58,9 +58,9 @@ pub fn edit_frame(change: impl FnOnce(&mut FrameEdits)) {
 pub(crate) struct ScriptCallback {
     engine: Arc<Engine>,
     callback: FnPtr,
-    context: NativeCallContextStore,
+    native_context: NativeCallContextStore,
     at: Place,
-    shared: Arc<ScriptContext>,
+    context: Arc<ScriptContext>,
     identity: String,
     /// Number of callbacks of the stage.
     callback_count: u64,
@@ -77,25 +77,25 @@ impl ScriptCallback {
     /// of the stage, which share the limits of a frame.
     pub fn new(
         engine: Arc<Engine>,
-        shared: Arc<ScriptContext>,
+        context: Arc<ScriptContext>,
         draft: FrameCallbackDraft,
         script: &str,
         callback_count: usize,
     ) -> ScriptCallback {
-        let FrameCallbackDraft { callback, context, at } = draft;
+        let FrameCallbackDraft { callback, native_context, at } = draft;
         // Captured values need no hash of their own, because they follow from the script, whose hash covers everything.
         let identity = format!("{script} {}:{}", at.line, at.column);
         let callback_count = callback_count as u64;
-        ScriptCallback { engine, callback, context, at, shared, identity, callback_count }
+        ScriptCallback { engine, callback, native_context, at, context, identity, callback_count }
     }
 
     /// Runs the callback, which adds to `edits`.
     fn run_callback(&self, time: Time, edits: &mut FrameEdits) -> Result<(), Box<rhai::EvalAltResult>> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-        let context = self.context.create_context(&self.engine);
+        let native_context = self.native_context.create_context(&self.engine);
         BUDGET.set(self.budget());
         FRAME_EDITS.with_borrow_mut(|frame| *frame = Some(std::mem::take(edits)));
-        let result = self.callback.call_raw(&context, None, [Dynamic::from_float(time.as_secs())]);
+        let result = self.callback.call_raw(&native_context, None, [Dynamic::from_float(time.as_secs())]);
         if let Some(new_edits) = FRAME_EDITS.with_borrow_mut(Option::take) {
             *edits = new_edits;
         }
@@ -105,25 +105,25 @@ impl ScriptCallback {
     /// Runs the callback and returns its value; the edits are dropped.
     pub fn value_at(&self, time: Time) -> Result<Dynamic, crate::Diagnostic> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-        let context = self.context.create_context(&self.engine);
+        let native_context = self.native_context.create_context(&self.engine);
         BUDGET.set(self.budget());
         // The callback runs as if for a frame: it cannot change the stage, and has the limits of a frame.
         FRAME_EDITS.with_borrow_mut(|frame| *frame = Some(FrameEdits::default()));
-        let result = self.callback.call_raw(&context, None, [Dynamic::from_float(time.as_secs())]);
+        let result = self.callback.call_raw(&native_context, None, [Dynamic::from_float(time.as_secs())]);
         FRAME_EDITS.with_borrow_mut(|frame| *frame = None);
         result.map_err(|e| self.explain_error(&e))
     }
 
     /// The diagnostic of an error, at the place of the callback.
     pub(crate) fn diagnose(&self, error: &ApiError) -> crate::Diagnostic {
-        self.shared.diagnose(Severity::Error, &self.at, error)
+        self.context.diagnose(Severity::Error, &self.at, error)
     }
 
     /// The limits of a frame divided equally among all callbacks, so that many of them take no longer than one.
     fn budget(&self) -> Budget {
         /// Minimum time of a callback. A busy machine would exceed a shorter time.
         const MIN_TIME: Duration = Duration::from_millis(100);
-        let limits = &self.shared.limits;
+        let limits = &self.context.limits;
         let count = self.callback_count.max(1);
         let secs = Duration::try_from_secs_f64(limits.frame_seconds / count as f64).unwrap_or(Duration::MAX);
         Budget {
@@ -138,11 +138,11 @@ impl ScriptCallback {
     }
 
     fn explain_error(&self, error: &rhai::EvalAltResult) -> crate::Diagnostic {
-        let (mut place, error) = errors::explain_error(error, &self.at.file, &self.shared);
+        let (mut place, error) = errors::explain_error(error, &self.at.file, &self.context);
         if place.line == 0 {
             place = self.at.clone();
         }
-        self.shared.diagnose(Severity::Error, &place, &error)
+        self.context.diagnose(Severity::Error, &place, &error)
     }
 }
 

@@ -67,7 +67,9 @@ pub use limits::{LimitError, Limits, raise_hint};
 pub use lint::{ClipMarkers, Places};
 pub use loader::{BUILT_IN, ImportChoice, Loader, PlayedClips, built_in_assets};
 pub use reference::reference;
-pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
+pub use run::{
+    NO_THREAD, RunDependencies, Script, ScriptOptions, run_file, run_file_with_dependencies, run_text,
+};
 pub use tokens::{InterpolatedCode, comments, is_name, token_ranges, tokens_and_interpolations};
 // Misspellings get suggestions in the same words everywhere.
 pub use api::clip::{NoMatchingJoints, mapping_lines};

@@ -25,7 +25,7 @@ pub struct ImportChoice {
     pub options: ImportOptions,
     /// Requested parts of the file; parts that the loader itself does not request are left out in any case. No mesh or image is
     /// decoded of a file that is used for its clips only.
-    pub needs: Option<ImportScope>,
+    pub requested_parts: Option<ImportScope>,
     /// Clips of the file that are played. An importer may return other clips by name only.
     pub clips: PlayedClips,
     /// Tolerance in metres within which clips are compressed by [`choreo_motion::Clip::compressed`].
@@ -33,7 +33,7 @@ pub struct ImportChoice {
     /// Direction of the model's front, in place of the one found from its skeleton and clips.
     pub front: Option<Front>,
     /// Options as typed on the command line.
-    pub texts: Vec<(String, String)>,
+    pub command_line_options: Vec<(String, String)>,
 }
 
 /// Clips of a file that the caller plays.
@@ -62,7 +62,7 @@ impl ImportChoice {
                 numbers.iter_mut().for_each(|n| *n = choreo_asset::linear_from_srgb(*n));
             }
         }
-        for (name, text) in &self.texts {
+        for (name, text) in &self.command_line_options {
             options.0.insert(name.clone(), manifest.parse_option(name, text)?);
         }
         manifest.complete(&options)
@@ -73,7 +73,7 @@ impl ImportChoice {
 pub struct Loader {
     registry: Registry,
     folders: Folders,
-    needs: ImportScope,
+    requested_parts: ImportScope,
     cache: AssetCache,
     imports: Imports,
     /// Workers begin an import at once. Otherwise it begins when a caller waits.
@@ -92,12 +92,12 @@ struct LoaderState {
 }
 
 impl Loader {
-    /// A loader with an empty cache. `needs`: the parts of files that the caller will use.
-    pub fn new(registry: &Registry, folders: Folders, needs: ImportScope) -> Loader {
+    /// A loader with an empty cache. `requested_parts`: the parts of files that the caller will use.
+    pub fn new(registry: &Registry, folders: Folders, requested_parts: ImportScope) -> Loader {
         Loader {
             registry: registry.clone(),
             folders,
-            needs,
+            requested_parts,
             cache: AssetCache::default(),
             imports: Imports::default(),
             imports_at_once: true,
@@ -128,11 +128,11 @@ impl Loader {
         path: &Path,
         search: &[PathBuf],
         registry: &Registry,
-        needs: ImportScope,
+        requested_parts: ImportScope,
         max_bytes: u64,
     ) -> Result<Loader, LoadError> {
         let folder = path.parent().unwrap_or(Path::new(""));
-        Ok(Loader::new(registry, Folders::new(folder, search, max_bytes)?, needs))
+        Ok(Loader::new(registry, Folders::new(folder, search, max_bytes)?, requested_parts))
     }
 
     pub fn folders(&self) -> &Folders {
@@ -140,8 +140,8 @@ impl Loader {
     }
 
     /// The parts of files that the caller will use.
-    pub(crate) fn needs(&self) -> ImportScope {
-        self.needs
+    pub(crate) fn requested_parts(&self) -> ImportScope {
+        self.requested_parts
     }
 
     pub fn registry(&self) -> &Registry {
@@ -251,7 +251,8 @@ impl Loader {
         import: &Import,
     ) -> Result<Arc<Asset>, LoadError> {
         let stamp_key = found.filter(|_| self.cache.compares_file_times());
-        let stamp_key = stamp_key.map(|f| (f.path.clone(), format!("{name} {choice:?} {:?}", self.needs)));
+        let stamp_key =
+            stamp_key.map(|f| (f.path.clone(), format!("{name} {choice:?} {:?}", self.requested_parts)));
         if let Some(known) = stamp_key.as_ref().and_then(|key| self.cache.unchanged_asset(key)) {
             self.state().files_read.extend(known.files.iter().map(|(path, _, hash)| (path.clone(), *hash)));
             return Ok(known.asset);
@@ -275,14 +276,15 @@ impl Loader {
             }
         };
         let options = choice.complete_options(importer.manifest()).map_err(load_error_from_option)?;
-        let needs = choice.needs.map_or(self.needs, |n| self.needs.both(n));
+        let requested_parts =
+            choice.requested_parts.map_or(self.requested_parts, |n| self.requested_parts.both(n));
         let inputs = ImportInputs {
             importer: &importer,
             options: &options,
             compress: choice.compress,
             clips: &choice.clips,
             front: choice.front,
-            needs,
+            requested_parts,
         };
         let (asset, side_files) = self.import(&source, found, inputs, import)?;
         if let (Some(key), Some(stamp), None) = (stamp_key, stamp, importer.file()) {
@@ -325,7 +327,7 @@ impl Loader {
         watch: &Import,
     ) -> Result<(Arc<Asset>, Vec<String>), LoadError> {
         let names_of = |files: &[SideFile]| files.iter().map(|side| side.name.clone()).collect();
-        let ImportInputs { importer, options, compress, clips, front, needs } = inputs;
+        let ImportInputs { importer, options, compress, clips, front, requested_parts } = inputs;
         let start = found.and_then(|f| f.path.parent());
         let mut importer_name = importer.manifest().name.to_string();
         if let Some(file) = importer.file() {
@@ -333,13 +335,13 @@ impl Loader {
             // A changed plugin makes another asset of the same bytes, so its hash is part of the key.
             importer_name.push_str(&blake3::hash(&file.bytes).to_hex());
         }
-        let key = |needs: ImportScope| CacheKey {
+        let key = |requested_parts: ImportScope| CacheKey {
             path: found.map_or_else(|| PathBuf::from(&source.name), |f| f.path.clone()),
             // The asset contains the name that it was loaded by.
             name: source.name.clone(),
             importer: importer_name.clone(),
             options: format!("{options:?} {compress:?} {clips:?} {front:?}"),
-            needs: format!("{needs:?}"),
+            requested_parts: format!("{requested_parts:?}"),
         };
         let content = *blake3::hash(&source.bytes).as_bytes();
         let files = |clips| ImporterFiles {
@@ -360,39 +362,42 @@ impl Loader {
             made.source == content && made.side_files.iter().all(is_side_unchanged)
         };
         // An asset with decoded images also serves requests without them.
-        if !needs.pixels
-            && let Some(with_pixels) = self.cache.existing_slot(&key(ImportScope { pixels: true, ..needs }))
+        if !requested_parts.pixels
+            && let Some(with_pixels) =
+                self.cache.existing_slot(&key(ImportScope { pixels: true, ..requested_parts }))
         {
             let with_pixels = with_pixels.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(made) = with_pixels.as_ref().filter(|made| is_unchanged(made)) {
                 return Ok((made.asset.clone(), names_of(&made.side_files)));
             }
         }
-        let slot = self.cache.slot(key(needs));
+        let slot = self.cache.slot(key(requested_parts));
         let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(made) = slot.as_ref().filter(|made| is_unchanged(made)) {
             return Ok((made.asset.clone(), names_of(&made.side_files)));
         }
         let mut importer_files = files(clips);
         self.cache.count_import();
-        let mut asset =
-            importer.import(source, &importer_files, needs, options).map_err(load_error_from_import)?;
+        let mut asset = importer
+            .import(source, &importer_files, requested_parts, options)
+            .map_err(load_error_from_import)?;
         let has_known_front =
             |asset: &Asset| front.is_some() || !Facing::of(&asset.skeleton, &[]).evidence.is_empty();
-        let in_script = matches!(clips, PlayedClips::Named(_)) && needs.geometry;
+        let in_script = matches!(clips, PlayedClips::Named(_)) && requested_parts.geometry;
         if in_script && importer_files.clips_left_out.load(Ordering::Relaxed) && !has_known_front(&asset) {
             // The skeleton does not show the front, so all clips are imported to find it from them. Without a script the front is
             // not needed.
             importer_files = files(&PlayedClips::All);
-            asset =
-                importer.import(source, &importer_files, needs, options).map_err(load_error_from_import)?;
+            asset = importer
+                .import(source, &importer_files, requested_parts, options)
+                .map_err(load_error_from_import)?;
         }
         asset.name = source.name.clone();
         asset.front = front;
         if let Some(tolerance) = compress {
             compress_clips(&mut asset, tolerance, watch)?;
         }
-        if !needs.geometry && self.needs.geometry {
+        if !requested_parts.geometry && self.requested_parts.geometry {
             asset.warnings.push(no_geometry_warning());
         }
         let asset = Arc::new(asset);
@@ -434,7 +439,7 @@ struct ImportInputs<'a> {
     options: &'a ImportOptions,
     compress: Option<f64>,
     clips: &'a PlayedClips,
-    needs: ImportScope,
+    requested_parts: ImportScope,
     front: Option<Front>,
 }
 

@@ -15,7 +15,7 @@ pub(crate) const EMPTY_MODULE: &str = "\0";
 
 /// The module resolver of the engine.
 pub struct Modules {
-    shared: Weak<ScriptContext>,
+    context: Weak<ScriptContext>,
     state: Mutex<LoadedModules>,
 }
 
@@ -29,9 +29,9 @@ struct LoadedModules {
 }
 
 impl Modules {
-    pub fn new(shared: Arc<ScriptContext>) -> Modules {
-        // A weak reference, because `shared` keeps the engine alive through the contexts of callbacks.
-        Modules { shared: Arc::downgrade(&shared), state: Mutex::default() }
+    pub fn new(context: Arc<ScriptContext>) -> Modules {
+        // A weak reference, because `context` keeps the engine alive through the contexts of callbacks.
+        Modules { context: Arc::downgrade(&context), state: Mutex::default() }
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, LoadedModules> {
@@ -56,7 +56,7 @@ impl ModuleResolver for Modules {
             column: at.position().unwrap_or(0),
         };
         let fail = |error: ApiError| throw(error.focus(path), place.clone());
-        let Some(shared) = self.shared.upgrade() else {
+        let Some(context) = self.context.upgrade() else {
             return Err(fail(ApiError::new("modules cannot be imported inside on_frame")));
         };
         if crate::frame_callback::in_frame() {
@@ -66,10 +66,10 @@ impl ModuleResolver for Modules {
             ));
         }
         let name = if path.ends_with(".rhai") { path.to_string() } else { format!("{path}.rhai") };
-        let folders = shared.loader.folders().without_search_paths();
+        let folders = context.loader.folders().without_search_paths();
         let start = source.and_then(|s| self.state().folders.get(s).cloned());
-        let start = start.or_else(|| shared.test().scene.as_ref().map(|scene| scene.folder.clone()));
-        let found = shared.loader.find_in(&folders, start.as_deref(), &name).map_err(|e| {
+        let start = start.or_else(|| context.test().scene.as_ref().map(|scene| scene.folder.clone()));
+        let found = context.loader.find_in(&folders, start.as_deref(), &name).map_err(|e| {
             let mut error = ApiError::new(e.message);
             error.hint = e.hint.map(|_| "modules are imported from the script's own folder only".to_string());
             fail(error)
@@ -89,12 +89,12 @@ impl ModuleResolver for Modules {
             ))));
         }
         // Rhai counts only the imports of one file, not those that modules make in turn.
-        let (count, limit) = (self.state().loaded.len() + evaluating.len(), shared.limits.modules);
+        let (count, limit) = (self.state().loaded.len() + evaluating.len(), context.limits.modules);
         if count as u64 >= limit {
             return Err(fail(ApiError::new("too many imported files").hint(raise_hint("modules", limit))));
         }
-        let text = read_text(&shared, &found, &name).map_err(fail)?;
-        shared
+        let text = read_text(&context, &found, &name).map_err(fail)?;
+        context
             .sources
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
@@ -102,13 +102,13 @@ impl ModuleResolver for Modules {
         if let Some(folder) = found.path.parent() {
             self.state().folders.insert(name.clone(), folder.to_path_buf());
         }
-        let (parsed, unknown) = compile_with_unknown_variables(engine, &shared, &text);
-        crate::errors::report_unknown_variables(&unknown, &name, &shared);
-        crate::errors::mark_as_reported(&unknown, &shared);
+        let (parsed, unknown) = compile_with_unknown_variables(engine, &context, &text);
+        crate::errors::report_unknown_variables(&unknown, &name, &context);
+        crate::errors::mark_as_reported(&unknown, &context);
         let mut ast =
             parsed.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
-        shared.find_clips_only_loads(&ast, &name);
+        context.find_clips_only_loads(&ast, &name);
         self.state().evaluating.push((found.path.clone(), name.clone()));
         let mut scope = scope_with_constants();
         declare_poisons(&unknown, &mut scope);
@@ -126,14 +126,14 @@ impl ModuleResolver for Modules {
 /// # Errors
 /// Returns an error if the file cannot be read, is not UTF-8, or is larger than 4 MiB.
 pub(crate) fn read_text(
-    shared: &ScriptContext,
+    context: &ScriptContext,
     found: &crate::folders::FoundFile,
     name: &str,
 ) -> Result<String, ApiError> {
     const MAX_BYTES: usize = 4 << 20;
-    let bytes = match shared.unsaved_texts.get(&found.path) {
+    let bytes = match context.unsaved_texts.get(&found.path) {
         Some(text) => text.as_bytes().to_vec(),
-        None => shared.loader.folders().read(found, name)?,
+        None => context.loader.folders().read(found, name)?,
     };
     if bytes.len() > MAX_BYTES {
         return Err(ApiError::new(format!(
@@ -141,7 +141,7 @@ pub(crate) fn read_text(
             bytes.len()
         )));
     }
-    shared.loader.record_file_read(&found.path, &bytes);
+    context.loader.record_file_read(&found.path, &bytes);
     let text = String::from_utf8(bytes).map_err(|e| {
         let valid = &e.as_bytes()[..e.utf8_error().valid_up_to()];
         let line = valid.iter().filter(|b| **b == b'\n').count() + 1;

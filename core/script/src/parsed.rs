@@ -31,11 +31,11 @@ impl ParsedScript {
     /// Parses a script. `name`: its name in messages.
     pub fn new(
         engine: &Engine,
-        shared: &ScriptContext,
+        context: &ScriptContext,
         name: &str,
         text: &str,
     ) -> Result<ParsedScript, ParseFailure> {
-        let (parsed, unknown) = compile_with_unknown_variables(engine, shared, text);
+        let (parsed, unknown) = compile_with_unknown_variables(engine, context, text);
         let mut ast = match parsed {
             Ok(ast) => ast,
             Err(error) => {

@@ -22,7 +22,7 @@ const MAX_FAILED_STATEMENTS: usize = 20;
 pub(crate) fn run_statements(
     engine: &Engine,
     name: &str,
-    shared: &ScriptContext,
+    context: &ScriptContext,
     ast: &AST,
     unknown: &[UnknownVariable],
 ) -> bool {
@@ -35,17 +35,17 @@ pub(crate) fn run_statements(
     for failed in 0.. {
         let (first, part) = remaining.as_ref().map_or((0, ast), |(first, part)| (*first, part));
         let Err(error) = engine.run_ast_with_scope(&mut scope, part) else { return failed == 0 };
-        let (place, explained) = errors::explain_error(&error, name, shared);
+        let (place, explained) = errors::explain_error(&error, name, context);
         // The error of a failed import has no position, so the place of its explanation is used.
         let explained_position = (place.file == name).then_some((place.line, place.column));
         let position = line_and_column(error.position()).or(explained_position);
         let at = position.and_then(|position| statement_at(statements, first, position));
         let poisoned = at.is_some_and(|at| mentions_poison(&statements[at], &scope));
         if !missing.is_follow_up(&error, poisoned) {
-            shared.add_diagnostic(Severity::Error, &place, &explained);
+            context.add_diagnostic(Severity::Error, &place, &explained);
         }
         let continues =
-            failed < MAX_FAILED_STATEMENTS && shared.mode == RunMode::Stage && is_recoverable(&error);
+            failed < MAX_FAILED_STATEMENTS && context.mode == RunMode::Stage && is_recoverable(&error);
         let at = at.filter(|at| continues && missing.poison_targets(&statements[*at], &mut scope));
         let Some(at) = at else { return false };
         // Modules are known only to the run that imports them, so earlier imports are repeated; they are not read again.

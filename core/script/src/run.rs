@@ -31,10 +31,10 @@ pub struct ScriptOptions {
     /// Search paths: folders besides the script's own in which files are looked up, in order.
     pub search_paths: Vec<PathBuf>,
     /// Parameters given with `--set name=value`. The last of equal names counts.
-    pub set: Vec<(String, String)>,
+    pub set_parameters: Vec<(String, String)>,
     pub limits: Limits,
     /// The parts of the assets that the caller will use.
-    pub needs: ImportScope,
+    pub requested_parts: ImportScope,
     /// Cache of assets, shared with other runs by clones.
     pub assets: AssetCache,
     /// Decodes only the clips that the script names, if it names all that it uses. For callers that list no other clips.
@@ -45,21 +45,21 @@ pub struct ScriptOptions {
     pub root: Option<PathBuf>,
     /// Unsaved texts of scripts and modules in an editor, by canonical path. They are read in place of the files; a script among
     /// them need not exist as a file.
-    pub unsaved: Arc<BTreeMap<PathBuf, Arc<str>>>,
+    pub unsaved_texts: Arc<BTreeMap<PathBuf, Arc<str>>>,
 }
 
 impl Default for ScriptOptions {
     fn default() -> Self {
         ScriptOptions {
             search_paths: Vec::new(),
-            set: Vec::new(),
+            set_parameters: Vec::new(),
             limits: Limits::default(),
-            needs: ImportScope::ALL,
+            requested_parts: ImportScope::ALL,
             assets: AssetCache::default(),
             played_clips_only: false,
             imports: Imports::default(),
             root: None,
-            unsaved: Arc::default(),
+            unsaved_texts: Arc::default(),
         }
     }
 }
@@ -89,46 +89,49 @@ pub fn run_file(
 ) -> Result<Script, Vec<Diagnostic>> {
     let root = options.root.as_deref();
     let opened = open(path, root, RunMode::Stage, registry, options).map_err(|e| vec![e])?;
-    on_script_thread(move || run_on_this_thread(&opened.name, &opened.text, &opened.shared))
+    on_script_thread(move || run_on_this_thread(&opened.name, &opened.text, &opened.context))
 }
 
 /// Files on which the result of a run depends, also if it failed, for callers that watch for changes.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Touched {
+pub struct RunDependencies {
     /// Canonical paths of all files read, with the BLAKE3 hash of their content.
     pub read: BTreeMap<PathBuf, [u8; 32]>,
     /// Paths that do not exist, and links on the way to files that were found.
     pub missing_or_linked_paths: BTreeSet<PathBuf>,
 }
 
-impl Touched {
+impl RunDependencies {
     /// Files that a loader has looked up or read so far.
-    pub fn by(loader: &Loader) -> Touched {
-        Touched { read: loader.files_read(), missing_or_linked_paths: loader.missing_or_linked_paths() }
+    pub fn of(loader: &Loader) -> RunDependencies {
+        RunDependencies {
+            read: loader.files_read(),
+            missing_or_linked_paths: loader.missing_or_linked_paths(),
+        }
     }
 }
 
 /// Runs a script file as [`run_file`] does, and also returns the files on which the run depends, even if it fails.
-pub fn run_file_touching(
+pub fn run_file_with_dependencies(
     path: &Path,
     registry: &Registry,
     options: &ScriptOptions,
-) -> (Result<Script, Vec<Diagnostic>>, Touched) {
+) -> (Result<Script, Vec<Diagnostic>>, RunDependencies) {
     let opened = match open(path, options.root.as_deref(), RunMode::Stage, registry, options) {
         Ok(opened) => opened,
         Err(error) => {
-            let mut touched = Touched::default();
-            touched.missing_or_linked_paths.extend(std::path::absolute(path));
-            return (Err(vec![error]), touched);
+            let mut dependencies = RunDependencies::default();
+            dependencies.missing_or_linked_paths.extend(std::path::absolute(path));
+            return (Err(vec![error]), dependencies);
         }
     };
-    let loader = opened.shared.loader.clone();
-    let result = on_script_thread(move || run_on_this_thread(&opened.name, &opened.text, &opened.shared));
-    let mut touched = Touched::by(&loader);
+    let loader = opened.context.loader.clone();
+    let result = on_script_thread(move || run_on_this_thread(&opened.name, &opened.text, &opened.context));
+    let mut dependencies = RunDependencies::of(&loader);
     // A link to the script can change its target.
-    let link = std::path::absolute(path).ok().filter(|link| !touched.read.contains_key(link));
-    touched.missing_or_linked_paths.extend(link);
-    (result, touched)
+    let link = std::path::absolute(path).ok().filter(|link| !dependencies.read.contains_key(link));
+    dependencies.missing_or_linked_paths.extend(link);
+    (result, dependencies)
 }
 
 /// A script file that has been read.
@@ -136,7 +139,7 @@ pub(crate) struct Opened {
     /// The path as the caller named it, for messages.
     pub name: String,
     pub text: String,
-    pub shared: Arc<ScriptContext>,
+    pub context: Arc<ScriptContext>,
 }
 
 /// Finds and reads a script file. `root`: see [`Folders::with_root`].
@@ -164,13 +167,13 @@ pub fn open(
         Ok(canonical) if canonical.is_file() => canonical,
         Ok(_) => return Err(Diagnostic::error(format!("cannot read script \"{shown}\": it is not a file"))),
         // A text that was never saved has a path but no file.
-        Err(_) if options.unsaved.contains_key(path) => path.to_path_buf(),
+        Err(_) if options.unsaved_texts.contains_key(path) => path.to_path_buf(),
         Err(e) => return Err(Diagnostic::error(format!("cannot read script \"{shown}\": {e}"))),
     };
-    let shared = new_script_context(folders, mode, registry, options);
+    let context = new_script_context(folders, mode, registry, options);
     let found = crate::folders::FoundFile { path: canonical };
-    let text = read_text(&shared, &found, &name)?;
-    Ok(Opened { name: shown, text, shared })
+    let text = read_text(&context, &found, &name)?;
+    Ok(Opened { name: shown, text, context })
 }
 
 /// Runs a script given as text. Its files are looked up in `base_dir`.
@@ -183,9 +186,9 @@ pub fn run_text(
 ) -> Result<Script, Vec<Diagnostic>> {
     let folders = Folders::new(base_dir, &options.search_paths, options.limits.file)
         .map_err(|e| vec![ApiError::from(e).into()])?;
-    let shared = new_script_context(folders, RunMode::Stage, registry, options);
+    let context = new_script_context(folders, RunMode::Stage, registry, options);
     let (name, text) = (name.to_string(), text.to_string());
-    on_script_thread(move || run_on_this_thread(&name, &text, &shared))
+    on_script_thread(move || run_on_this_thread(&name, &text, &context))
 }
 
 fn new_script_context(
@@ -194,21 +197,21 @@ fn new_script_context(
     registry: &Registry,
     options: &ScriptOptions,
 ) -> Arc<ScriptContext> {
-    let mut loader = Loader::new(registry, folders, options.needs).with_cache(&options.assets);
+    let mut loader = Loader::new(registry, folders, options.requested_parts).with_cache(&options.assets);
     loader = loader.watched_by(&options.imports);
     if mode == RunMode::ListTests {
         loader = loader.importing_on_demand();
     }
     Arc::new(ScriptContext {
-        build: Mutex::new(StageDraft::default()),
+        stage_draft: Mutex::new(StageDraft::default()),
         defs: defs(),
         loader: Arc::new(loader),
         clips_only: Mutex::default(),
         played_clips_only: options.played_clips_only,
         played_clips: OnceLock::new(),
         limits: options.limits.clone(),
-        set_parameters: options.set.clone(),
-        unsaved_texts: options.unsaved.clone(),
+        set_parameters: options.set_parameters.clone(),
+        unsaved_texts: options.unsaved_texts.clone(),
         sources: Mutex::default(),
         functions: Mutex::default(),
         reported_variables: Mutex::default(),
@@ -238,12 +241,12 @@ pub(crate) fn on_script_thread<T: Send + 'static>(
 }
 
 /// Makes the engine of a run and starts its time limit.
-pub fn begin(name: &str, text: &str, shared: &Arc<ScriptContext>) -> Arc<Engine> {
-    shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
-    let engine = Arc::new(engine::make_engine(shared));
-    *shared.engine.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&engine);
-    let limit = Duration::try_from_secs_f64(shared.limits.seconds).unwrap_or(Duration::MAX);
-    *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now().checked_add(limit);
+pub fn begin(name: &str, text: &str, context: &Arc<ScriptContext>) -> Arc<Engine> {
+    context.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
+    let engine = Arc::new(engine::make_engine(context));
+    *context.engine.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&engine);
+    let limit = Duration::try_from_secs_f64(context.limits.seconds).unwrap_or(Duration::MAX);
+    *context.deadline.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now().checked_add(limit);
     engine
 }
 
@@ -251,96 +254,96 @@ pub fn begin(name: &str, text: &str, shared: &Arc<ScriptContext>) -> Arc<Engine>
 pub fn execute(
     engine: &Engine,
     name: &str,
-    shared: &ScriptContext,
+    context: &ScriptContext,
     script: Result<(&ParsedScript, &AST), ParseFailure>,
 ) {
     match script {
         Err(ParseFailure { error, unknown }) => {
-            errors::report_unknown_variables(&unknown, name, shared);
-            let (place, error) = errors::explain_error(&error.into(), name, shared);
-            shared.add_diagnostic(Severity::Error, &place, &error);
+            errors::report_unknown_variables(&unknown, name, context);
+            let (place, error) = errors::explain_error(&error.into(), name, context);
+            context.add_diagnostic(Severity::Error, &place, &error);
         }
         Ok((parsed, ast)) => {
-            errors::mark_as_reported(&parsed.unknown, shared);
+            errors::mark_as_reported(&parsed.unknown, context);
             // A run of one section reports only the unknown variables in it.
-            if !matches!(shared.mode, RunMode::RunTest(_)) {
-                errors::report_unknown_variables(&parsed.unknown, name, shared);
+            if !matches!(context.mode, RunMode::RunTest(_)) {
+                errors::report_unknown_variables(&parsed.unknown, name, context);
             }
-            shared
+            context
                 .clips_only
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)
                 .extend(parsed.clips_only.iter().cloned());
-            *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) = parsed.functions.clone();
-            shared.test().function_ends = parsed.function_ends.clone();
-            if crate::recover::run_statements(engine, name, shared, ast, &parsed.unknown) {
-                check_set_names(shared);
+            *context.functions.lock().unwrap_or_else(PoisonError::into_inner) = parsed.functions.clone();
+            context.test().function_ends = parsed.function_ends.clone();
+            if crate::recover::run_statements(engine, name, context, ast, &parsed.unknown) {
+                check_set_names(context);
             }
         }
     }
-    *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    *context.deadline.lock().unwrap_or_else(PoisonError::into_inner) = None;
 }
 
 /// Runs a script on the current thread.
 fn run_on_this_thread(
     name: &str,
     text: &str,
-    shared: &Arc<ScriptContext>,
+    context: &Arc<ScriptContext>,
 ) -> Result<Script, Vec<Diagnostic>> {
-    let engine = begin(name, text, shared);
-    let parsed = ParsedScript::new(&engine, shared, name, text);
+    let engine = begin(name, text, context);
+    let parsed = ParsedScript::new(&engine, context, name, text);
     if let Ok(parsed) = &parsed {
-        if shared.played_clips_only {
+        if context.played_clips_only {
             // The value is set only here.
-            let _ = shared.played_clips.set(crate::clips_only::played_clips(&parsed.ast));
+            let _ = context.played_clips.set(crate::clips_only::played_clips(&parsed.ast));
         }
-        let unused = crate::lint::unused_variables(&parsed.ast, name, text, shared.defs);
-        shared.build.lock().unwrap_or_else(PoisonError::into_inner).unused_variables = unused;
+        let unused = crate::lint::unused_variables(&parsed.ast, name, text, context.defs);
+        context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner).unused_variables = unused;
     }
-    execute(&engine, name, shared, parsed.as_ref().map(|p| (p, &p.ast)).map_err(Clone::clone));
-    let script_hash = hash_script(text, shared);
+    execute(&engine, name, context, parsed.as_ref().map(|p| (p, &p.ast)).map_err(Clone::clone));
+    let script_hash = hash_script(text, context);
     let identity = hex(&script_hash);
-    let (stage, mut places) = resolve(shared, &engine, &|_| identity.clone());
+    let (stage, mut places) = resolve(context, &engine, &|_| identity.clone());
     // A file that only has tests puts nothing on stage.
-    if stage.actors.is_empty() && shared.test().sections.is_empty() {
+    if stage.actors.is_empty() && context.test().sections.is_empty() {
         let error = ApiError::new("nothing is on stage: no actor is cast")
             .hint("let hero = cast(\"hero\", load(\"hero.glb\")); puts one there");
-        shared.add_diagnostic(
+        context.add_diagnostic(
             Severity::Warning,
             &Place { file: name.to_string(), ..Place::default() },
             &error,
         );
     }
-    let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut stage_draft = context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);
     places.main = name.to_string();
-    let diagnostics = std::mem::take(&mut build.diagnostics);
+    let diagnostics = std::mem::take(&mut stage_draft.diagnostics);
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {
         let mut errors: Vec<Diagnostic> =
             diagnostics.into_iter().filter(|d| d.severity == Severity::Error).collect();
-        errors.extend(build.error_about_limit());
+        errors.extend(stage_draft.error_about_limit());
         return Err(errors);
     }
     let mut stage = stage;
     stage.warnings.extend(diagnostics.iter().map(ToString::to_string));
     Ok(Script {
         stage,
-        files_used: shared.loader.files_read().into_keys().collect(),
+        files_used: context.loader.files_read().into_keys().collect(),
         script_hash,
         warnings: diagnostics,
-        parameters: std::mem::take(&mut build.parameters),
-        printed: build.take_printed(shared.limits.printed),
+        parameters: std::mem::take(&mut stage_draft.parameters),
+        printed: stage_draft.take_printed(context.limits.printed),
         places,
     })
 }
 
 /// Reports names given with `--set` that no `param` declares.
-fn check_set_names(shared: &ScriptContext) {
+fn check_set_names(context: &ScriptContext) {
     let known: Vec<String> = {
-        let build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
-        build.parameters.iter().map(|p| p.name.clone()).collect()
+        let stage_draft = context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);
+        stage_draft.parameters.iter().map(|p| p.name.clone()).collect()
     };
     let names = || known.iter().map(String::as_str);
-    for (name, _) in &shared.set_parameters {
+    for (name, _) in &context.set_parameters {
         if known.contains(name) {
             continue;
         }
@@ -352,12 +355,12 @@ fn check_set_names(shared: &ScriptContext) {
             [] => "the script declares no parameters; param(\"name\", default) declares one".to_string(),
             _ => format!("parameters: {}", list(names(), 30)),
         });
-        shared.add_diagnostic(Severity::Error, &Place::default(), &error);
+        context.add_diagnostic(Severity::Error, &Place::default(), &error);
     }
 }
 
 /// Hash of the script's text, its parameters and the content of all files used.
-fn hash_script(text: &str, shared: &ScriptContext) -> [u8; 32] {
+fn hash_script(text: &str, context: &ScriptContext) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -365,14 +368,14 @@ fn hash_script(text: &str, shared: &ScriptContext) -> [u8; 32] {
     };
     add(text.as_bytes());
     {
-        let build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
-        for p in &build.parameters {
+        let stage_draft = context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);
+        for p in &stage_draft.parameters {
             add(p.name.as_bytes());
             add(p.value.as_bytes());
         }
     }
     // Sorted by hash, so that the paths of the files do not matter.
-    let mut files: Vec<[u8; 32]> = shared.loader.files_read().into_values().collect();
+    let mut files: Vec<[u8; 32]> = context.loader.files_read().into_values().collect();
     files.sort_unstable();
     for file in files {
         add(&file);

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// The error that a total over all actors exceeds its limit, at the place of the first actor with which it does.
-pub fn error_of_totals(build: &StageDraft, limits: &Limits) -> Option<(Place, ApiError)> {
+pub fn error_of_totals(stage_draft: &StageDraft, limits: &Limits) -> Option<(Place, ApiError)> {
     let mut sums = [
         ("joints", limits.joints, 0u64),
         ("instances", limits.instances, 0),
@@ -16,7 +16,7 @@ pub fn error_of_totals(build: &StageDraft, limits: &Limits) -> Option<(Place, Ap
         ("texels", limits.texels, 0),
     ];
     let mut seen: BTreeSet<*const Image> = BTreeSet::new();
-    for draft in &build.actors {
+    for draft in &stage_draft.actors {
         let asset = &draft.actor.asset;
         let more = [
             asset.skeleton.len() as u64,

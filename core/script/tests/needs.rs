@@ -109,7 +109,7 @@ fn clips_only_use_is_found_in_the_script() {
 
 /// No image is decoded for `check`, `info` and `pose`.
 fn imports_without_pixels_decode_no_images() {
-    let options = ScriptOptions { needs: ImportScope::NO_PIXELS, ..ScriptOptions::default() };
+    let options = ScriptOptions { requested_parts: ImportScope::NO_PIXELS, ..ScriptOptions::default() };
     assets().run_text(r#"cast("a", load("hero.toy"));"#, &options).unwrap();
     assert_eq!(take_import_counts(), (1, 0));
 }

@@ -91,7 +91,7 @@ pub struct FrameReply {
     pub view: u32,
     pub result: Result<(Frame, FrameInfo), FrameError>,
     /// Numbers of objects that the renderer has created since its start.
-    pub work: CreatedCounts,
+    pub created_counts: CreatedCounts,
     /// Objects that the renderer currently has on its device.
     pub device_usage: DeviceUsage,
     /// Messages for the user.
@@ -193,7 +193,7 @@ impl FrameRenderer {
     }
 
     /// Requests a frame. Replaces the pending request of the same view, unless rendering has begun.
-    pub fn ask(&self, request: FrameRequest) {
+    pub fn request_frame(&self, request: FrameRequest) {
         self.queue.requests().pending.insert(request.view, request);
         self.queue.changed.notify_all();
     }
@@ -204,7 +204,7 @@ impl FrameRenderer {
     }
 
     /// Returns a frame that is no longer needed, so that its memory can be used again.
-    pub fn give_back(&self, frame: Frame) {
+    pub fn recycle_frame(&self, frame: Frame) {
         self.queue.requests().spare_frame = Some(frame);
     }
 }
@@ -253,13 +253,13 @@ impl RenderState {
             self.reset_after_panic();
             Err(FrameError::of_panic(&*panic))
         });
-        let (mut work, mut device_usage) = (CreatedCounts::default(), DeviceUsage::default());
+        let (mut created_counts, mut device_usage) = (CreatedCounts::default(), DeviceUsage::default());
         if let Ok(renderer) = &mut self.renderer {
             notes.extend(renderer.take_notes());
-            (work, device_usage) = (renderer.created_counts(), renderer.usage());
+            (created_counts, device_usage) = (renderer.created_counts(), renderer.usage());
         }
         let FrameRequest { ticket, view, .. } = *request;
-        FrameReply { ticket, view, result, work, device_usage, notes }
+        FrameReply { ticket, view, result, created_counts, device_usage, notes }
     }
 
     /// Resets the state after a panic, which may have interrupted anything: unfinished frames are dropped; evaluators, effects and resources are

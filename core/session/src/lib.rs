@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! SceneSource ─► Session::build ─► SceneVersion ─► FrameRenderer ─► frames
-//!               ▲    └ Touched: the files that it depends on
+//!               ▲    └ RunDependencies: the files that it depends on
 //!               └── Watch ◄── the system
 //! ```
 //! This crate does not depend on a window or a UI toolkit.

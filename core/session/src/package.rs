@@ -10,7 +10,7 @@ use toml::de::{DeTable, DeValue};
 
 /// File name extensions of plugins.
 pub const FILE_ENDINGS: [&str; 5] = [
-    choreo_rhai_importer::FILE_ENDING,
+    choreo_rhai_importer::IMPORTER_ENDING,
     choreo_rhai_importer::EXPORTER_ENDING,
     choreo_wgsl_effect::FILE_ENDING,
     choreo_wasm_plugin::IMPORTER_ENDING,
@@ -21,7 +21,7 @@ pub const FILE_ENDINGS: [&str; 5] = [
 pub const DESCRIPTION: &str = "plugin.toml";
 
 /// Largest description that is read, bytes.
-pub const MOST_DESCRIPTION: u64 = 64 << 10;
+pub const MAX_DESCRIPTION_BYTES: u64 = 64 << 10;
 
 /// Keys of the description. Authors and addresses are accepted, but only meant for human readers.
 const KEYS: [&str; 11] = [

@@ -4,7 +4,9 @@
 //! packages: folders with a `plugin.toml`. The script's folder may contain WGSL of any kind, so only files that begin like an effect count as
 //! plugins there.
 
-use crate::package::{DESCRIPTION, FILE_ENDINGS, MOST_DESCRIPTION, Package, PackagedKind, PackagedPlugin};
+use crate::package::{
+    DESCRIPTION, FILE_ENDINGS, MAX_DESCRIPTION_BYTES, Package, PackagedKind, PackagedPlugin,
+};
 use crate::remembered_manifests;
 use choreo_files::{FileError, Folder};
 use choreo_importer_kit::images::{Encoded, Formats};
@@ -139,7 +141,7 @@ enum FolderKind {
 
 /// Finds the plugin files, in order of increasing priority. `before`: an earlier listing, whose compiled plugins are reused if their files have not
 /// changed.
-pub fn list(
+pub fn list_plugin_files(
     plugins: &Registry,
     named: &[PathBuf],
     inputs: &[&Path],
@@ -495,7 +497,7 @@ impl Entry {
 impl Source {
     /// Reads the description of a package.
     fn package(&self) -> Result<Package, ReadError> {
-        let bytes = self.folder.read(&self.name, MOST_DESCRIPTION).map_err(|e| self.read_error(&e))?;
+        let bytes = self.folder.read(&self.name, MAX_DESCRIPTION_BYTES).map_err(|e| self.read_error(&e))?;
         let text = String::from_utf8(bytes)
             .map_err(|_| ReadError(format!("{}: it is not UTF-8 text", self.shown)))?;
         Package::parse(&self.shown, &text).map_err(|e| ReadError(e.to_string()))

@@ -11,13 +11,13 @@ pub struct SceneSource {
     /// Models: more models, shown to the right of `input`.
     pub beside: Vec<PathBuf>,
     /// Scripts: parameters, `name=value`.
-    pub set: Vec<(String, String)>,
+    pub set_parameters: Vec<(String, String)>,
     /// Additional folders to search for assets.
     pub search: Vec<PathBuf>,
     /// Additional folders of plugin files.
     pub plugins: Vec<PathBuf>,
     pub limits: Limits,
-    pub needs: ImportScope,
+    pub requested_parts: ImportScope,
     /// Models: the clip to play (`None`: the first), and how the file is read.
     pub clip: Option<String>,
     pub import: ImportChoice,
@@ -33,11 +33,11 @@ impl SceneSource {
         SceneSource {
             input: input.into(),
             beside: Vec::new(),
-            set: Vec::new(),
+            set_parameters: Vec::new(),
             search: Vec::new(),
             plugins: Vec::new(),
             limits: Limits::default(),
-            needs: ImportScope::ALL,
+            requested_parts: ImportScope::ALL,
             clip: None,
             import: ImportChoice::default(),
             size: None,
@@ -49,9 +49,9 @@ impl SceneSource {
     pub fn script_options(&self, assets: &AssetCache) -> ScriptOptions {
         ScriptOptions {
             search_paths: self.search.clone(),
-            set: self.set.clone(),
+            set_parameters: self.set_parameters.clone(),
             limits: self.limits.clone(),
-            needs: self.needs,
+            requested_parts: self.requested_parts,
             assets: assets.clone(),
             // The inspector lists all clips.
             played_clips_only: false,
@@ -73,7 +73,7 @@ impl SceneSource {
             (!names.is_empty()).then(|| format!("{} left out: a script is shown alone", names.join(", ")));
         let (input, beside) = shown.split_first()?;
         let (input, beside) = (input.clone(), beside.to_vec());
-        let source = SceneSource { input, beside, set: Vec::new(), clip: None, ..like.clone() };
+        let source = SceneSource { input, beside, set_parameters: Vec::new(), clip: None, ..like.clone() };
         Some((source, note))
     }
 

@@ -8,8 +8,8 @@ use choreo_asset::Asset;
 use choreo_plugin::{PluginPanic, Registry};
 use choreo_render::SceneResources;
 use choreo_script::{
-    AssetCache, Diagnostic, Folders, Imports, Loader, Parameter, Place, Places, ScriptOptions, Severity,
-    Touched, content_of, run_file_touching,
+    AssetCache, Diagnostic, Folders, Imports, Loader, Parameter, Place, Places, RunDependencies,
+    ScriptOptions, Severity, content_of, run_file_with_dependencies,
 };
 use choreo_stage::{Evaluator, Stage, StageError};
 use std::collections::BTreeSet;
@@ -152,9 +152,10 @@ impl Session {
         let start = Instant::now();
         self.work.builds += 1;
         let number = self.work.builds;
-        let mut touched = Touched::default();
+        let mut dependencies = RunDependencies::default();
         let mut interest = WatchedPaths::default();
-        let made = catch_unwind(AssertUnwindSafe(|| self.build_scene(number, &mut touched, &mut interest)));
+        let made =
+            catch_unwind(AssertUnwindSafe(|| self.build_scene(number, &mut dependencies, &mut interest)));
         let made = made.unwrap_or_else(|panic| {
             let own =
                 || "the program itself failed on this version; please report it with the files".to_string();
@@ -163,9 +164,9 @@ impl Session {
         });
         let shaders = self.source.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());
         let of_plugins = self.files.iter().flat_map(Listing::used_files);
-        let read = touched.read.keys().cloned().chain(of_plugins).collect();
-        interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
-        for path in touched.missing_or_linked_paths {
+        let read = dependencies.read.keys().cloned().chain(of_plugins).collect();
+        interest.files.extend(dependencies.read.into_iter().map(|(path, hash)| (path, Some(hash))));
+        for path in dependencies.missing_or_linked_paths {
             let there = content_of(&path);
             interest.files.entry(path).or_insert(there);
         }
@@ -202,13 +203,13 @@ impl Session {
     fn build_scene(
         &mut self,
         number: u64,
-        touched: &mut Touched,
+        dependencies: &mut RunDependencies,
         interest: &mut WatchedPaths,
     ) -> Result<(Scene, Vec<Problem>), Vec<Problem>> {
         let registry = self.registry(interest)?;
         let built = match self.source.is_script() {
-            true => self.run_script(&registry, touched)?,
-            false => self.load_models(&registry, touched)?,
+            true => self.run_script(&registry, dependencies)?,
+            false => self.load_models(&registry, dependencies)?,
         };
         let BuildResult { mut stage, places, parameters, printed, mut warnings } = built;
         stage.settings.size = self.source.size.unwrap_or(stage.settings.size);
@@ -243,7 +244,12 @@ impl Session {
     /// Registry of the program's plugins and the plugin files. Changed files are compiled again.
     fn registry(&mut self, interest: &mut WatchedPaths) -> Result<Registry, Vec<Problem>> {
         let inputs = [self.source.input.as_path()];
-        let found = plugin_files::list(&self.plugins, &self.source.plugins, &inputs, self.files.as_ref());
+        let found = plugin_files::list_plugin_files(
+            &self.plugins,
+            &self.source.plugins,
+            &inputs,
+            self.files.as_ref(),
+        );
         let listing = found.map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         for folder in &listing.folders {
             // The path of a folder that does not exist yet is derived from its parent.
@@ -263,11 +269,15 @@ impl Session {
         Ok(registry)
     }
 
-    fn run_script(&self, registry: &Registry, touched: &mut Touched) -> Result<BuildResult, Vec<Problem>> {
+    fn run_script(
+        &self,
+        registry: &Registry,
+        dependencies: &mut RunDependencies,
+    ) -> Result<BuildResult, Vec<Problem>> {
         let options =
             ScriptOptions { imports: self.imports.clone(), ..self.source.script_options(&self.assets) };
-        let (result, files) = run_file_touching(&self.source.input, registry, &options);
-        *touched = files;
+        let (result, files) = run_file_with_dependencies(&self.source.input, registry, &options);
+        *dependencies = files;
         let script = result?;
         let mut warnings = script.warnings;
         warnings.extend(asset_warnings(&script.stage));
@@ -281,11 +291,15 @@ impl Session {
     }
 
     /// Loads the models that can be read, and reports the others as warnings. Fails if none can be read.
-    fn load_models(&self, registry: &Registry, touched: &mut Touched) -> Result<BuildResult, Vec<Problem>> {
+    fn load_models(
+        &self,
+        registry: &Registry,
+        dependencies: &mut RunDependencies,
+    ) -> Result<BuildResult, Vec<Problem>> {
         let paths = || std::iter::once(&self.source.input).chain(&self.source.beside);
         let (mut assets, mut failed) = (Vec::new(), Vec::new());
         for path in paths() {
-            match self.load_asset(registry, path, touched) {
+            match self.load_asset(registry, path, dependencies) {
                 Ok(asset) => assets.push((model::name(path), asset)),
                 Err(problem) => failed.push(problem),
             }
@@ -308,20 +322,20 @@ impl Session {
         &self,
         registry: &Registry,
         path: &Path,
-        touched: &mut Touched,
+        dependencies: &mut RunDependencies,
     ) -> Result<Arc<Asset>, Problem> {
         let built_in = path.to_str().filter(|_| model::is_built_in(path));
         let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path };
         let folder = base.parent().unwrap_or(Path::new(""));
         let folders = Folders::new(folder, &self.source.search, self.source.limits.file);
         let folders = folders.map_err(|e| file_error(path, e.message, e.hint))?;
-        let loader = Loader::new(registry, folders, self.source.needs);
+        let loader = Loader::new(registry, folders, self.source.requested_parts);
         let loader = Arc::new(loader.with_cache(&self.assets).watched_by(&self.imports));
         let name = built_in.or_else(|| path.file_name().and_then(|n| n.to_str())).unwrap_or_default();
         let loaded = loader.load(name, &self.source.import);
-        let Touched { read, missing_or_linked_paths } = Touched::by(&loader);
-        touched.read.extend(read);
-        touched.missing_or_linked_paths.extend(missing_or_linked_paths);
+        let RunDependencies { read, missing_or_linked_paths } = RunDependencies::of(&loader);
+        dependencies.read.extend(read);
+        dependencies.missing_or_linked_paths.extend(missing_or_linked_paths);
         loaded.map_err(|e| file_error(path, e.message, e.hint))
     }
 }

@@ -97,10 +97,10 @@ impl ReloadTest {
     fn build_and_draw(&mut self, changed: BTreeSet<std::path::PathBuf>) -> DeviceUsage {
         let version = self.session.build(changed);
         let scene = version.scene.unwrap_or_else(|| panic!("{:?}", version.problems));
-        self.renderer.ask(FrameRequest::new(scene, Time::from_secs(1.0), 4, 0));
+        self.renderer.request_frame(FrameRequest::new(scene, Time::from_secs(1.0), 4, 0));
         let reply = self.reply.recv_timeout(Duration::from_secs(300)).unwrap();
         let device_usage = reply.device_usage;
-        self.renderer.give_back(reply.result.unwrap().0);
+        self.renderer.recycle_frame(reply.result.unwrap().0);
         device_usage
     }
 

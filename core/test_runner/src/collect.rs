@@ -64,7 +64,7 @@ impl Case {
 pub fn find_scripts(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Option<PathBuf>)>, NothingToRun> {
     let mut files: Vec<(PathBuf, Option<PathBuf>)> = Vec::new();
     for path in paths {
-        let shown = shown(path);
+        let shown = display_path(path);
         if path.is_dir() {
             let before = files.len();
             find_scripts_in_folder(path, path, &mut files)?;
@@ -103,7 +103,7 @@ pub fn collect(
 ) -> Result<Vec<Case>, NothingToRun> {
     let mut cases = Vec::new();
     for (path, root) in find_scripts(paths)? {
-        let file = shown(&path);
+        let file = display_path(&path);
         let given_root = || options.root.clone().filter(|root| contains_file(root, &path));
         let root = project(&path).or_else(given_root).or_else(|| root.clone());
         let options = TestOptions { root, ..options.clone() };
@@ -130,7 +130,7 @@ fn find_scripts_in_folder(
     root: &Path,
     files: &mut Vec<(PathBuf, Option<PathBuf>)>,
 ) -> Result<(), NothingToRun> {
-    let failed = |e: std::io::Error| NothingToRun::Input(format!("{}: {e}", shown(folder)));
+    let failed = |e: std::io::Error| NothingToRun::Input(format!("{}: {e}", display_path(folder)));
     for (name, kind) in choreo_files::entries(folder).map_err(failed)? {
         let path = folder.join(&name);
         let text = name.to_string_lossy();
@@ -149,7 +149,7 @@ fn find_scripts_in_folder(
             if files.len() >= MAX_FILES {
                 return Err(NothingToRun::Usage(format!(
                     "more than {MAX_FILES} scripts below {}; name the folder of the tests",
-                    shown(root)
+                    display_path(root)
                 )));
             }
             // A file that is found in a folder must really lie in it: its text may appear in messages.
@@ -160,8 +160,8 @@ fn find_scripts_in_folder(
             if kind.is_symlink() && is_outside_root() {
                 return Err(NothingToRun::Input(format!(
                     "{}: it is a symbolic link that leads out of {}; remove it, or name the file itself",
-                    shown(&path),
-                    shown(root)
+                    display_path(&path),
+                    display_path(root)
                 )));
             }
             // The prefix "./" is left out of all names.
@@ -186,7 +186,7 @@ pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, Noth
             .collect();
         return Err(NothingToRun::Usage(format!(
             "--filter {}: {}{}\n    --list shows all of them",
-            quoted(filter),
+            shell_quote(filter),
             match cases.len() {
                 1 => "the only section does not match".to_string(),
                 n => format!("none of the {n} sections matches"),
@@ -212,7 +212,7 @@ pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, Noth
 }
 
 /// Formats a path for messages.
-pub fn shown(path: &Path) -> String {
+pub fn display_path(path: &Path) -> String {
     let text = path.display().to_string().replace('\\', "/");
     match text.strip_prefix("./") {
         Some(rest) if !rest.is_empty() => rest.to_string(),
@@ -221,7 +221,7 @@ pub fn shown(path: &Path) -> String {
 }
 
 /// Quotes a text so that a shell reads it as one word.
-pub fn quoted(text: &str) -> String {
+pub fn shell_quote(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=+,@%".contains(c);
     match !text.is_empty() && text.chars().all(plain) {
         true => text.to_string(),

@@ -75,7 +75,7 @@ pub fn judge(
         place: section_ref.place.clone(),
         title: format!("image \"{}\" at {} s", wanted.name, wanted.at.as_secs()),
         passed: false,
-        expected: crate::collect::shown(&golden_path),
+        expected: crate::collect::display_path(&golden_path),
         got: String::new(),
         by: String::new(),
         hint: String::new(),

@@ -18,7 +18,7 @@ use std::time::Instant;
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
     pub test: TestOptions,
-    pub pictures: ImageOptions,
+    pub images: ImageOptions,
     /// Number of sections run at the same time; 0 stands for one per core.
     pub jobs: usize,
     /// Time limit of a section in seconds; `None` for no limit.
@@ -45,7 +45,7 @@ pub struct Report {
     /// Canonical paths of all files that were read, for watching them.
     pub files: BTreeSet<PathBuf>,
     /// Names of all images that were compared.
-    pub pictures: BTreeSet<String>,
+    pub images: BTreeSet<String>,
     /// Golden images of the files that were run which no section requests.
     pub unused_images: Vec<PathBuf>,
 }
@@ -108,11 +108,11 @@ pub fn run(
 ) -> Report {
     let start = Instant::now();
     let results = options.results.as_ref().map(|folder| {
-        let p = &options.pictures;
+        let p = &options.images;
         let s = &options.test.script;
         let identity = [
             options.program.clone(),
-            format!("{:?} {:?} {:?} {:?}", s.search_paths, s.set, s.limits, s.needs),
+            format!("{:?} {:?} {:?} {:?}", s.search_paths, s.set_parameters, s.limits, s.requested_parts),
             format!("{:?} {:?} {}", options.test.root, p.device, p.any_device),
         ];
         Results::new(folder.clone(), &identity.each_ref().map(String::as_str))
@@ -157,7 +157,7 @@ pub fn run(
     let OutcomeReporter { mut report, image_owners, .. } =
         reporter.into_inner().unwrap_or_else(PoisonError::into_inner);
     let name = |path: &PathBuf| Some(path.file_stem()?.to_string_lossy().into_owned());
-    report.pictures = image_owners.keys().filter_map(name).collect();
+    report.images = image_owners.keys().filter_map(name).collect();
     report.unused_images = unused_golden_images(cases, &report, &image_owners);
     report.seconds = start.elapsed().as_secs_f64();
     report
@@ -178,7 +178,7 @@ fn run_case(
     }
     let timeout = options.timeout.map(Timeout::after);
     let test = TestOptions { timeout, ..options.test.clone() };
-    let mut result = section::run(case, registry, &test, &options.pictures, painter);
+    let mut result = section::run(case, registry, &test, &options.images, painter);
     if let Some(results) = results {
         if result.is_reusable {
             let folders = search_folders(case, &options.test);

@@ -42,7 +42,7 @@ pub fn run(
     case: &Case,
     registry: &Registry,
     options: &TestOptions,
-    picture_options: &ImageOptions,
+    image_options: &ImageOptions,
     painter: &mut Painter,
 ) -> SectionResult {
     let start = Instant::now();
@@ -76,9 +76,9 @@ pub fn run(
         return result_without_files(outcome);
     }
     // An image of a known bug must not become a golden image.
-    let without_accept = ImageOptions { accept: Accept::None, ..picture_options.clone() };
-    let picture_options = if info.fails.is_some() { &without_accept } else { picture_options };
-    let mut result = judge(case, outcome, &run, &registry, picture_options, painter);
+    let without_accept = ImageOptions { accept: Accept::None, ..image_options.clone() };
+    let image_options = if info.fails.is_some() { &without_accept } else { image_options };
+    let mut result = judge(case, outcome, &run, &registry, image_options, painter);
     if let Some(why) = &info.fails {
         invert_known_bug(&mut result.outcome, why);
     }
@@ -118,7 +118,7 @@ fn judge(
     }
     outcome.checks = evaluate(run, registry);
     let mut skipped = None;
-    if run.broken.is_empty() {
+    if run.stage_errors.is_empty() {
         for expectation in &run.expectations {
             let Claim::Image(wanted) = &expectation.claim else { continue };
             if run.timeout.is_some_and(|timeout| timeout.check().is_err()) {

@@ -372,7 +372,7 @@ impl Viewer {
         if reply.ticket == view.ticket {
             view.waiting = false;
         }
-        self.created_counts = reply.work;
+        self.created_counts = reply.created_counts;
         self.device_usage = reply.device_usage;
         self.renderer_problems = reply.notes;
         match reply.result {

@@ -144,14 +144,14 @@ impl FileOptions {
 }
 
 /// The command line, for completions and manual pages.
-pub fn command(app: &App) -> clap::Command {
+pub fn clap_command(app: &App) -> clap::Command {
     let name = format!("{}-view", app.name);
     Args::command().display_name(&name).bin_name(&name).version(app.version)
 }
 
 pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<ViewerOptions, ExitCode> {
     let name = format!("{}-view", app.name);
-    let matches = command(app).try_get_matches_from(args);
+    let matches = clap_command(app).try_get_matches_from(args);
     let args = matches.and_then(|matches| Args::from_arg_matches(&matches)).map_err(|error| {
         // Help and version are answers, not errors; clap knows the right stream and exit code.
         let code = error.exit_code();
@@ -166,18 +166,18 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
     for limit in &args.limit {
         limits.set(limit).map_err(|e| usage(format!("--limit {limit}: {e}")))?;
     }
-    let mut set = Vec::new();
+    let mut set_parameters = Vec::new();
     for text in &args.set {
         let pair = text.split_once('=').filter(|(name, _)| !name.is_empty());
         let (name, value) = pair.ok_or_else(|| usage(format!("--set {text}: write NAME=VALUE")))?;
-        set.push((name.to_string(), value.to_string()));
+        set_parameters.push((name.to_string(), value.to_string()));
     }
     if !args.at.is_finite() {
         return Err(usage(format!("--at {}: write seconds", args.at)));
     }
     let commands = commands(&args, app);
     let base_source = SceneSource {
-        set,
+        set_parameters,
         search: args.search,
         plugins: args.plugins,
         limits,

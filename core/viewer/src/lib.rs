@@ -18,7 +18,7 @@ pub mod state;
 #[allow(unsafe_code, reason = "calls of Vulkan")]
 mod window;
 
-pub use args::command;
+pub use args::clap_command;
 pub use window::raster;
 
 use choreo::App;

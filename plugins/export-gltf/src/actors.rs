@@ -87,7 +87,7 @@ impl<'a> Parts<'a> {
             let above = match actor.asset.placements.is_empty() {
                 true => root,
                 false => {
-                    let at = rig::parts(&widen(place), &Transform::IDENTITY);
+                    let at = rig::decompose(&widen(place), &Transform::IDENTITY);
                     let body =
                         self.push(Node { name: format!("{} body", actor.name), ..node_with_transform(&at) });
                     self.document.nodes[root as usize].children.push(body);
@@ -249,7 +249,7 @@ impl<'a> Parts<'a> {
             return None;
         }
         let parts: Vec<Transform> =
-            copies.iter().map(|c| rig::parts(&widen(c), &Transform::IDENTITY)).collect();
+            copies.iter().map(|c| rig::decompose(&widen(c), &Transform::IDENTITY)).collect();
         let accessor = |shape| Accessor::of(F32, shape, parts.len());
         let (places, turns, sizes) = (parts.clone(), parts.clone(), parts.clone());
         let buffer = &mut self.buffer;

@@ -90,7 +90,7 @@ pub fn bake<'a>(
     let (mut out, mut worst) = (Vec::new(), ExportDeviation::default());
     for clip in clips {
         let baked = bake::bake(&clip.scene, tolerance, Style::Separate)?;
-        let own = check::worst(&clip.scene, &baked, &check::SINGLE_SECONDS)?;
+        let own = check::largest_deviation(&clip.scene, &baked, &check::SINGLE_SECONDS)?;
         if own.metres > worst.metres {
             worst = own;
         }

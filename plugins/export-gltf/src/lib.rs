@@ -78,7 +78,7 @@ fn export_timeline(
     files: &mut dyn SceneFiles,
 ) -> Result<Vec<String>, ExportError> {
     let baked = bake::bake(scene, tolerance, Style::Separate)?;
-    files.deviation(check::worst(scene, &baked, &check::SINGLE_SECONDS)?);
+    files.deviation(check::largest_deviation(scene, &baked, &check::SINGLE_SECONDS)?);
     let mut parts = parts_of(scene);
     let nodes = nodes(&mut parts, scene, &baked);
     animations::add(&mut parts, &scene.stage, baked, &nodes, split);

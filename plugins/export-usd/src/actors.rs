@@ -70,7 +70,7 @@ impl<'a> ActorWriter<'a, '_> {
                             let at = format!("{path}/{name}");
                             let still = (&still[..], material_overrides.clone(), &mut *known);
                             let mut body = self.body(index, (&name, &at), model, still);
-                            let place = rig::parts(&widen(place), &Transform::IDENTITY);
+                            let place = rig::decompose(&widen(place), &Transform::IDENTITY);
                             motion::add_transform_ops(&mut body, &place);
                             above.children.push(body);
                         }

@@ -77,7 +77,7 @@ impl SceneExporter for UsdExporter {
     fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
         let tolerance = scene.options.number("tolerance").unwrap_or(0.0001);
         let mut baked = bake::bake(scene, tolerance, Style::Common)?;
-        files.deviation(check::worst(scene, &baked, &FILE_ROUNDING)?);
+        files.deviation(check::largest_deviation(scene, &baked, &FILE_ROUNDING)?);
         let sets: Vec<_> = std::mem::take(&mut baked.sets).into_iter().map(Rc::new).collect();
         // The writers below ask each set for its constant values.
         baked.sets = sets.iter().map(|set| constant_tracks(set)).collect();

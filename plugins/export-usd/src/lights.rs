@@ -179,7 +179,7 @@ pub fn of_file(prim: &mut Prim<'_>, asset: &Asset, still: &[Transform]) {
     let mut names = Names::default();
     for of in &asset.lights {
         let Some(at) = in_model.get(of.joint as usize) else { continue };
-        let at = rig::parts(&DAffine3::from_mat4(*at), &Transform::IDENTITY);
+        let at = rig::decompose(&DAffine3::from_mat4(*at), &Transform::IDENTITY);
         let name = names.free(&format!("light {}", of.name));
         prim.children.push(light(name, &of.light, &at).0);
     }

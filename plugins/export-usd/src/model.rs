@@ -269,7 +269,7 @@ pub fn place<'a>(prim: &mut Prim<'a>, at: &DMat4) {
 /// A point instancer with the copies of a prototype, which the caller adds below it.
 pub fn instancer<'a>(name: &str, copies: &[Affine3A], prototype: String) -> Prim<'a> {
     let parts: std::rc::Rc<[Transform]> =
-        copies.iter().map(|copy| rig::parts(&widen(copy), &Transform::IDENTITY)).collect();
+        copies.iter().map(|copy| rig::decompose(&widen(copy), &Transform::IDENTITY)).collect();
     let mut out = Prim::new("PointInstancer", name);
     let count = parts.len();
     let list = |number: fn(&Transform, usize) -> f32, width: usize| {

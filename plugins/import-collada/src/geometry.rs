@@ -378,7 +378,7 @@ impl<'a> Reader<'_, 'a> {
                         Vec3::from(positions.floats.get(index)).as_dvec3()
                     };
                     let add = |triangle: [u32; 3]| out.extend(triangle.map(|i| first + i));
-                    match self.triangulator.cut(count as usize, place, add) {
+                    match self.triangulator.triangulate(count as usize, place, add) {
                         Cut::Whole => {}
                         Cut::Crossing => crossing += 1,
                         Cut::OverBudget => fans += 1,

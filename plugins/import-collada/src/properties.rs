@@ -9,7 +9,7 @@ use crate::sampler::Sampler;
 use crate::xml::{Node, NodeId, Xml, name_of};
 use choreo_asset::{AssetCamera, AssetLight};
 use choreo_importer_kit::Result;
-use choreo_importer_kit::rows::{SamplingLimits, rows};
+use choreo_importer_kit::rows::{SamplingLimits, sample_rows};
 use choreo_motion::{Interpolation, PropertyCurve, PropertyTarget, Time};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -135,7 +135,7 @@ fn add(
     let samplers = || moving.driven.iter().map(|driven| &*driven.sampler);
     let key_times = held_keys(&key_times(samplers(), range.0, range.1), samplers);
     let limits = SamplingLimits { tolerance: TOLERANCE as f32, depth: MAX_DEPTH, rows: MAX_KEYS };
-    let Some(keys) = rows(&key_times, limits, |time| moving.at(time)) else {
+    let Some(keys) = sample_rows(&key_times, limits, |time| moving.at(time)) else {
         return Err(format!("its animation comes to more than {MAX_KEYS} keys, which is the limit").into());
     };
     xml.budget.charge(keys.len() as u64, 64)?;

@@ -154,7 +154,8 @@ fn import(
     // Images that cannot be decoded become white, which is no valid direction, so their normal maps are dropped.
     let lost: Vec<u32> = (0..).zip(&images).filter(|(_, image)| image.is_err()).map(|(i, _)| i).collect();
     materials.iter_mut().for_each(|material| leave_out_normal_maps(material, &lost));
-    asset.images = choreo_importer_kit::images::or_white(images, &table.entries, &file.notes)?;
+    asset.images =
+        choreo_importer_kit::images::replace_failed_with_white(images, &table.entries, &file.notes)?;
     drop(table);
     glossiness::convert(&glossy, &mut materials, &mut asset.images);
     asset.materials = materials;

@@ -169,7 +169,7 @@ impl Builder<'_> {
             Shape::Face => {
                 let mut triangulator = std::mem::take(&mut self.triangulator);
                 let place = |i: usize| model.position(face_vertices[i]);
-                let how = triangulator.cut(face_vertices.len(), place, |triangle| {
+                let how = triangulator.triangulate(face_vertices.len(), place, |triangle| {
                     triangle
                         .iter()
                         .for_each(|i| self.face_vertex(out, face_vertices[*i as usize], attributes));

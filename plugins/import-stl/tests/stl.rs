@@ -2,7 +2,7 @@
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{
-    Companions, assets, assimp, damage, error_text, import, import_bytes, import_path, options, sound,
+    Companions, asset_rules, assets, assimp, damage, error_text, import, import_bytes, import_path, options,
     source, warnings,
 };
 use choreo_plugin::{Claim, ImportError, ImportScope, Importer, OptionValue};
@@ -37,7 +37,7 @@ fn with(bytes: impl Into<Vec<u8>>, given: &[(&str, OptionValue)]) -> Asset {
 #[test]
 fn solids_become_nodes_z_up_and_flat() {
     let asset = read(TWO).unwrap();
-    sound::check("two", &asset);
+    asset_rules::check("two", &asset);
     assert_eq!(asset.skeleton.names(), ["part", "roof", "solid 1"]);
     assert_eq!(asset.skeleton.parents(), [None, Some(0), Some(0)]);
     let roof = &asset.meshes[0].primitives[0];
@@ -193,7 +193,7 @@ fn the_spider() {
     );
     for name in ["Spider_ascii.stl", "Spider_binary.stl", "triangle_with_two_solids.stl"] {
         let asset = read(name);
-        sound::check(name, &asset);
+        asset_rules::check(name, &asset);
         let Some(info) = assimp::info(&folder.join("stl").join(name)) else {
             println!("SKIP 1: assimp is not installed (assimp-utils)");
             continue;

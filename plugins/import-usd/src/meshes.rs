@@ -257,7 +257,7 @@ impl Builder {
             }
             face_vertices.push(vertex);
         }
-        triangulator.cut(
+        triangulator.triangulate(
             count,
             |i| faces.point(point(i)),
             |[a, b, c]| {

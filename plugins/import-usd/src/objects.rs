@@ -5,7 +5,7 @@ use crate::layer::Prim;
 use crate::nodes::Tree;
 use crate::transforms;
 use choreo_asset::{Asset, AssetCamera, AssetLight, Light, LightKind, Projection};
-use choreo_importer_kit::rows::{SamplingLimits, rows};
+use choreo_importer_kit::rows::{SamplingLimits, sample_rows};
 use choreo_importer_kit::{Notes, Result};
 use choreo_motion::{Interpolation, PropertyCurve, PropertyTarget, Time};
 use glam::Vec3;
@@ -215,7 +215,7 @@ fn properties(
     clips.budget.charge(times.len() as u64, 64)?;
     let (start, rate) = (clips.start, clips.rate);
     let width: usize = targets.iter().map(|target| target.width()).sum();
-    let made = rows(&times, SAMPLING_LIMITS, |time: Time| {
+    let made = sample_rows(&times, SAMPLING_LIMITS, |time: Time| {
         let mut row = row(start + time.as_secs() * rate);
         // A spot whose cone opens to 90 degrees becomes a point, so its angles are filled in with 90 degrees.
         row.resize(width, FRAC_PI_2 as f32);

@@ -2,7 +2,7 @@
 
 use choreo_asset::{AlphaMode, Asset, LightKind, Projection};
 use choreo_importer_kit_testing::{
-    Companions, damage, error_text, import, import_bytes, sound, source, warnings,
+    Companions, asset_rules, damage, error_text, import, import_bytes, source, warnings,
 };
 use choreo_motion::{Curve, Interpolation, Path, Skeleton, Time, Transform};
 use choreo_plugin::{AssetBuilder, Claim, ExportedScene, ImportScope, Importer, MemoryFiles, SceneExporter};
@@ -87,7 +87,7 @@ fn companions() -> Companions {
 
 fn read(text: &str) -> Asset {
     let asset = import(&UsdImporter, &source("scene.usda", text), &companions(), ImportScope::ALL).unwrap();
-    sound::check("scene", &asset);
+    asset_rules::check("scene", &asset);
     asset
 }
 
@@ -213,7 +213,7 @@ fn exported(extension: &str) -> Vec<u8> {
 fn usda_usdc_and_usdz_give_the_same_scene() {
     let [text, binary, package] = ["usda", "usdc", "usdz"].map(|extension| {
         let asset = import_bytes(&UsdImporter, &format!("arm.{extension}"), exported(extension)).unwrap();
-        sound::check(extension, &asset);
+        asset_rules::check(extension, &asset);
         assert_eq!(warnings(&asset), [""; 0], "{extension}");
         // The mean of the default light from above and below.
         assert!((asset.ambient - glam::Vec3::splat(0.35)).length() < 1e-6, "{}", asset.ambient);

@@ -26,8 +26,8 @@ pub fn pages(root: &Path, lessons: &[Lesson]) -> Result<Vec<Page>, String> {
     let (conventions, rest) = conventions();
     let mut types: Vec<&'static str> = Vec::new();
     for entry in describe::entries() {
-        if !entry.on.is_empty() && !types.contains(&entry.on) {
-            types.push(entry.on);
+        if !entry.receiver_type.is_empty() && !types.contains(&entry.receiver_type) {
+            types.push(entry.receiver_type);
         }
     }
     let row = |kind: &&'static str| format!("| [{kind}]({}) | {} |\n", file(kind), makers(kind).join(", "));
@@ -115,7 +115,7 @@ fn examples<'l>(frame: &str, lessons: &'l [Lesson]) -> Examples<'l> {
             let line = lesson.text[start..].lines().next().unwrap_or_default().trim();
             let is_statement = line.ends_with(';') && !line.starts_with(['.', '}']);
             let words = [format!(".{}", entry.name), format!("{}(", entry.name)];
-            let is_about = lesson.words.contains(&words[usize::from(entry.on.is_empty())]);
+            let is_about = lesson.words.contains(&words[usize::from(entry.receiver_type.is_empty())]);
             let rank = 2 * usize::from(!is_statement) + usize::from(!is_about);
             let name = entry.full_name();
             if line.len() <= MAX_EXAMPLE_BYTES
@@ -132,13 +132,13 @@ fn examples<'l>(frame: &str, lessons: &'l [Lesson]) -> Examples<'l> {
 
 /// Links to the calls that return a type, its own methods left out.
 fn makers(kind: &'static str) -> Vec<String> {
-    let makes = |entry: &&Entry| entry.returns == Returns::Handle(kind) && entry.on != kind;
+    let makes = |entry: &&Entry| entry.returns == Returns::Handle(kind) && entry.receiver_type != kind;
     describe::entries().iter().filter(makes).map(|entry| link(&entry.full_name(), "")).collect()
 }
 
 /// The page of a type; that of the functions where `kind` is empty.
 fn type_page(kind: &'static str, examples: &Examples) -> String {
-    let of_page = |entry: &&Entry| entry.on == kind && !is_mathematics(entry);
+    let of_page = |entry: &&Entry| entry.receiver_type == kind && !is_mathematics(entry);
     let entries: Vec<&Entry> = describe::entries().iter().filter(of_page).collect();
     let mut text = format!("# {}\n\n", if kind.is_empty() { "Functions" } else { kind });
     let makers = makers(kind);
@@ -168,7 +168,9 @@ fn entry_text(entry: &Entry, examples: &Examples) -> String {
     let gives = match entry.returns {
         Returns::Nothing | Returns::Receiver => String::new(),
         // An Image and a Plan have no methods, and so no page.
-        Returns::Handle(kind) if !describe::entries().iter().any(|e| e.on == kind) => format!(" → {kind}"),
+        Returns::Handle(kind) if !describe::entries().iter().any(|e| e.receiver_type == kind) => {
+            format!(" → {kind}")
+        }
         Returns::Handle(kind) => format!(" → [{kind}]({})", file(kind)),
         Returns::Value(what) => format!(" → {what}"),
     };
@@ -245,7 +247,10 @@ fn linked(text: &str) -> String {
         }
         for word in part.split_inclusive([' ', ',', ';', ')', '(', ':']) {
             let name = word.trim_end_matches([' ', ',', ';', ')', '(', ':', '.']);
-            match describe::entries().iter().any(|entry| !entry.on.is_empty() && entry.full_name() == name) {
+            match describe::entries()
+                .iter()
+                .any(|entry| !entry.receiver_type.is_empty() && entry.full_name() == name)
+            {
                 true => out.push_str(&(link(name, "") + &word[name.len()..])),
                 false => out.push_str(word),
             }

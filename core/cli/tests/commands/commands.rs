@@ -11,7 +11,7 @@ fn json_output(folder: &std::path::Path, args: &[&str]) -> Value {
 
 #[test]
 fn pose_prints_joints_in_world_space() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let value = json_output(dir.path(), &["pose", "tri.gltf", "--at", "0.25", "--json"]);
     let joints = value["actors"][0]["joints"].as_array().unwrap();
     let joint = |name: &str| joints.iter().find(|j| j["name"] == name).unwrap();
@@ -27,11 +27,11 @@ fn pose_prints_joints_in_world_space() {
 
 #[test]
 fn pose_writes_meshes_in_the_file_s_vertex_order() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let run = choreo(dir.path(), &["pose", "tri.gltf", "--at", "1", "--mesh", "o.obj", "--clip", "Slide"]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert_eq!(part_files(dir.path()), Vec::<String>::new());
-    let obj = String::from_utf8(read(dir.path(), "o.obj")).unwrap();
+    let obj = String::from_utf8(read_file(dir.path(), "o.obj")).unwrap();
     let vertices: Vec<Vec<f64>> = obj
         .lines()
         .filter_map(|l| l.strip_prefix("v "))
@@ -47,7 +47,7 @@ fn pose_writes_meshes_in_the_file_s_vertex_order() {
 
 #[test]
 fn info_counts_the_contents_of_a_file() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let value = json_output(dir.path(), &["info", "tri.gltf", "--json", "--joints"]);
     assert_eq!(
         (&value["vertices"], &value["triangles"], &value["joints"]),
@@ -62,7 +62,7 @@ fn info_counts_the_contents_of_a_file() {
 
 #[test]
 fn explain_lists_what_the_plan_leaves_out() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let value = json_output(dir.path(), &["explain", "tri.gltf", "--json"]);
     assert_eq!(value["frame"]["draws"], 1);
     let left: Vec<&str> =
@@ -145,7 +145,7 @@ fn explain_states_the_cost_of_each_pass() {
 /// scene. The tables fit the width of the terminal.
 #[test]
 fn explain_names_only_the_materials_that_an_actor_uses() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let script = "sun(#{ shadow: true });\nlet m = load(\"choreo:mannequin\");\ncast(\"figure\", m);\n\
         cast(\"box\", shape(\"box\")).at(1, 0, 0);\ncamera(\"c\").at(0, 1, 5).look_at([0, 1, 0]);";
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
@@ -340,7 +340,7 @@ fn walk_to_conflicts_with_other_positions_and_rotations() {
 
 #[test]
 fn plugins_and_help_list_all_plugins_and_exit_codes() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let value = json_output(dir.path(), &["plugins", "--json"]);
     let names = |kind: &str| -> Vec<String> {
         value[kind].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap().to_string()).collect()
@@ -360,7 +360,7 @@ fn plugins_and_help_list_all_plugins_and_exit_codes() {
 
 #[test]
 fn a_script_is_checked_posed_and_rendered() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let script = "stage(#{ size: [96, 54], fps: 10, length: 1.0 });\n\
                   let tri = load(\"tri.gltf\");\n\
@@ -374,12 +374,12 @@ fn a_script_is_checked_posed_and_rendered() {
     assert_eq!(value["actors"][0]["world_from_model"][12], 1.0);
     let run = choreo(d, &["render", "s.rhai", "-o", "f/%d.png", "--device", "cpu", "--quiet"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    assert_eq!(names(&d.join("f")).len(), 10);
+    assert_eq!(file_names(&d.join("f")).len(), 10);
 }
 
 #[test]
 fn plugins_for_a_file_lists_the_claim_of_each_importer() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     std::fs::write(dir.path().join("what.dat"), "?").unwrap();
     let run = choreo(dir.path(), &["plugins", "--for", "tri.gltf"]);
     assert!(
@@ -400,7 +400,7 @@ fn plugins_for_a_file_lists_the_claim_of_each_importer() {
 
 #[test]
 fn import_options_of_model_files_come_from_the_manifest() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     for command in [&["info"][..], &["check"], &["pose"]] {
         let with = |more: &[&str]| choreo(dir.path(), &[command, &["tri.gltf"], more].concat());
         assert_eq!(with(&["--import", "scene=0", "--importer", "gltf"]).code, 0);
@@ -616,7 +616,7 @@ fn control_characters_in_names_do_not_reach_the_terminal() {
 
 #[test]
 fn a_matrix_is_one_line_of_json() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let run = choreo(dir.path(), &["pose", "tri.gltf", "--at", "0", "--json"]);
     let matrices = run.out.lines().filter(|line| line.contains("world_from_joint"));
     assert!(matrices.clone().count() > 0);
@@ -648,7 +648,7 @@ fn legs_facing_minus_z_bvh() -> String {
 /// The recipe of a hand-over states the axes of the built-in character's hands.
 #[test]
 fn info_states_the_axes_of_hands() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let run = choreo(dir.path(), &["info", "choreo:mannequin"]);
     let line = run.out.lines().find(|line| line.starts_with("hands "));
     let expected = "hands      mixamorig:LeftHand fingers +y, palm +z, thumb -x; mixamorig:RightHand fingers +y, palm +z, thumb +x";
@@ -671,7 +671,7 @@ fn info_states_the_axes_of_hands() {
 
 #[test]
 fn a_character_that_faces_minus_z_is_detected_and_walks_forwards() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     std::fs::write(dir.path().join("legs.bvh"), legs_facing_minus_z_bvh()).unwrap();
     let run = choreo(dir.path(), &["info", "legs.bvh"]);
     assert!(run.out.contains("\nfacing     -z (feet, knees, left and right)\n"), "{}{}", run.out, run.err);

@@ -1,6 +1,6 @@
 //! `choreo format`: what it changes, what it refuses, and that the scenes of scripts do not change.
 
-use crate::common::{choreo, command, names, run_result};
+use crate::common::{choreo, command, file_names, run_result};
 use choreo_script::ScriptOptions;
 use choreo_script::format::formatted;
 use std::io::Write;
@@ -46,7 +46,7 @@ fn only_unformatted_scripts_are_rewritten() {
     assert_eq!((run.code, run.err.as_str()), (0, ""));
     let run = choreo(folder.path(), &["format", "no.rhai"]);
     assert_eq!((run.code, run.err.as_str()), (1, "no.rhai: no such file or folder\n"));
-    assert!(names(folder.path()).iter().all(|name| !name.contains(".part")));
+    assert!(file_names(folder.path()).iter().all(|name| !name.contains(".part")));
 }
 
 #[test]
@@ -89,7 +89,8 @@ fn badly_formatted(text: &str) -> String {
 #[test]
 fn formatted_lessons_make_the_same_scenes() {
     let registry = choreo::app().registry;
-    let options = ScriptOptions { needs: choreo_plugin::ImportScope::NO_PIXELS, ..ScriptOptions::default() };
+    let options =
+        ScriptOptions { requested_parts: choreo_plugin::ImportScope::NO_PIXELS, ..ScriptOptions::default() };
     let mut compared = 0;
     for path in lessons() {
         let text = badly_formatted(&std::fs::read_to_string(&path).unwrap());

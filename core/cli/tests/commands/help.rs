@@ -4,7 +4,7 @@ use crate::common::*;
 use choreo_script::ScriptOptions;
 
 fn help(term: &[&str]) -> Run {
-    let dir = folder();
+    let dir = folder_with_triangle();
     choreo(dir.path(), &[&["help"], term].concat())
 }
 
@@ -28,9 +28,10 @@ fn help_for_a_term_shows_calls_an_example_and_a_page() {
 fn help_for_a_command_equals_its_help_option() {
     let run = help(&["headless"]);
     assert!(run.out.contains("\n  choreo render --frames\n      Which frames: "), "{}", run.out);
-    let (with_help, with_flag) = (help(&["render"]), choreo(folder().path(), &["render", "--help"]));
+    let (with_help, with_flag) =
+        (help(&["render"]), choreo(folder_with_triangle().path(), &["render", "--help"]));
     assert_eq!((with_help.code, &with_help.out), (0, &with_flag.out));
-    assert_eq!(help(&[]).out, choreo(folder().path(), &["--help"]).out);
+    assert_eq!(help(&[]).out, choreo(folder_with_triangle().path(), &["--help"]).out);
 }
 
 #[test]
@@ -136,7 +137,7 @@ fn help_describes_effects_shader_functions_and_pages() {
     assert!(page.code == 0 && page.out.starts_with("# What a script can call"), "{}", page.err);
     let none = help(&["--page", "core/script/APY.md"]);
     assert!(none.code == 2 && none.err.contains("did you mean \"core/script/API.md\"?"), "{}", none.err);
-    let plugin = choreo(folder().path(), &["plugins", "film_grain"]);
+    let plugin = choreo(folder_with_triangle().path(), &["plugins", "film_grain"]);
     let parts = [
         "effects\n  film_grain ",
         "different in each frame",
@@ -150,7 +151,7 @@ fn help_describes_effects_shader_functions_and_pages() {
         plugin.err
     );
     assert!(!plugin.out.contains("vignette"), "{}", plugin.out);
-    let none = choreo(folder().path(), &["plugins", "film_gain"]);
+    let none = choreo(folder_with_triangle().path(), &["plugins", "film_gain"]);
     assert!(
         none.code != 0 && none.err.contains("there is no plugin \"film_gain\"; did you mean \"film_grain\"?"),
         "{}",

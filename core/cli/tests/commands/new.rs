@@ -1,15 +1,15 @@
 //! `choreo new`: the files that it writes work, and it overwrites nothing.
 
 use crate::common::*;
-use choreo_importer_kit_testing::outside;
+use choreo_importer_kit_testing::external_crates;
 use std::path::Path;
 
 #[test]
 fn new_single_file_plugins_work_unchanged() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let run = choreo(dir.path(), &["new", "importer", "my_format", "--single"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    assert_eq!(names(dir.path()), ["my_format.importer.rhai", "sample.my_format", "tri.gltf"]);
+    assert_eq!(file_names(dir.path()), ["my_format.importer.rhai", "sample.my_format", "tri.gltf"]);
     let run = choreo(dir.path(), &["info", "sample.my_format", "--import", "scale=2"]);
     assert!(run.code == 0 && run.out.contains("4.000 × 3.000 × 0.000 m"), "{}{}", run.out, run.err);
     let run = choreo(dir.path(), &["new", "effect", "old_photo", "--single"]);
@@ -34,7 +34,7 @@ fn new_single_file_plugins_work_unchanged() {
     std::fs::write(dir.path().join("s.rhai"), script).unwrap();
     let run = choreo(dir.path(), &["export", "s.rhai", "-o", "s.my_lines", "--export", "step=2"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let lines = String::from_utf8(read(dir.path(), "s.my_lines")).unwrap();
+    let lines = String::from_utf8(read_file(dir.path(), "s.my_lines")).unwrap();
     let lines: Vec<&str> = lines.lines().collect();
     let of = |secs: &str| lines.iter().filter(|l| l.starts_with(secs) && l.ends_with(",1.0,0.0,2.5")).count();
     assert_eq!((lines[0], of("0.0,a,"), of("0.5,a,")), ("seconds,actor,joint,x,y,z", 1, 1), "{lines:?}");
@@ -51,7 +51,7 @@ const OUTPUTS: &str = env!("CARGO_TARGET_TMPDIR");
 
 /// The output of a cargo command in a folder.
 fn run_cargo(folder: &Path, arguments: &[&str]) -> String {
-    let output = outside::cargo(OUTPUTS, folder).args(arguments).arg("--offline").output().unwrap();
+    let output = external_crates::cargo(OUTPUTS, folder).args(arguments).arg("--offline").output().unwrap();
     let text = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat();
     assert!(output.status.success(), "{text}");
     text
@@ -62,7 +62,7 @@ const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "outline", "
 /// A crate of each kind, and an effect for each hook, as members of one workspace; their own tests pass.
 #[test]
 fn new_plugin_crates_build_and_pass_their_tests() {
-    let (dir, sources) = (outside::folder(OUTPUTS, "new"), outside::sources());
+    let (dir, sources) = (external_crates::folder(OUTPUTS, "new"), external_crates::sources());
     std::fs::write(dir.join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
         .unwrap();
     std::fs::create_dir(dir.join("mine")).unwrap();
@@ -104,7 +104,7 @@ fn new_plugin_crates_build_and_pass_their_tests() {
 /// Outside a workspace the new crate is a workspace itself.
 #[test]
 fn a_new_crate_outside_a_workspace_builds() {
-    let (dir, sources) = (folder(), outside::sources());
+    let (dir, sources) = (folder_with_triangle(), external_crates::sources());
     let run = choreo(dir.path(), &["new", "exporter", "alone", "--sources", sources.to_str().unwrap()]);
     assert_eq!(run.code, 0, "{}", run.err);
     let text = run_cargo(&dir.path().join("export-alone"), &["check", "--tests"]);
@@ -113,11 +113,11 @@ fn a_new_crate_outside_a_workspace_builds() {
 
 #[test]
 fn new_overwrites_nothing_and_checks_names() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     std::fs::write(dir.path().join("a.wgsl"), "mine").unwrap();
     let run = choreo(dir.path(), &["new", "effect", "a", "--single"]);
     assert_eq!((run.code, run.err.trim()), (3, "a.wgsl: it exists already; nothing was written"));
-    assert_eq!(read(dir.path(), "a.wgsl"), b"mine");
+    assert_eq!(read_file(dir.path(), "a.wgsl"), b"mine");
     for name in ["A", "1a", "a b", "../a", "a_", ""] {
         let run = choreo(dir.path(), &["new", "importer", name, "--single"]);
         assert_eq!(run.code, 2, "{name}: {}", run.err);
@@ -131,7 +131,7 @@ fn new_overwrites_nothing_and_checks_names() {
 /// A new project passes `check` and `test` and renders unchanged; its test fails if the scene is changed so that an expectation is false.
 #[test]
 fn a_new_project_is_checked_tested_and_rendered_unchanged() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let run = choreo(dir.path(), &["new", "project", "my-film"]);
     assert!(run.code == 0 && run.out.contains("choreo view my-film.rhai"), "{}{}", run.out, run.err);
     let project = dir.path().join("my-film");
@@ -144,7 +144,7 @@ fn a_new_project_is_checked_tested_and_rendered_unchanged() {
         "assets/README.md",
         "choreo.toml",
     ] {
-        assert!(!read(&project, file).is_empty(), "{file}");
+        assert!(!read_file(&project, file).is_empty(), "{file}");
     }
     let run = choreo(&project, &["check", "my-film.rhai"]);
     assert!(run.code == 0 && !run.err.contains("warning"), "{}{}", run.out, run.err);
@@ -154,7 +154,7 @@ fn a_new_project_is_checked_tested_and_rendered_unchanged() {
     let frame = ["render", "my-film.rhai", "--at", "1.5", "--size", "320x180", "-o", "frame.png"];
     let run = choreo(&project, &[&frame[..], &["--device", "cpu"]].concat());
     assert_eq!(run.code, 0, "{}", run.err);
-    let image = image::load_from_memory(&read(&project, "frame.png")).unwrap().to_rgb8();
+    let image = image::load_from_memory(&read_file(&project, "frame.png")).unwrap().to_rgb8();
     // The number of pixels in which one channel exceeds another by more than the threshold.
     let more = |a: usize, b: usize, by: u8| image.pixels().filter(|p| p[a] > p[b].saturating_add(by)).count();
     let (coral, teal) = (more(0, 2, 40), more(1, 0, 30));
@@ -170,7 +170,7 @@ fn a_new_project_is_checked_tested_and_rendered_unchanged() {
 /// The files for other programs are valid, and agree with the documentation of this repository.
 #[test]
 fn settings_of_a_project_are_well_formed() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     assert_eq!(choreo(dir.path(), &["new", "project", "film"]).code, 0);
     let project = dir.path().join("film");
     let text = |file: &str| std::fs::read_to_string(project.join(file)).unwrap();
@@ -180,7 +180,8 @@ fn settings_of_a_project_are_well_formed() {
     let workflow = text(".github/workflows/test.yml");
     assert!(workflow.contains(concat!("--tag v", env!("CARGO_PKG_VERSION"), " choreo")), "{workflow}");
     assert!(workflow.contains("choreo test"), "{workflow}");
-    let page = std::fs::read_to_string(outside::sources().join("core/language_server/README.md")).unwrap();
+    let page =
+        std::fs::read_to_string(external_crates::sources().join("core/language_server/README.md")).unwrap();
     let (_, settings) =
         text(".nvim.lua").split_once('\n').map(|(a, b)| (a.to_string(), b.to_string())).unwrap();
     assert!(page.contains(&settings), "{settings}");
@@ -188,11 +189,11 @@ fn settings_of_a_project_are_well_formed() {
 
 #[test]
 fn a_new_project_overwrites_nothing_and_its_name_is_checked() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     std::fs::create_dir(dir.path().join("there")).unwrap();
     let run = choreo(dir.path(), &["new", "project", "there"]);
     assert_eq!((run.code, run.err.trim()), (3, "there: it exists already; nothing was written"));
-    assert!(names(&dir.path().join("there")).is_empty());
+    assert!(file_names(&dir.path().join("there")).is_empty());
     for name in ["", "1a", "a b", "../a", "a/b", "a.b", "-a", "Nul", "é"] {
         let run = choreo(dir.path(), &["new", "project", "--", name]);
         assert!(run.code == 2 && run.err.contains("as my-film"), "{name}: {}", run.err);

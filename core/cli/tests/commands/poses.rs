@@ -40,7 +40,7 @@ fn pose_output(file: &str, clip: &str, at: f64) -> PoseOutput {
         DMat4::from_cols_slice(&m).w_axis.truncate()
     };
     let joints = json["actors"][0]["joints"].as_array().unwrap().iter().map(joint).collect();
-    let obj = String::from_utf8(read(folder.path(), "posed.obj")).unwrap();
+    let obj = String::from_utf8(read_file(folder.path(), "posed.obj")).unwrap();
     let vertex = |l: &str| {
         let n: Vec<f64> = l.strip_prefix("v ")?.split(' ').map(|n| n.parse().unwrap()).collect();
         Some(DVec3::from_slice(&n))
@@ -108,7 +108,7 @@ fn hidden_actors_have_joints_and_no_mesh() {
         let json: Value = serde_json::from_str(&run.out).unwrap();
         assert_eq!(json["actors"][0]["visible"], at == "1.5");
         assert!(json["actors"][0]["joints"].as_array().unwrap().len() > 20, "at {at}");
-        let obj = String::from_utf8(read(folder.path(), "o.obj")).unwrap();
+        let obj = String::from_utf8(read_file(folder.path(), "o.obj")).unwrap();
         vertices.push(obj.lines().filter(|l| l.starts_with("v ")).count());
     }
     assert!(vertices[0] == 0 && vertices[1] > 1000, "{vertices:?}");

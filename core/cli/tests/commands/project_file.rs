@@ -1,13 +1,13 @@
 //! `choreo.toml`: folders and default options, their limits, and error messages.
 
-use crate::common::{Run, choreo, folder};
+use crate::common::{Run, choreo, folder_with_triangle};
 use std::path::Path;
 
 const SCRIPT: &str = r#"let t = load("tri.gltf"); cast("t", t); stage(#{ length: 0.2, fps: 10 });"#;
 
 /// A project with a script in `scenes` and a model in `assets`.
 fn project() -> tempfile::TempDir {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     for name in [".git", "scenes", "assets"] {
         std::fs::create_dir(d.join(name)).unwrap();
@@ -192,7 +192,7 @@ fn errors_of_the_project_file_state_line_and_column() {
 fn symbolic_links_out_of_the_project_are_refused() {
     let dir = project();
     let d = dir.path();
-    let other = folder();
+    let other = folder_with_triangle();
     std::os::unix::fs::symlink(other.path(), d.join("elsewhere")).unwrap();
     write_project_file(d, "search = [\"elsewhere\"]\n");
     let run = choreo(d, &["check", "scenes/a.rhai"]);

@@ -2,7 +2,7 @@
 //! and work of the processor in `explain`.
 
 use crate::common;
-use crate::common::{choreo, folder};
+use crate::common::{choreo, folder_with_triangle};
 
 /// The triangle without its clip.
 fn write_model_without_clips(d: &std::path::Path) {
@@ -14,7 +14,7 @@ fn write_model_without_clips(d: &std::path::Path) {
 
 #[test]
 fn messages_state_the_length_and_frame_range_of_models() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     write_model_without_clips(d);
     let small = ["--size", "16x16", "--samples", "1", "--device", "cpu"];
@@ -31,7 +31,7 @@ fn messages_state_the_length_and_frame_range_of_models() {
 #[test]
 fn a_retargeting_warning_can_be_allowed() {
     let Some(assets) = common::sample_assets_folder() else { return };
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     for file in ["vrm/cool_loops.vrm", "fbx/pab/locomotions.fbx"] {
         let name = std::path::Path::new(file).file_name().unwrap();
@@ -56,7 +56,7 @@ fn a_retargeting_warning_can_be_allowed() {
 #[test]
 fn a_mesh_with_the_name_of_a_bone_is_not_mapped_to_it() {
     let Some(assets) = common::sample_assets_folder() else { return };
-    let dir = folder();
+    let dir = folder_with_triangle();
     let file = |name: &str| assets.join(name).to_string_lossy().into_owned();
     let (robot, godette) = (file("gltf/RobotExpressive.glb"), file("vrm/Godette_vrm_v4.vrm"));
     let run = choreo(dir.path(), &["info", &robot, "--on", &godette]);
@@ -66,14 +66,14 @@ fn a_mesh_with_the_name_of_a_bone_is_not_mapped_to_it() {
 
 #[test]
 fn info_names_meshes_and_the_nodes_that_show_them() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let run = choreo(dir.path(), &["info", "tri.gltf"]);
     assert!(run.out.contains("\n  mesh     Tri on Slider\n"), "{}", run.out);
 }
 
 #[test]
 fn explain_and_render_count_the_same_reused_frames() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let script = r##"stage(#{ size: [16, 16], fps: 8, length: 1.0 });
 cast("b", shape("box")).key("position", [[0.0, [0, 0, 0]], [0.5, [0, 0, 0]], [1.0, [1, 0, 0]]]);
@@ -105,7 +105,7 @@ text("a", #{ size: 0.5 }).from(0.25);
 /// No work is counted for an actor outside the view, and at most one sub-frame for a frame without motion.
 #[test]
 fn explain_counts_poses_constraints_spring_bones_and_sub_frames() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let counts = |other_x: f64, at: &str| {
         let script = format!(

@@ -62,7 +62,7 @@ impl Drop for Process {
 }
 
 /// The names of the entries of a folder, sorted.
-pub fn names(folder: &Path) -> Vec<String> {
+pub fn file_names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> =
         std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
@@ -70,7 +70,7 @@ pub fn names(folder: &Path) -> Vec<String> {
 }
 
 pub fn part_files(folder: &Path) -> Vec<String> {
-    names(folder).into_iter().filter(|n| n.contains(".part")).collect()
+    file_names(folder).into_iter().filter(|n| n.contains(".part")).collect()
 }
 
 pub fn sample_assets_folder() -> Option<PathBuf> {
@@ -128,13 +128,13 @@ pub fn base64(bytes: &[u8]) -> String {
 }
 
 /// A folder with the triangle in it.
-pub fn folder() -> tempfile::TempDir {
+pub fn folder_with_triangle() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("tri.gltf"), triangle(1.0)).unwrap();
     folder
 }
 
-pub fn read(folder: &Path, name: &str) -> Vec<u8> {
+pub fn read_file(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 

@@ -269,7 +269,7 @@ fn script_with_image_files() -> (tempfile::TempDir, [Vec<u8>; 4]) {
              cast(\"holes\", shape(\"quad\", #{ image: image(\"a.png\"), opacity_map: image(\"b.jpg\") }));\n\
              sun(); camera(\"c\").at(0, 0, 3);\n";
     std::fs::write(dir.path().join("s.rhai"), text).unwrap();
-    let bytes = ["a.png", "b.jpg", "c.webp", "d.tile"].map(|name| read(dir.path(), name));
+    let bytes = ["a.png", "b.jpg", "c.webp", "d.tile"].map(|name| read_file(dir.path(), name));
     (dir, bytes)
 }
 
@@ -286,7 +286,7 @@ fn unchanged_image_files_are_exported_byte_for_byte() {
         let run = choreo(d, &["export", "s.rhai", "-o", output]);
         assert_eq!(run.code, 0, "{}", run.err);
         for (number, ending) in endings.iter().enumerate() {
-            let written = read(d, ending);
+            let written = read_file(d, ending);
             let same = originals.get(number).is_some_and(|original| *original == written);
             assert_eq!(same, [0, 1, 3].contains(&number) || ending.ends_with("webp"), "{ending} of {output}");
             // An image that is encoded again has the same size, and transparent pixels if the script adds them.
@@ -300,7 +300,7 @@ fn unchanged_image_files_are_exported_byte_for_byte() {
         assert_eq!(choreo(d, &["export", "s.rhai", "-o", output]).code, 0);
     }
     validate(&[d.join("s.glb"), d.join("t.gltf")]);
-    let glb = read(d, "s.glb");
+    let glb = read_file(d, "s.glb");
     let is_there = |original: &Vec<u8>| glb.windows(original.len()).any(|part| part == original);
     assert!(originals.iter().all(is_there));
     // The images of the file are those of the scene, including WebP.
@@ -404,7 +404,7 @@ fn clips_become_animations_with_the_requested_root_motion() {
 fn the_summary_states_the_largest_error_and_what_is_left_out() {
     let dir = tempfile::tempdir().unwrap();
     check_summaries(dir.path(), &["a.glb"], &["b.gltf", "--split", "actors"]);
-    assert_eq!(names(dir.path()), ["a.glb", "a.rhai", "b.bin", "b.gltf", "b_0.png", "b_1.png"]);
+    assert_eq!(file_names(dir.path()), ["a.glb", "a.rhai", "b.bin", "b.gltf", "b_0.png", "b_1.png"]);
 }
 
 #[test]

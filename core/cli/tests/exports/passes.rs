@@ -127,16 +127,16 @@ fn resuming_a_sequence_renders_only_the_missing_images() {
     };
     assert_eq!(render(&[]).code, 0);
     let names = ["f/00.exr", "f/01.exr", "f/02.exr", "f/03.exr"];
-    let first_bytes = names.map(|name| read(d, name));
+    let first_bytes = names.map(|name| read_file(d, name));
     // Frames with equal pixels have different timestamps.
     assert_ne!(first_bytes[2], first_bytes[3]);
     assert_eq!(render(&[]).code, 0);
-    assert!(names.map(|name| read(d, name)) == first_bytes, "the same frames have the same bytes");
+    assert!(names.map(|name| read_file(d, name)) == first_bytes, "the same frames have the same bytes");
     std::fs::remove_file(d.join(names[0])).unwrap();
     std::fs::write(d.join(names[2]), &first_bytes[2][..first_bytes[2].len() - 1]).unwrap();
     let run = render(&["--resume"]);
     assert!(run.code == 0 && run.err.contains("2 of them finished before"), "{}", run.err);
-    assert!(names.map(|name| read(d, name)) == first_bytes, "resumed frames have the same bytes");
+    assert!(names.map(|name| read_file(d, name)) == first_bytes, "resumed frames have the same bytes");
     let run = render(&["--resume", "--samples", "1"]);
     assert!(run.code == 3 && run.err.contains("was made with other settings"), "{}", run.err);
     let run = choreo(d, &["info", names[1]]);
@@ -146,7 +146,7 @@ fn resuming_a_sequence_renders_only_the_missing_images() {
         run.out
     );
     // No temporary folder was left beside the files.
-    assert_eq!(common::names(&d.join("f")).len(), 4);
+    assert_eq!(common::file_names(&d.join("f")).len(), 4);
 }
 
 #[test]

@@ -8,13 +8,13 @@ const SCRIPT: &str = "let t = load(\"tri.gltf\");\ncast(\"t\", t).play(t.clip(\"
     stage(#{ length: 1.0, fps: 4 });\n";
 
 fn project() -> tempfile::TempDir {
-    let dir = folder();
+    let dir = folder_with_triangle();
     std::fs::write(dir.path().join("a.rhai"), SCRIPT).unwrap();
     dir
 }
 
 fn text(folder: &Path, name: &str) -> String {
-    String::from_utf8(read(folder, name)).unwrap()
+    String::from_utf8(read_file(folder, name)).unwrap()
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn render_and_export_suggest_each_other_for_wrong_formats() {
     );
     let run = choreo(d, &["export", "a.rhai", "-o", "a.csv", "--export", "digits=99"]);
     assert!(run.code == 2 && run.err.contains("digits must be a number from 0 to 15"), "{}", run.err);
-    assert_eq!(names(d), ["a.rhai", "tri.gltf"]);
+    assert_eq!(file_names(d), ["a.rhai", "tri.gltf"]);
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn an_exporter_in_a_file_writes_all_its_files_or_none() {
         write(body);
         let run = export();
         assert!(run.code == 3 && run.err.contains(message), "{body}: {}", run.err);
-        assert_eq!(names(d), ["a.rhai", "tri.gltf", "two.exporter.rhai"], "{body}");
+        assert_eq!(file_names(d), ["a.rhai", "tri.gltf", "two.exporter.rhai"], "{body}");
     }
     assert_eq!(text(d, "a.rhai"), SCRIPT);
     // The limits of scripts also apply to it.
@@ -139,7 +139,7 @@ fn export_text(folder: &Path, script: &str, output: &str) -> String {
 
 #[test]
 fn an_edited_otio_file_changes_the_cuts() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
     let edl = export_text(d, "a.rhai", "a.edl");
@@ -166,7 +166,7 @@ fn an_edited_otio_file_changes_the_cuts() {
 /// The independent reader of the format: the Python package opentimelineio.
 #[test]
 fn opentimelineio_reads_the_timeline() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
     export_text(d, "a.rhai", "a.otio");
@@ -187,7 +187,7 @@ fn opentimelineio_reads_the_timeline() {
 
 #[test]
 fn an_exported_bvh_file_reproduces_the_motion() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::write(d.join("a.rhai"), TALK).unwrap();
     export_text(d, "a.rhai", "a.bvh");
@@ -218,7 +218,7 @@ fn an_exported_bvh_file_reproduces_the_motion() {
 /// Python code with OpenTimelineIO stands in for an editor: files that it reads and writes have the same cuts, except those that it moves.
 #[test]
 fn cuts_survive_a_round_trip_through_opentimelineio() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let Some(python) = python_with("opentimelineio", "OpenTimelineIO==0.18.1") else { return };
     std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
@@ -245,7 +245,7 @@ fn cuts_survive_a_round_trip_through_opentimelineio() {
 /// Joints in Blender's BVH importer, whose first frame is 1, are where `choreo export` to CSV has them, at every frame.
 #[test]
 fn bvh_joints_imported_by_blender_match_the_scene() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let Some(python) = blender() else { return };
     std::fs::write(d.join("a.rhai"), TALK).unwrap();

@@ -424,7 +424,7 @@ fn the_same_scene_has_the_same_bytes() {
 fn the_summary_states_the_largest_error_and_what_is_left_out() {
     let dir = tempfile::tempdir().unwrap();
     check_summaries(dir.path(), &["a.usdc"], &["b.usdz"]);
-    assert_eq!(names(dir.path()), ["a.rhai", "a.usdc", "a_0.png", "a_1.png", "b.usdz"]);
+    assert_eq!(file_names(dir.path()), ["a.rhai", "a.usdc", "a_0.png", "a_1.png", "b.usdz"]);
     // Files of a package begin at multiples of 64 bytes (the USDZ specification).
     let package = std::fs::read(dir.path().join("b.usdz")).unwrap();
     let mut found = 0;
@@ -497,7 +497,7 @@ fn the_sky_becomes_a_dome_light_with_its_image_file() {
         assert_ne!(result, expected(-30.0), "a turn the other way is found");
         read_by_usd_core(&python, &d.join(output), &[0.0]);
     }
-    assert!(["a_sky.hdr", "b_sky.hdr"].iter().all(|name| read(d, name) == radiance([width, height])));
+    assert!(["a_sky.hdr", "b_sky.hdr"].iter().all(|name| read_file(d, name) == radiance([width, height])));
     let Some(openexr) = python_with("OpenEXR", "OpenEXR==3.4.4") else { return };
     let code = "import OpenEXR, zipfile\nopen('c.exr', 'wb').write(zipfile.ZipFile('c.usdz').read('c_sky.exr'))\n\
                 pixels = OpenEXR.File('c.exr').channels()['RGB'].pixels\nassert pixels.shape == (16, 32, 3), pixels.shape\n\

@@ -23,7 +23,7 @@ Zoe,#c0c020,,,fifth
 ";
 
 fn scene() -> tempfile::TempDir {
-    let dir = folder();
+    let dir = folder_with_triangle();
     std::fs::write(dir.path().join("s.rhai"), SCRIPT).unwrap();
     std::fs::write(dir.path().join("other.gltf"), triangle(2.0)).unwrap();
     std::fs::write(dir.path().join("rows.csv"), TABLE).unwrap();
@@ -63,11 +63,11 @@ fn each_row_gives_the_bytes_of_a_single_render() {
         run.err
     );
     assert_eq!(lines.last(), Some(&"2 of 5 rows failed: 3, 4"));
-    assert_eq!(names(&d.join("out")), ["fifth.mp4", "first.mp4", "second.mp4"]);
-    for name in names(&d.join("out")) {
-        assert!(read(d, &format!("out/{name}")) == read(d, &format!("one/{name}")), "{name}");
+    assert_eq!(file_names(&d.join("out")), ["fifth.mp4", "first.mp4", "second.mp4"]);
+    for name in file_names(&d.join("out")) {
+        assert!(read_file(d, &format!("out/{name}")) == read_file(d, &format!("one/{name}")), "{name}");
     }
-    assert!(read(d, "out/first.mp4") != read(d, "out/fifth.mp4"));
+    assert!(read_file(d, "out/first.mp4") != read_file(d, "out/fifth.mp4"));
     let summary: serde_json::Value = serde_json::from_str(&run.out).unwrap();
     assert_eq!(summary["ok"], false);
     let of = |key: &str| {
@@ -82,9 +82,9 @@ fn each_row_gives_the_bytes_of_a_single_render() {
     let args =
         ["render", "s.rhai", "--set-from", "rows.json", "--device", "cpu", "--samples", "1", "--quiet"];
     assert_eq!(choreo(d, &[&args[..], &["--row", "2", "-o", "{name}.mp4"]].concat()).code, 0);
-    assert!(read(d, "Ben.mp4") == read(d, "one/second.mp4") && !d.join("Zoe.mp4").exists());
+    assert!(read_file(d, "Ben.mp4") == read_file(d, "one/second.mp4") && !d.join("Zoe.mp4").exists());
     assert_eq!(choreo(d, &[&args[..], &["-o", "{row}/{name}/%02d.png"]].concat()).code, 0);
-    assert_eq!(names(&d.join("2/Ben")), ["00.png", "01.png", "02.png"]);
+    assert_eq!(file_names(&d.join("2/Ben")), ["00.png", "01.png", "02.png"]);
     assert_eq!(choreo(d, &[&args[..], &["-o", "{name}/still.png", "--at", "0.1"]].concat()).code, 0);
     assert!(d.join("Zoe/still.png").is_file());
 }
@@ -95,7 +95,7 @@ fn output_names_from_rows_cannot_leave_their_folder() {
     let dir = scene();
     let d = dir.path();
     std::fs::create_dir_all(d.join("deep/out")).unwrap();
-    let before = names(d);
+    let before = file_names(d);
     for bad in ["../evil", "/tmp/evil", "..", "a/b", "\"a\\b\"", "%02d"] {
         std::fs::write(d.join("rows.csv"), format!("name\nfine\n{bad}\n")).unwrap();
         for pattern in ["deep/out/{name}.mp4", "deep/out/{name}/film.mp4"] {
@@ -116,8 +116,8 @@ fn output_names_from_rows_cannot_leave_their_folder() {
             let run = choreo(d, &job);
             assert!(run.code == 1 && run.err.contains("row 2: name = "), "{bad}: {}", run.err);
         }
-        assert_eq!(names(d), before, "{bad}");
-        assert!(names(&d.join("deep/out")).is_empty(), "{bad}");
+        assert_eq!(file_names(d), before, "{bad}");
+        assert!(file_names(&d.join("deep/out")).is_empty(), "{bad}");
     }
     std::fs::write(d.join("rows.csv"), "name\nZoe\nzoe\n").unwrap();
     let run = render_batch(d, &["-o", "deep/out/{name}.mp4"]);
@@ -135,7 +135,7 @@ fn output_names_from_rows_cannot_leave_their_folder() {
         assert_eq!(run.code, 0, "{}", run.err);
         let run = render_batch(d, &["-o", "deep/out/{name}.gif", "--row", "1"]);
         assert_eq!(run.code, 1, "{}", run.err);
-        assert_eq!(read(d, "precious"), b"as it was");
+        assert_eq!(read_file(d, "precious"), b"as it was");
     }
 }
 

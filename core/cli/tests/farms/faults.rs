@@ -26,7 +26,7 @@ fn scene() -> tempfile::TempDir {
 /// The film rendered on one machine.
 fn render_on_one_machine(folder: &Path) -> Vec<u8> {
     assert_eq!(choreo(folder, &RENDER).code, 0);
-    let bytes = read(folder, "film.mp4");
+    let bytes = read_file(folder, "film.mp4");
     std::fs::remove_file(folder.join("film.mp4")).unwrap();
     bytes
 }
@@ -53,7 +53,7 @@ fn drawn_in_summary(summary: &str) -> u64 {
 fn join_segments(folder: &Path, more: &[&str]) -> Vec<u8> {
     let run = choreo(folder, &[&["join", "segments", "-o", "film.mp4", "--quiet"][..], more].concat());
     assert_eq!(run.code, 0, "{}", run.err);
-    read(folder, "film.mp4")
+    read_file(folder, "film.mp4")
 }
 
 fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
@@ -97,7 +97,7 @@ fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String
 }
 
 fn report_of_segment(folder: &Path, segment: &str) -> serde_json::Value {
-    let report = read(&folder.join("segments"), &format!("{segment}.report"));
+    let report = read_file(&folder.join("segments"), &format!("{segment}.report"));
     let line = report.split(|byte| *byte == b'\n').next().unwrap();
     serde_json::from_slice(&line[65..]).unwrap()
 }
@@ -121,7 +121,7 @@ fn a_terminated_worker_keeps_its_frames() {
     let rest = drawn_frames(start_worker(d, "0-59"));
     assert_eq!(done + rest, 60);
     assert!(join_segments(d, &[]) == film);
-    assert_eq!(names(&d.join("segments")), ["0000000-0000059.report", "0000000-0000059.segment"]);
+    assert_eq!(file_names(&d.join("segments")), ["0000000-0000059.report", "0000000-0000059.segment"]);
 }
 
 /// Workers are killed with SIGKILL, and the clocks of the machines differ by decades, so that file times are meaningless.
@@ -250,14 +250,14 @@ fn lose_nothing_without_locks(d: &Path, film: &[u8], worker: impl Fn(&str) -> Co
     assert!(journal.starts_with(&kept) && journal.len() > kept.len());
     let fast = drawn_frames(Process::spawn(&mut worker("cleo")));
     assert!(fast > 0 && fast < 60, "{fast}");
-    assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
+    assert_eq!(file_names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
     slow.signal("-CONT");
     let run = slow.wait();
     assert_eq!(run.code, 0, "{}", run.err);
     assert_eq!(drawn_in_summary(&run.out), 0, "{}", run.out);
     assert!(join_segments(d, &[]) == film);
     assert_eq!(drawn_frames(Process::spawn(&mut worker("dora"))), 0);
-    assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
+    assert_eq!(file_names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
     std::fs::remove_dir_all(&segments).unwrap();
 }
 
@@ -289,7 +289,7 @@ fn join_waits_for_segments_that_appear_late() {
     std::fs::write(&late[0].0, &late[0].1).unwrap();
     let run = join.wait();
     assert!(run.code == 0 && !run.err.contains("warning"), "{}", run.err);
-    assert!(read(d, "film.mp4") == film);
+    assert!(read_file(d, "film.mp4") == film);
 }
 
 /// If the disk fills up, the exit code is 3 and there is no segment. When there is room again, the render continues with the frames that

@@ -19,7 +19,7 @@ camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
 const OPTIONS: &[&str] = &["--samples", "1", "--export", "keyframes=0.8", "--set", "color=#20c040"];
 
 fn scene() -> tempfile::TempDir {
-    let dir = folder();
+    let dir = folder_with_triangle();
     std::fs::create_dir(dir.path().join("scene")).unwrap();
     std::fs::rename(dir.path().join("tri.gltf"), dir.path().join("scene/tri.gltf")).unwrap();
     std::fs::write(dir.path().join("scene/it's.rhai"), SCRIPT).unwrap();
@@ -44,7 +44,7 @@ fn render_on_one_machine(folder: &Path) -> Vec<u8> {
     let run = choreo(folder, &args);
     assert_eq!(run.code, 0, "{}", run.err);
     std::fs::remove_dir_all(folder.join("scene")).unwrap();
-    read(folder, "one.mp4")
+    read_file(folder, "one.mp4")
 }
 
 /// Runs `openjd` with these arguments in its own virtual environment.
@@ -62,7 +62,10 @@ fn openjd_runs_the_whole_job() {
     let film = "it's a {film}.mp4";
     let summary = make_job(d, "openjd", film, &["--chunk", "25"]);
     assert_eq!(summary["chunks"], serde_json::json!([[0, 24], [25, 49], [50, 59]]));
-    assert_eq!(names(&d.join("job")), ["film.choreo", "job.json", "output", "segments", "template.json"]);
+    assert_eq!(
+        file_names(&d.join("job")),
+        ["film.choreo", "job.json", "output", "segments", "template.json"]
+    );
     let expected = render_on_one_machine(d);
     let template = d.join("job/template.json").display().to_string();
     let Some(check) = run_openjd(&["check", &template, "--extensions", "TASK_CHUNKING"]) else { return };
@@ -71,9 +74,9 @@ fn openjd_runs_the_whole_job() {
     let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
     let run = run_openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()).unwrap();
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
-    assert!(names(&d.join("job/segments")).len() >= 3, "{:?}", names(&d.join("job/segments")));
-    assert_eq!(names(&d.join("job/output")).len(), 1);
-    assert!(read(d, &format!("job/output/{film}")) == expected);
+    assert!(file_names(&d.join("job/segments")).len() >= 3, "{:?}", file_names(&d.join("job/segments")));
+    assert_eq!(file_names(&d.join("job/output")).len(), 1);
+    assert!(read_file(d, &format!("job/output/{film}")) == expected);
 }
 
 /// Writes a substitute for sbatch, which runs the tasks of an array one after the other, the last one first, and a dependent job after its
@@ -125,16 +128,16 @@ fn slurm_scripts_make_the_film() {
     let summary = make_job(d, "slurm", film, &["--chunk", "14"]);
     assert_eq!(summary["chunks"].as_array().unwrap().len(), 5);
     assert_eq!(
-        names(&d.join("job")),
+        file_names(&d.join("job")),
         ["chunks.txt", "film.choreo", "job.json", "join.sh", "output", "render.sh", "segments", "submit.sh"]
     );
-    assert_eq!(read(d, "job/chunks.txt"), b"0-13\n14-27\n28-41\n42-55\n56-59\n");
+    assert_eq!(read_file(d, "job/chunks.txt"), b"0-13\n14-27\n28-41\n42-55\n56-59\n");
     let expected = render_on_one_machine(d);
     let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     assert_eq!(run.out, "render: job 41, 5 tasks; join: job 42\n");
-    assert!(read(d, &format!("job/output/{film}")) == expected);
-    let options = String::from_utf8(read(d, "job/options.txt")).unwrap();
+    assert!(read_file(d, &format!("job/output/{film}")) == expected);
+    let options = String::from_utf8(read_file(d, "job/options.txt")).unwrap();
     assert!(options.contains("--partition=long") && options.contains("--parsable"), "{options}");
     // A task that runs again renders nothing again, and a job in a folder with segments is not overwritten.
     let run = run_result(submit_to_slurm(d, SBATCH));
@@ -214,7 +217,7 @@ fn a_preview_has_every_eighth_frame_at_half_the_size() {
         run.out
     );
     let pixels = |name: String| image::open(d.join(name)).unwrap().to_rgba8();
-    let preview = names(&d.join("job/output/preview/film"));
+    let preview = file_names(&d.join("job/output/preview/film"));
     assert_eq!(preview.len(), 8);
     for (k, name) in preview.iter().enumerate() {
         let small = pixels(format!("job/output/preview/film/{name}"));
@@ -233,7 +236,7 @@ fn a_preview_has_every_eighth_frame_at_half_the_size() {
     let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
     let Some(run) = run_openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()) else { return };
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
-    assert!(read(d, "job/output/film.mp4") == expected);
+    assert!(read_file(d, "job/output/film.mp4") == expected);
     assert!(d.join("job/output/preview/film.mp4").is_file());
 }
 
@@ -287,9 +290,9 @@ fn a_batch_is_one_job() {
             }
         };
         assert_eq!(run.code, 0, "{engine}: {}{}", run.out, run.err);
-        assert_eq!(names(&d.join("job/output/films")), ["1 red one.mp4", "3 blue.mp4"]);
-        assert!(read(d, "job/output/films/1 red one.mp4") == read(d, "red one.mp4"), "{engine}");
-        assert!(read(d, "job/output/films/3 blue.mp4") == read(d, "blue.mp4"), "{engine}");
+        assert_eq!(file_names(&d.join("job/output/films")), ["1 red one.mp4", "3 blue.mp4"]);
+        assert!(read_file(d, "job/output/films/1 red one.mp4") == read_file(d, "red one.mp4"), "{engine}");
+        assert!(read_file(d, "job/output/films/3 blue.mp4") == read_file(d, "blue.mp4"), "{engine}");
     }
 }
 
@@ -301,7 +304,7 @@ fn the_guide_commands_for_machines_without_a_scheduler_render_the_film() {
     let page = std::fs::read_to_string(page).unwrap();
     let section = page.split("## Machines without a scheduler").nth(1).unwrap();
     let lines = section.split("```sh\n").nth(1).unwrap().split("```").next().unwrap();
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     std::fs::write(d.join("film.rhai"), SCRIPT).unwrap();
     std::fs::write(d.join("hosts.txt"), "ann\nben\ncleo\n").unwrap();
@@ -332,10 +335,10 @@ fn the_guide_commands_for_machines_without_a_scheduler_render_the_film() {
     let again = run(lines.split_once('\n').unwrap().1, "nobody");
     assert_eq!(again.code, 0, "{}", again.err);
     let mut used: Vec<String> =
-        String::from_utf8(read(d, "used.txt")).unwrap().lines().map(str::to_string).collect();
+        String::from_utf8(read_file(d, "used.txt")).unwrap().lines().map(str::to_string).collect();
     used.sort();
     assert_eq!(used, ["ann", "ann", "ben", "ben", "cleo", "cleo"]);
     let one = ["render", "film.rhai", "-o", "one.mp4", "--device", "cpu", "--samples", "1"];
     assert_eq!(choreo(d, &one).code, 0);
-    assert!(read(d, "one.mp4") == read(d, "job/output/film.mp4"));
+    assert!(read_file(d, "one.mp4") == read_file(d, "job/output/film.mp4"));
 }

@@ -2,7 +2,7 @@
 //! overlap. Segments that do not belong to the film are named in the error message, and no temporary files are left.
 
 use crate::common;
-use crate::common::{Run, choreo, names, part_files, read};
+use crate::common::{Run, choreo, file_names, part_files, read_file};
 use std::path::Path;
 
 /// 60 frames: a still scene, then a box that moves, then a title that changes over a still scene. A scene without characters draws fast.
@@ -40,10 +40,10 @@ fn scene() -> tempfile::TempDir {
 
 /// All bytes of an output: those of the file, or of the images in the folder one after the other.
 fn output_bytes(folder: &Path, output: &str) -> Vec<u8> {
-    let Some((inner, _)) = output.split_once('/') else { return read(folder, output) };
-    let names = names(&folder.join(inner));
+    let Some((inner, _)) = output.split_once('/') else { return read_file(folder, output) };
+    let names = file_names(&folder.join(inner));
     assert_eq!(names.len(), 60);
-    names.iter().flat_map(|name| read(&folder.join(inner), name)).collect()
+    names.iter().flat_map(|name| read_file(&folder.join(inner), name)).collect()
 }
 
 /// The numbers of frames that a join copied and encoded.
@@ -62,7 +62,7 @@ fn refused_join(folder: &Path, args: &[&str]) -> String {
     all.extend(args);
     let run = choreo(folder, &all);
     assert_eq!(run.code, 1, "{}", run.err);
-    assert!(!folder.join("film.gif").exists() && part_files(folder).is_empty(), "{:?}", names(folder));
+    assert!(!folder.join("film.gif").exists() && part_files(folder).is_empty(), "{:?}", file_names(folder));
     run.err
 }
 
@@ -127,7 +127,7 @@ fn damaged_segments_are_named_and_replaced_by_others() {
     render(d, "one.mp4", &[]);
     let [first, all] = ["0-23", "0-59"].map(|frames| render_segment(d, "film.mp4", "a", frames));
     let rest = render_segment(d, "film.mp4", "b", "24-59");
-    let segment_bytes = read(d, &all);
+    let segment_bytes = read_file(d, &all);
     for (at, bit) in
         [(0, 1), (70, 2), (900, 4), (segment_bytes.len() / 2, 16), (segment_bytes.len() - 3, 128)]
     {
@@ -142,13 +142,13 @@ fn damaged_segments_are_named_and_replaced_by_others() {
             let run = choreo(d, &["join", &all, &first, &rest, "-o", "film.mp4"]);
             assert_eq!(run.code, 0, "{}", run.err);
             assert!(run.err.contains(&format!("warning: {all}: ")), "cut {cut} at {at}: {}", run.err);
-            assert!(read(d, "film.mp4") == read(d, "one.mp4"), "cut {cut} at {at}");
+            assert!(read_file(d, "film.mp4") == read_file(d, "one.mp4"), "cut {cut} at {at}");
             std::fs::remove_file(d.join("film.mp4")).unwrap();
             let run = choreo(d, &["join", &all, &first, "-o", "film.mp4"]);
             if run.code == 0 {
                 // Only the end of the segment was missing.
                 assert!(
-                    at > segment_bytes.len() - 100 && read(d, "film.mp4") == read(d, "one.mp4"),
+                    at > segment_bytes.len() - 100 && read_file(d, "film.mp4") == read_file(d, "one.mp4"),
                     "cut {cut} at {at}"
                 );
                 std::fs::remove_file(d.join("film.mp4")).unwrap();
@@ -178,7 +178,7 @@ fn missing_frames_are_named() {
     // An existing film is not changed.
     std::fs::write(d.join("film.gif"), "before").unwrap();
     assert_eq!(choreo(d, &["join", &a, "-o", "film.gif"]).code, 1);
-    assert_eq!(read(d, "film.gif"), b"before");
+    assert_eq!(read_file(d, "film.gif"), b"before");
 }
 
 /// A segment with a different header, as another version or device would write it.
@@ -207,7 +207,7 @@ fn segments_of_other_films_versions_and_devices_are_refused() {
     let a = render_segment(d, "film.gif", "a", "0-29");
     let b = render_segment(d, "film.gif", "b", "30-59");
     let text = |b: &str| refused_join(d, &[&a, b]);
-    let segment_bytes = read(d, &b);
+    let segment_bytes = read_file(d, &b);
     let forge = |keyword: &str, text: &str| {
         let forged = with_changed_head(&segment_bytes, |head| set_provenance(head, keyword, text));
         std::fs::write(d.join("b/forged.segment"), forged).unwrap();
@@ -250,7 +250,7 @@ fn segments_that_disagree_are_refused() {
     let a = render_segment(d, "film.gif", "a", "0-59");
     let b = render_segment(d, "film.gif", "b", "25-25");
     // The image of frame 30, as frame 25.
-    let c = read(d, &render_segment(d, "film.gif", "b", "30-30"));
+    let c = read_file(d, &render_segment(d, "film.gif", "b", "30-30"));
     let mut lines = c.splitn(4, |byte| *byte == b'\n');
     let (magic, head, record) = (lines.next().unwrap(), lines.next().unwrap(), lines.next().unwrap());
     let mut value: serde_json::Value = serde_json::from_slice(&record[65..]).unwrap();
@@ -270,7 +270,7 @@ fn a_complete_segment_is_not_rendered_again() {
     let dir = scene();
     let d = dir.path();
     let a = render_segment(d, "film.mp4", "a", "10-40");
-    let segment_bytes = read(d, &a);
+    let segment_bytes = read_file(d, &a);
     let again = || {
         let more = ["--frames", "10-40", "--segment", "a", "--resume", "--json"];
         let run = render(d, "film.mp4", &more);
@@ -279,7 +279,7 @@ fn a_complete_segment_is_not_rendered_again() {
     assert_eq!(again(), 0);
     std::fs::write(d.join(&a), &segment_bytes[..segment_bytes.len() - 1]).unwrap();
     assert!(again() > 0);
-    assert!(read(d, &a) == segment_bytes);
+    assert!(read_file(d, &a) == segment_bytes);
 }
 
 /// Several processes render the same segment with --resume, as on a farm that restarts a task while its first process still runs: one
@@ -318,7 +318,7 @@ fn several_processes_can_render_one_segment() {
         })
         .collect();
     assert_eq!(made.iter().filter(|drawn| **drawn > 0).count(), 1, "{made:?}");
-    assert_eq!(names(&d.join("a")), ["0000000-0000059.report", "0000000-0000059.segment"]);
+    assert_eq!(file_names(&d.join("a")), ["0000000-0000059.report", "0000000-0000059.segment"]);
 }
 
 #[test]

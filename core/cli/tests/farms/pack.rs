@@ -144,7 +144,7 @@ fn a_packed_scene_renders_the_same_bytes_without_its_files() {
     );
     // The same files in another folder give the same archive.
     run_successfully(other.path(), &[&["pack", "scenes/film.rhai", "-o", "film.choreo"][..], &set].concat());
-    assert!(read(d, "film.choreo") == read(other.path(), "film.choreo"));
+    assert!(read_file(d, "film.choreo") == read_file(other.path(), "film.choreo"));
     let [mp4, images] = ["one.mp4", "one"].map(|name| d.join(name));
     std::fs::rename(d.join("film.choreo"), away.join("film.choreo")).unwrap();
     std::fs::rename(&mp4, away.join("one.mp4")).unwrap();
@@ -154,21 +154,24 @@ fn a_packed_scene_renders_the_same_bytes_without_its_files() {
     write(away, "choreo.toml", "[render]\nsize = \"16x16\"\n");
     let run = run_successfully(away, &["render", "film.choreo", "-o", "film.mp4"]);
     assert!(!run.err.contains("warning"), "{}", run.err);
-    assert!(read(away, "film.mp4") == read(away, "one.mp4"));
+    assert!(read_file(away, "film.mp4") == read_file(away, "one.mp4"));
     run_successfully(away, &["render", "film.choreo", "-o", "film/%02d.png", "--size", "40x24"]);
-    for name in names(&away.join("one")) {
-        assert!(read(away, &format!("one/{name}")) == read(away, &format!("film/{name}")), "{name}");
+    for name in file_names(&away.join("one")) {
+        assert!(
+            read_file(away, &format!("one/{name}")) == read_file(away, &format!("film/{name}")),
+            "{name}"
+        );
     }
-    assert_eq!(names(&away.join("film")).len(), 4);
+    assert_eq!(file_names(&away.join("film")).len(), 4);
     // Other commands accept the archive, and a parameter can be changed.
     run_successfully(away, &["check", "film.choreo"]);
     run_successfully(away, &["render", "film.choreo", "-o", "blue.mp4", "--set", "color=#2040e0"]);
-    assert!(read(away, "blue.mp4") != read(away, "one.mp4"));
+    assert!(read_file(away, "blue.mp4") != read_file(away, "one.mp4"));
 }
 
 #[test]
 fn a_model_file_can_be_packed() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let args = ["--device", "cpu", "--size", "32x32", "-o"];
     run_successfully(d, &[&["render", "tri.gltf"][..], &args, &["one.gif"]].concat());
@@ -178,13 +181,13 @@ fn a_model_file_can_be_packed() {
     // The provenance names the requested clip.
     std::fs::rename(d.join("gone"), d.join("tri.gltf")).unwrap();
     run_successfully(d, &[&["render", "tri.gltf", "--clip", "Slide"][..], &args, &["one.gif"]].concat());
-    assert!(read(d, "packed.gif") == read(d, "one.gif"));
+    assert!(read_file(d, "packed.gif") == read_file(d, "one.gif"));
 }
 
 /// Nothing is left in the folder for temporary files, whatever the exit code is.
 #[test]
 fn unpacked_files_are_deleted() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let scratch = d.join("scratch");
     std::fs::create_dir(&scratch).unwrap();
@@ -196,7 +199,7 @@ fn unpacked_files_are_deleted() {
     ] {
         let output = command(d, args).env("TMPDIR", &scratch).output().unwrap();
         run_result(output);
-        assert!(names(&scratch).is_empty(), "{args:?}: {:?}", names(&scratch));
+        assert!(file_names(&scratch).is_empty(), "{args:?}: {:?}", file_names(&scratch));
     }
 }
 
@@ -250,7 +253,7 @@ fn malicious_archives_write_nothing_outside() {
         let run = check(entries);
         assert_eq!(run.code, 1, "{what}");
         assert!(run.err.starts_with(&format!("a.choreo: {what}")), "{what}: {}", run.err);
-        assert_eq!(names(d), ["a.choreo"]);
+        assert_eq!(file_names(d), ["a.choreo"]);
     };
     let wrong = "it is not a scene that choreo pack has written: choreo.json lacks a field, or has a path that leads out of it";
     for path in [
@@ -335,7 +338,7 @@ fn an_archive_that_gives_another_scene_is_refused() {
     // The plugin of the scene is in the archive, and takes precedence over those of the user.
     assert_eq!(choreo(d, &render).code, 0);
     assert_eq!(with("others", &render).code, 0);
-    let mut archive = read(d, "s.choreo");
+    let mut archive = read_file(d, "s.choreo");
     let stage = archive.windows(9).position(|w| w == b"\"stage\": ").unwrap() + 10;
     archive[stage] = if archive[stage] == b'0' { b'1' } else { b'0' };
     std::fs::write(d.join("s.choreo"), archive).unwrap();
@@ -346,7 +349,7 @@ fn an_archive_that_gives_another_scene_is_refused() {
 
 #[test]
 fn inputs_that_cannot_be_packed_are_refused() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let usage = |args: &[&str], what: &str| {
         let run = choreo(d, args);
@@ -371,7 +374,7 @@ fn a_packed_folder_equals_the_archive_and_refuses_links() {
     write_project(d);
     run_successfully(d, &["pack", "scenes/film.rhai", "-o", "film.choreo"]);
     run_successfully(d, &["pack", "scenes/film.rhai", "-o", "film/"]);
-    let mut archive = tar::Archive::new(std::io::Cursor::new(read(d, "film.choreo")));
+    let mut archive = tar::Archive::new(std::io::Cursor::new(read_file(d, "film.choreo")));
     let mut count = 0;
     for entry in archive.entries().unwrap() {
         let mut entry = entry.unwrap();
@@ -384,7 +387,7 @@ fn a_packed_folder_equals_the_archive_and_refuses_links() {
     run_successfully(d, &["render", "film.choreo", "-o", "one.mp4"]);
     std::fs::rename(d.join("scenes"), d.join("gone")).unwrap();
     run_successfully(d, &["render", "film", "-o", "two.mp4"]);
-    assert!(read(d, "one.mp4") == read(d, "two.mp4"));
+    assert!(read_file(d, "one.mp4") == read_file(d, "two.mp4"));
     let run = choreo(d, &["pack", "gone/film.rhai", "-o", "film/"]);
     assert!(run.code == 3 && run.err.contains("film/: it exists already"), "{}", run.err);
     let refused = |what: &str| {
@@ -430,7 +433,7 @@ fn a_packed_scene_is_tested_and_viewed() {
     let outcome = |name: &str| {
         run_successfully(d, &["pack", "scenes/t.rhai", "-o", name]);
         let output = command(d, &["test", name]).env("TMPDIR", &scratch).output().unwrap();
-        assert!(names(&scratch).is_empty(), "{:?}", names(&scratch));
+        assert!(file_names(&scratch).is_empty(), "{:?}", file_names(&scratch));
         run_result(output)
     };
     let run = outcome("t.choreo");
@@ -449,7 +452,7 @@ fn a_packed_scene_is_tested_and_viewed() {
         let mut command = std::process::Command::new(d.join("choreo"));
         command.args(["view", "film.choreo"]).args(more).current_dir(d).env_remove("CARGO");
         let run = run_result(command.env("TMPDIR", &scratch).env("CHOREO_PLUGINS", "").output().unwrap());
-        assert!(run.code == 0 && names(&scratch).is_empty(), "{}", run.err);
+        assert!(run.code == 0 && file_names(&scratch).is_empty(), "{}", run.err);
         run.out
     };
     let shown = view(&["--play"]);

@@ -20,7 +20,7 @@ fn panics_of_plugins_are_errors_with_name_and_version() {
         println!("SKIP 1: examples/faulty_plugins is not built; cargo test --workspace builds it");
         return;
     }
-    let dir = folder();
+    let dir = folder_with_triangle();
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     write("moving.rhai", MOVING);
     write("loads.rhai", "cast(\"a\", load(\"a.faulty\"));\n");

@@ -104,7 +104,7 @@ impl PackageTest {
 
     /// Names in the user's folder of plugins, including hidden ones.
     fn installed_names(&self) -> Vec<String> {
-        if self.plugins_folder().is_dir() { names(&self.plugins_folder()) } else { Vec::new() }
+        if self.plugins_folder().is_dir() { file_names(&self.plugins_folder()) } else { Vec::new() }
     }
 
     fn refused_install(&self, text: &str) -> String {
@@ -127,7 +127,7 @@ fn an_installed_package_is_found_named_and_removed() {
     assert!(out.contains("license: MIT OR Apache-2.0") && out.contains(contents), "{out}");
     assert_eq!(test.installed_names(), ["prints"]);
     let copied = ["a.dots", "cast.exporter.rhai", "dots.importer.rhai", "plugin.toml", "swap.wgsl", "tests"];
-    assert_eq!(names(&target), copied, "hidden files stay behind");
+    assert_eq!(file_names(&target), copied, "hidden files stay behind");
 
     let list = test.run_successfully(&["plugins", "list"]);
     assert!(list.contains("  prints 1.2.0 (MIT OR Apache-2.0) dots and swapped colors\n"), "{list}");
@@ -139,7 +139,7 @@ fn an_installed_package_is_found_named_and_removed() {
 
     test.run_successfully(&["check", "s.rhai"]);
     test.run_successfully(&["render", "s.rhai", "-o", "s.png", "--at", "0", "--device", "cpu", "-q"]);
-    let image = image::load_from_memory(&read(test.path(), "s.png")).unwrap().into_rgb8();
+    let image = image::load_from_memory(&read_file(test.path(), "s.png")).unwrap().into_rgb8();
     assert_eq!(image.get_pixel(0, 0).0, [0, 0, 255], "red has become blue");
     let info = test.run_successfully(&["info", "s.png"]);
     assert!(info.contains("dots 1.2.0, swap 1.2.0"), "{info}");
@@ -147,7 +147,7 @@ fn an_installed_package_is_found_named_and_removed() {
         serde_json::from_str(&test.run_successfully(&["export", "s.rhai", "-o", "s.cast", "--json"]))
             .unwrap();
     assert_eq!(exported["provenance"]["choreo:exporter"], "cast 1.2.0");
-    assert_eq!(read(test.path(), "s.cast"), b"anna\n");
+    assert_eq!(read_file(test.path(), "s.cast"), b"anna\n");
 
     // CHOREO_PLUGINS replaces the user's folder of plugins; a folder given with --plugins can contain packages, too.
     let mut other = command(test.path(), &["check", "s.rhai"]);

@@ -32,7 +32,7 @@ camera("c").at(0.0, 0.0, 9.0).look_at([0.0, 0.0, 0.0]);
 "##;
 
 fn folder_with_plugins() -> tempfile::TempDir {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let write = |name: &str, text: &str| {
         let path = dir.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -78,7 +78,7 @@ fn an_effect_file_draws_the_same_on_the_cpu_and_on_vulkan() {
         dir.path(),
         &["render", "s.rhai", "-o", "cpu.png", "--at", "0", "--device", "cpu", "-q"],
     );
-    let cpu = first_pixel(&read(dir.path(), "cpu.png"));
+    let cpu = first_pixel(&read_file(dir.path(), "cpu.png"));
     assert_eq!(cpu, [0, 0, 255], "red has become blue");
     let run =
         choreo(dir.path(), &["render", "s.rhai", "-o", "gpu.png", "--at", "0", "--device", "vulkan", "-q"]);
@@ -87,7 +87,7 @@ fn an_effect_file_draws_the_same_on_the_cpu_and_on_vulkan() {
         return;
     }
     assert_eq!(run.code, 0, "{}", run.err);
-    assert_eq!(first_pixel(&read(dir.path(), "gpu.png")), cpu);
+    assert_eq!(first_pixel(&read_file(dir.path(), "gpu.png")), cpu);
 }
 
 /// The first pixel of a PNG, red green blue.
@@ -191,7 +191,7 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
 #[cfg(unix)]
 fn links_out_of_the_folder_and_pipes_are_not_read() {
     use std::os::unix::fs::symlink;
-    let dir = folder();
+    let dir = folder_with_triangle();
     let scene = dir.path().join("scene");
     std::fs::create_dir_all(scene.join("plugins/inner")).unwrap();
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
@@ -384,7 +384,7 @@ fn a_plugin_that_hides_another_of_its_name_is_noted() {
 
 #[test]
 fn a_warning_of_an_effect_is_printed_with_quiet_too() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     let effect = |result: &str| {
         format!(

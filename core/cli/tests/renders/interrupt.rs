@@ -50,7 +50,7 @@ fn signals_leave_finished_frames_and_the_old_file() {
         let run = run_result(child.wait_with_output().unwrap());
         assert_eq!(run.code, 130, "{}", run.err);
         assert_eq!(run.err.lines().last(), Some("interrupted"));
-        assert_eq!(read(d, "o.mp4"), b"old");
+        assert_eq!(read_file(d, "o.mp4"), b"old");
         let discarded = more.contains(&"--discard");
         assert_eq!(part_files(d).is_empty(), discarded, "{name} {more:?}");
         let kept = "frames are kept in o.mp4.part; to resume the render: ";
@@ -72,11 +72,11 @@ fn images_finished_before_an_interrupt_are_complete() {
     signal(&child, "-INT");
     let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, 130, "{}", run.err);
-    let file_names = names(&d.join("f"));
-    assert!(file_names.len() > 5 && file_names.iter().all(|n| n.ends_with(".png")), "{file_names:?}");
-    for name in file_names {
+    let frame_files = file_names(&d.join("f"));
+    assert!(frame_files.len() > 5 && frame_files.iter().all(|n| n.ends_with(".png")), "{frame_files:?}");
+    for name in frame_files {
         // The last chunk of a PNG: length 0, "IEND", and the checksum.
-        assert!(read(&d.join("f"), &name).ends_with(b"\0\0\0\0IEND\xaeB`\x82"), "{name} is cut");
+        assert!(read_file(&d.join("f"), &name).ends_with(b"\0\0\0\0IEND\xaeB`\x82"), "{name} is cut");
     }
 }
 
@@ -104,11 +104,11 @@ fn a_killed_render_leaves_the_old_file() {
     signal(&child, "-KILL");
     let run = run_result(child.wait_with_output().unwrap());
     assert_eq!(run.code, -1, "{}", run.err);
-    assert_eq!(read(d, "o.y4m"), b"old");
+    assert_eq!(read_file(d, "o.y4m"), b"old");
     let args =
         ["render", "long.gltf", "-o", "o.y4m", "--frames", "0..3", "--size", "32x32", "--device", "cpu"];
     assert_eq!(choreo(d, &args).code, 0);
-    assert!(read(d, "o.y4m").starts_with(b"YUV4MPEG2"));
+    assert!(read_file(d, "o.y4m").starts_with(b"YUV4MPEG2"));
 }
 
 #[test]

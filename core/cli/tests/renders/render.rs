@@ -12,28 +12,31 @@ fn render(folder: &std::path::Path, args: &[&str]) -> Run {
 
 #[test]
 fn numbered_images_of_two_processes_equal_those_of_one() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     for (range, out) in [("0..12", "whole"), ("6..12", "halves"), ("0..6", "halves"), ("..", "again")] {
         let run = render(d, &["tri.gltf", "-o", &format!("{out}/%04d.png"), "--frames", range]);
         assert_eq!(run.code, 0, "{}", run.err);
     }
-    let whole = names(&d.join("whole"));
+    let whole = file_names(&d.join("whole"));
     assert_eq!(whole.len(), 12);
     assert_eq!((whole[0].as_str(), whole[11].as_str()), ("0000.png", "0011.png"));
-    assert_eq!(names(&d.join("halves")), whole);
+    assert_eq!(file_names(&d.join("halves")), whole);
     for name in &whole {
-        let one = read(d, &format!("whole/{name}"));
-        assert!(one == read(d, &format!("halves/{name}")), "{name} differs between the halves and the whole");
-        assert!(one == read(d, &format!("again/{name}")), "{name} differs between two runs");
+        let one = read_file(d, &format!("whole/{name}"));
+        assert!(
+            one == read_file(d, &format!("halves/{name}")),
+            "{name} differs between the halves and the whole"
+        );
+        assert!(one == read_file(d, &format!("again/{name}")), "{name} differs between two runs");
     }
     // The triangle moves, so that a wrong frame would be found.
-    assert!(read(d, "whole/0000.png") != read(d, "whole/0011.png"));
+    assert!(read_file(d, "whole/0000.png") != read_file(d, "whole/0011.png"));
 }
 
 #[test]
 fn videos_are_complete_and_the_same_bytes_in_each_run() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     for format in ["mp4", "gif", "y4m"] {
         for name in ["a", "b"] {
@@ -41,7 +44,7 @@ fn videos_are_complete_and_the_same_bytes_in_each_run() {
             assert_eq!(run.code, 0, "{}", run.err);
             assert!(run.err.contains("10 frames in "), "{}", run.err);
         }
-        assert!(read(d, &format!("a.{format}")) == read(d, &format!("b.{format}")), "{format}");
+        assert!(read_file(d, &format!("a.{format}")) == read_file(d, &format!("b.{format}")), "{format}");
     }
     assert_eq!(part_files(d), Vec::<String>::new());
     let probe = Command::new("ffprobe")
@@ -65,7 +68,7 @@ fn videos_are_complete_and_the_same_bytes_in_each_run() {
 
 #[test]
 fn standard_output_is_y4m_and_nothing_else() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let output = command(dir.path(), &["render", "tri.gltf", "-o", "-", "--frames", "0..3"])
         .args(SMALL)
         .output()
@@ -74,12 +77,12 @@ fn standard_output_is_y4m_and_nothing_else() {
     let header = output.stdout.iter().position(|b| *b == b'\n').unwrap() + 1;
     assert!(output.stdout.starts_with(b"YUV4MPEG2 W96 H54 F30:1 "));
     assert_eq!(output.stdout.len(), header + 3 * (6 + 96 * 54 * 3 / 2));
-    assert_eq!(names(dir.path()), ["tri.gltf"]);
+    assert_eq!(file_names(dir.path()), ["tri.gltf"]);
 }
 
 #[test]
 fn a_single_image_is_chosen_by_time_or_frame() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     for (args, note) in [
         (&["tri.gltf", "-o", "first.png"][..], ""),
@@ -94,14 +97,14 @@ fn a_single_image_is_chosen_by_time_or_frame() {
         assert_eq!(run.code, 0, "{}", run.err);
         assert!(run.err.contains(note), "{}", run.err);
     }
-    assert!(read(d, "frame.png") == read(d, "time.png"));
-    assert!(read(d, "frame.png") == read(d, "range.png"));
-    assert!(read(d, "frame.png") != read(d, "first.png"));
+    assert!(read_file(d, "frame.png") == read_file(d, "time.png"));
+    assert!(read_file(d, "frame.png") == read_file(d, "range.png"));
+    assert!(read_file(d, "frame.png") != read_file(d, "first.png"));
 }
 
 #[test]
 fn quiet_prints_nothing_and_json_prints_a_summary() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let run = render(dir.path(), &["tri.gltf", "-o", "a.gif", "--frames", "0..2", "--quiet"]);
     assert_eq!((run.code, run.out.as_str(), run.err.as_str()), (0, "", ""));
     let run = render(dir.path(), &["tri.gltf", "-o", "a.gif", "--frames", "0..2", "--json"]);
@@ -121,16 +124,16 @@ fn quiet_prints_nothing_and_json_prints_a_summary() {
 
 #[test]
 fn the_number_of_jobs_does_not_change_images() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     for jobs in ["1", "3"] {
         let out = format!("j{jobs}/%d.png");
         let run = render(d, &["tri.gltf", "-o", &out, "--frames", "0..5", "--jobs", jobs]);
         assert_eq!(run.code, 0, "{}", run.err);
     }
-    assert_eq!(names(&d.join("j1")), ["0.png", "1.png", "2.png", "3.png", "4.png"]);
-    for name in names(&d.join("j1")) {
-        assert!(read(d, &format!("j1/{name}")) == read(d, &format!("j3/{name}")), "{name}");
+    assert_eq!(file_names(&d.join("j1")), ["0.png", "1.png", "2.png", "3.png", "4.png"]);
+    for name in file_names(&d.join("j1")) {
+        assert!(read_file(d, &format!("j1/{name}")) == read_file(d, &format!("j3/{name}")), "{name}");
     }
 }
 
@@ -142,7 +145,7 @@ fn info(folder: &std::path::Path, name: &str) -> serde_json::Value {
 
 #[test]
 fn images_and_videos_contain_their_provenance() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let mut ids = Vec::new();
     for name in ["a.png", "a.mp4", "a.gif", "a.y4m"] {
@@ -198,7 +201,7 @@ fn provenance_depends_only_on_what_changes_the_image() {
         );
         assert_eq!(run.code, 0, "{}", run.err);
         assert!(
-            read(here.path(), &a) == read(there.path(), &b),
+            read_file(here.path(), &a) == read_file(there.path(), &b),
             "{format}: moving the folder changes the bytes"
         );
     }
@@ -207,7 +210,10 @@ fn provenance_depends_only_on_what_changes_the_image() {
     assert_eq!(render(d, &["s.rhai", "-o", "f/%d.png", "--frames", "3..9"]).code, 0);
     assert_eq!(render(d, &["s.rhai", "-o", "alone.png", "--frames", "6"]).code, 0);
     assert_eq!(render(d, &["s.rhai", "-o", "time.png", "--at", "0.2"]).code, 0);
-    assert!(read(d, "f/6.png") == read(d, "alone.png") && read(d, "alone.png") == read(d, "time.png"));
+    assert!(
+        read_file(d, "f/6.png") == read_file(d, "alone.png")
+            && read_file(d, "alone.png") == read_file(d, "time.png")
+    );
     let provenance = info(d, "alone.png")["provenance"].clone();
     assert_eq!(provenance["choreo:time"], "0.2");
 
@@ -231,13 +237,13 @@ fn provenance_depends_only_on_what_changes_the_image() {
 /// The default camera uses the aspect ratio of the image, not the default one of the scene.
 #[test]
 fn a_model_is_framed_completely_in_a_tall_image() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let (width, height) = (54, 96);
     let size = &["--device", "cpu", "--samples", "1", "--size", "54x96"];
     let run = choreo(d, &[&["render", "tri.gltf", "-o", "a.y4m", "--frames", "0..30"][..], size].concat());
     assert_eq!(run.code, 0, "{}", run.err);
-    let bytes = read(d, "a.y4m");
+    let bytes = read_file(d, "a.y4m");
     let header = bytes.iter().position(|b| *b == b'\n').unwrap() + 1;
     let mut drawn_pixels = 0;
     for frame in bytes[header..].chunks(6 + width * height * 3 / 2) {
@@ -253,13 +259,13 @@ fn a_model_is_framed_completely_in_a_tall_image() {
 /// `--stages` writes an image for each stage of a rasterizer. The output must be a folder.
 #[test]
 fn rasterizer_stages_are_six_images_in_a_folder() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "steps", "--size", "96x54"]);
     assert_eq!(run.code, 0, "{}", run.err);
     let all = ["1_model.png", "2_view.png", "3_clip.png", "4_raster.png", "5_depth.png", "6_shade.png"];
-    assert_eq!(names(&d.join("steps")), all);
-    let pictures = all.map(|name| read(d, &format!("steps/{name}")));
+    assert_eq!(file_names(&d.join("steps")), all);
+    let pictures = all.map(|name| read_file(d, &format!("steps/{name}")));
     for (i, a) in pictures.iter().enumerate() {
         assert!(a.starts_with(b"\x89PNG"));
         assert!(pictures[..i].iter().all(|b| a != b), "{} equals another image", all[i]);
@@ -268,7 +274,7 @@ fn rasterizer_stages_are_six_images_in_a_folder() {
     let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "large", "--size", "960x540"]);
     assert_eq!(run.code, 0, "{}", run.err);
     let white = |name: &str| {
-        let picture = image::load_from_memory(&read(d, &format!("large/{name}"))).unwrap().into_rgb8();
+        let picture = image::load_from_memory(&read_file(d, &format!("large/{name}"))).unwrap().into_rgb8();
         picture.rows().take(40).flatten().filter(|p| p.0 == [255; 3]).count()
     };
     for name in &all[..5] {
@@ -285,15 +291,18 @@ fn rasterizer_stages_are_six_images_in_a_folder() {
 
 #[test]
 fn the_option_frames_accepts_lists_and_steps() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let run = render(dir.path(), &["tri.gltf", "-o", "f/%02d.png", "--frames", "0..30:12,29,3..5"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    assert_eq!(names(&dir.path().join("f")), ["00.png", "03.png", "04.png", "12.png", "24.png", "29.png"]);
+    assert_eq!(
+        file_names(&dir.path().join("f")),
+        ["00.png", "03.png", "04.png", "12.png", "24.png", "29.png"]
+    );
 }
 
 #[test]
 fn a_model_renders_longer_than_its_clip() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     assert_eq!(render(d, &["tri.gltf", "-o", "a.png", "--frames", "45"]).code, 2, "the clip has 30 frames");
     for (name, frame) in [("a.png", "45"), ("b.png", "15"), ("c.png", "20")] {
@@ -310,7 +319,7 @@ fn a_model_renders_longer_than_its_clip() {
 
 #[test]
 fn a_contact_sheet_holds_its_frames() {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let d = dir.path();
     let run = render(d, &["tri.gltf", "-o", "sheet.png", "--sheet", "--frames", "0,10,20"]);
     assert_eq!(run.code, 0, "{}", run.err);

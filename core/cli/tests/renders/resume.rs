@@ -21,7 +21,7 @@ fn args<'a>(output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 
 /// A moving scene with a callback, which takes a while to render.
 fn scene() -> tempfile::TempDir {
-    let dir = folder();
+    let dir = folder_with_triangle();
     let script = "stage(#{ fps: 30, length: 4.0 / 3.0 });\n\
                   let m = load(\"choreo:mannequin\");\n\
                   let a = cast(\"a\", m);\n\
@@ -94,10 +94,10 @@ fn resume(folder: &Path, output: &str) -> (usize, usize) {
 /// All files of the output folder, by name.
 fn all_bytes(folder: &Path, output: &str) -> Vec<(String, Vec<u8>)> {
     match output.split_once('/') {
-        None => vec![(output.to_string(), read(folder, output))],
+        None => vec![(output.to_string(), read_file(folder, output))],
         Some((inner, _)) => {
             let inner = folder.join(inner);
-            names(&inner).into_iter().map(|name| (name.clone(), read(&inner, &name))).collect()
+            file_names(&inner).into_iter().map(|name| (name.clone(), read_file(&inner, &name))).collect()
         }
     }
 }
@@ -197,7 +197,7 @@ fn kill_render_midway(d: &Path, output: &str) -> usize {
 fn copy_folder(from: &Path, to: &Path) {
     let _ = std::fs::remove_dir_all(to);
     std::fs::create_dir(to).unwrap();
-    for name in names(from) {
+    for name in file_names(from) {
         std::fs::copy(from.join(&name), to.join(&name)).unwrap();
     }
 }
@@ -210,15 +210,15 @@ fn undamaged_frames_of_a_damaged_part_are_reused() {
     let mut random = Random(16);
     for output in ["o.mp4", "o.gif"] {
         assert_eq!(choreo(d, &args(output, &[])).code, 0);
-        let uninterrupted = read(d, output);
+        let uninterrupted = read_file(d, output);
         let finished = kill_render_midway(d, output);
         let (part, saved) = (d.join(format!("{output}.part")), d.join("saved"));
         copy_folder(&part, &saved);
         let mut damaged = 0;
-        for name in names(&saved) {
+        for name in file_names(&saved) {
             for flip_bit in [false, true, true] {
                 copy_folder(&saved, &part);
-                let mut bytes = read(&saved, &name);
+                let mut bytes = read_file(&saved, &name);
                 let at = random.below(bytes.len());
                 if flip_bit {
                     bytes[at] ^= 1 << random.below(8);
@@ -229,7 +229,7 @@ fn undamaged_frames_of_a_damaged_part_are_reused() {
                 let (drawn, reused) = resume(d, output);
                 assert!(drawn + reused == FRAMES && reused <= finished, "{name} {drawn} {reused}");
                 damaged += usize::from(reused < finished);
-                assert!(read(d, output) == uninterrupted, "{output}: {name} damaged at {at}");
+                assert!(read_file(d, output) == uninterrupted, "{output}: {name} damaged at {at}");
             }
         }
         assert!(damaged > 0, "{output}: the damage affected no frame");
@@ -242,7 +242,7 @@ fn resuming_a_render_with_other_settings_is_refused() {
     let dir = scene();
     let d = dir.path();
     kill_render_midway(d, "o.mp4");
-    let before = read(&d.join("o.mp4.part"), "journal");
+    let before = read_file(&d.join("o.mp4.part"), "journal");
     let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
     let refused = |more: &[&str], expected: &[&str]| {
         let run = choreo(d, &args("o.mp4", &[&["--resume"], more].concat()));
@@ -257,7 +257,7 @@ fn resuming_a_render_with_other_settings_is_refused() {
             assert!(run.err.contains(words), "no \"{words}\" in {}", run.err);
         }
         assert!(run.err.contains("leave --resume out to render everything again"), "{}", run.err);
-        assert!(read(&d.join("o.mp4.part"), "journal") == before);
+        assert!(read_file(&d.join("o.mp4.part"), "journal") == before);
     };
     refused(&["--frames", "1..30"], &["frames: 0..=39, now 1..=29"]);
     refused(&["--export", "quality=9"], &["arguments: --size 64x36", "quality=9"]);
@@ -273,7 +273,7 @@ fn resuming_a_render_with_other_settings_is_refused() {
     assert_eq!(run.code, 3);
     assert!(run.err.contains("f/2.png: it was made with other settings\n    time: 0.0333"), "{}", run.err);
     // A truncated image and a missing image are drawn again.
-    std::fs::write(d.join("f/2.png"), &read(d, "f/1.png")[..200]).unwrap();
+    std::fs::write(d.join("f/2.png"), &read_file(d, "f/1.png")[..200]).unwrap();
     std::fs::remove_file(d.join("f/3.png")).unwrap();
     let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
     let value: Value = serde_json::from_str(&run.out).unwrap();
@@ -310,7 +310,7 @@ fn an_interrupted_render_prints_the_command_that_resumes_it() {
     let dir = scene();
     let d = dir.path();
     assert_eq!(resume(d, "o.mp4"), (FRAMES, 0), "with nothing there it renders");
-    let uninterrupted = read(d, "o.mp4");
+    let uninterrupted = read_file(d, "o.mp4");
     std::fs::remove_file(d.join("o.mp4")).unwrap();
     let mut ended = 0;
     for (name, more) in [("-INT", &[][..]), ("-TERM", &["--quiet"]), ("-HUP", &[]), ("-INT", &["--resume"])] {
@@ -329,7 +329,7 @@ fn an_interrupted_render_prints_the_command_that_resumes_it() {
             "{}",
             run.err
         );
-        assert!(read(d, "o.mp4") == uninterrupted && part_files(d).is_empty());
+        assert!(read_file(d, "o.mp4") == uninterrupted && part_files(d).is_empty());
         std::fs::remove_file(d.join("o.mp4")).unwrap();
     }
     assert!(ended > 0, "every render ended before the signal");
@@ -348,14 +348,14 @@ fn a_resumable_render_is_discarded_only_with_the_option() {
     let d = dir.path();
     let plain: Vec<&str> = args("o.mp4", &[]).into_iter().filter(|a| *a != "--json").collect();
     let finished = kill_render_midway(d, "o.mp4");
-    let journal = read(&d.join("o.mp4.part"), "journal");
+    let journal = read_file(&d.join("o.mp4.part"), "journal");
     let run = choreo(d, &plain);
     let expected = format!(
         "o.mp4: {finished} frames of this same render are finished in o.mp4.part\n    hint: --resume goes \
          on with them, --discard deletes them and renders everything again\n"
     );
     assert_eq!((run.code, run.err.as_str()), (3, expected.as_str()));
-    assert!(read(&d.join("o.mp4.part"), "journal") == journal && !d.join("o.mp4").exists());
+    assert!(read_file(&d.join("o.mp4.part"), "journal") == journal && !d.join("o.mp4").exists());
     // The script is edited after the kill.
     let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
     std::fs::write(d.join("s.rhai"), format!("{script}\n// edited")).unwrap();
@@ -391,7 +391,7 @@ fn a_result_that_was_already_renamed_is_recognized_by_resume() {
     let mut records = Vec::new();
     journal.read_to_end(&mut records).unwrap();
     std::fs::write(d.join("journal"), records).unwrap();
-    let uninterrupted = read(d, "o.y4m");
+    let uninterrupted = read_file(d, "o.y4m");
     let folder_again = || {
         std::fs::create_dir(&part).unwrap();
         std::fs::copy(d.join("journal"), part.join("journal")).unwrap();
@@ -399,10 +399,10 @@ fn a_result_that_was_already_renamed_is_recognized_by_resume() {
     folder_again();
     assert_eq!(finished_frames(d, "o.y4m"), FRAMES);
     assert_eq!(resume(d, "o.y4m"), (0, FRAMES));
-    assert!(read(d, "o.y4m") == uninterrupted && !part.exists());
+    assert!(read_file(d, "o.y4m") == uninterrupted && !part.exists());
     // A different file with the name of the result is not accepted as the result.
     folder_again();
     std::fs::write(d.join("o.y4m"), &uninterrupted[..uninterrupted.len() - 1]).unwrap();
     assert_eq!(resume(d, "o.y4m"), (FRAMES, 0));
-    assert!(read(d, "o.y4m") == uninterrupted && !part.exists());
+    assert!(read_file(d, "o.y4m") == uninterrupted && !part.exists());
 }

@@ -1,7 +1,7 @@
 //! Frames that equal the previous one are not drawn again, and for titles over a still scene only the titles are drawn. The bytes are the
 //! same as those of frames that are rendered one by one.
 
-use crate::common::{choreo, names, read};
+use crate::common::{choreo, file_names, read_file};
 use std::path::Path;
 
 /// Six still frames, six in which a title moves, except for one, and four in which the box moves.
@@ -44,16 +44,16 @@ fn assert_reused_frames_equal_single_renders(device: &str) {
             render(d, &format!("{folder}/%02d.png"), &["--device", device, "--jobs", jobs]).unwrap();
         let counts = ["drawn", "repeated", "recomposed", "reused"].map(|key| summary[key].as_u64().unwrap());
         assert_eq!(counts, [4, 8, 4, 12], "{device}");
-        let file_names = names(&d.join(&folder));
-        assert_eq!(file_names.len(), 16);
-        for name in file_names {
-            let same = read(d, &format!("{folder}/{name}")) == read(d, &format!("alone/{name}"));
+        let frame_files = file_names(&d.join(&folder));
+        assert_eq!(frame_files.len(), 16);
+        for name in frame_files {
+            let same = read_file(d, &format!("{folder}/{name}")) == read_file(d, &format!("alone/{name}"));
             assert!(same, "{device}, {jobs} jobs: {name}");
         }
     }
     render(d, "whole.y4m", &["--device", device]);
     let body = |name: &str| {
-        let bytes = read(d, name);
+        let bytes = read_file(d, name);
         let header = bytes.iter().position(|b| *b == b'\n').unwrap() + 1;
         bytes[header..].to_vec()
     };

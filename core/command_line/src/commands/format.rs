@@ -5,7 +5,7 @@ use crate::failure::{Failure, Problem, describe_error, print, write_failure};
 use choreo_files::write_whole;
 use choreo_script::Diagnostic;
 use choreo_script::format::{FormatError, formatted};
-use choreo_test_runner::collect::{quoted, shown};
+use choreo_test_runner::collect::{display_path, shell_quote};
 use std::io::{Read, Write, stdin, stdout};
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,7 @@ pub fn run(args: &FormatArgs) -> Result<(), Failure> {
             Ok(None) => {}
             Ok(Some(_)) if args.check => changed.push(path),
             Ok(Some(text)) => {
-                let name = shown(&path);
+                let name = display_path(&path);
                 write_whole(&path, text.as_bytes()).map_err(|e| write_failure(&name, e))?;
                 print(&format!("formatted {name}\n"))?;
             }
@@ -32,7 +32,7 @@ pub fn run(args: &FormatArgs) -> Result<(), Failure> {
         }
     }
     if !changed.is_empty() {
-        let names: Vec<String> = changed.iter().map(|path| quoted(&shown(path))).collect();
+        let names: Vec<String> = changed.iter().map(|path| shell_quote(&display_path(path))).collect();
         problems.extend(names.iter().map(|name| Problem::Text(format!("{name}: is not formatted"))));
         let hint = match names.len() {
             1..=8 => format!("hint: choreo format {}", names.join(" ")),
@@ -62,7 +62,7 @@ fn format_stdin(check: bool) -> Result<(), Failure> {
 
 /// Formatted text of a script; `None` if it is formatted already.
 fn format_script(path: &Path) -> Result<Option<String>, Problem> {
-    let name = shown(path);
+    let name = display_path(path);
     let bytes = choreo_files::read(path, MAX_SCRIPT_BYTES)
         .map_err(|e| Problem::Text(format!("{name}: cannot read: {e}")))?;
     let text = script_text(&name, bytes)?;
@@ -82,7 +82,7 @@ fn script_text(name: &str, bytes: Vec<u8>) -> Result<String, Problem> {
 fn format_diagnostic(name: &str, text: &str, error: &FormatError) -> Diagnostic {
     let source_line = text.lines().nth(error.line.saturating_sub(1)).unwrap_or_default().to_string();
     let message = format!("not formatted: {}", error.message);
-    let hint = Some(format!("choreo check {} says what is wrong", quoted(name)));
+    let hint = Some(format!("choreo check {} says what is wrong", shell_quote(name)));
     let (line, column) = (error.line, error.column);
     Diagnostic { line, column, source_line, hint, ..Diagnostic::error(message).in_file(name) }
 }
@@ -98,14 +98,15 @@ fn find_scripts(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         } else if path.is_file() {
             found.push(path.clone());
         } else {
-            return Err(Failure::input(format!("{}: no such file or folder", shown(path))));
+            return Err(Failure::input(format!("{}: no such file or folder", display_path(path))));
         }
     }
     Ok(found)
 }
 
 fn collect_scripts(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
-    let failed = |e: std::io::Error| Failure::input(format!("{}: {}", shown(folder), describe_error(&e)));
+    let failed =
+        |e: std::io::Error| Failure::input(format!("{}: {}", display_path(folder), describe_error(&e)));
     for (name, kind) in choreo_files::entries(folder).map_err(failed)? {
         let (path, name) = (folder.join(&name), name.to_string_lossy());
         let is_skipped = name.starts_with('.') || matches!(&*name, "target" | "node_modules");
@@ -116,7 +117,7 @@ fn collect_scripts(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failur
             if found.len() >= MAX_SCRIPTS {
                 return Err(Failure::Usage(format!(
                     "more than {MAX_SCRIPTS} scripts below {}; name a folder",
-                    shown(folder)
+                    display_path(folder)
                 )));
             }
             found.push(path.strip_prefix(".").map_or(path.clone(), Path::to_path_buf));

@@ -176,7 +176,7 @@ pub fn command_with_plugin_options(args: &[OsString], app: &App) -> clap::Comman
     let here = [&[Path::new(".")], inputs.as_slice()].concat();
     let after = |flag: &OsString| args.iter().skip_while(move |a| *a != flag).nth(1).map(PathBuf::from);
     let named: Vec<PathBuf> = after(&"--plugins".into()).into_iter().filter(|f| f.is_dir()).collect();
-    let found = plugin_files::list(plugins, &named, &here, None).map(|listing| listing.registry);
+    let found = plugin_files::list_plugin_files(plugins, &named, &here, None).map(|listing| listing.registry);
     let registry = found.as_ref().unwrap_or(plugins);
     let importers = plugin_option_rows(registry.importers().iter().map(|i| i.manifest()));
     let exporters = plugin_option_rows(registry.exporters().iter().map(|e| e.manifest()));

@@ -9,7 +9,7 @@ use crate::scene;
 use choreo_language_server::{Host, HostError, Project, SessionEnd, Task, serve};
 use choreo_script::{Diagnostic, Limits, Places};
 use choreo_stage::Stage;
-use choreo_test_runner::collect::shown;
+use choreo_test_runner::collect::display_path;
 use clap::Parser;
 use std::ffi::OsString;
 use std::io::{BufReader, stdin, stdout};
@@ -71,7 +71,7 @@ impl Host for ProgramHost {
             }
             Task::Test { script, section, root } => {
                 let beneath = script.strip_prefix(root).ok();
-                let name = shown(beneath.unwrap_or(script));
+                let name = display_path(beneath.unwrap_or(script));
                 command.current_dir(if beneath.is_some() { root } else { containing_folder(script) });
                 command.args(["test", &name, "--json"]);
                 command.args(section.map(|section| format!("--filter={name} > {section}")));

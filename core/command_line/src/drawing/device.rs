@@ -98,7 +98,7 @@ fn create_renderer(request: DeviceRequest, effects: Vec<Effect>) -> Result<Start
     let auto = device == Device::Auto && request.gpu.is_none();
     let found = auto.then(chosen_device).and_then(Result::ok);
     if let Some(found) = found.as_ref().filter(|found| found.kind == DeviceKind::VulkanCpu) {
-        return cpu(None, Some(slower_than_the_cpu(&found.name)));
+        return cpu(None, Some(software_vulkan_reason(&found.name)));
     }
     let time = request.timings.then(Arc::<DeviceTime>::default);
     let options = GpuOptions {
@@ -122,7 +122,7 @@ fn create_renderer(request: DeviceRequest, effects: Vec<Effect>) -> Result<Start
 }
 
 /// Reason why a Vulkan driver that runs on the CPU is not used unless it is named. `name`: name of its device.
-pub fn slower_than_the_cpu(name: &str) -> String {
+pub fn software_vulkan_reason(name: &str) -> String {
     let name = name.split(" (").next().unwrap_or_default();
     format!("the only Vulkan device, {name}, draws on the CPU and is slower")
 }

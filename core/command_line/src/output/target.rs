@@ -2,7 +2,7 @@
 
 use crate::failure::{Failure, describe_error, output_failure};
 use choreo_plugin::{ExportError, Exporter, Registry};
-use choreo_test_runner::collect::quoted;
+use choreo_test_runner::collect::shell_quote;
 use std::io::{ErrorKind, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -28,7 +28,7 @@ pub(crate) fn check_folder_exists(path: &Path) -> Result<(), Failure> {
         "{}: cannot write: the folder {} does not exist; create it: mkdir -p {}",
         path.display(),
         folder.display(),
-        quoted(&folder.display().to_string())
+        shell_quote(&folder.display().to_string())
     )))
 }
 

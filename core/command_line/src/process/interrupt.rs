@@ -3,7 +3,7 @@
 
 use crate::failure::{Failure, print_message};
 use crate::process::{kept_frames, scratch};
-use choreo_test_runner::collect::quoted;
+use choreo_test_runner::collect::shell_quote;
 use std::ffi::OsString;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -47,7 +47,7 @@ pub(crate) fn resume_command(args: &[OsString]) -> String {
     let mut words: Vec<String> = args.iter().map(|a| a.to_string_lossy().into_owned()).collect();
     words.retain(|w| !matches!(w.as_str(), "--resume" | "--discard" | "--watch"));
     words.insert(words.len().min(2), "--resume".into());
-    words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
+    words.iter().map(|w| shell_quote(w)).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

@@ -15,8 +15,8 @@ use crate::process::threads::too_few_threads;
 use crate::terminal::import_bar::ImportBar;
 use choreo_plugin::{ImportScope, Registry};
 use choreo_script::{
-    Diagnostic, ImportChoice, Limits, NO_THREAD, Places, PlayedClips, ScriptOptions, Severity, Touched,
-    run_file_touching,
+    Diagnostic, ImportChoice, Limits, NO_THREAD, Places, PlayedClips, RunDependencies, ScriptOptions,
+    Severity, run_file_with_dependencies,
 };
 use choreo_stage::Stage;
 use inputs::Inputs;
@@ -53,7 +53,7 @@ pub struct OpenedScene {
     pub input_hash: [u8; 32],
     pub inputs: Inputs,
     /// Files that were read, and places where files were looked for.
-    pub touched: Touched,
+    pub dependencies: RunDependencies,
 }
 
 /// Registry with the given plugins, and those of plugin files beside the input or in folders named on the command line.
@@ -74,7 +74,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: OpenOptions) -> Resu
     };
     let mut scene = opened?;
     // The scene that is drawn must equal the one that was packed. Commands that draw nothing read fewer parts, and cannot compare.
-    if let Some(packed) = args.packed_stage.as_ref().filter(|_| opening.needs == ImportScope::ALL) {
+    if let Some(packed) = args.packed_stage.as_ref().filter(|_| opening.requested_parts == ImportScope::ALL) {
         scene.warnings.extend(pack::check_packed_stage(packed, &scene)?);
     }
     Ok(scene)
@@ -100,21 +100,21 @@ fn open_script(
     model::check_is_file(&args.input)?;
     let options = ScriptOptions {
         assets: opening.reopen_state.map(|reopen_state| reopen_state.assets.clone()).unwrap_or_default(),
-        set: set.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect(),
+        set_parameters: set.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect(),
         search_paths: args.search.clone(),
         limits: limits.clone(),
-        needs: opening.needs,
+        requested_parts: opening.requested_parts,
         root: opening.root.map(Path::to_path_buf),
         // A scene that is opened repeatedly may play another clip the next time.
         played_clips_only: opening.reopen_state.is_none(),
         ..ScriptOptions::default()
     };
     let bar = ImportBar::for_imports(&options.imports, opening.quiet);
-    let (script, touched) = run_file_touching(&args.input, registry, &options);
+    let (script, dependencies) = run_file_with_dependencies(&args.input, registry, &options);
     drop(bar);
-    let inputs = Inputs::new(touched.read.keys().cloned()).with_scene_folder(&args.input);
+    let inputs = Inputs::new(dependencies.read.keys().cloned()).with_scene_folder(&args.input);
     if let Some(reopen_state) = opening.reopen_state {
-        reopen_state.set_touched(touched.clone());
+        reopen_state.set_dependencies(dependencies.clone());
     }
     let script = script.map_err(script_failure)?;
     let asset_warnings = asset_warnings(&script.stage);
@@ -134,7 +134,7 @@ fn open_script(
         arguments: set.iter().map(|(n, v)| format!("--set {n}={v}")).collect(),
         input_hash: script.script_hash,
         inputs,
-        touched,
+        dependencies,
     })
 }
 
@@ -177,8 +177,8 @@ fn open_model(
         software: args.software.clone(),
         arguments: importer.chain(options).chain(clip).collect(),
         input_hash: imported.hash,
-        inputs: Inputs::new(imported.touched.read.keys().cloned()).with_scene_folder(&args.input),
-        touched: imported.touched,
+        inputs: Inputs::new(imported.dependencies.read.keys().cloned()).with_scene_folder(&args.input),
+        dependencies: imported.dependencies,
     })
 }
 

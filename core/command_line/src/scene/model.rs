@@ -8,7 +8,7 @@ use crate::terminal::import_bar::ImportBar;
 use choreo_asset::Asset;
 use choreo_files::FileError;
 use choreo_plugin::Registry;
-use choreo_script::{ImportChoice, Imports, Limits, LoadError, Loader, Touched, did_you_mean};
+use choreo_script::{ImportChoice, Imports, Limits, LoadError, Loader, RunDependencies, did_you_mean};
 pub use choreo_session::model::{is_built_in, list};
 use choreo_stage::Stage;
 use std::io::Read;
@@ -82,7 +82,7 @@ pub(crate) struct Imported {
     pub asset: Arc<Asset>,
     /// Hash of all files read, regardless of their paths.
     pub hash: [u8; 32],
-    pub touched: Touched,
+    pub dependencies: RunDependencies,
 }
 
 /// Options of an import from the command line.
@@ -90,7 +90,7 @@ pub(crate) fn import_choice(args: &ImportArgs) -> Result<ImportChoice, Failure> 
     let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
     for text in &args.import {
         let (name, value) = values::split_name_value("--import", text)?;
-        choice.texts.push((name.to_string(), value.to_string()));
+        choice.command_line_options.push((name.to_string(), value.to_string()));
     }
     Ok(choice)
 }
@@ -120,7 +120,8 @@ pub fn import(
         Failure::input(format!("{text}{hint}"))
     };
     let base = if is_built_in(path) { Path::new("choreo.rhai") } else { path };
-    let loader = Loader::for_file(base, search, registry, opening.needs, limits.file).map_err(problem)?;
+    let loader =
+        Loader::for_file(base, search, registry, opening.requested_parts, limits.file).map_err(problem)?;
     let imports = Imports::default();
     let loader = match opening.reopen_state {
         Some(reopen_state) => loader.with_cache(&reopen_state.assets),
@@ -129,14 +130,14 @@ pub fn import(
     let loader = Arc::new(loader.watched_by(&imports));
     let _bar = ImportBar::for_imports(&imports, opening.quiet);
     let asset = loader.load(name, choice);
-    let touched = Touched::by(&loader);
+    let dependencies = RunDependencies::of(&loader);
     if let Some(reopen_state) = opening.reopen_state {
-        reopen_state.set_touched(touched.clone());
+        reopen_state.set_dependencies(dependencies.clone());
     }
     let asset = asset.map_err(problem)?;
-    let mut hashes: Vec<[u8; 32]> = touched.read.values().copied().collect();
+    let mut hashes: Vec<[u8; 32]> = dependencies.read.values().copied().collect();
     hashes.sort_unstable();
-    Ok(Imported { asset, hash: *blake3::hash(hashes.as_flattened()).as_bytes(), touched })
+    Ok(Imported { asset, hash: *blake3::hash(hashes.as_flattened()).as_bytes(), dependencies })
 }
 
 /// Places a model on a stage of its own, as [`choreo_session::model::stage`] does.

@@ -2,7 +2,7 @@
 
 use choreo_plugin::ImportScope;
 use choreo_sandbox::memory::in_use;
-use choreo_script::{AssetCache, Touched};
+use choreo_script::{AssetCache, RunDependencies};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 #[derive(Clone, Copy, Debug)]
 pub struct OpenOptions<'a> {
     /// Parts of assets that the command needs.
-    pub needs: ImportScope,
+    pub requested_parts: ImportScope,
     /// Whether no progress is shown.
     pub quiet: bool,
     /// State that a second opening of the same input reuses.
@@ -21,25 +21,29 @@ pub struct OpenOptions<'a> {
 
 impl OpenOptions<'_> {
     pub(crate) const TO_DRAW: OpenOptions<'static> =
-        OpenOptions { needs: ImportScope::ALL, quiet: false, reopen_state: None, root: None };
+        OpenOptions { requested_parts: ImportScope::ALL, quiet: false, reopen_state: None, root: None };
     /// Images keep the files that they were decoded from.
-    pub(crate) const TO_EXPORT: OpenOptions<'static> =
-        OpenOptions { needs: ImportScope::WITH_IMAGE_FILES, quiet: false, reopen_state: None, root: None };
+    pub(crate) const TO_EXPORT: OpenOptions<'static> = OpenOptions {
+        requested_parts: ImportScope::WITH_IMAGE_FILES,
+        quiet: false,
+        reopen_state: None,
+        root: None,
+    };
     /// Images are not decoded.
     pub(crate) const TO_INSPECT: OpenOptions<'static> =
-        OpenOptions { needs: ImportScope::NO_PIXELS, quiet: false, reopen_state: None, root: None };
+        OpenOptions { requested_parts: ImportScope::NO_PIXELS, quiet: false, reopen_state: None, root: None };
 }
 
 /// State kept between openings of the same input: the assets, and the files that the last opening read, even if it failed.
 #[derive(Debug, Default)]
 pub struct ReopenState {
     pub assets: AssetCache,
-    touched: Mutex<Touched>,
+    dependencies: Mutex<RunDependencies>,
 }
 
 impl ReopenState {
-    pub fn touched(&self) -> Touched {
-        self.touched.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    pub fn dependencies(&self) -> RunDependencies {
+        self.dependencies.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Releases the assets that no open scene uses, once the program holds a quarter of the memory that it may use. Until then a later
@@ -52,7 +56,7 @@ impl ReopenState {
         }
     }
 
-    pub(crate) fn set_touched(&self, touched: Touched) {
-        *self.touched.lock().unwrap_or_else(PoisonError::into_inner) = touched;
+    pub(crate) fn set_dependencies(&self, dependencies: RunDependencies) {
+        *self.dependencies.lock().unwrap_or_else(PoisonError::into_inner) = dependencies;
     }
 }

@@ -31,7 +31,7 @@ pub const SINGLE_SECONDS: FileRounding = FileRounding {
 ///
 /// # Errors
 /// The stage cannot be evaluated at a time.
-pub fn worst(
+pub fn largest_deviation(
     scene: &ExportedScene,
     baked: &Baked<'_>,
     file: &FileRounding,
@@ -48,13 +48,14 @@ pub fn worst(
     let snapshots = snapshots.into_iter().collect::<Result<Vec<Snapshot>, StageError>>()?;
     let at = || times.iter().copied().zip(&snapshots);
     let seen: Vec<usize> = (0..stage.actors.len()).filter(|index| !baked.motions[*index].hidden).collect();
-    let of_actors = in_parallel(&seen, |index| worst_of_actor((scene, baked, *index), file, at()));
+    let of_actors =
+        in_parallel(&seen, |index| largest_deviation_of_actor((scene, baked, *index), file, at()));
     let worst = of_actors.into_iter().reduce(|a, b| if b.metres > a.metres { b } else { a });
     Ok(worst.unwrap_or_default())
 }
 
 /// The largest distance of a joint of one actor.
-fn worst_of_actor<'s>(
+fn largest_deviation_of_actor<'s>(
     (scene, baked, index): (&ExportedScene, &Baked<'_>, usize),
     file: &FileRounding,
     snapshots: impl Iterator<Item = (Time, &'s Snapshot)>,
@@ -70,7 +71,7 @@ fn worst_of_actor<'s>(
         }
         skeleton.rest().iter().enumerate().for_each(|(joint, rest)| pose.set(joint, *rest));
         Sample { clip: &clip, time: time - baked.start, pose: &mut pose }.run();
-        let places = rig::places(&skeleton, pose.iter());
+        let places = rig::world_from_joints(&skeleton, pose.iter());
         for (joint, place) in places.iter().enumerate() {
             let truth = match joint.checked_sub(1) {
                 None => state.world_from_model,

@@ -109,7 +109,7 @@ fn max_rotation_step(allowed: f64) -> f64 {
 
 /// Length of the longest chain of bones below each joint at rest, plus 10 cm, in metres.
 fn chain_lengths(skeleton: &Skeleton) -> Vec<f64> {
-    let places = rig::places(skeleton, skeleton.rest().iter().copied());
+    let places = rig::world_from_joints(skeleton, skeleton.rest().iter().copied());
     let mut out = vec![0.0f64; skeleton.len()];
     for (joint, parent) in skeleton.parents().iter().enumerate().rev() {
         if let Some(parent) = parent {

@@ -14,7 +14,7 @@ const SHELL: f32 = 0.1;
 /// Appends the rig's transforms: world-from-actor, then, with `pose`, parent-from-joint of each joint.
 pub fn append(actor: &Actor, state: &ActorState, pose: bool, out: &mut Vec<f32>) {
     // Hidden actors have a scale of zero: glTF has no visibility, and importers of other formats ignore it.
-    let mut world = parts(&state.world_from_model, &Transform::IDENTITY);
+    let mut world = decompose(&state.world_from_model, &Transform::IDENTITY);
     if !state.visible {
         world.scale = Vec3::ZERO;
     }
@@ -31,12 +31,12 @@ pub fn append(actor: &Actor, state: &ActorState, pose: bool, out: &mut Vec<f32>)
     for (joint, (parent, rest)) in skeleton.parents().iter().zip(skeleton.rest()).enumerate() {
         let own = widen(&posed[joint]);
         let local = parent.map_or(own, |parent| widen(&posed[parent as usize]).inverse() * own);
-        push(&parts(&local, rest), out);
+        push(&decompose(&local, rest), out);
     }
 }
 
 /// Translation, rotation and scale of an affine map; `otherwise` if the map has none, because a parent has the scale zero.
-pub fn parts(map: &DAffine3, otherwise: &Transform) -> Transform {
+pub fn decompose(map: &DAffine3, otherwise: &Transform) -> Transform {
     let (scale, rotation, translation) = map.to_scale_rotation_translation();
     let out = Transform {
         translation: translation.as_vec3(),
@@ -135,7 +135,7 @@ pub fn skeleton(actor: &Actor, world: Transform) -> Option<Skeleton> {
 }
 
 /// World-from-joint transforms of a rig, in f64.
-pub fn places(skeleton: &Skeleton, local: impl Iterator<Item = Transform>) -> Vec<DAffine3> {
+pub fn world_from_joints(skeleton: &Skeleton, local: impl Iterator<Item = Transform>) -> Vec<DAffine3> {
     let mut out: Vec<DAffine3> = Vec::with_capacity(skeleton.len());
     for (joint, t) in local.enumerate() {
         let rotation: DQuat = t.rotation.as_dquat().normalize();

@@ -104,11 +104,11 @@ api! {
 
 fn shadow(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    let mut build = c.build();
-    let mut shadow = build.actor(this.id)?.actor.shadow;
+    let mut stage_draft = c.stage_draft();
+    let mut shadow = stage_draft.actor(this.id)?.actor.shadow;
     let o = c.options(0, &fields::names(&shadow, &[]))?;
     fields::fill(c, &o, &mut shadow)?;
-    build.actor(this.id)?.actor.shadow = shadow;
+    stage_draft.actor(this.id)?.actor.shadow = shadow;
     c.receiver()
 }
 
@@ -117,10 +117,10 @@ fn cast(c: &mut Call) -> Reply {
     let Some(asset) = c.value(1).try_cast::<AssetRef>() else {
         return Err(c.wrong(1, "an Asset, from load(…) or shape(…)"));
     };
-    let asset = c.shared.asset(&asset.load)?;
-    let mut build = c.build();
-    check_limit(build.actors.len(), "actors", &c.shared.limits)?;
-    if let Some(before) = build.actors.iter().find(|a| a.actor.name == name) {
+    let asset = c.context.asset(&asset.load)?;
+    let mut stage_draft = c.stage_draft();
+    check_limit(stage_draft.actors.len(), "actors", &c.context.limits)?;
+    if let Some(before) = stage_draft.actors.iter().find(|a| a.actor.name == name) {
         return Err(ApiError::new(format!(
             "cast: there is an actor \"{name}\" already, from line {}",
             before.at.line
@@ -129,10 +129,10 @@ fn cast(c: &mut Call) -> Reply {
         .hint("give each actor a name of its own"));
     }
     let actor = Actor::new(&name, asset.clone());
-    let id = build.actors.len();
-    build.mark_used(&asset);
+    let id = stage_draft.actors.len();
+    stage_draft.mark_used(&asset);
     let at = c.place.clone();
-    build.actors.push(ActorDraft {
+    stage_draft.actors.push(ActorDraft {
         actor,
         at,
         is_placed: false,
@@ -154,7 +154,7 @@ pub(super) fn change(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDra
     if c.in_frame {
         frame_callback::edit_frame(|e| e.actors.push((this.id, edit)));
     } else {
-        draft(c.build().actor(this.id)?);
+        draft(c.stage_draft().actor(this.id)?);
     }
     c.receiver()
 }
@@ -166,7 +166,7 @@ pub(super) fn change(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDra
 fn change_placement(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
     let this: ActorRef = c.this()?;
     if !c.in_frame {
-        c.build().actor(this.id)?.check_not_walking(c.def.name)?;
+        c.stage_draft().actor(this.id)?.check_not_walking(c.def.name)?;
     }
     change(c, edit, draft)
 }
@@ -220,8 +220,8 @@ fn scale(c: &mut Call) -> Reply {
 fn face(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let target = c.target(0)?;
-    let mut build = c.build();
-    let draft = build.actor(this.id)?;
+    let mut stage_draft = c.stage_draft();
+    let draft = stage_draft.actor(this.id)?;
     draft.check_not_walking("face")?;
     draft.actor.face = None;
     draft.face_point = None;
@@ -289,9 +289,9 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
         frame_callback::edit_frame(|e| e.actors.push((this.id, ActorEdit::Attach(draft.parent))));
         return c.receiver();
     }
-    let mut build = c.build();
-    let actor = build.actor(this.id)?;
-    check_limit(actor.parents.len(), "attachments of one actor", &c.shared.limits)?;
+    let mut stage_draft = c.stage_draft();
+    let actor = stage_draft.actor(this.id)?;
+    check_limit(actor.parents.len(), "attachments of one actor", &c.context.limits)?;
     if let Some(before) = actor.parents.iter().find(|p| p.parent.start == draft.parent.start) {
         let when = match draft.parent.start {
             Time::MIN => "already".to_string(),
@@ -411,8 +411,8 @@ fn morph(c: &mut Call) -> Reply {
         });
         return c.receiver();
     }
-    let mut build = c.build();
-    let draft = build.actor(this.id)?;
+    let mut stage_draft = c.stage_draft();
+    let draft = stage_draft.actor(this.id)?;
     draft.actor.morphs.retain(|(i, t, _)| !targets.contains(&(*i, *t)));
     draft.actor.morphs.extend(targets.into_iter().map(|(i, t)| (i, t, weight)));
     c.receiver()
@@ -421,7 +421,7 @@ fn morph(c: &mut Call) -> Reply {
 fn file_lights(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let on = c.value(0).as_bool().map_err(|_| c.wrong(0, "true or false"))?;
-    c.build().actor(this.id)?.actor.file_lights = on;
+    c.stage_draft().actor(this.id)?.actor.file_lights = on;
     c.receiver()
 }
 
@@ -434,7 +434,7 @@ fn skinning(c: &mut Call) -> Reply {
     let Some((_, how)) = SKINNINGS.iter().find(|(known, _)| *known == name) else {
         return Err(unknown("skinning", &name, "", SKINNINGS.iter().map(|(known, _)| *known)));
     };
-    c.build().actor(this.id)?.actor.skinning = *how;
+    c.stage_draft().actor(this.id)?.actor.skinning = *how;
     c.receiver()
 }
 
@@ -470,8 +470,8 @@ fn key_channels(c: &Call, asset: &Asset) -> Result<Vec<Channel>, ApiError> {
 fn key(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let channels = key_channels(c, &this.asset)?;
-    let mut build = c.build();
-    let draft = build.actor(this.id)?;
+    let mut stage_draft = c.stage_draft();
+    let draft = stage_draft.actor(this.id)?;
     let moves_actor =
         |channel: &Channel| matches!(channel.property, Property::Translation | Property::Rotation);
     if channels.iter().any(moves_actor) {
@@ -485,15 +485,15 @@ fn key(c: &mut Call) -> Reply {
 fn play(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let clip = super::cue::bound_clip(c, 0, &this.asset)?;
-    let chain = c.build().chains.len();
-    check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
-    let origin = c.build().sequence_start;
+    let chain = c.stage_draft().chains.len();
+    check_limit(c.stage_draft().cues.len(), "cues", &c.context.limits)?;
+    let origin = c.stage_draft().sequence_start;
     let mut cue = CueDraft { origin, ..CueDraft::new(chain, clip, c.place.clone()) };
     super::cue::read_options(c, 1, &mut cue)?;
-    let mut build = c.build();
-    build.chains.push(Chain::new(this.id));
-    build.cues.push(cue);
-    Ok(Dynamic::from(CueRef(build.cues.len() - 1)))
+    let mut stage_draft = c.stage_draft();
+    stage_draft.chains.push(Chain::new(this.id));
+    stage_draft.cues.push(cue);
+    Ok(Dynamic::from(CueRef(stage_draft.cues.len() - 1)))
 }
 
 /// Linear RGB of a color argument.

@@ -53,7 +53,7 @@ fn load(c: &mut Call) -> Reply {
             }
             if key == "only" {
                 one_of(value, "load: only", &["clips"])?;
-                choice.needs = Some(ImportScope::CLIPS);
+                choice.requested_parts = Some(ImportScope::CLIPS);
                 continue;
             }
             if key == "facing" {
@@ -68,23 +68,23 @@ fn load(c: &mut Call) -> Reply {
             choice.options.0.insert(key.to_string(), option_value(key, value)?);
         }
     }
-    let (count, limit) = (c.shared.loader.import_count(), c.shared.limits.files);
+    let (count, limit) = (c.context.loader.import_count(), c.context.limits.files);
     if count as u64 >= limit {
         let error = ApiError::new("load: too many files").hint(raise_hint("files", limit));
         return Err(ApiError { fatal: true, ..error });
     }
-    let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());
-    let clips_only = choice.needs.is_none() && {
-        let places = c.shared.clips_only.lock().unwrap_or_else(PoisonError::into_inner);
+    let start = c.context.test().scene.as_ref().map(|scene| scene.folder.clone());
+    let clips_only = choice.requested_parts.is_none() && {
+        let places = c.context.clips_only.lock().unwrap_or_else(PoisonError::into_inner);
         places.contains(&c.place)
     };
     if clips_only {
-        choice.needs = Some(ImportScope::CLIPS);
+        choice.requested_parts = Some(ImportScope::CLIPS);
     }
-    choice.clips = c.shared.played_clips.get().cloned().unwrap_or_default();
-    let started = c.shared.loader.start(start.as_deref(), &name, &choice);
+    choice.clips = c.context.played_clips.get().cloned().unwrap_or_default();
+    let started = c.context.loader.start(start.as_deref(), &name, &choice);
     let import = started.map_err(|e| ApiError::from(e).focus(name))?;
-    let load = c.build().add_import_load(import, &c.place, clips_only);
+    let load = c.stage_draft().add_import_load(import, &c.place, clips_only);
     Ok(Dynamic::from(AssetRef { load, dead: false }))
 }
 
@@ -153,19 +153,19 @@ fn text_array<'a>(names: impl Iterator<Item = &'a str>) -> Reply {
 
 fn clips(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().mark_used(&asset);
+    c.stage_draft().mark_used(&asset);
     text_array(asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
 fn joints(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().mark_used(&asset);
+    c.stage_draft().mark_used(&asset);
     text_array(asset.skeleton.names().iter().map(String::as_str))
 }
 
 fn morphs(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().mark_used(&asset);
+    c.stage_draft().mark_used(&asset);
     let mut names: Vec<&str> =
         asset.meshes.iter().flat_map(|m| m.morph_names.iter().map(String::as_str)).collect();
     names.sort_unstable();
@@ -175,7 +175,7 @@ fn morphs(c: &mut Call) -> Reply {
 
 fn duration(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
-    c.build().mark_used(&this.asset);
+    c.stage_draft().mark_used(&this.asset);
     Ok(Dynamic::from_float(this.clip.duration.as_secs()))
 }
 

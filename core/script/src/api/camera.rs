@@ -86,9 +86,9 @@ fn new_draft(c: &Call, name: String) -> CameraDraft {
 
 fn camera(c: &mut Call) -> Reply {
     let name = c.name(0)?;
-    let mut build = c.build();
-    check_limit(build.cameras.len(), "cameras", &c.shared.limits)?;
-    if let Some(before) = build.cameras.iter().find(|k| k.camera.name == name) {
+    let mut stage_draft = c.stage_draft();
+    check_limit(stage_draft.cameras.len(), "cameras", &c.context.limits)?;
+    if let Some(before) = stage_draft.cameras.iter().find(|k| k.camera.name == name) {
         return Err(ApiError::new(format!(
             "camera: there is a camera \"{name}\" already, from line {}",
             before.at.line
@@ -96,13 +96,13 @@ fn camera(c: &mut Call) -> Reply {
         .focus(name)
         .hint("keep it in a variable: let wide = camera(\"wide\");"));
     }
-    build.cameras.push(new_draft(c, name));
-    Ok(Dynamic::from(CameraRef(build.cameras.len() - 1)))
+    stage_draft.cameras.push(new_draft(c, name));
+    Ok(Dynamic::from(CameraRef(stage_draft.cameras.len() - 1)))
 }
 
 fn change_draft(c: &Call, change: impl FnOnce(&mut CameraDraft)) -> Reply {
     let this: CameraRef = c.this()?;
-    change(c.build().camera(this.0)?);
+    change(c.stage_draft().camera(this.0)?);
     c.receiver()
 }
 
@@ -149,9 +149,9 @@ fn look_at(c: &mut Call) -> Reply {
     }
     let start = start.unwrap_or(Time::MIN);
     let this: CameraRef = c.this()?;
-    let mut build = c.build();
-    let looks = &mut build.camera(this.0)?.looks;
-    check_limit(looks.len(), "look_at targets of one camera", &c.shared.limits)?;
+    let mut stage_draft = c.stage_draft();
+    let looks = &mut stage_draft.camera(this.0)?.looks;
+    check_limit(looks.len(), "look_at targets of one camera", &c.context.limits)?;
     if looks.iter().any(|(look, _)| look.start == start) {
         let when =
             if start == Time::MIN { "already".into() } else { format!("at {} s already", start.as_secs()) };
@@ -184,7 +184,7 @@ fn shake(c: &mut Call) -> Reply {
     let start = match start {
         Some(start) => start,
         None if c.in_frame => Time::ZERO,
-        None => c.build().sequence_start,
+        None => c.stage_draft().sequence_start,
     };
     if let Some(until) = end.filter(|until| *until <= start) {
         return Err(before_start_error("shake: until", until, start));
@@ -207,9 +207,9 @@ fn shake(c: &mut Call) -> Reply {
         return edit_frame(c, CameraEdit::Shake(shake));
     }
     let this: CameraRef = c.this()?;
-    let mut build = c.build();
-    let shakes = &mut build.camera(this.0)?.camera.shakes;
-    check_limit(shakes.len(), "shakes of one camera", &c.shared.limits)?;
+    let mut stage_draft = c.stage_draft();
+    let shakes = &mut stage_draft.camera(this.0)?.camera.shakes;
+    check_limit(shakes.len(), "shakes of one camera", &c.context.limits)?;
     let seed = seed.unwrap_or(shakes.len() as u32);
     shakes.push(CameraShake { seed, ..shake });
     c.receiver()
@@ -301,10 +301,10 @@ fn cut(c: &mut Call) -> Reply {
     let t: Time = c.time(0)?;
     let dissolve = c.options(1, &["dissolve"])?.duration("dissolve")?.unwrap_or_default();
     let place = c.place.clone();
-    let mut build = c.build();
-    check_limit(build.cuts.len(), "cuts", &c.shared.limits)?;
-    build.camera(this.0)?;
-    build.cuts.push((Cut { at: t, camera: this.0, dissolve }, place));
+    let mut stage_draft = c.stage_draft();
+    check_limit(stage_draft.cuts.len(), "cuts", &c.context.limits)?;
+    stage_draft.camera(this.0)?;
+    stage_draft.cuts.push((Cut { at: t, camera: this.0, dissolve }, place));
     c.receiver()
 }
 
@@ -353,18 +353,18 @@ fn camera_index(c: &Call, asset: &Asset) -> Result<u32, ApiError> {
 }
 
 fn handle_of_file_camera(c: &Call, actor: usize, camera: u32) -> Reply {
-    let mut build = c.build();
-    check_limit(build.cameras.len(), "cameras", &c.shared.limits)?;
-    let owner = build.actor(actor)?;
+    let mut stage_draft = c.stage_draft();
+    check_limit(stage_draft.cameras.len(), "cameras", &c.context.limits)?;
+    let owner = stage_draft.actor(actor)?;
     let file = owner.actor.asset.cameras.get(camera as usize).map(|k| k.name.clone()).unwrap_or_default();
     let name = format!("{} {file}", owner.actor.name);
-    if let Some(again) = build.cameras.iter().position(|k| k.rig == Some(Rig::File { actor, camera })) {
+    if let Some(again) = stage_draft.cameras.iter().position(|k| k.rig == Some(Rig::File { actor, camera })) {
         return Ok(Dynamic::from(CameraRef(again)));
     }
     let mut k = new_draft(c, name);
     k.rig = Some(Rig::File { actor, camera });
-    build.cameras.push(k);
-    Ok(Dynamic::from(CameraRef(build.cameras.len() - 1)))
+    stage_draft.cameras.push(k);
+    Ok(Dynamic::from(CameraRef(stage_draft.cameras.len() - 1)))
 }
 
 pub fn of_actor(c: &mut Call) -> Reply {
@@ -376,7 +376,7 @@ pub fn of_actor(c: &mut Call) -> Reply {
 pub fn of_asset(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
     let camera = camera_index(c, &asset)?;
-    let actor = c.build().actors.iter().position(|a| std::sync::Arc::ptr_eq(&a.actor.asset, &asset));
+    let actor = c.stage_draft().actors.iter().position(|a| std::sync::Arc::ptr_eq(&a.actor.asset, &asset));
     let actor = actor.ok_or_else(|| {
         ApiError::new(format!("camera: no actor is cast from \"{}\" yet", asset.name))
             .hint("cast it first: its camera moves with the actor")

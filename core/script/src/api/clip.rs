@@ -52,13 +52,13 @@ pub fn clip_handle(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
 
 fn count_keyframes(c: &Call, clip: &Clip) -> Result<(), ApiError> {
     let keys: usize = clip.curves().iter().map(|curve| curve.times.len()).sum();
-    let mut build = c.build();
-    build.clip_keyframe_count += keys as u64;
-    if build.clip_keyframe_count > c.shared.limits.clip_keys {
+    let mut stage_draft = c.stage_draft();
+    stage_draft.clip_keyframe_count += keys as u64;
+    if stage_draft.clip_keyframe_count > c.context.limits.clip_keys {
         let error = ApiError::new(format!("{}: too many keys in clips that the script makes", c.def.name));
         return Err(ApiError {
             fatal: true,
-            ..error.hint(raise_hint("clip_keys", c.shared.limits.clip_keys))
+            ..error.hint(raise_hint("clip_keys", c.context.limits.clip_keys))
         });
     }
     Ok(())
@@ -88,7 +88,7 @@ fn mirror(c: &mut Call) -> Reply {
             if unpaired.len() == 1 { "stays" } else { "stay" },
             list(unpaired.iter().copied(), 12)
         );
-        c.shared.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("mirror_partial"));
+        c.context.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("mirror_partial"));
     }
     let mut clip = map.clip(&this.asset, &this.clip);
     clip.name = format!("{} mirrored", this.clip.name);
@@ -138,14 +138,14 @@ fn partner_joints(o: &Options, of: &Asset, on: &Asset) -> Result<BTreeMap<u32, O
 /// The asset given as the first argument, marked as used.
 fn target_asset(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let asset = c.value(0).try_cast::<AssetRef>().ok_or_else(|| c.wrong(0, "an Asset, as from load(…)"))?;
-    let asset = c.shared.asset(&asset.load)?;
-    c.build().mark_used(&asset);
+    let asset = c.context.asset(&asset.load)?;
+    c.stage_draft().mark_used(&asset);
     Ok(asset)
 }
 
 fn retarget(c: &mut Call) -> Reply {
     let (this, on): (ClipRef, _) = (c.this()?, target_asset(c)?);
-    c.build().mark_used(&this.asset);
+    c.stage_draft().mark_used(&this.asset);
     // The result without options is the same as of Actor.play: a clip made for this character stays unchanged.
     let fitted = match c.len() {
         1 => bind_or_retarget(&this.clip, &this.asset.skeleton, &on.skeleton),
@@ -162,7 +162,7 @@ fn retarget(c: &mut Call) -> Reply {
 
 fn bind_raw(c: &mut Call) -> Reply {
     let (this, on): (ClipRef, _) = (c.this()?, target_asset(c)?);
-    c.build().mark_used(&this.asset);
+    c.stage_draft().mark_used(&this.asset);
     let (clip, lacking) = bind_by_name(&this.clip, &this.asset.skeleton, &on.skeleton);
     if clip.curves().is_empty() && !this.clip.curves().is_empty() {
         return Err(NoMatchingJoints::new(&this.clip, &this.asset, &on, &lacking).error(&this.clip));
@@ -178,7 +178,7 @@ fn bind_raw(c: &mut Call) -> Reply {
             moved.len(),
             list(lacking.iter().map(String::as_str), 12)
         );
-        c.shared.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_partial"));
+        c.context.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_partial"));
     }
     clip_handle(c, clip, on)
 }
@@ -200,7 +200,7 @@ fn check_bound_clip(
     // Retargeting between characters leaves out joints outside the known body parts, such as twist joints, without a
     // warning.
     if !coverage.parts.is_empty() || (report.is_none() && !coverage.left_out.is_empty()) {
-        c.shared.add_diagnostic(
+        c.context.add_diagnostic(
             Severity::Warning,
             &c.place,
             &partial_retarget_warning(of, on, &coverage).rule("retarget_partial"),
@@ -268,7 +268,7 @@ fn warn_about_tolerance(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetRep
             "clip \"{}\" of \"{}\" on \"{}\": it has too many keys to be retargeted within the tolerance",
             of.clip.name, of.asset.name, on.name
         );
-        c.shared.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_coarse"));
+        c.context.add_diagnostic(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_coarse"));
     }
 }
 
@@ -281,7 +281,7 @@ fn warn_about_rest_poses(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetRe
             of.clip.name, of.asset.name, on.name, of.asset.name
         ));
         let hint = "retarget it to the character that it was made for first: clip.retarget(its_character).retarget(asset)";
-        c.shared.add_diagnostic(Severity::Warning, &c.place, &error.hint(hint).rule("retarget_rest"));
+        c.context.add_diagnostic(Severity::Warning, &c.place, &error.hint(hint).rule("retarget_rest"));
     }
     if !report.target_stands {
         let error = ApiError::new(format!(
@@ -289,13 +289,13 @@ fn warn_about_rest_poses(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetRe
              on the ground",
             of.clip.name, of.asset.name, on.name, on.name
         ));
-        c.shared.add_diagnostic(Severity::Warning, &c.place, &error.rule("retarget_rest"));
+        c.context.add_diagnostic(Severity::Warning, &c.place, &error.rule("retarget_rest"));
     }
 }
 
 fn mapping(c: &mut Call) -> Reply {
     let (this, on): (ClipRef, _) = (c.this()?, target_asset(c)?);
-    c.build().mark_used(&this.asset);
+    c.stage_draft().mark_used(&this.asset);
     let options = retarget_options(c, &this.asset, &on)?;
     let lines = mapping_lines(&this.asset, &on, &this.clip, options).map_err(|e| e.error(&this.clip))?;
     Ok(Dynamic::from_array(lines.into_iter().map(Dynamic::from).collect()))

@@ -59,7 +59,7 @@ api! {
     Clip.bytes("") -> "int" = byte_count;
     /// Returns the largest error of any joint that the compression caused, in metres in model space; 0 for a clip
     /// that is not compressed.
-    Clip.lost("") -> "float" = lost;
+    Clip.lost("") -> "float" = compression_error;
     /// Returns the number of keyframes of all curves.
     Clip.keys("") -> "int" = key_count;
 }
@@ -68,7 +68,7 @@ fn new_clip(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
     let clip =
         Clip::new(c.name(0)?, asset.skeleton.len(), Vec::new()).map_err(|e| ApiError::new(e.to_string()))?;
-    c.build().mark_used(&asset);
+    c.stage_draft().mark_used(&asset);
     clip_handle(c, clip, asset)
 }
 
@@ -164,7 +164,7 @@ fn byte_count(c: &mut Call) -> Reply {
     Ok(Dynamic::from_int(this.clip.stored_bytes() as i64))
 }
 
-fn lost(c: &mut Call) -> Reply {
+fn compression_error(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     Ok(Dynamic::from_float(this.clip.compression().map_or(0.0, |report| report.worst_m)))
 }

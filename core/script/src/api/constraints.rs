@@ -68,9 +68,9 @@ api! {
 }
 
 fn add_constraint(c: &Call, actor: usize, goal: Constraint) -> Reply {
-    let mut build = c.build();
-    let draft = build.actor(actor)?;
-    check_limit(draft.actor.constraints.len(), "constraints of one actor", &c.shared.limits)?;
+    let mut stage_draft = c.stage_draft();
+    let draft = stage_draft.actor(actor)?;
+    check_limit(draft.actor.constraints.len(), "constraints of one actor", &c.context.limits)?;
     draft.constraint_places.push(c.place.clone());
     draft.actor.constraints.push(goal);
     Ok(Dynamic::from(ConstraintRef { actor, index: draft.actor.constraints.len() - 1 }))
@@ -238,7 +238,7 @@ fn mirror(c: &mut Call) -> Reply {
 
 fn change_constraint(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>) -> Reply {
     let this: ConstraintRef = c.this()?;
-    if let Some(goal) = c.build().actor(this.actor)?.actor.constraints.get_mut(this.index) {
+    if let Some(goal) = c.stage_draft().actor(this.actor)?.actor.constraints.get_mut(this.index) {
         change(goal)?;
     }
     c.receiver()
@@ -310,8 +310,8 @@ fn limit(c: &mut Call) -> Reply {
         },
         (Some(_), ..) => return Err(ApiError::new("limit: a hinge has no swing and no twist")),
     };
-    let mut build = c.build();
-    let actor = &mut build.actor(this.actor)?.actor;
+    let mut stage_draft = c.stage_draft();
+    let actor = &mut stage_draft.actor(this.actor)?.actor;
     actor.limits.retain(|(joint, _)| *joint != this.joint);
     actor.limits.push((this.joint, limit));
     c.receiver()

@@ -16,21 +16,22 @@ api! {
 
 fn cuts(c: &mut Call) -> Reply {
     let name = c.text(0)?;
-    let bytes = c.shared.read_file(&name)?;
+    let bytes = c.context.read_file(&name)?;
     let list =
         clips_of_timeline(&bytes).map_err(|e| ApiError::new(format!("cuts: \"{name}\" {e}")).focus(&name))?;
     let place = c.place.clone();
-    let mut build = c.build();
+    let mut stage_draft = c.stage_draft();
     for clip in list {
-        check_limit(build.cuts.len(), "cuts", &c.shared.limits)?;
-        let camera = build.cameras.iter().position(|camera| camera.camera.name == clip.name);
+        check_limit(stage_draft.cuts.len(), "cuts", &c.context.limits)?;
+        let camera = stage_draft.cameras.iter().position(|camera| camera.camera.name == clip.name);
         let camera = camera.ok_or_else(|| {
-            let known: Vec<&str> = build.cameras.iter().map(|camera| camera.camera.name.as_str()).collect();
+            let known: Vec<&str> =
+                stage_draft.cameras.iter().map(|camera| camera.camera.name.as_str()).collect();
             unknown("camera", &clip.name, &format!(" in \"{name}\""), known).focus(&name)
         })?;
-        build.cuts.push((Cut { at: clip.at, camera, dissolve: clip.dissolve }, place.clone()));
+        stage_draft.cuts.push((Cut { at: clip.at, camera, dissolve: clip.dissolve }, place.clone()));
     }
-    drop(build);
+    drop(stage_draft);
     Ok(Dynamic::UNIT)
 }
 

@@ -42,7 +42,7 @@ api! {
 
 fn effect(c: &mut Call) -> Reply {
     let name = c.text(0)?;
-    let registry = c.shared.loader.registry();
+    let registry = c.context.loader.registry();
     let plugin = match registry.use_effect(&name) {
         Ok(Some(plugin)) => plugin,
         Ok(None) => {
@@ -53,15 +53,15 @@ fn effect(c: &mut Call) -> Reply {
             return Err(error.hint(format!("{known}; packages of plugins: choreo plugins list{faulty}")));
         }
         Err(fault) => {
-            c.shared.loader.note_missing_or_linked(&fault.files);
+            c.context.loader.note_missing_or_linked(&fault.files);
             return Err(ApiError::new(&fault.text));
         }
     };
     if let Some(file) = plugin.file() {
-        c.shared.loader.record_file_read(&file.path, &file.bytes);
+        c.context.loader.record_file_read(&file.path, &file.bytes);
         for beside in &file.beside {
             if let Ok(bytes) = &beside.bytes {
-                c.shared.loader.record_file_read(&beside.path, bytes);
+                c.context.loader.record_file_read(&beside.path, bytes);
             }
         }
     }
@@ -82,11 +82,11 @@ fn effect(c: &mut Call) -> Reply {
             None => set_parameter(&mut used, plugin, key, value)?,
         }
     }
-    let mut build = c.build();
-    check_limit(build.effects.len(), "effects", &c.shared.limits)?;
-    build.effects.push(used);
-    build.effect_places.push(c.place.clone());
-    Ok(Dynamic::from(EffectRef { id: build.effects.len() - 1, plugin: name.into() }))
+    let mut stage_draft = c.stage_draft();
+    check_limit(stage_draft.effects.len(), "effects", &c.context.limits)?;
+    stage_draft.effects.push(used);
+    stage_draft.effect_places.push(c.place.clone());
+    Ok(Dynamic::from(EffectRef { id: stage_draft.effects.len() - 1, plugin: name.into() }))
 }
 
 /// A parameter of an effect, or one component, such as "tint_r", of a parameter with several numbers.
@@ -279,7 +279,7 @@ fn allowed_values(spec: &OptionSpec) -> String {
 }
 
 fn effect_plugin(c: &Call, this: &EffectRef) -> Result<Effect, ApiError> {
-    let found = c.shared.loader.registry().effect(&this.plugin).cloned();
+    let found = c.context.loader.registry().effect(&this.plugin).cloned();
     found.ok_or_else(|| ApiError::new(format!("effect \"{}\" no longer exists", this.plugin)))
 }
 
@@ -296,8 +296,8 @@ fn set(c: &mut Call) -> Reply {
         return c.receiver();
     }
     let image = image_of_texture_parameter(c, &plugin, &name, &c.value(1))?;
-    let mut build = c.build();
-    let used = build.effect(this.id)?;
+    let mut stage_draft = c.stage_draft();
+    let used = stage_draft.effect(this.id)?;
     match image {
         Some(image) => set_image(used, image),
         None => set_parameter(used, &plugin, &name, &c.value(1))?,
@@ -322,8 +322,8 @@ fn key(c: &mut Call) -> Reply {
     let read = |v: &Dynamic, label: &str| parameter.read(v, label);
     let channels = keys::component_channels(c, Property::Parameter, step, &read)?;
     let named: Vec<(String, Channel)> = parameter.number_names().into_iter().zip(channels).collect();
-    let mut build = c.build();
-    let used = build.effect(this.id)?;
+    let mut stage_draft = c.stage_draft();
+    let used = stage_draft.effect(this.id)?;
     used.distances.retain(|distance| distance.parameter != name);
     named.into_iter().for_each(|(name, keys)| set_sorted(&mut used.keys, name, keys));
     c.receiver()
@@ -332,18 +332,18 @@ fn key(c: &mut Call) -> Reply {
 fn from(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
     let t = c.time(0)?;
-    c.build().effect(this.id)?.start = t;
+    c.stage_draft().effect(this.id)?.start = t;
     c.receiver()
 }
 
 fn until(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
     let t = c.time(0)?;
-    let start = c.build().effect(this.id)?.start;
+    let start = c.stage_draft().effect(this.id)?.start;
     if t < start {
         return Err(super::actor::before_start_error("until", t, start));
     }
-    c.build().effect(this.id)?.end = Some(t);
+    c.stage_draft().effect(this.id)?.end = Some(t);
     c.receiver()
 }
 
@@ -379,15 +379,15 @@ fn on(c: &mut Call) -> Reply {
     if targets.is_empty() && o.get("material").is_some() {
         return Err(ApiError::new("on: a camera has no material"));
     }
-    let mut build = c.build();
-    let (actors, stage_cameras) = (build.actors.len(), build.cameras.len());
+    let mut stage_draft = c.stage_draft();
+    let (actors, stage_cameras) = (stage_draft.actors.len(), stage_draft.cameras.len());
     if targets.iter().any(|target| target.actor >= actors) {
         return Err(ApiError::new("on: an actor of another stage is named"));
     }
     if cameras.iter().any(|camera| *camera >= stage_cameras) {
         return Err(ApiError::new("on: a camera of another stage is named"));
     }
-    let used = build.effect(this.id)?;
+    let used = stage_draft.effect(this.id)?;
     used.on.extend(targets);
     used.cameras.extend(cameras);
     // The order of targets in the script does not matter.

@@ -20,18 +20,18 @@ pub fn tolerance(c: &Call, default: f64) -> Result<f64, ApiError> {
 pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Formula>, ApiError> {
     let Some(callback) = c.value(i).try_cast::<FnPtr>() else { return Ok(None) };
     let callback = with_copied_captures(&callback)?;
-    let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
+    let Some(engine) = c.context.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
         return Err(ApiError::new("near: the script has ended"));
     };
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-    let context = {
-        let mut context = c.context.store_data();
-        context.global.num_operations = Default::default();
-        context
+    let native_context = {
+        let mut native_context = c.native_context.store_data();
+        native_context.global.num_operations = Default::default();
+        native_context
     };
-    let draft = FrameCallbackDraft { callback, context, at: c.place.clone() };
-    let shared: Arc<ScriptContext> = c.shared.clone();
-    let callback = ScriptCallback::new(engine, shared, draft, "", 1);
+    let draft = FrameCallbackDraft { callback, native_context, at: c.place.clone() };
+    let context: Arc<ScriptContext> = c.context.clone();
+    let callback = ScriptCallback::new(engine, context, draft, "", 1);
     Ok(Some(Formula(Arc::new(move |time| {
         let given = callback.value_at(time)?;
         let single = crate::call::number(&given, "").ok().map(|n| vec![n]);

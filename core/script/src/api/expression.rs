@@ -34,7 +34,7 @@ pub fn of_actor(c: &mut Call) -> Reply {
 
 pub fn names(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    c.build().mark_used(&asset);
+    c.stage_draft().mark_used(&asset);
     let names = asset.expressions.iter().map(|e| Dynamic::from(e.name.clone()));
     Ok(Dynamic::from_array(names.collect()))
 }

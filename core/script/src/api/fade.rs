@@ -22,16 +22,16 @@ fn fade_in(c: &mut Call) -> Reply {
     let seconds = c.duration(0)?;
     let o = c.options(1, &["from", "color"])?;
     let from = o.get("from").map(|v| c.stage_time(&v, "fade_in: from")).transpose()?;
-    let from = from.unwrap_or(c.build().sequence_start);
+    let from = from.unwrap_or(c.stage_draft().sequence_start);
     let color = o.color("color")?.unwrap_or(Vec4::W);
-    let mut build = c.build();
+    let mut stage_draft = c.stage_draft();
     // Fades to a color that ended before this time end here.
-    let drafts = build.fades.clone();
+    let drafts = stage_draft.fades.clone();
     for fade_out in drafts.iter().filter(|fade| fade.fades_out && fade.at <= from) {
-        let layer = build.layer_2d(fade_out.layer)?;
+        let layer = stage_draft.layer_2d(fade_out.layer)?;
         layer.end = Some(layer.end.map_or(from, |end| end.min(from)));
     }
-    drop(build);
+    drop(stage_draft);
     add_fade_panel(
         c,
         color,
@@ -46,7 +46,7 @@ fn fade_out(c: &mut Call) -> Reply {
     let o = c.options(1, &["until", "color"])?;
     let until = o.get("until").map(|v| c.stage_time(&v, "fade_out: until")).transpose()?;
     let last_frame = {
-        let settings = &c.build().settings;
+        let settings = &c.stage_draft().settings;
         settings.length - settings.fps.time_of(1)
     };
     let until = until.unwrap_or(last_frame);
@@ -70,12 +70,12 @@ fn add_fade_panel(c: &Call, color: Vec4, first: (Time, f64), second: (Time, f64)
         times: vec![first.0, second.0],
         values: vec![first.1, second.1],
     }];
-    let mut build = c.build();
-    check_limit(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
-    let fade_ins = build.fades.iter().filter(|fade| !fade.fades_out && fade.at >= second.0);
+    let mut stage_draft = c.stage_draft();
+    check_limit(stage_draft.layers_2d.len(), "2D layers", &c.context.limits)?;
+    let fade_ins = stage_draft.fades.iter().filter(|fade| !fade.fades_out && fade.at >= second.0);
     layer.end = if fade.fades_out { fade_ins.map(|fade| fade.at).min() } else { Some(second.0) };
-    let index = build.layers_2d.len();
-    build.layers_2d.push(layer);
-    build.fades.push(FadeDraft { layer: index, ..fade });
+    let index = stage_draft.layers_2d.len();
+    stage_draft.layers_2d.push(layer);
+    stage_draft.fades.push(FadeDraft { layer: index, ..fade });
     Ok(Dynamic::from(Layer2dRef(index)))
 }

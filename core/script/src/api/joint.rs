@@ -66,8 +66,8 @@ fn joint_rotate(c: &mut Call) -> Reply {
 fn key(c: &mut Call) -> Reply {
     let this: JointRef = c.this()?;
     let channel = keys::channel(c, keys::named_property(c, &keys::keyed_properties::<Placement>())?, 1)?;
-    let mut build = c.build();
-    let drafts = &mut build.actor(this.actor)?.joint_keys;
+    let mut stage_draft = c.stage_draft();
+    let drafts = &mut stage_draft.actor(this.actor)?.joint_keys;
     let curve = clip_edit::curve_in_parent_space(&this.asset, this.joint, &channel);
     drafts.retain(|(c, _)| (c.joint, c.path) != (curve.joint, curve.path));
     drafts.push((curve, c.place.clone()));

@@ -382,11 +382,11 @@ pub(super) fn steps_of_ease(span: Time) -> i64 {
 }
 
 pub(super) fn count_keyframes(c: &Call, more: usize) -> Result<(), ApiError> {
-    let mut build = c.build();
-    build.keyframe_count += more as u64;
-    if build.keyframe_count > c.shared.limits.keys {
+    let mut stage_draft = c.stage_draft();
+    stage_draft.keyframe_count += more as u64;
+    if stage_draft.keyframe_count > c.context.limits.keys {
         let error = ApiError::new("key: too many keys on this stage");
-        return Err(ApiError { fatal: true, ..error.hint(raise_hint("keys", c.shared.limits.keys)) });
+        return Err(ApiError { fatal: true, ..error.hint(raise_hint("keys", c.context.limits.keys)) });
     }
     Ok(())
 }

@@ -96,11 +96,11 @@ fn add_layer(c: &Call, o: &Options, content: Layer2dContent) -> Reply {
         let found = ANCHORS.iter().find(|(known, _)| *known == name);
         layer.anchor = found.map_or(layer.anchor, |(_, at)| DVec2::from_array(*at));
     }
-    let mut build = c.build();
-    check_limit(build.layers_2d.len(), "2D layers", &c.shared.limits)?;
-    build.layers_2d.push(layer);
-    build.layer_2d_places.push(c.place.clone());
-    Ok(Dynamic::from(Layer2dRef(build.layers_2d.len() - 1)))
+    let mut stage_draft = c.stage_draft();
+    check_limit(stage_draft.layers_2d.len(), "2D layers", &c.context.limits)?;
+    stage_draft.layers_2d.push(layer);
+    stage_draft.layer_2d_places.push(c.place.clone());
+    Ok(Dynamic::from(Layer2dRef(stage_draft.layers_2d.len() - 1)))
 }
 
 fn color_option(o: &Options, default: Vec4) -> Result<Vec4, ApiError> {
@@ -114,7 +114,7 @@ fn text(c: &mut Call) -> Reply {
         &option_names(&default_layer(), &["size", "color", "font", "width", "align", "line_height"]),
     )?;
     let font = match o.text("font")? {
-        Some(name) => Font::new(&name, c.shared.read_file(&name)?)
+        Some(name) => Font::new(&name, c.context.read_file(&name)?)
             .map_err(|e| ApiError::new(format!("text: \"{name}\" {e}")).focus(&name))?,
         None => Font::built_in(),
     };
@@ -144,7 +144,7 @@ fn picture(c: &mut Call) -> Reply {
         Some(image) => image,
         None => {
             let name = c.text(0).map_err(|_| c.wrong(0, "an Image or the name of a file"))?;
-            let bytes = c.shared.read_file(&name)?;
+            let bytes = c.context.read_file(&name)?;
             let problem = |p: choreo_importer_kit::Problem| {
                 let error = ApiError::new(format!("picture: {}", p.what)).focus(&name);
                 match p.hint {
@@ -188,7 +188,7 @@ fn letterbox(c: &mut Call) -> Reply {
 
 fn change_layer(c: &Call, change: impl FnOnce(&mut Layer2d)) -> Reply {
     let this: Layer2dRef = c.this()?;
-    change(c.build().layer_2d(this.0)?);
+    change(c.stage_draft().layer_2d(this.0)?);
     c.receiver()
 }
 
@@ -222,7 +222,7 @@ fn words(c: &mut Call) -> Reply {
         frame_callback::edit_frame(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(text))));
         return c.receiver();
     }
-    let font = match &mut c.build().layer_2d(this.0)?.content {
+    let font = match &mut c.stage_draft().layer_2d(this.0)?.content {
         Layer2dContent::Text { words, font, .. } => {
             words.clone_from(&text);
             font.clone()
@@ -268,7 +268,7 @@ fn text_panel(c: &mut Call) -> Reply {
 /// Changes the content of a text layer. Error: the layer is no text.
 fn change_text_layer(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
     let this: Layer2dRef = c.this()?;
-    if !matches!(c.build().layer_2d(this.0)?.content, Layer2dContent::Text { .. }) {
+    if !matches!(c.stage_draft().layer_2d(this.0)?.content, Layer2dContent::Text { .. }) {
         return Err(ApiError::new(format!("{}: only a text has this", c.def.name)));
     }
     change_layer(c, |layer| change_text(&mut layer.content))
@@ -283,7 +283,7 @@ fn field(c: &mut Call) -> Reply {
 fn until(c: &mut Call) -> Reply {
     let t = c.time(0)?;
     let this: Layer2dRef = c.this()?;
-    let start = c.build().layer_2d(this.0)?.start;
+    let start = c.stage_draft().layer_2d(this.0)?.start;
     if t < start {
         return Err(super::actor::before_start_error("until", t, start));
     }
@@ -292,8 +292,8 @@ fn until(c: &mut Call) -> Reply {
 
 fn key(c: &mut Call) -> Reply {
     let this: Layer2dRef = c.this()?;
-    let layer = c.build().layer_2d(this.0)?.clone();
+    let layer = c.stage_draft().layer_2d(this.0)?.clone();
     let channels = keys::channels_of(c, &layer)?;
-    keys::replace_channels(&mut c.build().layer_2d(this.0)?.channels, channels);
+    keys::replace_channels(&mut c.stage_draft().layer_2d(this.0)?.channels, channels);
     c.receiver()
 }

@@ -108,13 +108,13 @@ fn add_light(c: &Call, o: &Options, mut light: StageLight) -> Reply {
         );
         return Err(ApiError::new(text).focus("attenuation"));
     }
-    let mut build = c.build();
-    check_limit(build.lights.len(), "lights", &c.shared.limits)?;
-    let number = build.lights.len() + 1;
+    let mut stage_draft = c.stage_draft();
+    check_limit(stage_draft.lights.len(), "lights", &c.context.limits)?;
+    let number = stage_draft.lights.len() + 1;
     light.name = o.text("name")?.unwrap_or_else(|| format!("{} {number}", o.function));
-    build.lights.push(light);
-    build.light_places.push(c.place.clone());
-    Ok(Dynamic::from(LightRef(build.lights.len() - 1)))
+    stage_draft.lights.push(light);
+    stage_draft.light_places.push(c.place.clone());
+    Ok(Dynamic::from(LightRef(stage_draft.lights.len() - 1)))
 }
 
 /// Reads the attenuation polynomial, `[constant, linear, quadratic]`.
@@ -219,9 +219,9 @@ fn ambient(c: &mut Call) -> Reply {
         frame_callback::edit_frame(|e| e.ambient = Some((up, down)));
         return Ok(Dynamic::UNIT);
     }
-    let mut build = c.build();
-    (build.settings.ambient_up, build.settings.ambient_down) = (up, down);
-    (build.sets_ambient, build.ambient_at) = (true, Some(c.place.clone()));
+    let mut stage_draft = c.stage_draft();
+    (stage_draft.settings.ambient_up, stage_draft.settings.ambient_down) = (up, down);
+    (stage_draft.sets_ambient, stage_draft.ambient_at) = (true, Some(c.place.clone()));
     Ok(Dynamic::UNIT)
 }
 
@@ -230,7 +230,7 @@ fn change_or_edit(c: &Call, edit: LightEdit, change: impl FnOnce(&mut StageLight
     if c.in_frame {
         frame_callback::edit_frame(|e| e.lights.push((this.0, edit)));
     } else {
-        change(c.build().light(this.0)?);
+        change(c.stage_draft().light(this.0)?);
     }
     c.receiver()
 }
@@ -253,14 +253,14 @@ fn set_color(c: &mut Call) -> Reply {
 fn attach(c: &mut Call) -> Reply {
     let this: LightRef = c.this()?;
     let parent = attachment(c, 0)?;
-    c.build().light(this.0)?.parent = Some(parent);
+    c.stage_draft().light(this.0)?.parent = Some(parent);
     c.receiver()
 }
 
 fn key(c: &mut Call) -> Reply {
     let this: LightRef = c.this()?;
-    let light = c.build().light(this.0)?.clone();
+    let light = c.stage_draft().light(this.0)?.clone();
     let channels = keys::channels_of(c, &light)?;
-    keys::replace_channels(&mut c.build().light(this.0)?.channels, channels);
+    keys::replace_channels(&mut c.stage_draft().light(this.0)?.channels, channels);
     c.receiver()
 }

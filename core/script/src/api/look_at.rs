@@ -42,11 +42,11 @@ fn look_at(c: &mut Call) -> Reply {
     if target == (Target::Joint { actor: this.id, joint }) {
         return Err(ApiError::new("look_at: a joint cannot look at itself"));
     }
-    let offset = c.build().sequence_start;
+    let offset = c.stage_draft().sequence_start;
     let (start, end, fade) = fade_span(c, &o, offset)?;
-    let mut build = c.build();
-    let draft = build.actor(this.id)?;
-    check_limit(draft.actor.look_at.len(), "look_at targets of one actor", &c.shared.limits)?;
+    let mut stage_draft = c.stage_draft();
+    let draft = stage_draft.actor(this.id)?;
+    check_limit(draft.actor.look_at.len(), "look_at targets of one actor", &c.context.limits)?;
     draft.look_at_places.push(c.place.clone());
     draft.actor.look_at.push(LookAt { joint, target, start, end, fade, weight });
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
@@ -60,7 +60,7 @@ fn head_joint(asset: &Asset) -> Option<u32> {
 
 fn change_look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> Reply {
     let this: LookRef = c.this()?;
-    if let Some(look) = c.build().actor(this.actor)?.actor.look_at.get_mut(this.index) {
+    if let Some(look) = c.stage_draft().actor(this.actor)?.actor.look_at.get_mut(this.index) {
         change(look)?;
     }
     c.receiver()

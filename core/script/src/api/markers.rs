@@ -12,7 +12,7 @@ pub(crate) fn find_marker(markers: &[(String, Time)], name: &str, place: &str) -
 
 /// Time of a marker of a clip, in seconds of the clip.
 pub(crate) fn clip_marker(c: &Call, clip: &Arc<Clip>, name: &str) -> Result<Time, ApiError> {
-    let build = c.build();
-    let markers = build.clip_notes_of(clip).map_or(&[][..], |notes| &notes.markers);
+    let stage_draft = c.stage_draft();
+    let markers = stage_draft.clip_notes_of(clip).map_or(&[][..], |notes| &notes.markers);
     find_marker(markers, name, &format!(" in clip \"{}\"", clip.name))
 }

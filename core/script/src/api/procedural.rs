@@ -97,7 +97,7 @@ fn materials(c: &mut Call) -> Reply {
 }
 
 fn made(c: &Call, asset: Arc<Asset>) -> Reply {
-    let load = c.build().add_procedural_load(&asset, &c.place);
+    let load = c.stage_draft().add_procedural_load(&asset, &c.place);
     Ok(Dynamic::from(AssetRef { load, dead: false }))
 }
 

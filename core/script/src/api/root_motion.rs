@@ -50,7 +50,7 @@ fn set_of_actor(c: &Call, used: RootMotionUse) -> Reply {
     let this: ActorRef = c.this()?;
     let (joint, mut draft) = read_root_motion(c, used)?;
     draft.joint = joint.map(|name| super::joint_names::find_joint(&this.asset, &name)).transpose()?;
-    c.build().actor(this.id)?.root = Some(draft);
+    c.stage_draft().actor(this.id)?.root = Some(draft);
     c.receiver()
 }
 
@@ -66,13 +66,13 @@ fn set_of_cue(c: &Call, used: RootMotionUse) -> Reply {
     let this: CueRef = c.this()?;
     let (joint, mut draft) = read_root_motion(c, used)?;
     let asset = {
-        let mut build = c.build();
-        let chain = build.cue(this.0)?.chain;
-        let actor = build.chains[chain].actor;
-        build.actor(actor)?.actor.asset.clone()
+        let mut stage_draft = c.stage_draft();
+        let chain = stage_draft.cue(this.0)?.chain;
+        let actor = stage_draft.chains[chain].actor;
+        stage_draft.actor(actor)?.actor.asset.clone()
     };
     draft.joint = joint.map(|name| super::joint_names::find_joint(&asset, &name)).transpose()?;
-    c.build().cue(this.0)?.root = Some(draft);
+    c.stage_draft().cue(this.0)?.root = Some(draft);
     c.receiver()
 }
 
@@ -108,8 +108,8 @@ fn path(c: &mut Call) -> Reply {
         .map_err(|what| ApiError::new(format!("path: {what}")))?;
     let turns = o.flag("turn")?.unwrap_or(true);
     let path_following = PathFollowing { path, start: start.unwrap_or(Time::ZERO), pace, turns };
-    let mut build = c.build();
-    let draft = build.actor(this.id)?;
+    let mut stage_draft = c.stage_draft();
+    let draft = stage_draft.actor(this.id)?;
     draft.check_not_walking("path")?;
     draft.actor.path_following = Some(Arc::new(path_following));
     draft.is_placed = true;
@@ -118,7 +118,7 @@ fn path(c: &mut Call) -> Reply {
 
 fn travel(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
-    c.build().mark_used(&this.asset);
+    c.stage_draft().mark_used(&this.asset);
     let joint = match c.len() {
         0 => None,
         _ => Some(super::joint_names::find_joint(&this.asset, &c.text(0)?)?),
@@ -130,7 +130,7 @@ fn travel(c: &mut Call) -> Reply {
 
 fn clip_contacts(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
-    c.build().mark_used(&this.asset);
+    c.stage_draft().mark_used(&this.asset);
     let skeleton = &this.asset.skeleton;
     let feet = match c.len() {
         0 => contacts::find_feet(skeleton),

@@ -25,9 +25,12 @@ api! {
 /// The largest number of markers of one clip, and of the stage.
 const MAX_MARKERS: usize = 10_000;
 
-fn clip_notes_mut<'a>(build: &'a mut MutexGuard<'_, StageDraft>, clip: &Arc<Clip>) -> &'a mut ClipNotes {
+fn clip_notes_mut<'a>(
+    stage_draft: &'a mut MutexGuard<'_, StageDraft>,
+    clip: &Arc<Clip>,
+) -> &'a mut ClipNotes {
     let notes = || ClipNotes { _clip: clip.clone(), markers: Vec::new(), footstep_times: None };
-    build.clip_notes.entry(Arc::as_ptr(clip) as usize).or_insert_with(notes)
+    stage_draft.clip_notes.entry(Arc::as_ptr(clip) as usize).or_insert_with(notes)
 }
 
 fn check_within_clip(clip: &Clip, time: Time, label: &str) -> Result<Time, ApiError> {
@@ -54,7 +57,7 @@ fn marker_of_clip(c: &mut Call) -> Reply {
         return Ok(Dynamic::from_float(clip_marker(c, &this.clip, &name)?.as_secs()));
     }
     let time = check_within_clip(&this.clip, c.duration(1)?, "marker")?;
-    set_marker(&mut clip_notes_mut(&mut c.build(), &this.clip).markers, name, time)?;
+    set_marker(&mut clip_notes_mut(&mut c.stage_draft(), &this.clip).markers, name, time)?;
     c.receiver()
 }
 
@@ -68,21 +71,21 @@ fn steps(c: &mut Call) -> Reply {
     if times.windows(2).any(|pair| pair[1] <= pair[0]) {
         return Err(ApiError::new("steps: the times must increase"));
     }
-    clip_notes_mut(&mut c.build(), &this.clip).footstep_times = Some(times);
+    clip_notes_mut(&mut c.stage_draft(), &this.clip).footstep_times = Some(times);
     c.receiver()
 }
 
 fn marker_of_stage(c: &mut Call) -> Reply {
     let name = c.name(0)?;
     let time = match c.len() {
-        1 => find_marker(&c.build().markers, &name, "")?,
+        1 => find_marker(&c.stage_draft().markers, &name, "")?,
         _ => {
             let time = c.time(1)?;
-            set_marker(&mut c.build().markers, name, time)?;
+            set_marker(&mut c.stage_draft().markers, name, time)?;
             time
         }
     };
-    Ok(Dynamic::from_float((time - c.build().sequence_start).as_secs()))
+    Ok(Dynamic::from_float((time - c.stage_draft().sequence_start).as_secs()))
 }
 
 fn perform(c: &mut Call) -> Reply {
@@ -100,12 +103,12 @@ fn perform(c: &mut Call) -> Reply {
     let o = c.options(2, &["from", "stagger"])?;
     let from = o.get("from").map(|v| crate::call::time(&v, "perform: from")).transpose()?;
     let stagger = o.get("stagger").map(|v| crate::call::time(&v, "perform: stagger")).transpose()?;
-    let before = c.build().sequence_start;
+    let before = c.stage_draft().sequence_start;
     let mut begin = before + from.unwrap_or(Time::ZERO);
     for actor in actors {
-        c.build().sequence_start = begin;
-        let result = what.call_within_context::<Dynamic>(c.context, (actor,));
-        c.build().sequence_start = before;
+        c.stage_draft().sequence_start = begin;
+        let result = what.call_within_context::<Dynamic>(c.native_context, (actor,));
+        c.stage_draft().sequence_start = before;
         if let Err(error) = result {
             return super::test::report_failure(c, *error);
         }

@@ -32,7 +32,7 @@ fn sky(c: &mut Call) -> Reply {
     let name = c.text(0)?;
     let options: Vec<&str> = Sky::FIELDS.iter().map(|field| field.name).collect();
     let o = c.options(1, &options)?;
-    if let Some(before) = &c.build().sky_at {
+    if let Some(before) = &c.stage_draft().sky_at {
         return Err(ApiError::new(format!(
             "sky: a stage has only one sky, already made in line {}",
             before.line
@@ -51,14 +51,14 @@ fn sky(c: &mut Call) -> Reply {
     };
     let mut sky = Sky::new(panorama);
     fields::fill(c, &o, &mut sky)?;
-    let mut build = c.build();
-    build.sky = Some(sky);
-    build.sky_at = Some(c.place.clone());
+    let mut stage_draft = c.stage_draft();
+    stage_draft.sky = Some(sky);
+    stage_draft.sky_at = Some(c.place.clone());
     Ok(Dynamic::from(SkyRef(0)))
 }
 
 fn read_panorama(c: &Call, name: &str) -> Result<Panorama, ApiError> {
-    let bytes = c.shared.read_file(name)?;
+    let bytes = c.context.read_file(name)?;
     let mut panorama = choreo_importer_kit::panorama::panorama(name, &bytes).map_err(|problem| {
         let text = ApiError::new(format!("sky: \"{}\" {}", problem.place, problem.what)).focus(name);
         match problem.hint {
@@ -67,14 +67,14 @@ fn read_panorama(c: &Call, name: &str) -> Result<Panorama, ApiError> {
         }
     })?;
     let radiance = bytes.starts_with(b"#?");
-    panorama.file = (radiance && c.shared.loader.needs().image_files).then(|| Arc::new(bytes));
+    panorama.file = (radiance && c.context.loader.requested_parts().image_files).then(|| Arc::new(bytes));
     Ok(panorama)
 }
 
 fn set_field(c: &mut Call) -> Reply {
     let (field, value) = fields::field_and_value::<Sky>(c)?;
     match (c.in_frame, value) {
-        (false, value) => (field.set)(c.build().sky()?, value),
+        (false, value) => (field.set)(c.stage_draft().sky()?, value),
         (true, FieldValue::Number(turn)) if field.name == "turn" => {
             frame_callback::edit_frame(|e| e.sky.turn = Some(turn))
         }
@@ -87,8 +87,8 @@ fn set_field(c: &mut Call) -> Reply {
 }
 
 fn key(c: &mut Call) -> Reply {
-    let sky = c.build().sky()?.clone();
+    let sky = c.stage_draft().sky()?.clone();
     let channels = keys::channels_of(c, &sky)?;
-    keys::replace_channels(&mut c.build().sky()?.channels, channels);
+    keys::replace_channels(&mut c.stage_draft().sky()?.channels, channels);
     c.receiver()
 }

@@ -18,8 +18,8 @@ const GRAVITY: f64 = 9.81;
 /// Changes the spring bones of an actor, which are empty at first if its file has none.
 fn change_springs(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
     let this: ActorRef = c.this()?;
-    let mut build = c.build();
-    let draft = build.actor(this.id)?;
+    let mut stage_draft = c.stage_draft();
+    let draft = stage_draft.actor(this.id)?;
     change(Arc::make_mut(draft.actor.springs.get_or_insert_default()));
     c.receiver()
 }
@@ -61,11 +61,11 @@ fn bone_tail(asset: &Asset, joint: u32) -> glam::Vec3 {
 pub fn springs(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     if let Ok(on) = c.value(0).as_bool() {
-        let mut build = c.build();
-        let draft = build.actor(this.id)?;
+        let mut stage_draft = c.stage_draft();
+        let draft = stage_draft.actor(this.id)?;
         draft.actor.springs =
             if on { draft.actor.springs.take().or(ActorSprings::of(&this.asset)) } else { None };
-        drop(build);
+        drop(stage_draft);
         return c.receiver();
     }
     if !c.value(0).is_map() {

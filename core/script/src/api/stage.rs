@@ -47,9 +47,9 @@ api! {
 }
 
 fn stage(c: &mut Call) -> Reply {
-    let this = StageRef(c.shared.test().current_stage);
+    let this = StageRef(c.context.test().current_stage);
     if c.len() == 0 {
-        if c.shared.test().is_running {
+        if c.context.test().is_running {
             return Ok(Dynamic::from(this));
         }
         return Err(ApiError::new("stage: options are missing").hint("write stage(#{ … })"));
@@ -72,11 +72,11 @@ fn stage(c: &mut Call) -> Reply {
             "levels_of_detail",
         ],
     )?;
-    if let Some(before) = &c.build().settings_at {
+    if let Some(before) = &c.stage_draft().settings_at {
         return Err(ApiError::new(format!("stage: already called in line {}", before.line))
             .hint("call it once, before other functions"));
     }
-    let mut s = c.build().settings.clone();
+    let mut s = c.stage_draft().settings.clone();
     if let Some(size) = o.get("size") {
         s.size = read_size(c, &size)?;
     }
@@ -104,12 +104,12 @@ fn stage(c: &mut Call) -> Reply {
     read_rendering(&o, &mut s)?;
     check_frames(c, &s)?;
     let place = c.place.clone();
-    let mut build = c.build();
-    build.settings = s;
+    let mut stage_draft = c.stage_draft();
+    stage_draft.settings = s;
     if ambient.is_some() {
-        (build.sets_ambient, build.ambient_at) = (true, None);
+        (stage_draft.sets_ambient, stage_draft.ambient_at) = (true, None);
     }
-    build.settings_at = Some(place);
+    stage_draft.settings_at = Some(place);
     Ok(Dynamic::from(this))
 }
 
@@ -119,7 +119,7 @@ fn read_size(c: &Call, size: &Dynamic) -> Result<[u32; 2], ApiError> {
     let sides =
         sides.ok_or_else(|| wrong(size, "stage: size", "[width, height], whole numbers from 1 to 16384"))?;
     let [width, height] = [sides[0] as u32, sides[1] as u32];
-    let most = c.shared.limits.pixels;
+    let most = c.context.limits.pixels;
     if u64::from(width) * u64::from(height) > most {
         let text = format!("stage: an image of {width} x {height} has too many pixels");
         return Err(ApiError::new(text).hint(raise_hint("pixels", most)));
@@ -135,7 +135,7 @@ fn read_rate(c: &Call, o: &Options, s: &mut Settings) -> Result<Option<Time>, Ap
         FrameRate::from_fps(fps).map_err(|why| ApiError::new(format!("stage: fps {why}, got {fps:?}")))?;
     let own_length = o.number("length").ok().flatten();
     let changed = s.fps != c.build_fps();
-    match c.build().frame_calls.clone().filter(|_| changed) {
+    match c.stage_draft().frame_calls.clone().filter(|_| changed) {
         Some((_, 1, frame, time)) if own_length == Some(time) => {
             Ok(Some(Time::from_secs(frame_secs(s.fps, frame))))
         }
@@ -186,7 +186,7 @@ fn read_rendering(o: &Options, s: &mut Settings) -> Result<(), ApiError> {
 }
 
 fn check_frames(c: &Call, s: &Settings) -> Result<(), ApiError> {
-    let (frames, most) = (s.fps.frames_in(s.length), c.shared.limits.frames);
+    let (frames, most) = (s.fps.frames_in(s.length), c.context.limits.frames);
     if frames <= i64::try_from(most).unwrap_or(i64::MAX) {
         return Ok(());
     }
@@ -215,10 +215,11 @@ fn frame(c: &mut Call) -> Reply {
         return Ok(Dynamic::from_float(frame_secs(rate, n)));
     }
     let place = c.place.clone();
-    let mut build = c.build();
-    let time = frame_secs(build.settings.fps, n);
-    let (place, count) = build.frame_calls.take().map_or((place, 0), |(first, count, ..)| (first, count));
-    build.frame_calls = Some((place, count + 1, n, time));
+    let mut stage_draft = c.stage_draft();
+    let time = frame_secs(stage_draft.settings.fps, n);
+    let (place, count) =
+        stage_draft.frame_calls.take().map_or((place, 0), |(first, count, ..)| (first, count));
+    stage_draft.frame_calls = Some((place, count + 1, n, time));
     Ok(Dynamic::from_float(time))
 }
 
@@ -242,12 +243,12 @@ fn param(c: &mut Call) -> Reply {
     let default = c.value(1);
     let kind = kind_of_parameter(&default)
         .ok_or_else(|| c.wrong(1, "a number, true or false, text or an array of numbers"))?;
-    if let Some(before) = c.build().parameters.iter().find(|p| p.name == name) {
+    if let Some(before) = c.stage_draft().parameters.iter().find(|p| p.name == name) {
         return Err(ApiError::new(format!("param: \"{name}\" is already declared in line {}", before.line)));
     }
-    check_limit(c.build().parameters.len(), "parameters", &c.shared.limits)?;
-    let of_scene = c.shared.test().scene.as_ref().map(|scene| scene.set_parameters.clone());
-    let set = of_scene.as_ref().unwrap_or(&c.shared.set_parameters);
+    check_limit(c.stage_draft().parameters.len(), "parameters", &c.context.limits)?;
+    let of_scene = c.context.test().scene.as_ref().map(|scene| scene.set_parameters.clone());
+    let set = of_scene.as_ref().unwrap_or(&c.context.set_parameters);
     let given = set.iter().rev().find(|(n, _)| *n == name).map(|(_, v)| v.clone());
     let value = match &given {
         None => default.clone(),
@@ -259,7 +260,7 @@ fn param(c: &mut Call) -> Reply {
     let line = c.place.line;
     let parameter =
         Parameter { name, kind, default: display_value(&default), value: display_value(&value), about, line };
-    c.build().parameters.push(parameter);
+    c.stage_draft().parameters.push(parameter);
     Ok(value)
 }
 
@@ -315,22 +316,22 @@ fn on_frame(c: &mut Call) -> Reply {
     let Some(callback) = c.value(0).try_cast::<FnPtr>() else {
         return Err(c.wrong(0, "a function of the time, |t| …"));
     };
-    check_limit(c.build().frame_callbacks.len(), "on_frame callbacks", &c.shared.limits)?;
+    check_limit(c.stage_draft().frame_callbacks.len(), "on_frame callbacks", &c.context.limits)?;
     let callback = with_copied_captures(&callback)?;
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-    let context = {
-        let mut context = c.context.store_data();
-        context.global.num_operations = Default::default();
-        context
+    let native_context = {
+        let mut native_context = c.native_context.store_data();
+        native_context.global.num_operations = Default::default();
+        native_context
     };
     let at = c.place.clone();
-    c.build().frame_callbacks.push(FrameCallbackDraft { callback, context, at });
+    c.stage_draft().frame_callbacks.push(FrameCallbackDraft { callback, native_context, at });
     Ok(Dynamic::UNIT)
 }
 
 impl Call<'_, '_> {
     fn build_fps(&self) -> FrameRate {
-        self.build().settings.fps
+        self.stage_draft().settings.fps
     }
 
     /// Reads a direction: a vector of any length but zero, normalized.

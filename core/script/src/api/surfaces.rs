@@ -21,8 +21,8 @@ fn surfaces(c: &mut Call) -> Reply {
         return Err(ApiError::new("surfaces: neither cutouts nor transparency is given"));
     }
     let materials = named_materials(&o, "surfaces", &this.asset)?;
-    let mut build = c.build();
-    let all = &mut build.actor(this.id)?.actor.surfaces;
+    let mut stage_draft = c.stage_draft();
+    let all = &mut stage_draft.actor(this.id)?.actor.surfaces;
     match materials {
         None => all.push(rule),
         Some(materials) => {

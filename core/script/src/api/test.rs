@@ -49,7 +49,7 @@ api! {
 fn test(c: &mut Call) -> Reply {
     let reply = run_or_list_section(c);
     if reply.is_err() {
-        c.shared.test().has_failed_test_call = true;
+        c.context.test().has_failed_test_call = true;
     }
     reply
 }
@@ -68,7 +68,7 @@ fn run_or_list_section(c: &mut Call) -> Reply {
     }
     let info = section_info(c, name, &section)?;
     {
-        let mut test = c.shared.test();
+        let mut test = c.context.test();
         if test.is_running {
             return Err(ApiError::new("a section cannot hold another one"));
         }
@@ -83,19 +83,19 @@ fn run_or_list_section(c: &mut Call) -> Reply {
             ));
             return Err(error.focus(info.name));
         }
-        check_limit(test.sections.len(), "sections", &c.shared.limits)?;
+        check_limit(test.sections.len(), "sections", &c.context.limits)?;
         let index = test.wanted_section.as_ref().map_or(info.index, |wanted| wanted.index);
         test.sections.push(info);
         test.calls.push((c.place.line, c.place.column));
-        if c.shared.mode != RunMode::RunTest(index) {
+        if c.context.mode != RunMode::RunTest(index) {
             return Ok(Dynamic::UNIT);
         }
         test.is_running = true;
         test.has_started = true;
     }
-    let result = section.call_within_context::<Dynamic>(c.context, ());
-    end_section(c.shared);
-    c.shared.test().is_running = false;
+    let result = section.call_within_context::<Dynamic>(c.native_context, ());
+    end_section(c.context);
+    c.context.test().is_running = false;
     match result {
         Err(e) => report_failure(c, *e),
         Ok(_) => Ok(Dynamic::UNIT),
@@ -103,35 +103,35 @@ fn run_or_list_section(c: &mut Call) -> Reply {
 }
 
 /// Notes errors about `expect` calls of a section without a comparison, and about modifiers without effect.
-fn end_section(shared: &ScriptContext) {
-    let pending_expects = std::mem::take(&mut shared.test().pending_expects);
+fn end_section(context: &ScriptContext) {
+    let pending_expects = std::mem::take(&mut context.test().pending_expects);
     for PendingExpect { place, comparisons, unused_modifier } in pending_expects {
         if comparisons == 0 {
             let error = ApiError::new("this expect has no comparison")
                 .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
-            shared.add_diagnostic(Severity::Error, &place, &error);
+            context.add_diagnostic(Severity::Error, &place, &error);
         } else if let Some((name, place)) = unused_modifier {
             let error = ApiError::new(format!("{name} has no effect: no comparison comes after it"))
                 .hint(format!("write .{name}(…) before the comparison"));
-            shared.add_diagnostic(Severity::Error, &place, &error);
+            context.add_diagnostic(Severity::Error, &place, &error);
         }
     }
 }
 
 /// Whether a call of `test` is skipped, because the sections of the file are known and another one is run.
 fn belongs_to_other_section(c: &Call) -> bool {
-    let test = c.shared.test();
+    let test = c.context.test();
     let Some(wanted) = test.wanted_section.as_ref().filter(|_| !test.is_running) else { return false };
     c.value(0).read_lock::<ImmutableString>().is_some_and(|name| *name != wanted.name)
 }
 
 /// Notes the error that ended a function of the script, and returns normally. An exceeded limit ends the script.
 pub(super) fn report_failure(c: &Call, error: EvalAltResult) -> Reply {
-    let (mut place, explained) = errors::explain_error(&error, &c.place.file, c.shared);
+    let (mut place, explained) = errors::explain_error(&error, &c.place.file, c.context);
     if place.line == 0 {
         place = c.place.clone();
     }
-    c.shared.add_diagnostic(Severity::Error, &place, &explained);
+    c.context.add_diagnostic(Severity::Error, &place, &explained);
     if ends_script(&error) {
         return Err(ApiError { fatal: true, ..ApiError::silent() });
     }
@@ -162,10 +162,10 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
     };
     let mut skip = reason("skip")?;
     for file in text_list(&o, "needs")? {
-        let missing = c.shared.loader.folders().find(None, &file).err();
+        let missing = c.context.loader.folders().find(None, &file).err();
         skip = skip.or(missing.map(|_| format!("needs {file}, which does not exist here")));
     }
-    let test = c.shared.test();
+    let test = c.context.test();
     Ok(SectionInfo {
         index: test.sections.len(),
         name,
@@ -199,14 +199,14 @@ fn scene(c: &mut Call) -> Reply {
             map.iter().map(|(k, v)| (k.to_string(), super::stage::display_value(v))).collect()
         }
     };
-    if let Some(before) = c.shared.test().scene_at.clone() {
+    if let Some(before) = c.context.test().scene_at.clone() {
         return Err(ApiError::new(format!("scene: already called in line {}", before.line))
             .hint("a stage can take one script; stage_of(|| scene(…)) makes another stage"));
     }
-    let folders = c.shared.loader.folders();
+    let folders = c.context.loader.folders();
     let found = folders.find(None, &name).map_err(|e| ApiError::from(e).focus(name.clone()))?;
-    let text = read_text(c.shared, &found, &name)?;
-    let own = c.shared.sources.lock().unwrap_or_else(PoisonError::into_inner).get(&c.place.file).cloned();
+    let text = read_text(c.context, &found, &name)?;
+    let own = c.context.sources.lock().unwrap_or_else(PoisonError::into_inner).get(&c.place.file).cloned();
     if own.as_deref() == Some(&*text) {
         let error =
             ApiError::new(format!("scene: \"{name}\" is the file that contains this test")).focus(&*name);
@@ -216,24 +216,24 @@ fn scene(c: &mut Call) -> Reply {
     }
     let folder = found.path.parent().map(std::path::Path::to_path_buf).unwrap_or_default();
     {
-        let mut test = c.shared.test();
+        let mut test = c.context.test();
         test.scene_at = Some(c.place.clone());
         test.scenes.push((name.clone(), c.place.clone()));
         test.scene = Some(RunningScript { folder, set_parameters: set.clone() });
         test.is_running = false;
     }
     // The parameters of the other script are kept apart.
-    let own = std::mem::take(&mut c.build().parameters);
+    let own = std::mem::take(&mut c.stage_draft().parameters);
     let result = run_scene(c, &name, &text);
-    let scene_parameters = std::mem::replace(&mut c.build().parameters, own);
+    let scene_parameters = std::mem::replace(&mut c.stage_draft().parameters, own);
     {
-        let mut test = c.shared.test();
+        let mut test = c.context.test();
         test.scene = None;
         test.is_running = true;
     }
     if let Err(e) = result {
-        let (place, explained) = errors::explain_error(&e, &name, c.shared);
-        c.shared.add_diagnostic(Severity::Error, &place, &explained);
+        let (place, explained) = errors::explain_error(&e, &name, c.context);
+        c.context.add_diagnostic(Severity::Error, &place, &explained);
         if ends_script(&e) {
             return Err(ApiError { fatal: true, ..ApiError::silent() });
         }
@@ -250,22 +250,22 @@ fn scene(c: &mut Call) -> Reply {
             _ => format!("parameters: {}", list(known(), 30)),
         }));
     }
-    Ok(Dynamic::from(SceneRef(c.shared.test().current_stage)))
+    Ok(Dynamic::from(SceneRef(c.context.test().current_stage)))
 }
 
 fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>> {
-    c.shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
-    let engine = c.context.engine();
-    let mut ast = compile(engine, c.shared, text)?;
+    c.context.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
+    let engine = c.native_context.engine();
+    let mut ast = compile(engine, c.context, text)?;
     ast.set_source(name);
-    c.shared.find_clips_only_loads(&ast, name);
+    c.context.find_clips_only_loads(&ast, name);
     engine.run_ast_with_scope(&mut scope_with_constants(), &ast)
 }
 
 /// Refuses a scene handle of another stage than the one being built.
 fn check_scene_stage(c: &Call) -> Result<(), ApiError> {
     let scene: SceneRef = c.this()?;
-    if scene.0 == c.shared.test().current_stage {
+    if scene.0 == c.context.test().current_stage {
         return Ok(());
     }
     Err(ApiError::new(format!("{}: this scene is on another stage", c.def.name)))
@@ -274,11 +274,11 @@ fn check_scene_stage(c: &Call) -> Result<(), ApiError> {
 fn actor(c: &mut Call) -> Reply {
     check_scene_stage(c)?;
     let name = c.text(0)?;
-    let build = c.build();
-    match build.actors.iter().position(|d| d.actor.name == name) {
-        Some(id) => Ok(Dynamic::from(ActorRef { id, asset: build.actors[id].actor.asset.clone() })),
+    let stage_draft = c.stage_draft();
+    match stage_draft.actors.iter().position(|d| d.actor.name == name) {
+        Some(id) => Ok(Dynamic::from(ActorRef { id, asset: stage_draft.actors[id].actor.asset.clone() })),
         None => {
-            let names: Vec<&str> = build.actors.iter().map(|d| d.actor.name.as_str()).collect();
+            let names: Vec<&str> = stage_draft.actors.iter().map(|d| d.actor.name.as_str()).collect();
             Err(unknown("actor", &name, "", names))
         }
     }
@@ -287,11 +287,11 @@ fn actor(c: &mut Call) -> Reply {
 fn camera(c: &mut Call) -> Reply {
     check_scene_stage(c)?;
     let name = c.text(0)?;
-    let build = c.build();
-    match build.cameras.iter().position(|d| d.camera.name == name) {
+    let stage_draft = c.stage_draft();
+    match stage_draft.cameras.iter().position(|d| d.camera.name == name) {
         Some(id) => Ok(Dynamic::from(CameraRef(id))),
         None => {
-            let names: Vec<&str> = build.cameras.iter().map(|d| d.camera.name.as_str()).collect();
+            let names: Vec<&str> = stage_draft.cameras.iter().map(|d| d.camera.name.as_str()).collect();
             Err(unknown("camera", &name, "", names))
         }
     }
@@ -300,7 +300,7 @@ fn camera(c: &mut Call) -> Reply {
 fn light(c: &mut Call) -> Reply {
     check_scene_stage(c)?;
     let index = c.value(0).as_int().map_err(|_| c.wrong(0, "the number of a light, from 0"))?;
-    let count = c.build().lights.len();
+    let count = c.stage_draft().lights.len();
     match usize::try_from(index).ok().filter(|i| *i < count) {
         Some(index) => Ok(Dynamic::from(LightRef(index))),
         None => Err(ApiError::new(format!(
@@ -311,48 +311,48 @@ fn light(c: &mut Call) -> Reply {
 }
 
 fn stage_of(c: &mut Call) -> Reply {
-    let Some(build) = c.value(0).try_cast::<FnPtr>() else {
+    let Some(make_stage) = c.value(0).try_cast::<FnPtr>() else {
         return Err(c.wrong(0, "a function that builds a stage, || { … }"));
     };
     // Captured values are copied and must not contain handles, which belong to the outer stage.
-    let build = with_copied_captures(&build)?;
-    for value in build.curry() {
+    let make_stage = with_copied_captures(&make_stage)?;
+    for value in make_stage.curry() {
         check_no_handles(value)?;
     }
-    let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
+    let Some(engine) = c.context.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
         return Err(ApiError::new("stage_of: the script has ended"));
     };
     let (index, before) = {
-        let mut test = c.shared.test();
-        check_limit(test.stages.len(), "stages", &c.shared.limits)?;
+        let mut test = c.context.test();
+        check_limit(test.stages.len(), "stages", &c.context.limits)?;
         test.stages.push(Arc::new(Stage::default()));
         let index = test.stages.len();
         let before = (std::mem::replace(&mut test.current_stage, index), test.scene_at.take());
         (index, before)
     };
-    let outer = std::mem::take(&mut *c.build());
-    let result = build.call_within_context::<Dynamic>(c.context, ());
+    let outer = std::mem::take(&mut *c.stage_draft());
+    let result = make_stage.call_within_context::<Dynamic>(c.native_context, ());
     let ended = match result {
         Ok(_) => Ok(()),
         Err(e) => report_failure(c, *e).map(|_| ()),
     };
-    let (mut stage, broken) = resolve_test_stage(c.shared, &engine);
-    let inner = std::mem::replace(&mut *c.build(), outer);
+    let (mut stage, stage_errors) = resolve_test_stage(c.context, &engine);
+    let inner = std::mem::replace(&mut *c.stage_draft(), outer);
     {
-        let mut build = c.build();
+        let mut stage_draft = c.stage_draft();
         let warnings = inner.diagnostics.iter().filter(|d| d.severity == Severity::Warning);
         stage.warnings.extend(warnings.map(ToString::to_string));
-        inner.diagnostics.into_iter().for_each(|d| build.add_diagnostic(d));
-        build.diagnostics_beyond_limit += inner.diagnostics_beyond_limit;
-        build.printed.extend(inner.printed);
+        inner.diagnostics.into_iter().for_each(|d| stage_draft.add_diagnostic(d));
+        stage_draft.diagnostics_beyond_limit += inner.diagnostics_beyond_limit;
+        stage_draft.printed.extend(inner.printed);
     }
     {
-        let mut test = c.shared.test();
+        let mut test = c.context.test();
         test.stages[index - 1] = Arc::new(stage);
         (test.current_stage, test.scene_at) = before;
     }
     ended?;
-    match broken.first() {
+    match stage_errors.first() {
         Some(problem) => Err(ApiError::new(format!("stage_of: {}", problem.message))),
         None => Ok(Dynamic::from(StageRef(index))),
     }
@@ -456,14 +456,14 @@ fn expect_image(c: &mut Call) -> Reply {
         ..default
     };
     let same = |claim: &Claim| matches!(claim, Claim::Image(p) if p.name == name);
-    if let Some(before) = c.shared.test().expectations.iter().find(|e| same(&e.claim)) {
+    if let Some(before) = c.context.test().expectations.iter().find(|e| same(&e.claim)) {
         return Err(ApiError::new(format!(
             "expect_image: the name \"{name}\" is already taken in line {}",
             before.place.line
         ))
         .focus(name.clone()));
     }
-    let stage = c.shared.test().current_stage;
+    let stage = c.context.test().current_stage;
     let expect = ExpectRef { stage, ..ExpectRef::dead() };
     record_expectation(c, &expect, Claim::Image(expectation))?;
     Ok(Dynamic::UNIT)
@@ -472,9 +472,9 @@ fn expect_image(c: &mut Call) -> Reply {
 /// Records a comparison, to be judged when the stage is finished.
 pub fn record_expectation(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError> {
     let place: Place = c.place.clone();
-    let source = c.shared.source_line(&place.file, place.line).trim().to_string();
-    let mut test = c.shared.test();
-    check_limit(test.expectations.len(), "expectations", &c.shared.limits)?;
+    let source = c.context.source_line(&place.file, place.line).trim().to_string();
+    let mut test = c.context.test();
+    check_limit(test.expectations.len(), "expectations", &c.context.limits)?;
     test.count_comparison(expect.id);
     test.expectations.push(expect.expectation(claim, place, source));
     Ok(())

@@ -46,7 +46,7 @@ fn hide_parts(c: &mut Call) -> Reply {
     if patterns.is_empty() {
         return Err(ApiError::new("hide_parts: names must not be empty"));
     }
-    c.build().actor(this.id)?.hidden_parts.extend::<Vec<u32>>(hidden);
+    c.stage_draft().actor(this.id)?.hidden_parts.extend::<Vec<u32>>(hidden);
     c.receiver()
 }
 
@@ -96,8 +96,8 @@ fn until(c: &mut Call) -> Reply {
 fn change_visibility_keys(c: &Call, change: impl FnOnce(&mut Vec<(Time, bool)>)) -> Reply {
     let this: ActorRef = c.this()?;
     {
-        let mut build = c.build();
-        let channels = &mut build.actor(this.id)?.actor.channels;
+        let mut stage_draft = c.stage_draft();
+        let channels = &mut stage_draft.actor(this.id)?.actor.channels;
         let known = channels.iter().find(|channel| channel.property == Property::Visible);
         let mut all: Vec<(Time, bool)> = known.map_or_else(Vec::new, |channel| {
             channel.times.iter().copied().zip(channel.values.iter().map(|v| *v >= 0.5)).collect()

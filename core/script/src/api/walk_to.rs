@@ -51,9 +51,9 @@ fn walk_to(c: &mut Call) -> Reply {
     }
     let fade = Time::from_secs(o.number_in("fade", 0.1, 3.0)?.unwrap_or(0.5));
     let face = o.target("face")?;
-    check_limit(c.build().cues.len() + 2, "cues", &c.shared.limits)?;
-    let mut build = c.build();
-    let origin = build.sequence_start;
+    check_limit(c.stage_draft().cues.len() + 2, "cues", &c.context.limits)?;
+    let mut stage_draft = c.stage_draft();
+    let origin = stage_draft.sequence_start;
     let face = match face {
         None => None,
         Some(Target::Point(point)) => Some(point),
@@ -61,11 +61,11 @@ fn walk_to(c: &mut Call) -> Reply {
             return Err(ApiError::new("walk_to: face: an actor cannot face itself"));
         }
         Some(Target::Actor(other) | Target::Joint { actor: other, .. }) => {
-            let other = build.actor(other)?;
+            let other = stage_draft.actor(other)?;
             Some(other.walks.last().map_or(other.actor.transform.translation, |walk| walk.point))
         }
     };
-    let draft = build.actor(this.id)?;
+    let draft = stage_draft.actor(this.id)?;
     let (start, rotation) = start_placement(draft)?;
     let from = from.or(draft.walks.last().map(|walk| walk.turned_until)).unwrap_or(origin);
     if let Some(before) = draft.walks.last().filter(|walk| from < walk.turned_until) {
@@ -96,19 +96,19 @@ fn walk_to(c: &mut Call) -> Reply {
     draft.is_placed = true;
     let channels = channels(&draft.walks);
     super::keys::replace_channels(&mut draft.actor.channels, channels.into());
-    let playing = base_clip_at(&build, this.id, from);
+    let playing = base_clip_at(&stage_draft, this.id, from);
     let idle = own_idle.or_else(|| playing.clone()).ok_or_else(|| {
         let hint = "play the clip for standing before, or name it: #{ idle: hero.clip(\"Idle\") }";
         ApiError::new("walk_to: the actor plays no clip when it starts").hint(hint)
     })?;
     if playing.is_none() {
-        add_in_place_cue(&mut build, c, this.id, (&idle, origin), Time::ZERO);
+        add_in_place_cue(&mut stage_draft, c, this.id, (&idle, origin), Time::ZERO);
     }
-    let id = add_in_place_cue(&mut build, c, this.id, (&clip, walk.accelerates_from), fade);
-    let walking = build.cue(id)?;
+    let id = add_in_place_cue(&mut stage_draft, c, this.id, (&clip, walk.accelerates_from), fade);
+    let walking = stage_draft.cue(id)?;
     (walking.until, walking.repeat) = (Some(walk.until), Some(Repeat::Loop));
     walking.cue.speed = factor;
-    add_in_place_cue(&mut build, c, this.id, (&idle, walk.decelerates_from), fade);
+    add_in_place_cue(&mut stage_draft, c, this.id, (&idle, walk.decelerates_from), fade);
     Ok(Dynamic::from(CueRef(id)))
 }
 
@@ -151,30 +151,31 @@ fn clip_speed(asset: &Asset, clip: &Arc<Clip>) -> f64 {
 }
 
 /// The clip of the last cue of an actor's base layer that has begun by a time.
-fn base_clip_at(build: &StageDraft, actor: usize, time: Time) -> Option<Arc<Clip>> {
+fn base_clip_at(stage_draft: &StageDraft, actor: usize, time: Time) -> Option<Arc<Clip>> {
     let is_on_base_layer = |id: &usize| {
-        let chain = &build.chains[build.cues[*id].chain];
+        let chain = &stage_draft.chains[stage_draft.cues[*id].chain];
         chain.actor == actor && !chain.is_layer()
     };
-    let starts = (0..build.cues.len()).filter(is_on_base_layer).map(|id| (times_of_cue(build, id).0, id));
+    let starts =
+        (0..stage_draft.cues.len()).filter(is_on_base_layer).map(|id| (times_of_cue(stage_draft, id).0, id));
     let last = starts.filter(|(start, _)| *start <= time).max()?;
-    Some(build.cues[last.1].cue.clip.clone())
+    Some(stage_draft.cues[last.1].cue.clip.clone())
 }
 
 /// Adds a cue that plays in place to the base layer of an actor.
 fn add_in_place_cue(
-    build: &mut StageDraft,
+    stage_draft: &mut StageDraft,
     c: &Call,
     actor: usize,
     (clip, start): (&Arc<Clip>, Time),
     fade: Time,
 ) -> usize {
-    build.chains.push(Chain::new(actor));
-    let mut cue = CueDraft::new(build.chains.len() - 1, clip.clone(), c.place.clone());
+    stage_draft.chains.push(Chain::new(actor));
+    let mut cue = CueDraft::new(stage_draft.chains.len() - 1, clip.clone(), c.place.clone());
     cue.start = Some(start);
     cue.cue.fade_in = fade;
     cue.root =
         Some(RootMotionDraft { joint: None, parts: RootParts::default(), used: RootMotionUse::InPlace });
-    build.cues.push(cue);
-    build.cues.len() - 1
+    stage_draft.cues.push(cue);
+    stage_draft.cues.len() - 1
 }

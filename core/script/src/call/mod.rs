@@ -107,12 +107,12 @@ pub(crate) fn unknown_of<'a>(
 
 /// A call in progress: the called function, its arguments (the receiver first), and its place in the script.
 pub struct Call<'a, 'b> {
-    pub shared: &'a Arc<ScriptContext>,
+    pub context: &'a Arc<ScriptContext>,
     pub def: &'static Def,
     pub args: &'a mut [&'b mut Dynamic],
     pub place: Place,
     pub in_frame: bool,
-    pub context: &'a rhai::NativeCallContext<'a>,
+    pub native_context: &'a rhai::NativeCallContext<'a>,
 }
 
 impl Call<'_, '_> {
@@ -125,9 +125,9 @@ impl Call<'_, '_> {
         self.args.len() - self.offset()
     }
 
-    /// Locks the build. Drop the guard before calling anything that locks the build, too.
-    pub fn build(&self) -> MutexGuard<'_, StageDraft> {
-        self.shared.build.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Locks the stage draft. Drop the guard before calling anything that locks it, too.
+    pub fn stage_draft(&self) -> MutexGuard<'_, StageDraft> {
+        self.context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The receiver. Error: it has another type than `T`.
@@ -140,7 +140,7 @@ impl Call<'_, '_> {
 
     /// The asset of the receiver. Waits while it is still being imported.
     pub(crate) fn this_asset(&self) -> Result<Arc<Asset>, ApiError> {
-        self.shared.asset(&self.this::<AssetRef>()?.load)
+        self.context.asset(&self.this::<AssetRef>()?.load)
     }
 
     /// The receiver, to return for chaining.
@@ -176,7 +176,7 @@ impl Call<'_, '_> {
         self.stage_time(&self.value(i), &self.label(i))
     }
     pub(crate) fn stage_time(&self, value: &Dynamic, label: &str) -> Result<Time, ApiError> {
-        Ok(time(value, label)? + self.build().sequence_start)
+        Ok(time(value, label)? + self.stage_draft().sequence_start)
     }
     pub fn duration(&self, i: usize) -> Result<Time, ApiError> {
         duration(&self.value(i), &self.label(i))
@@ -253,7 +253,7 @@ impl Options {
         let Some(key) = self.map.keys().find(|k| !known.contains(&k.as_str())) else { return Ok(()) };
         let options = format!("options: {}", list(known.iter().copied(), 30));
         let near = closest(key, known.iter().copied());
-        let synonym = synonyms::suggest_option(c.shared.defs, key, &self.function, known);
+        let synonym = synonyms::suggest_option(c.context.defs, key, &self.function, known);
         let (meant, hint) = match (near, synonym) {
             (_, Some(synonym)) if known.contains(&&*synonym.name) || near.is_none() => {
                 (Some(synonym.name), format!("{}\n{options}", synonym.hint).trim_start().to_string())

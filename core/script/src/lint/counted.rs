@@ -88,8 +88,8 @@ impl SortedPositions {
 pub(super) struct Drafts<'a>(&'a StageDraft);
 
 impl<'a> Drafts<'a> {
-    pub fn new(build: &'a StageDraft) -> Drafts<'a> {
-        Drafts(build)
+    pub fn new(stage_draft: &'a StageDraft) -> Drafts<'a> {
+        Drafts(stage_draft)
     }
 
     pub fn loads(&self) -> impl Iterator<Item = &'a LoadDraft> {

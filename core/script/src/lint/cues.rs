@@ -29,14 +29,14 @@ impl TimedCue<'_> {
 }
 
 /// Finds cues of all actors that leave a gap, freeze, hide each other or are cut off.
-pub fn check_cues(build: &StageDraft, found: &mut Vec<PlacedFinding>) {
-    let times = times_of_cues(build);
-    let timed: Vec<TimedCue> = build
+pub fn check_cues(stage_draft: &StageDraft, found: &mut Vec<PlacedFinding>) {
+    let times = times_of_cues(stage_draft);
+    let timed: Vec<TimedCue> = stage_draft
         .cues
         .iter()
         .zip(&times)
         .map(|(draft, (start, end))| {
-            let is_layer = build.chains[draft.chain].is_layer();
+            let is_layer = stage_draft.chains[draft.chain].is_layer();
             TimedCue { draft, start: *start, end: *end, is_layer }
         })
         .collect();
@@ -47,35 +47,35 @@ pub fn check_cues(build: &StageDraft, found: &mut Vec<PlacedFinding>) {
         }
     }
     // A hold that is shorter than a frame is not visible.
-    let frame = build.settings.fps.time_of(1);
-    let mut cues_by_actor: Vec<Vec<&TimedCue>> = vec![Vec::new(); build.actors.len()];
+    let frame = stage_draft.settings.fps.time_of(1);
+    let mut cues_by_actor: Vec<Vec<&TimedCue>> = vec![Vec::new(); stage_draft.actors.len()];
     for cue in &timed {
-        cues_by_actor[build.chains[cue.draft.chain].actor].push(cue);
+        cues_by_actor[stage_draft.chains[cue.draft.chain].actor].push(cue);
     }
     for (actor, cues) in cues_by_actor.iter().enumerate() {
         let mut base: Vec<&TimedCue> = cues.iter().filter(|t| !t.is_layer).copied().collect();
         base.sort_by_key(|t| t.start);
         let subject = Subject::Actor(actor);
-        check_base_layer(build, subject, &build.actors[actor].actor.name, &base, frame, found);
+        check_base_layer(stage_draft, subject, &stage_draft.actors[actor].actor.name, &base, frame, found);
         let upper: Vec<&TimedCue> = cues.iter().filter(|t| t.is_layer).copied().collect();
-        check_layers(build, &upper, found);
+        check_layers(stage_draft, &upper, found);
     }
     for (id, cue) in timed.iter().enumerate() {
-        let subject = Subject::Actor(build.chains[cue.draft.chain].actor);
+        let subject = Subject::Actor(stage_draft.chains[cue.draft.chain].actor);
         check_cue(cue, subject, next_in_chain[id].map(|next| &timed[next]), found);
     }
 }
 
 /// Finds cues of an actor's base layer that leave a gap, freeze or overlap. `frame`: duration of a frame.
 fn check_base_layer(
-    build: &StageDraft,
+    stage_draft: &StageDraft,
     subject: Subject,
     actor: &str,
     base: &[&TimedCue],
     frame: Time,
     found: &mut Vec<PlacedFinding>,
 ) {
-    let length = build.settings.length;
+    let length = stage_draft.settings.length;
     if let Some(first) = base.first()
         && first.start >= frame
         && first.start < length
@@ -137,22 +137,23 @@ fn check_base_layer(
 const MAX_COMPARED_LAYERS: usize = 32;
 
 /// Finds pairs of layers that move the same joints at the same time.
-fn check_layers(build: &StageDraft, upper: &[&TimedCue], found: &mut Vec<PlacedFinding>) {
+fn check_layers(stage_draft: &StageDraft, upper: &[&TimedCue], found: &mut Vec<PlacedFinding>) {
     for (i, b) in upper.iter().enumerate() {
         for a in &upper[i.saturating_sub(MAX_COMPARED_LAYERS)..i] {
-            let chains = [a, b].map(|t| &build.chains[t.draft.chain]);
+            let chains = [a, b].map(|t| &stage_draft.chains[t.draft.chain]);
             // Additive layers share joints with the layers below by design, and so do layers of equal priority.
             let is_intended = chains.iter().any(|chain| chain.mode != LayerMode::Override)
                 || chains[0].priority.is_some() && chains[0].priority == chains[1].priority;
             if a.draft.chain == b.draft.chain || is_intended {
                 continue;
             }
-            let joints = build.actors[chains[0].actor].actor.asset.skeleton.len();
+            let joints = stage_draft.actors[chains[0].actor].actor.asset.skeleton.len();
             let masks = chains.map(|chain| chain.mask.as_deref());
             let moves = |mask: Option<&[f32]>, joint: usize| mask.is_none_or(|m| m[joint] > 0.0);
             let shared_joints = (0..joints).filter(|j| masks.iter().all(|mask| moves(*mask, *j))).count();
             let from = a.start.max(b.start);
-            let to = a.end.unwrap_or(Time::MAX).min(b.end.unwrap_or(Time::MAX)).min(build.settings.length);
+            let to =
+                a.end.unwrap_or(Time::MAX).min(b.end.unwrap_or(Time::MAX)).min(stage_draft.settings.length);
             if shared_joints > 0 && from < to {
                 let text = format!(
                     "\"{}\" and \"{}\" both move {} from {} s to {} s: the {} layer wins",

@@ -66,10 +66,10 @@ impl PlacedFinding {
 }
 
 /// The findings about the drafts, before they are resolved to a stage.
-pub(crate) fn script_findings(build: &StageDraft) -> Vec<PlacedFinding> {
+pub(crate) fn script_findings(stage_draft: &StageDraft) -> Vec<PlacedFinding> {
     let mut found = Vec::new();
-    cues::check_cues(build, &mut found);
-    unused::check_unused(&Drafts::new(build), &mut found);
+    cues::check_cues(stage_draft, &mut found);
+    unused::check_unused(&Drafts::new(stage_draft), &mut found);
     found
 }
 
@@ -91,7 +91,7 @@ pub struct Places {
     pub settings: Place,
     pub actors: Vec<Place>,
     /// Places of look-at constraints, by actor.
-    pub looks: Vec<Vec<Place>>,
+    pub look_at_constraints: Vec<Vec<Place>>,
     /// Places of the other constraints that the script states, by actor.
     pub constraints: Vec<Vec<Place>>,
     pub cameras: Vec<Place>,
@@ -125,7 +125,7 @@ impl Places {
         let place = match subject {
             Subject::Stage => Some(&self.settings),
             Subject::Actor(i) => self.actors.get(i),
-            Subject::Look { actor, look } => self.looks.get(actor).and_then(|l| l.get(look)),
+            Subject::Look { actor, look } => self.look_at_constraints.get(actor).and_then(|l| l.get(look)),
             Subject::Constraint { actor, constraint } => {
                 self.constraints.get(actor).and_then(|c| c.get(constraint))
             }

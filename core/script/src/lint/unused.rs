@@ -192,11 +192,11 @@ mod tests {
                     is_used,
                 }
             };
-            let mut build = StageDraft::default();
-            build.loads.extend((0..n).map(load));
+            let mut stage_draft = StageDraft::default();
+            stage_draft.loads.extend((0..n).map(load));
             let mut found = Vec::new();
             counted::take_step_count();
-            check_unused(&Drafts::new(&build), &mut found);
+            check_unused(&Drafts::new(&stage_draft), &mut found);
             assert_eq!(found.len(), n / 2);
             counted::take_step_count()
         });

@@ -26,7 +26,7 @@ pub(crate) fn image_from_files(c: &Call, o: &Options) -> Result<ImageRef, ApiErr
         return single_image(c, &name, sampler);
     };
     let file_name = |n: u64| format!("{before}{n:0digits$}{after}");
-    let exists = |n: u64| c.shared.find_file(&file_name(n)).is_ok();
+    let exists = |n: u64| c.context.find_file(&file_name(n)).is_ok();
     let begin = match first {
         Some(first) => first,
         None => (0..=1).find(|n| exists(*n)).ok_or_else(|| {
@@ -34,7 +34,7 @@ pub(crate) fn image_from_files(c: &Call, o: &Options) -> Result<ImageRef, ApiErr
             ApiError::new(text).focus(&name).hint("give first, the number of the first file")
         })?,
     };
-    let limit = c.shared.limits.files;
+    let limit = c.context.limits.files;
     let end = match last {
         Some(last) if last < begin => {
             return Err(ApiError::new(format!("image: last is {last}, before first, {begin}")).focus("last"));
@@ -60,7 +60,7 @@ pub(crate) fn image_from_files(c: &Call, o: &Options) -> Result<ImageRef, ApiErr
     let mut first_image: Option<Arc<Image>> = None;
     for n in begin..=end {
         let name = file_name(n);
-        let bytes = c.shared.read_file(&name)?;
+        let bytes = c.context.read_file(&name)?;
         // Each image is decoded once, to report errors here and to find the alpha mode.
         let image = decode_file(&name, &bytes).map_err(|p| decoding_error("image", &name, p))?;
         let first = first_image.get_or_insert_with(|| image.clone());
@@ -121,13 +121,13 @@ fn whole_number(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
 /// The image of one file. Its pixels are decoded on demand if the loader does not request pixels and the header states that the
 /// image is opaque.
 fn single_image(c: &Call, name: &str, sampler: Sampler) -> Result<ImageRef, ApiError> {
-    let needs = c.shared.loader.needs();
-    let bytes = c.shared.read_file(name)?;
+    let requested_parts = c.context.loader.requested_parts();
+    let bytes = c.context.read_file(name)?;
     let fail = |problem| decoding_error("image", name, problem);
     let encoded = Encoded::examine(name.into(), name.into(), bytes, Formats::All).map_err(fail)?;
     super::raw_image::count_texels(c, encoded.pixels())?;
-    let (image, file) = match needs.pixels || !encoded.is_opaque() {
-        true => (encoded.decode_for(needs).map_err(fail)?, None),
+    let (image, file) = match requested_parts.pixels || !encoded.is_opaque() {
+        true => (encoded.decode_for(requested_parts).map_err(fail)?, None),
         false => (Arc::new(encoded.without_pixels()), Some(Arc::new(encoded))),
     };
     Ok(ImageRef { image, file, sampler, dead: false, sequence: None })
@@ -135,9 +135,9 @@ fn single_image(c: &Call, name: &str, sampler: Sampler) -> Result<ImageRef, ApiE
 
 /// The decoded image of a file. `what`: the function or option that needs it, for errors.
 pub(crate) fn decoded_image(c: &Call, what: &str, name: &str) -> Result<Arc<Image>, ApiError> {
-    let bytes = c.shared.read_file(name)?;
+    let bytes = c.context.read_file(name)?;
     let encoded = Encoded::examine(name.into(), name.into(), bytes, Formats::All);
-    let image = encoded.and_then(|encoded| encoded.decode_for(c.shared.loader.needs()));
+    let image = encoded.and_then(|encoded| encoded.decode_for(c.context.loader.requested_parts()));
     let image = image.map_err(|p| decoding_error(what, name, p))?;
     super::raw_image::count_texels(c, texels(&image))?;
     Ok(image)

@@ -38,16 +38,16 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     // Each call makes a new image for a checkerboard, so its address cannot be part of the key.
     let addresses = if o.get("checker").is_some() { Vec::new() } else { addresses };
     let key = format!("{kind} {:?} {addresses:?}", o.map);
-    if let Some(asset) = c.build().shapes.get(&key) {
+    if let Some(asset) = c.stage_draft().shapes.get(&key) {
         return Ok(asset.clone());
     }
-    crate::build::check_limit(c.build().shapes.len(), "shapes", &c.shared.limits)?;
+    crate::build::check_limit(c.stage_draft().shapes.len(), "shapes", &c.context.limits)?;
     let size = read_size(&o, kind)?;
     let name = o.text("name")?.unwrap_or_else(|| kind.to_string());
     let primitive = apply_projection_and_displacement(c, &o, solids::shape_mesh(kind, size))?;
     material.triplanar = triplanar(&o, &primitive)?;
     let asset = single_mesh_asset(&format!("shape {kind}"), &name, primitive, material, images)?;
-    c.build().shapes.insert(key, asset.clone());
+    c.stage_draft().shapes.insert(key, asset.clone());
     Ok(asset)
 }
 
@@ -55,20 +55,21 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
 pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     let o = c.options(0, &mesh_options(topology))?;
     let function = o.function.clone();
-    crate::build::check_limit(c.build().procedural_totals.meshes, "meshes", &c.shared.limits)?;
+    crate::build::check_limit(c.stage_draft().procedural_totals.meshes, "meshes", &c.context.limits)?;
     let positions = arrays::floats(&o, "positions", 3)?;
     let vertices = positions.len() / 3;
     {
-        let mut build = c.build();
-        build.procedural_totals.meshes += 1;
-        build.procedural_totals.vertices = build.procedural_totals.vertices.saturating_add(vertices as u64);
-        if build.procedural_totals.vertices > c.shared.limits.vertices {
-            let total = build.procedural_totals.vertices;
+        let mut stage_draft = c.stage_draft();
+        stage_draft.procedural_totals.meshes += 1;
+        stage_draft.procedural_totals.vertices =
+            stage_draft.procedural_totals.vertices.saturating_add(vertices as u64);
+        if stage_draft.procedural_totals.vertices > c.context.limits.vertices {
+            let total = stage_draft.procedural_totals.vertices;
             let error =
                 ApiError::new(format!("{function}: all meshes of the script together have {total} vertices"));
             return Err(ApiError {
                 fatal: true,
-                ..error.hint(raise_hint("vertices", c.shared.limits.vertices))
+                ..error.hint(raise_hint("vertices", c.context.limits.vertices))
             });
         }
     }
@@ -246,7 +247,7 @@ fn apply_projection_and_displacement(
         return Err(ApiError::new(text).focus(word));
     };
     for _ in 0..detail.unwrap_or(2.0) as u32 {
-        let limit = c.shared.limits.vertices;
+        let limit = c.context.limits.vertices;
         // Each triangle becomes four, and each edge adds about one vertex.
         if primitive.positions.len() as u64 + primitive.indices.len() as u64 > limit {
             let text = format!("{}: detail makes more than {limit} vertices", o.function);

@@ -54,12 +54,12 @@ pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
 /// # Errors
 /// Returns an error if the total exceeds the limit.
 pub fn count_texels(c: &Call, texels: u64) -> Result<(), ApiError> {
-    let mut build = c.build();
-    build.procedural_totals.texels = build.procedural_totals.texels.saturating_add(texels);
-    if build.procedural_totals.texels > c.shared.limits.texels {
-        let total = build.procedural_totals.texels;
+    let mut stage_draft = c.stage_draft();
+    stage_draft.procedural_totals.texels = stage_draft.procedural_totals.texels.saturating_add(texels);
+    if stage_draft.procedural_totals.texels > c.context.limits.texels {
+        let total = stage_draft.procedural_totals.texels;
         let error = ApiError::new(format!("image: all images of the script together have {total} pixels"));
-        return Err(ApiError { fatal: true, ..error.hint(raise_hint("texels", c.shared.limits.texels)) });
+        return Err(ApiError { fatal: true, ..error.hint(raise_hint("texels", c.context.limits.texels)) });
     }
     Ok(())
 }

@@ -22,7 +22,7 @@ pub fn repeat(c: &mut Call) -> Reply {
     if asset.instances.is_empty() {
         return Err(ApiError::new(format!("repeat: {} has no meshes", asset.name)));
     }
-    let limit = c.shared.limits.instances;
+    let limit = c.context.limits.instances;
     let all = array.len() as u64 * asset.placements.len().max(1) as u64;
     if all > limit {
         let text = format!("repeat: too many instances, {all}");
@@ -34,8 +34,8 @@ pub fn repeat(c: &mut Call) -> Reply {
     let places = model_from_place.iter().flat_map(|p| own.iter().map(move |own| to_f32(*p * *own)));
     let placements = places.collect();
     let asset = Asset { placements, derived: Default::default(), ..Asset::clone(asset) };
-    c.build().mark_used(&source);
-    let load = c.build().add_procedural_load(&Arc::new(asset), &c.place);
+    c.stage_draft().mark_used(&source);
+    let load = c.stage_draft().add_procedural_load(&Arc::new(asset), &c.place);
     Ok(Dynamic::from(AssetRef { load, dead: false }))
 }
 

@@ -76,8 +76,8 @@ pub fn texture(c: &mut Call) -> Reply {
         );
         return Err(ApiError::new(text).focus(&material_name));
     }
-    c.build().mark_used(&source);
-    let load = c.build().add_procedural_load(&Arc::new(asset), &c.place);
+    c.stage_draft().mark_used(&source);
+    let load = c.stage_draft().add_procedural_load(&Arc::new(asset), &c.place);
     Ok(Dynamic::from(AssetRef { load, dead: false }))
 }
 

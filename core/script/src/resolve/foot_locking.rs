@@ -16,9 +16,9 @@ pub(super) struct PhaseMatchedCues {
 
 /// Locks the feet of moving actors during phase-matched crossfades. The strides of the two clips differ in length, so the feet of
 /// the blend would slide.
-pub(super) fn lock_feet_in_phase_matched_fades(build: &mut StageDraft, matched: Vec<PhaseMatchedCues>) {
+pub(super) fn lock_feet_in_phase_matched_fades(stage_draft: &mut StageDraft, matched: Vec<PhaseMatchedCues>) {
     for PhaseMatchedCues { actor, span, has_root_motion } in matched {
-        let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
+        let Some(ActorDraft { actor, .. }) = stage_draft.actors.get_mut(actor) else { continue };
         let is_moving = has_root_motion || is_moved_by_channel_or_path(actor);
         let locked_spans = foot_locks(actor).next().map(|lock| &mut lock.locked_spans);
         match locked_spans {
@@ -31,8 +31,11 @@ pub(super) fn lock_feet_in_phase_matched_fades(build: &mut StageDraft, matched: 
 }
 
 /// Locks the feet of moving characters during fades between walking and standing, so that they step instead of sliding.
-pub(super) fn lock_feet_in_standing_fades(build: &mut StageDraft, standing_fades: Vec<Vec<StandingFade>>) {
-    for (ActorDraft { actor, walks, .. }, mut fades) in build.actors.iter_mut().zip(standing_fades) {
+pub(super) fn lock_feet_in_standing_fades(
+    stage_draft: &mut StageDraft,
+    standing_fades: Vec<Vec<StandingFade>>,
+) {
+    for (ActorDraft { actor, walks, .. }, mut fades) in stage_draft.actors.iter_mut().zip(standing_fades) {
         // A walk of `walk_to` begins with a turn and may end with a turn; the fades then include the turns.
         for walk in walks.iter() {
             for fade in &mut fades {

@@ -15,8 +15,8 @@ use std::sync::Arc;
 const STANDING_TOLERANCE: f64 = 0.01;
 
 /// Warns about root motion or path following of an actor whose clips all stand still, which is probably not intended.
-fn warn_about_still_clips(build: &StageDraft, made: &[Option<Cue>], notes: &mut Notes) {
-    for (index, actor) in build.actors.iter().enumerate() {
+fn warn_about_still_clips(stage_draft: &StageDraft, made: &[Option<Cue>], notes: &mut Notes) {
+    for (index, actor) in stage_draft.actors.iter().enumerate() {
         let has_pace_of_clips = actor
             .actor
             .path_following
@@ -26,7 +26,11 @@ fn warn_about_still_clips(build: &StageDraft, made: &[Option<Cue>], notes: &mut 
         if !has_pace_of_clips && !has_root_motion {
             continue;
         }
-        let own = build.cues.iter().zip(made).filter(|(draft, _)| build.chains[draft.chain].actor == index);
+        let own = stage_draft
+            .cues
+            .iter()
+            .zip(made)
+            .filter(|(draft, _)| stage_draft.chains[draft.chain].actor == index);
         let roots = own.filter_map(|(_, cue)| cue.as_ref()?.root.as_deref());
         let moves = |root: &CueRootMotion| {
             let turns =
@@ -63,38 +67,38 @@ pub(super) struct ResolvedLayers {
 }
 
 /// The layers of every actor: the base layer first, then the other layers by rank.
-pub(super) fn resolve_layers(build: &StageDraft, notes: &mut Notes) -> ResolvedLayers {
-    let times = times_of_cues(build);
-    let (layers, layer_of_chain) = empty_layers(build);
+pub(super) fn resolve_layers(stage_draft: &StageDraft, notes: &mut Notes) -> ResolvedLayers {
+    let times = times_of_cues(stage_draft);
+    let (layers, layer_of_chain) = empty_layers(stage_draft);
     // A cue without a start time of its own starts at the end of the preceding cue and ends it.
-    let mut successor_start: Vec<Option<Time>> = vec![None; build.cues.len()];
-    for (id, draft) in build.cues.iter().enumerate() {
+    let mut successor_start: Vec<Option<Time>> = vec![None; stage_draft.cues.len()];
+    for (id, draft) in stage_draft.cues.iter().enumerate() {
         if let (Some(before), None) = (draft.predecessor, draft.start) {
             successor_start[before] = Some(times[id].0);
         }
     }
-    let mut made: Vec<Option<Cue>> = Vec::with_capacity(build.cues.len());
+    let mut made: Vec<Option<Cue>> = Vec::with_capacity(stage_draft.cues.len());
     let mut analyses = ClipAnalyses::default();
     let mut matched = Vec::new();
-    for (id, draft) in build.cues.iter().enumerate() {
-        let cue = resolve_cue(build, draft, times[id], successor_start[id], &mut analyses, notes);
+    for (id, draft) in stage_draft.cues.iter().enumerate() {
+        let cue = resolve_cue(stage_draft, draft, times[id], successor_start[id], &mut analyses, notes);
         made.push(cue);
         if made[id].is_some() && draft.in_step {
-            matched.extend(match_phases(build, id, &mut made, &mut analyses, notes));
+            matched.extend(match_phases(stage_draft, id, &mut made, &mut analyses, notes));
         }
     }
-    warn_about_still_clips(build, &made, notes);
+    warn_about_still_clips(stage_draft, &made, notes);
     // Each cue keeps its place in the script.
     let mut placed_layers: Vec<Vec<PlacedLayer>> = Vec::with_capacity(layers.len());
     for actor_layers in layers {
         placed_layers.push(actor_layers.into_iter().map(|layer| (layer, Vec::new())).collect());
     }
-    for (draft, cue) in build.cues.iter().zip(made) {
-        let chain = &build.chains[draft.chain];
+    for (draft, cue) in stage_draft.cues.iter().zip(made) {
+        let chain = &stage_draft.chains[draft.chain];
         let cues = &mut placed_layers[chain.actor][layer_of_chain[draft.chain]].1;
         cues.extend(cue.map(|cue| (cue, draft.at.clone())));
     }
-    for (placed_layers, draft) in placed_layers.iter_mut().zip(&build.actors) {
+    for (placed_layers, draft) in placed_layers.iter_mut().zip(&stage_draft.actors) {
         placed_layers.extend(joint_key_layer(draft));
     }
     let (layers, places): (Vec<Vec<Layer>>, _) = placed_layers.into_iter().map(sort_layers).unzip();
@@ -104,15 +108,15 @@ pub(super) fn resolve_layers(build: &StageDraft, notes: &mut Notes) -> ResolvedL
         let is_moving = has_root_motion || is_moved_by_channel_or_path(&draft.actor);
         if is_moving { standing_fades(&draft.actor.asset, cues, &mut analyses) } else { Vec::new() }
     };
-    let standing_fades = build.actors.iter().zip(&layers).map(fades_of).collect();
+    let standing_fades = stage_draft.actors.iter().zip(&layers).map(fades_of).collect();
     ResolvedLayers { layers, places, phase_matched_cues: matched, standing_fades }
 }
 
 /// The layers of every actor, without cues yet, and the index of each chain's layer within its actor.
-fn empty_layers(build: &StageDraft) -> (Vec<Vec<Layer>>, Vec<usize>) {
-    let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
-    let mut layer_of_chain = Vec::with_capacity(build.chains.len());
-    for chain in &build.chains {
+fn empty_layers(stage_draft: &StageDraft) -> (Vec<Vec<Layer>>, Vec<usize>) {
+    let mut layers: Vec<Vec<Layer>> = stage_draft.actors.iter().map(|_| vec![Layer::default()]).collect();
+    let mut layer_of_chain = Vec::with_capacity(stage_draft.chains.len());
+    for chain in &stage_draft.chains {
         let actor_layers = &mut layers[chain.actor];
         if !chain.is_layer() {
             layer_of_chain.push(0);
@@ -144,7 +148,7 @@ fn add_clip_error(draft: &CueDraft, what: &str, notes: &mut Notes) {
 /// The cue of the stage for a draft. `None` after an error, which is added to `notes`. `successor_start`: start of the next cue
 /// in the chain, if that cue ends this one.
 fn resolve_cue(
-    build: &StageDraft,
+    stage_draft: &StageDraft,
     draft: &CueDraft,
     (start, end): (Time, Option<Time>),
     successor_start: Option<Time>,
@@ -161,7 +165,7 @@ fn resolve_cue(
         notes.push((Severity::Error, draft.at.clone(), error));
         return None;
     }
-    let layer = build.chains[draft.chain].is_layer();
+    let layer = stage_draft.chains[draft.chain].is_layer();
     // A cue on the base layer whose clip plays once has no end: it holds the last pose.
     let has_end = (layer || draft.until.is_some()) && !draft.holds_last_pose;
     let own_end = if draft.holds_last_pose { draft.until } else { end.filter(|_| has_end) };
@@ -169,7 +173,7 @@ fn resolve_cue(
         end: successor_start.or(own_end),
         fade_out: draft.fade_out.unwrap_or(if layer { draft.cue.fade_in } else { Time::ZERO }),
         repeat: draft.repeat_mode(layer),
-        root: if layer { None } else { root_motion(build, draft, analyses) },
+        root: if layer { None } else { root_motion(stage_draft, draft, analyses) },
         ..draft.cue(start)
     };
     if layer && cue.inertialization > Time::ZERO {
@@ -190,14 +194,14 @@ fn resolve_cue(
 /// Matches the phases of a cue on the base layer and the cue before it. `None` if that is not possible; then a message is added to
 /// `notes`.
 fn match_phases(
-    build: &StageDraft,
+    stage_draft: &StageDraft,
     id: usize,
     made: &mut [Option<Cue>],
     analyses: &mut ClipAnalyses,
     notes: &mut Notes,
 ) -> Option<PhaseMatchedCues> {
-    let draft = &build.cues[id];
-    let chain = &build.chains[draft.chain];
+    let draft = &stage_draft.cues[id];
+    let chain = &stage_draft.chains[draft.chain];
     if chain.is_layer() {
         return None;
     }
@@ -208,7 +212,7 @@ fn match_phases(
         return None;
     };
     let cue = cue.as_mut()?;
-    match phase_matched_fade(build, [before, id], [from, cue], analyses) {
+    match phase_matched_fade(stage_draft, [before, id], [from, cue], analyses) {
         Ok(fade) => {
             let fade = Arc::new(fade);
             let has_root_motion = [&*from, &*cue].iter().any(|c| c.root.as_ref().is_some_and(|r| r.carries));

@@ -27,7 +27,7 @@ type Notes = Vec<(Severity, Place, ApiError)>;
 ///
 /// `identity`: returns the hash that identifies the script of a callback, with its parameters and files.
 pub fn resolve(
-    shared: &Arc<ScriptContext>,
+    context: &Arc<ScriptContext>,
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,
 ) -> (Stage, Places) {
@@ -35,78 +35,79 @@ pub fn resolve(
     let mut places = Places::default();
     let mut notes = Notes::new();
     let frame_callbacks;
-    shared.wait_for_loads();
+    context.wait_for_loads();
     {
-        let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
-        stage.settings = build.settings.clone();
-        stage.sky = build.sky.take();
-        stage.layers_2d = std::mem::take(&mut build.layers_2d);
-        if stage.sky.is_some() && !build.sets_ambient {
+        let mut stage_draft = context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.settings = stage_draft.settings.clone();
+        stage.sky = stage_draft.sky.take();
+        stage.layers_2d = std::mem::take(&mut stage_draft.layers_2d);
+        if stage.sky.is_some() && !stage_draft.sets_ambient {
             (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
         }
-        let uses_ambient_of_files = stage.sky.is_none() && !build.sets_ambient;
-        crate::check::check_drafts(&build, &mut notes);
-        places.script_findings = crate::lint::script_findings(&build);
-        let clips_only = build.loads.iter().filter(|l| l.clips_only);
+        let uses_ambient_of_files = stage.sky.is_none() && !stage_draft.sets_ambient;
+        crate::check::check_drafts(&stage_draft, &mut notes);
+        places.script_findings = crate::lint::script_findings(&stage_draft);
+        let clips_only = stage_draft.loads.iter().filter(|l| l.clips_only);
         places.clips_only = clips_only.map(|l| (l.load.name.clone(), l.load.at.clone())).collect();
-        places.settings = build.settings_at.clone().unwrap_or_default();
-        places.actors = build.actors.iter().map(|a| a.at.clone()).collect();
-        places.looks = build.actors.iter_mut().map(|a| std::mem::take(&mut a.look_at_places)).collect();
+        places.settings = stage_draft.settings_at.clone().unwrap_or_default();
+        places.actors = stage_draft.actors.iter().map(|a| a.at.clone()).collect();
+        places.look_at_constraints =
+            stage_draft.actors.iter_mut().map(|a| std::mem::take(&mut a.look_at_places)).collect();
         places.constraints =
-            build.actors.iter_mut().map(|a| std::mem::take(&mut a.constraint_places)).collect();
-        places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
-        places.lights = std::mem::take(&mut build.light_places);
-        places.sky = build.sky_at.take();
-        places.ambient = build.ambient_at.take();
-        places.effects = std::mem::take(&mut build.effect_places);
-        places.layers_2d = std::mem::take(&mut build.layer_2d_places);
+            stage_draft.actors.iter_mut().map(|a| std::mem::take(&mut a.constraint_places)).collect();
+        places.cameras = stage_draft.cameras.iter().map(|c| c.at.clone()).collect();
+        places.lights = std::mem::take(&mut stage_draft.light_places);
+        places.sky = stage_draft.sky_at.take();
+        places.ambient = stage_draft.ambient_at.take();
+        places.effects = std::mem::take(&mut stage_draft.effect_places);
+        places.layers_2d = std::mem::take(&mut stage_draft.layer_2d_places);
         let ResolvedLayers { layers, places: cue_places, phase_matched_cues, standing_fades } =
-            resolve_layers(&build, &mut notes);
+            resolve_layers(&stage_draft, &mut notes);
         places.cues = cue_places;
-        stage.markers = std::mem::take(&mut build.markers);
-        places.clip_markers = clip_markers(&build, &layers);
-        lock_feet_in_phase_matched_fades(&mut build, phase_matched_cues);
-        lock_feet_in_standing_fades(&mut build, standing_fades);
-        if let Some((place, error)) = crate::totals::error_of_totals(&build, &shared.limits) {
+        stage.markers = std::mem::take(&mut stage_draft.markers);
+        places.clip_markers = clip_markers(&stage_draft, &layers);
+        lock_feet_in_phase_matched_fades(&mut stage_draft, phase_matched_cues);
+        lock_feet_in_standing_fades(&mut stage_draft, standing_fades);
+        if let Some((place, error)) = crate::totals::error_of_totals(&stage_draft, &context.limits) {
             notes.push((Severity::Error, place, error));
         }
         let mut hidden_parts = HiddenParts::default();
-        let actors = std::mem::take(&mut build.actors).into_iter().zip(layers);
+        let actors = std::mem::take(&mut stage_draft.actors).into_iter().zip(layers);
         stage.actors =
             actors.map(|(draft, layers)| resolve_actor(draft, layers, &mut hidden_parts)).collect();
         if uses_ambient_of_files {
             stage.use_ambient_light_of_files();
         }
-        stage.cameras = std::mem::take(&mut build.cameras)
+        stage.cameras = std::mem::take(&mut stage_draft.cameras)
             .into_iter()
             .map(|draft| resolve_camera(draft, &mut notes))
             .collect();
-        let mut cuts = std::mem::take(&mut build.cuts);
+        let mut cuts = std::mem::take(&mut stage_draft.cuts);
         cuts.sort_by_key(|(cut, _)| cut.at);
         (stage.cuts, places.cuts) = cuts.into_iter().unzip();
-        stage.lights = std::mem::take(&mut build.lights);
-        stage.effects = std::mem::take(&mut build.effects);
-        frame_callbacks = std::mem::take(&mut build.frame_callbacks);
+        stage.lights = std::mem::take(&mut stage_draft.lights);
+        stage.effects = std::mem::take(&mut stage_draft.effects);
+        frame_callbacks = std::mem::take(&mut stage_draft.frame_callbacks);
         places.callbacks = frame_callbacks.iter().map(|callback| callback.at.clone()).collect();
-        build.bound_clips.clear();
-        build.shapes.clear();
-        build.loads.clear();
-        build.cues.clear();
-        build.chains.clear();
+        stage_draft.bound_clips.clear();
+        stage_draft.shapes.clear();
+        stage_draft.loads.clear();
+        stage_draft.cues.clear();
+        stage_draft.chains.clear();
     }
     for (severity, place, error) in notes {
-        shared.add_diagnostic(severity, &place, &error);
+        context.add_diagnostic(severity, &place, &error);
     }
-    add_frame_callbacks(&mut stage, frame_callbacks, shared, engine, identity);
-    add_stage_errors(shared, &stage, &places);
-    places.sources = Arc::new(shared.sources.lock().unwrap_or_else(PoisonError::into_inner).clone());
+    add_frame_callbacks(&mut stage, frame_callbacks, context, engine, identity);
+    add_stage_errors(context, &stage, &places);
+    places.sources = Arc::new(context.sources.lock().unwrap_or_else(PoisonError::into_inner).clone());
     (stage, places)
 }
 
 /// Adds errors of the stage as a whole to the diagnostics, if these contain no error.
-fn add_stage_errors(shared: &ScriptContext, stage: &Stage, places: &Places) {
-    let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
-    if build.has_errors() {
+fn add_stage_errors(context: &ScriptContext, stage: &Stage, places: &Places) {
+    let mut stage_draft = context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);
+    if stage_draft.has_errors() {
         return;
     }
     for problem in stage.check() {
@@ -114,26 +115,26 @@ fn add_stage_errors(shared: &ScriptContext, stage: &Stage, places: &Places) {
             StageError::Cycle(name, _) => {
                 let place = stage.actor(name).and_then(|index| places.actors.get(index));
                 let error = ApiError::new(problem.to_string());
-                shared.diagnose(Severity::Error, &place.cloned().unwrap_or_default(), &error)
+                context.diagnose(Severity::Error, &place.cloned().unwrap_or_default(), &error)
             }
             _ => Diagnostic::error(problem.to_string()),
         };
-        build.add_diagnostic(diagnostic);
+        stage_draft.add_diagnostic(diagnostic);
     }
 }
 
 /// The resolved stage of a test, and the errors of the stage as a whole.
 pub(crate) fn resolve_test_stage(
-    shared: &Arc<ScriptContext>,
+    context: &Arc<ScriptContext>,
     engine: &Arc<Engine>,
 ) -> (Stage, Vec<Diagnostic>) {
     // The identity of a callback is the hash of the text that contains it.
     let identity = |place: &Place| {
-        let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
+        let sources = context.sources.lock().unwrap_or_else(PoisonError::into_inner);
         let text = sources.get(&place.file).cloned().unwrap_or_default();
         hex(blake3::hash(text.as_bytes()).as_bytes())
     };
-    let (stage, _) = resolve(shared, engine, &identity);
+    let (stage, _) = resolve(context, engine, &identity);
     let errors = stage.check().iter().map(|problem| Diagnostic::error(problem.to_string())).collect();
     (stage, errors)
 }
@@ -142,34 +143,35 @@ pub(crate) fn resolve_test_stage(
 fn add_frame_callbacks(
     stage: &mut Stage,
     callbacks: Vec<FrameCallbackDraft>,
-    shared: &Arc<ScriptContext>,
+    context: &Arc<ScriptContext>,
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,
 ) {
     let count = callbacks.len();
     for draft in callbacks {
         let identity = identity(&draft.at);
-        let callback = ScriptCallback::new(engine.clone(), shared.clone(), draft, &identity, count);
+        let callback = ScriptCallback::new(engine.clone(), context.clone(), draft, &identity, count);
         if let Err(diagnostic) = callback.check_at(Time::ZERO)
             && !crate::errors::is_follow_up(&diagnostic.message)
         {
-            shared.build.lock().unwrap_or_else(PoisonError::into_inner).add_diagnostic(diagnostic);
+            context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner).add_diagnostic(diagnostic);
         }
         stage.frame_callbacks.push(Arc::new(callback));
     }
 }
 
 /// Markers of the clips that are played, each once.
-fn clip_markers(build: &StageDraft, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
+fn clip_markers(stage_draft: &StageDraft, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
     let mut all: Vec<ClipMarkers> = Vec::new();
-    if build.clip_notes.values().all(|notes| notes.markers.is_empty()) {
+    if stage_draft.clip_notes.values().all(|notes| notes.markers.is_empty()) {
         return all;
     }
     for cue in layers.iter().flatten().flat_map(|layer| &layer.cues) {
         if all.iter().any(|known| Arc::ptr_eq(&known.clip, &cue.clip)) {
             continue;
         }
-        let markers = build.clip_notes_of(&cue.clip).map(|notes| notes.markers.clone()).unwrap_or_default();
+        let markers =
+            stage_draft.clip_notes_of(&cue.clip).map(|notes| notes.markers.clone()).unwrap_or_default();
         if !markers.is_empty() {
             all.push(ClipMarkers { clip: cue.clip.clone(), markers });
         }

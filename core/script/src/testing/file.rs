@@ -149,20 +149,20 @@ impl TestFiles {
     pub(crate) fn read(
         &self,
         engine: &Engine,
-        shared: &ScriptContext,
+        context: &ScriptContext,
         name: &str,
         text: &str,
     ) -> Result<Arc<TestFile>, ParseFailure> {
-        let is_same = |f: &&Arc<TestFile>| f.name == name && f.text == text && f.limits == shared.limits;
+        let is_same = |f: &&Arc<TestFile>| f.name == name && f.text == text && f.limits == context.limits;
         if let Some(known) = self.lock().recent.iter().find(is_same) {
             return Ok(known.clone());
         }
-        let parsed = ParsedScript::new(engine, shared, name, text)?;
+        let parsed = ParsedScript::new(engine, context, name, text)?;
         let (expected, wrong_comments) = comments::parse_expected(name, text);
         let file = Arc::new(TestFile {
             name: name.to_string(),
             text: text.to_string(),
-            limits: shared.limits.clone(),
+            limits: context.limits.clone(),
             parsed,
             expected,
             wrong_comments,

@@ -15,7 +15,7 @@ pub use crate::test_data::{
     Value, ValueTest, VectorGoal, VectorQuantity, VectorTest, When,
 };
 pub use file::TestFiles;
-pub use run::{SectionErrors, has_sections, list_sections, run_section, section_errors};
+pub use run::{SectionErrors, check_sections, has_sections, list_sections, run_section};
 
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::run::ScriptOptions;
@@ -52,7 +52,7 @@ pub struct TestOptions {
 #[derive(Clone, Debug)]
 pub struct SectionRun {
     pub info: SectionInfo,
-    /// The section's own stage, then those made with `stage_of`. They must not be evaluated if `broken` is not empty.
+    /// The section's own stage, then those made with `stage_of`. They must not be evaluated if `stage_errors` is not empty.
     pub stages: Vec<Arc<Stage>>,
     /// Expectations in the order of the script.
     pub expectations: Vec<Expectation>,
@@ -63,7 +63,7 @@ pub struct SectionRun {
     /// Warnings of the script that no comment expects.
     pub warnings: Vec<Diagnostic>,
     /// Errors of the stages that make their evaluation impossible; empty unless expected errors have left an invalid stage.
-    pub broken: Vec<Diagnostic>,
+    pub stage_errors: Vec<Diagnostic>,
     /// Content hash of the stage of a second run, for a file without sections and without errors.
     pub second_run_hash: Option<[u8; 32]>,
     /// Maximum time for judging the section, seconds.

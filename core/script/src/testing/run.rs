@@ -25,17 +25,17 @@ pub fn list_sections(
     let opened = open(path, root, RunMode::ListTests, registry, &options.script).map_err(|e| vec![e])?;
     let files = options.files.clone();
     on_script_thread(move || {
-        let Opened { name, text, shared } = &opened;
+        let Opened { name, text, context } = &opened;
         // The engine is kept until the end, because handles refer to parts of it.
-        let engine = begin(name, text, shared);
-        let file = files.read(&engine, shared, name, text);
+        let engine = begin(name, text, context);
+        let file = files.read(&engine, context, name, text);
         execute(
             &engine,
             name,
-            shared,
+            context,
             file.as_ref().map(|f| (&f.parsed, &f.parsed.ast)).map_err(Clone::clone),
         );
-        let mut test = std::mem::take(&mut *shared.test());
+        let mut test = std::mem::take(&mut *context.test());
         if test.sections.is_empty() {
             return Ok(vec![whole_file_section(name, text)]);
         }
@@ -59,7 +59,7 @@ pub struct SectionErrors {
 
 /// Runs all sections of a file without judging expectations. Skipped sections and those with a known bug are left out, and so are
 /// all sections after `should_continue` has returned false.
-pub fn section_errors(
+pub fn check_sections(
     path: &Path,
     registry: &Registry,
     options: &TestOptions,
@@ -137,16 +137,16 @@ pub fn run_section(
     options: &TestOptions,
 ) -> Result<SectionRun, Vec<Diagnostic>> {
     let opened = open_section(path, index, registry, options)?;
-    if !needs_pixels(&opened.text) && options.script.needs.pixels {
+    if !needs_pixels(&opened.text) && options.script.requested_parts.pixels {
         // Decoding images takes longer than everything else, so it is skipped if the text shows that the test does not need
         // pixels.
         let mut without_pixels = options.clone();
-        without_pixels.script.needs.pixels = false;
+        without_pixels.script.requested_parts.pixels = false;
         let opened = open_section(path, index, registry, &without_pixels)?;
-        let shared = opened.shared.clone();
+        let context = opened.context.clone();
         let run = run_opened_section(path, index, registry, &without_pixels, opened)?;
         // An imported module may need pixels.
-        let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
+        let sources = context.sources.lock().unwrap_or_else(PoisonError::into_inner);
         if !sources.values().any(|text| needs_pixels(text)) {
             return Ok(run);
         }
@@ -179,7 +179,7 @@ fn run_opened_section(
         // The file behaves differently than when its sections were listed.
         None => run(reopen()?, true)?.ok_or_else(Vec::new)?,
     };
-    if section.info.is_whole_file() && section.errors.is_empty() && section.broken.is_empty() {
+    if section.info.is_whole_file() && section.errors.is_empty() && section.stage_errors.is_empty() {
         let second_run = run(reopen()?, true)?.ok_or_else(Vec::new)?;
         section.second_run_hash = Some(second_run.stages[0].content_hash());
     }
@@ -196,8 +196,8 @@ fn open_section(
     let root = options.root.as_deref();
     let mut opened =
         open(path, root, RunMode::RunTest(index), registry, &options.script).map_err(|e| vec![e])?;
-    if let Some(shared) = Arc::get_mut(&mut opened.shared) {
-        shared.timeout = options.timeout;
+    if let Some(context) = Arc::get_mut(&mut opened.context) {
+        context.timeout = options.timeout;
     }
     Ok(opened)
 }
@@ -210,22 +210,22 @@ fn run_section_on_this_thread(
     files: &TestFiles,
     run_all: bool,
 ) -> Result<Option<SectionRun>, Vec<Diagnostic>> {
-    let Opened { name, text, shared } = opened;
-    let engine = begin(name, text, shared);
-    let file = files.read(&engine, shared, name, text);
+    let Opened { name, text, context } = opened;
+    let engine = begin(name, text, context);
+    let file = files.read(&engine, context, name, text);
     let listing = file.as_ref().ok().and_then(|f| f.listing()).filter(|_| !run_all).cloned();
     let listing = listing.filter(|listing| index < listing.sections.len());
     let section_ast = match (&file, &listing) {
         (Ok(file), Some(listing)) => {
-            shared.test().wanted_section = Some(listing.sections[index].clone());
+            context.test().wanted_section = Some(listing.sections[index].clone());
             Some(listing.ast_of_section(index, &file.parsed))
         }
         _ => None,
     };
     let script = file.as_ref().map(|f| (&f.parsed, section_ast.as_ref().unwrap_or(&f.parsed.ast)));
-    execute(&engine, name, shared, script.map_err(Clone::clone));
-    let (mut stage, mut broken) = resolve_test_stage(shared, &engine);
-    let mut test = std::mem::take(&mut *shared.test());
+    execute(&engine, name, context, script.map_err(Clone::clone));
+    let (mut stage, mut stage_errors) = resolve_test_stage(context, &engine);
+    let mut test = std::mem::take(&mut *context.test());
     if test.wanted_section.is_some() && !test.has_started {
         return Ok(None);
     }
@@ -241,37 +241,37 @@ fn run_section_on_this_thread(
     let mut expected = expected_in_section(all_expected, &info, sections);
     if let Ok(file) = &file {
         let unknown = unknown_in_section(&file.parsed.unknown, &info, sections);
-        crate::errors::report_unknown_variables(&unknown, name, shared);
+        crate::errors::report_unknown_variables(&unknown, name, context);
     }
-    let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut diagnostics = std::mem::take(&mut build.diagnostics);
+    let mut stage_draft = context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut diagnostics = std::mem::take(&mut stage_draft.diagnostics);
     let is_warning = |d: &Diagnostic| d.severity == Severity::Warning;
     stage.warnings.extend(diagnostics.iter().filter(|d| is_warning(d)).map(ToString::to_string));
     comments::match_expected(name, &test.scenes, &mut expected, &mut diagnostics);
     let (warnings, mut errors): (Vec<_>, Vec<_>) = diagnostics.into_iter().partition(is_warning);
     errors.extend(wrong_comments);
-    errors.extend(build.error_about_limit());
+    errors.extend(stage_draft.error_about_limit());
     if errors.is_empty() && expected.iter().all(|e| e.severity == Severity::Warning) {
         // No expected error explains the invalid stage, so its errors are reported.
-        errors.append(&mut broken);
+        errors.append(&mut stage_errors);
     }
-    let files_used: Vec<_> = shared.loader.files_read().into_iter().collect();
+    let files_used: Vec<_> = context.loader.files_read().into_iter().collect();
     let mut stages = vec![Arc::new(stage)];
     stages.append(&mut test.stages);
     Ok(Some(SectionRun {
-        hash: hash_section(&info, shared, &files_used),
+        hash: hash_section(&info, context, &files_used),
         info,
         stages,
         expectations: test.expectations,
         expected,
         errors,
         warnings,
-        broken,
+        stage_errors,
         second_run_hash: None,
         // Judging a stage at many times takes longer than the script, which has its own limit.
-        seconds: 3.0 * shared.limits.seconds,
-        timeout: shared.timeout,
-        printed: std::mem::take(&mut build.printed),
+        seconds: 3.0 * context.limits.seconds,
+        timeout: context.timeout,
+        printed: std::mem::take(&mut stage_draft.printed),
         files_used,
     }))
 }
@@ -323,18 +323,18 @@ fn expected_in_section(
 }
 
 /// Hash of everything on which the outcome of a section depends, apart from program and device.
-fn hash_section(info: &SectionInfo, shared: &ScriptContext, files: &[(PathBuf, [u8; 32])]) -> [u8; 32] {
+fn hash_section(info: &SectionInfo, context: &ScriptContext, files: &[(PathBuf, [u8; 32])]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(bytes);
     };
     add(info.name.as_bytes());
-    for (name, value) in &shared.set_parameters {
+    for (name, value) in &context.set_parameters {
         add(name.as_bytes());
         add(value.as_bytes());
     }
-    add(format!("{:?}", shared.limits).as_bytes());
+    add(format!("{:?}", context.limits).as_bytes());
     // Sorted by hash, so that the paths of the files do not matter.
     let mut contents: Vec<_> = files.iter().map(|(_, content)| content).collect();
     contents.sort_unstable();

@@ -156,7 +156,7 @@ fn parameters_take_values_of_their_type() {
         print(`${on}`);
     "#;
     let set = |pairs: &[(&str, &str)]| choreo_script::ScriptOptions {
-        set: pairs.iter().map(|(a, b)| (a.to_string(), b.to_string())).collect(),
+        set_parameters: pairs.iter().map(|(a, b)| (a.to_string(), b.to_string())).collect(),
         ..Default::default()
     };
     let s = assets().run_text(text, &set(&[])).unwrap();

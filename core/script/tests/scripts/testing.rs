@@ -43,10 +43,10 @@ fn section(folder: &Folder, name: &str, index: usize) -> SectionRun {
     list_sections(&file, &registry, &listed).unwrap_or_else(|e| panic!("{}", show(&e)));
     let alone = run(&listed);
     let facts = |run: &SectionRun| {
-        let sound = run.broken.is_empty();
+        let sound = run.stage_errors.is_empty();
         let stages: Vec<_> = run.stages.iter().filter(|_| sound).map(|stage| stage.content_hash()).collect();
         let said = (&run.expectations, &run.expected, &run.printed, run.hash, run.second_run_hash);
-        format!("{:?}", (&run.info, stages, said, &run.errors, &run.warnings, &run.broken))
+        format!("{:?}", (&run.info, stages, said, &run.errors, &run.warnings, &run.stage_errors))
     };
     assert_eq!(facts(&alone), facts(&whole));
     alone

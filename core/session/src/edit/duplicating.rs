@@ -16,9 +16,9 @@ pub struct Duplicate {
     /// Name of the copy, if the script states one.
     pub name: Option<String>,
     /// Lines of statements about other objects that use this one and were not copied, from 1.
-    pub left: Vec<usize>,
+    pub uncopied_lines: Vec<usize>,
     /// Line (from 1) whose computed position the copy keeps, so that it is at the place of the original. `None` if the copy was moved.
-    pub stays: Option<usize>,
+    pub computed_position_line: Option<usize>,
 }
 
 /// Adds a copy of the object that the call at a position creates, after the last statement about it. The copy consists of the statement with the
@@ -36,7 +36,7 @@ pub fn duplicate_object(
 ) -> Result<Duplicate, EditRefused> {
     let object = ScriptObject::at(text, line, column)?;
     let source = &object.text;
-    let (ranges, left) = statements_about(source, object.creating_call.name.start, line)?;
+    let (ranges, uncopied_lines) = statements_about(source, object.creating_call.name.start, line)?;
     let stated = object.stated_name(by);
     let name = match stated.as_ref().map(|range| (object.name(by), &text[range.clone()])) {
         None => None,
@@ -78,9 +78,9 @@ pub fn duplicate_object(
     let longer = old.zip(variable.as_ref()).map_or(0, |(old, new)| new.len() - old.len());
     let made_at = at + 1 + object.creating_call.name.start - ranges[0].start + longer;
     let moved = offset.map(|by| move_object(&after, made_at, by)).transpose();
-    let stays = moved.as_ref().err().and_then(|refused| refused.line);
+    let computed_position_line = moved.as_ref().err().and_then(|refused| refused.line);
     let after = moved.ok().flatten().map_or(after.clone(), |edit| edit.apply(&after));
-    Ok(Duplicate { edit: Edit::between(text, &after), name, left, stays })
+    Ok(Duplicate { edit: Edit::between(text, &after), name, uncopied_lines, computed_position_line })
 }
 
 /// Bytes of the calls `.cut(…)` of a camera, with their dots. A second camera with the same cut would hide the first.
@@ -148,8 +148,8 @@ fn statements_about(
         return Err(EditRefused::at(line, "it is made in a function or a block; duplicate it there"));
     }
     let own = source.statement_start(call)..source.statement_end(call);
-    let (mut ranges, mut left) = (vec![own.clone()], Vec::new());
-    let Some(name) = source.variable_of(own.start) else { return Ok((ranges, left)) };
+    let (mut ranges, mut uncopied_lines) = (vec![own.clone()], Vec::new());
+    let Some(name) = source.variable_of(own.start) else { return Ok((ranges, uncopied_lines)) };
     for used in source.uses_of(name).filter(|used| *used > own.end) {
         let start = source.statement_start(used);
         let continues = source[source.next_token_start(used + name.len())..].starts_with('.');
@@ -161,12 +161,12 @@ fn statements_about(
             );
             return Err(EditRefused::at(line_of(used), &why));
         } else if !ranges.iter().any(|range| range.contains(&used)) {
-            left.push(line_of(used));
+            uncopied_lines.push(line_of(used));
         }
     }
     ranges.dedup();
-    left.dedup();
-    Ok((ranges, left))
+    uncopied_lines.dedup();
+    Ok((ranges, uncopied_lines))
 }
 
 #[cfg(test)]
@@ -211,7 +211,7 @@ mod tests {
         let text =
             "let a = cast(\"a\", m);\nlet c = camera(\"c\").look_at(a.joint(\"Head\"));\ndance(a, 1);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap();
-        assert_eq!(made.left, [2, 3]);
+        assert_eq!(made.uncopied_lines, [2, 3]);
         assert!(made.edit.apply(text).contains("\nlet a_2 = cast(\"a 2\", m);\nlet c"), "{made:?}");
         let (after, _) =
             copied("let c = |camera(\"c\").at(0, 1, 2).cut(2.0).fov(30);\nc.cut(4.0);", None).unwrap();
@@ -231,11 +231,17 @@ mod tests {
         let text = "let a = cast(\"a\", m);\na.key(\"position\", [[0.0, x], [1.0, [1, 2, 3]]]);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap();
         let after = made.edit.apply(text);
-        assert_eq!(made.stays, Some(4));
+        assert_eq!(made.computed_position_line, Some(4));
         assert_eq!(after.lines().nth(3), Some("a_2.key(\"position\", [[0.0, x], [1.0, [1, 2, 3]]]);"));
         let text = "let a = cast(\"a\", m).at(x, 0, 0);\n";
-        assert_eq!(duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap().stays, Some(2));
-        assert_eq!(duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap().stays, None);
+        assert_eq!(
+            duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap().computed_position_line,
+            Some(2)
+        );
+        assert_eq!(
+            duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap().computed_position_line,
+            None
+        );
     }
 
     #[test]
@@ -247,7 +253,7 @@ mod tests {
         // If one target is computed, the copy walks to the same targets.
         let text = "let a = cast(\"a\", m).at(0, 0, 0);\na.walk_to([1.0, 0, 2]);\na.walk_to(home);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap();
-        assert_eq!(made.stays, Some(6));
+        assert_eq!(made.computed_position_line, Some(6));
         assert!(made.edit.apply(text).contains("a_2 = cast(\"a 2\", m).at(0, 0, 0);"), "{made:?}");
     }
 

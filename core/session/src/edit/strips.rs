@@ -59,7 +59,7 @@ pub enum SecondHalf {
     /// Repeats the clip: two keys of stage time and clip time, seconds.
     ClipTime([[f64; 2]; 2]),
     /// Starts like the first half.
-    Same,
+    LikeFirstHalf,
 }
 
 impl<'a> Strip<'a> {
@@ -361,7 +361,7 @@ pub fn split_cue(
             });
             second += &format!(".clip_time([{}])", keys.join(", "));
         }
-        SecondHalf::Same => {}
+        SecondHalf::LikeFirstHalf => {}
     }
     if let Some(until) = &until {
         second += &format!(".until({until})");

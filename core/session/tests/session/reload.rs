@@ -339,7 +339,7 @@ impl RendererThread {
     }
 
     fn render(&self, scene: &Arc<Scene>, time: f64) -> FrameReply {
-        self.renderer.ask(FrameRequest::new(scene.clone(), Time::from_secs(time), 4, 7));
+        self.renderer.request_frame(FrameRequest::new(scene.clone(), Time::from_secs(time), 4, 7));
         self.reply.recv_timeout(Duration::from_secs(600)).unwrap()
     }
 }
@@ -388,7 +388,7 @@ sun(#{ direction: [-0.6, -1.0, -0.9] });
     let thread = RendererThread::new(|| Ok(Box::new(CpuRenderer::new(&[]))));
     let share = |divisor: u32| {
         let request = FrameRequest::new(scene.clone(), Time::ZERO, 4, 7);
-        thread.renderer.ask(FrameRequest { size: [160 / divisor, 120 / divisor], ..request });
+        thread.renderer.request_frame(FrameRequest { size: [160 / divisor, 120 / divisor], ..request });
         let reply = thread.reply.recv_timeout(Duration::from_secs(600)).unwrap();
         let pixels = frame(&reply).rgba.chunks_exact(4);
         pixels.clone().filter(|p| p[0] > 20).count() as f64 / pixels.len() as f64
@@ -494,15 +494,22 @@ fn a_changed_cue_time_uploads_and_compiles_nothing_again() {
     let mut test = TestSession::new(|_| ());
     let first = scene_of(test.session.build(BTreeSet::new()));
     let before = thread.render(&first, 1.0);
-    assert!(before.work.meshes > 1 && before.work.materials > 1 && before.work.pipelines > 0);
+    assert!(
+        before.created_counts.meshes > 1
+            && before.created_counts.materials > 1
+            && before.created_counts.pipelines > 0
+    );
     test.write("a.rhai", &SCRIPT.replace("from(0.5)", "from(0.75)"));
     let after = thread.render(&scene_of(test.next()), 1.0);
-    assert_eq!(after.work, before.work);
+    assert_eq!(after.created_counts, before.created_counts);
     assert!(frame(&after).rgba != frame(&before).rgba, "the frame is drawn again with the new time");
     // A changed triangle uploads one mesh and nothing else.
     test.write("box.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n");
     let moved = thread.render(&scene_of(test.next()), 1.0);
-    assert_eq!(moved.work, CreatedCounts { meshes: before.work.meshes + 1, ..before.work });
+    assert_eq!(
+        moved.created_counts,
+        CreatedCounts { meshes: before.created_counts.meshes + 1, ..before.created_counts }
+    );
 }
 
 #[test]
@@ -515,7 +522,10 @@ fn a_changed_effect_compiles_one_pipeline() {
     test.write("plugins/glow.wgsl", &GLOW.replace("1.0 +", "1.5 +"));
     let scene = scene_of(test.next());
     let after = thread.render(&scene, 1.0);
-    assert_eq!(after.work, CreatedCounts { pipelines: before.work.pipelines + 1, ..before.work });
+    assert_eq!(
+        after.created_counts,
+        CreatedCounts { pipelines: before.created_counts.pipelines + 1, ..before.created_counts }
+    );
     assert!(frame(&after).rgba != frame(&before).rgba);
 }
 
@@ -539,12 +549,12 @@ fn a_faulty_shader_leaves_the_last_valid_one_in_use() {
     thread.renderer.shaders_changed();
     let broken = thread.render(&scene, 1.0);
     assert!(broken.notes.iter().any(|n| n.contains("scene.wgsl:1:")), "{:?}", broken.notes);
-    assert!(frame(&broken).rgba == frame(&before).rgba && broken.work == before.work);
+    assert!(frame(&broken).rgba == frame(&before).rgba && broken.created_counts == before.created_counts);
     fs::write(folder.join("scene.wgsl"), format!("{text}\n// mended\n")).unwrap();
     let scene = scene_of(test.next());
     thread.renderer.shaders_changed();
     let mended = thread.render(&scene, 1.0);
-    assert!(mended.notes.is_empty() && mended.work.pipelines > before.work.pipelines);
+    assert!(mended.notes.is_empty() && mended.created_counts.pipelines > before.created_counts.pipelines);
     assert!(frame(&mended).rgba == frame(&before).rgba);
 }
 

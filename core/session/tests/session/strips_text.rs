@@ -116,7 +116,7 @@ fn splitting_a_cue_preserves_its_content() {
             .unwrap(),
         "x();\n  a.play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(1.5) // in\n      .then(c, #{ speed: 2, trim: [1.0, 2.5] }).until(f(75));"
     );
-    let chain = split("a.|play(c).weight(0.5)\n    .then(d);", SecondHalf::Same, None).unwrap();
+    let chain = split("a.|play(c).weight(0.5)\n    .then(d);", SecondHalf::LikeFirstHalf, None).unwrap();
     assert_eq!(chain, "a.play(c).until(1.5).weight(0.5)\n    .then(c).weight(0.5)\n    .then(d);");
     let keys = SecondHalf::ClipTime([[1.5, 0.25], [4.0, 2.75]]);
     // The second half gets all options that are not about the ends of the cue.
@@ -303,7 +303,7 @@ fn edits_of_truncated_text_do_not_panic() {
         for to in ends.iter().filter(|to| *to >= from) {
             for column in 1..9 {
                 let part = &text[*from..*to];
-                let _ = split_cue(part, 1, column, at(1.0), SecondHalf::Same, Some(0.1));
+                let _ = split_cue(part, 1, column, at(1.0), SecondHalf::LikeFirstHalf, Some(0.1));
                 let _ = duplicate_cue(part, 1, column, at(1.0), None);
                 let _ = set_disabled(part, 1, column, false);
                 let _ = copy_cue(part, 1, column, at(0.0), None);

@@ -39,7 +39,7 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
     if !run.errors.is_empty() {
         return checks;
     }
-    if let Some(problem) = run.broken.first() {
+    if let Some(problem) = run.stage_errors.first() {
         if !run.expectations.is_empty() {
             let place = SourceLocation { file: run.info.file.clone(), line: run.info.line, column: 0 };
             let mut check = failed_check(

@@ -3,7 +3,7 @@
 use super::html_trace::plots;
 use super::junit::escape_xml;
 use super::{accept_command, rerun_command};
-use crate::collect::shown;
+use crate::collect::display_path;
 use crate::outcome::{Check, Evidence, Outcome, Pictures, Status};
 use crate::run::Report;
 use base64::Engine;
@@ -55,7 +55,7 @@ pub fn report(report: &Report, about: &str) -> String {
     if !report.unused_images.is_empty() {
         html.push_str("<section class=\"file\"><h2>Stored images that no section uses</h2><ul>\n");
         for path in &report.unused_images {
-            let _ = writeln!(html, "<li><code>{}</code></li>", escaped_text(&shown(path)));
+            let _ = writeln!(html, "<li><code>{}</code></li>", escaped_text(&display_path(path)));
         }
         html.push_str("</ul></section>\n");
     }

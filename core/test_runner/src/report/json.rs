@@ -1,7 +1,7 @@
 //! The report as JSON, for other programs.
 
 use super::{accept_command, rerun_command};
-use crate::collect::{Case, shown};
+use crate::collect::{Case, display_path};
 use crate::outcome::{Evidence, Outcome, SourceLocation, Status};
 use crate::run::Report;
 use serde_json::{Value, json};
@@ -24,7 +24,7 @@ pub fn report(report: &Report, options: &Value) -> Value {
         "checks": counts.checks,
         "seconds": report.seconds,
         "options": options,
-        "unused_pictures": report.unused_images.iter().map(|p| shown(p)).collect::<Vec<_>>(),
+        "unused_pictures": report.unused_images.iter().map(|p| display_path(p)).collect::<Vec<_>>(),
         "sections": report.outcomes.iter().map(outcome_json).collect::<Vec<_>>(),
     })
 }
@@ -49,10 +49,10 @@ fn outcome_json(o: &Outcome) -> Value {
                 // Numbers without a finite value (NaN, or infinite for an unbounded side) become null.
                 Evidence::Traces(traces) => value["traces"] = json!(traces),
                 Evidence::Pictures(p) => {
-                    let written: Vec<String> = p.written.iter().map(|path| shown(path)).collect();
+                    let written: Vec<String> = p.written.iter().map(|path| display_path(path)).collect();
                     let at = |i: usize| written.get(i).filter(|w| !w.is_empty());
                     value["picture"] = json!({
-                        "name": p.name, "stored": shown(&p.stored), "measures": p.measures,
+                        "name": p.name, "stored": display_path(&p.stored), "measures": p.measures,
                         "expected": at(0), "got": at(1), "difference": at(2),
                     });
                 }

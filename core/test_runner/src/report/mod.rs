@@ -6,15 +6,15 @@ pub mod json;
 pub mod junit;
 pub mod terminal;
 
-use crate::collect::quoted;
+use crate::collect::shell_quote;
 use crate::outcome::{Evidence, Outcome};
 
 /// The command that runs one section alone.
 pub fn rerun_command(outcome: &Outcome) -> String {
-    let (file, arguments) = (quoted(&outcome.file), &outcome.rerun_arguments);
+    let (file, arguments) = (shell_quote(&outcome.file), &outcome.rerun_arguments);
     match outcome.section.as_str() {
         "" => format!("choreo test {file}{arguments}"),
-        section => format!("choreo test {file}{arguments} --filter {}", quoted(section)),
+        section => format!("choreo test {file}{arguments} --filter {}", shell_quote(section)),
     }
 }
 
@@ -25,10 +25,10 @@ pub fn accept_command(outcome: &Outcome) -> Option<String> {
         .iter()
         .filter(|c| !c.passed)
         .filter_map(|c| match &c.evidence {
-            Evidence::Pictures(p) => Some(format!("--accept={}", quoted(&p.name))),
+            Evidence::Pictures(p) => Some(format!("--accept={}", shell_quote(&p.name))),
             _ => None,
         })
         .collect();
-    let (file, arguments) = (quoted(&outcome.file), &outcome.rerun_arguments);
+    let (file, arguments) = (shell_quote(&outcome.file), &outcome.rerun_arguments);
     (!names.is_empty()).then(|| format!("choreo test {file}{arguments} {}", names.join(" ")))
 }

@@ -1,7 +1,7 @@
 //! Text for a terminal: a failure states the expected value, the actual value, the error, where to look and what to type.
 
 use super::{accept_command, rerun_command};
-use crate::collect::{Case, shown};
+use crate::collect::{Case, display_path};
 use crate::images::ACCEPTED;
 use crate::outcome::{Check, Evidence, Outcome, Status};
 use crate::run::Report;
@@ -65,7 +65,7 @@ fn write_check(text: &mut String, check: &Check) {
     row("off by", &check.by);
     if let Evidence::Pictures(pictures) = &check.evidence {
         for path in pictures.written.iter().filter(|p| !p.as_os_str().is_empty()) {
-            row("see", &shown(path));
+            row("see", &display_path(path));
         }
     }
     row("hint", &check.hint);
@@ -96,7 +96,7 @@ pub fn summary(report: &Report) -> String {
         let _ = writeln!(text, "accepted {}", check.expected);
     }
     for path in &report.unused_images {
-        let _ = writeln!(text, "no section uses {}: remove it if it is not needed", shown(path));
+        let _ = writeln!(text, "no section uses {}: remove it if it is not needed", display_path(path));
     }
     let counts = report.counts();
     let mut parts = vec![format!("{} passed", counts.passed)];

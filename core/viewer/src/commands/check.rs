@@ -1,6 +1,6 @@
 //! Messages of `choreo check` about a displayed scene, in addition to those of its script's run.
 
-use choreo_command_line::{SceneToSurvey, survey};
+use choreo_command_line::{SceneToSurvey, survey_scene};
 use choreo_session::{Problem, Scene, SceneSource};
 
 /// Checks frames over the whole length of the scene, and runs the statements of its tests. `None` if `goes_on` returned `false`.
@@ -17,5 +17,5 @@ pub fn messages(
         places: &scene.places,
         options: source.script_options(&scene.assets),
     };
-    survey(scene, goes_on)
+    survey_scene(scene, goes_on)
 }

@@ -58,7 +58,7 @@ struct Jobs {
     last: u64,
     running: Option<(u64, Process)>,
     /// Whether a worker thread is running.
-    works: bool,
+    has_worker: bool,
     /// Whether the window was closed, so that no job is started.
     ended: bool,
 }
@@ -86,13 +86,13 @@ impl RenderQueue {
         let number = jobs.last;
         let Request { command, output, about, .. } = asked;
         jobs.all.push(Job { number, command, output, about, words, state: JobState::Waiting });
-        if std::mem::replace(&mut jobs.works, true) {
+        if std::mem::replace(&mut jobs.has_worker, true) {
             return;
         }
         let shared = self.0.clone();
         let thread = std::thread::Builder::new().name("renders".into());
-        if let Err(error) = thread.spawn(move || work(&shared, &changed)) {
-            jobs.works = false;
+        if let Err(error) = thread.spawn(move || run_waiting_jobs(&shared, &changed)) {
+            jobs.has_worker = false;
             set_state(&mut jobs, number, JobState::Failed(format!("cannot start a thread: {error}")));
         }
     }
@@ -127,14 +127,14 @@ fn set_state(jobs: &mut Jobs, number: u64, state: JobState) {
 }
 
 /// Runs one job after the other until none is waiting.
-fn work(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
+fn run_waiting_jobs(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
     loop {
         let (number, process) = {
             let mut jobs = locked(shared);
             let jobs = &mut *jobs;
             let next = jobs.all.iter_mut().find(|job| job.state == JobState::Waiting && !jobs.ended);
             let Some(job) = next else {
-                jobs.works = false;
+                jobs.has_worker = false;
                 return;
             };
             let number = job.number;

@@ -18,25 +18,27 @@ impl Viewer {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
         let (by, offset) = (self.named_by(what), self.copy_offset(what));
-        let (mut name, mut line, mut left, mut stays) = (None, 0, Vec::new(), None);
+        let (mut name, mut line, mut uncopied_lines, mut computed_position_line) =
+            (None, 0, Vec::new(), None);
         self.change(&place, siblings, |text| {
             let made = duplicate_object(text, (place.line, place.column), by, offset)?;
             line = text[..made.edit.range.start].matches('\n').count() + 1;
-            (name, left, stays) = (made.name, made.left, made.stays);
+            name = made.name;
+            (uncopied_lines, computed_position_line) = (made.uncopied_lines, made.computed_position_line);
             Ok(made.edit)
         })?;
-        let left: Vec<String> = left.iter().map(usize::to_string).collect();
-        let lines = if left.len() == 1 { "line" } else { "lines" };
-        let lacks = (!left.is_empty()).then(|| {
-            format!("the copy lacks the effect of other statements, in {lines} {}", left.join(", "))
+        let uncopied_lines: Vec<String> = uncopied_lines.iter().map(usize::to_string).collect();
+        let lines = if uncopied_lines.len() == 1 { "line" } else { "lines" };
+        let lacks = (!uncopied_lines.is_empty()).then(|| {
+            format!("the copy lacks the effect of other statements, in {lines} {}", uncopied_lines.join(", "))
         });
-        let stays = stays.map(|line| {
+        let computed_position = computed_position_line.map(|line| {
             format!("the copy is at the same place as the original: line {line} computes its place")
         });
         let carried = self.attached_to(what).map(|parent| {
             format!("the copy is at the same place as the original: both are attached to {parent}")
         });
-        let notes: Vec<String> = lacks.into_iter().chain(stays).chain(carried).collect();
+        let notes: Vec<String> = lacks.into_iter().chain(computed_position).chain(carried).collect();
         self.note = (!notes.is_empty()).then(|| notes.join("; "));
         let before = |places: &[Place]| places.iter().filter(|place| place.line <= line).count();
         self.selection = match (what, name) {

@@ -255,7 +255,7 @@ fn second_half(bar: &Bar, strip: &Strip, at: f64) -> Result<SecondHalf, EditErro
             let into = played % length;
             // Times are written with 3 decimal places.
             if into < 5e-4 || length - into < 5e-4 {
-                return Ok(SecondHalf::Same);
+                return Ok(SecondHalf::LikeFirstHalf);
             }
             // The rest, up to the end of the crossfade into the next clip, fits into this round.
             if (bar.end.as_secs() - at) * strip.speed <= length - into {

@@ -79,7 +79,7 @@ pub fn ring_points(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Ite
 pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at: DVec2) -> Option<Handle> {
     let center = world_from_model.translation;
     let length = ARM_LENGTH * lens.metres_per_point(center);
-    let middle = lens.point(center)?;
+    let middle = lens.project_point(center)?;
     if tool != Tool::Turn && (at - middle).length() < GRAB_DISTANCE {
         return Some(Handle::Middle);
     }
@@ -87,11 +87,12 @@ pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at
         match tool {
             Tool::Turn => {
                 let points: Vec<DVec2> =
-                    ring_points(center, axis, length).filter_map(|p| lens.point(p)).collect();
+                    ring_points(center, axis, length).filter_map(|p| lens.project_point(p)).collect();
                 points.windows(2).map(|w| distance_to_segment(at, w[0], w[1])).reduce(f64::min)
             }
             _ => {
-                let tip = lens.point(center + arm_direction(tool, axis, world_from_model) * length)?;
+                let tip =
+                    lens.project_point(center + arm_direction(tool, axis, world_from_model) * length)?;
                 Some(distance_to_segment(at, middle, tip))
             }
         }
@@ -130,7 +131,7 @@ impl Drag {
             }
             (Tool::Turn, Handle::Axis(axis)) => {
                 // Angles are measured on the screen, so that a ring seen edge-on works as well as one seen along its axis.
-                let middle = lens.point(center).unwrap_or(self.from);
+                let middle = lens.project_point(center).unwrap_or(self.from);
                 let angle = |at: DVec2| libm::atan2(middle.y - at.y, at.x - middle.x);
                 let towards = if lens.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
                 let degrees = ((angle(to) - angle(self.from)) * towards).to_degrees();
@@ -218,16 +219,16 @@ mod tests {
         let lens = lens();
         let center = placed().translation;
         for (axis, along) in AXES.into_iter().enumerate() {
-            let from = lens.point(center + along * 0.2).unwrap();
+            let from = lens.project_point(center + along * 0.2).unwrap();
             assert_eq!(handle_at(Tool::Move, &placed(), &lens, from), Some(Handle::Axis(axis)));
-            let to = lens.point(center + along * 1.2).unwrap();
+            let to = lens.project_point(center + along * 1.2).unwrap();
             let Change::Move(by) = drag(Tool::Move, Handle::Axis(axis), from).change(&lens, to, false) else {
                 panic!()
             };
             assert!((by - along).length() < 1e-6, "{by}");
         }
-        let from = lens.point(center).unwrap();
-        let to = lens.point(center + DVec3::new(0.52, 0.0, -0.31)).unwrap();
+        let from = lens.project_point(center).unwrap();
+        let to = lens.project_point(center + DVec3::new(0.52, 0.0, -0.31)).unwrap();
         let ground = drag(Tool::Move, Handle::Middle, from);
         assert_eq!(handle_at(Tool::Move, &placed(), &lens, from), Some(Handle::Middle));
         let Change::Move(by) = ground.change(&lens, to, true) else { panic!() };
@@ -238,7 +239,7 @@ mod tests {
     #[test]
     fn drag_changes_are_rounded_to_the_screen_resolution() {
         let (lens, center) = (lens(), placed().translation);
-        let from = lens.point(center + DVec3::X * 0.5).unwrap();
+        let from = lens.project_point(center + DVec3::X * 0.5).unwrap();
         let to = from + DVec2::new(31.3, 4.7);
         let whole = |value: f64, parts: f64| (value * parts - (value * parts).round()).abs() < 1e-6;
         let change = |tool, handle| drag(tool, handle, from).change(&lens, to, false);
@@ -259,7 +260,7 @@ mod tests {
         );
         let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
         let lens = Lens::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0));
-        let middle = lens.point(placed().translation).unwrap();
+        let middle = lens.project_point(placed().translation).unwrap();
         let from = middle + DVec2::new(ARM_LENGTH, 0.0);
         assert_eq!(handle_at(Tool::Turn, &placed(), &lens, from), Some(Handle::Axis(1)));
         let turn = drag(Tool::Turn, Handle::Axis(1), from);
@@ -272,7 +273,7 @@ mod tests {
     fn scale_is_a_factor_and_never_becomes_negative() {
         let lens = lens();
         let center = placed().translation;
-        let at = |metres: f64| lens.point(center + DVec3::X * metres).unwrap();
+        let at = |metres: f64| lens.project_point(center + DVec3::X * metres).unwrap();
         let scale = drag(Tool::Scale, Handle::Axis(0), at(0.4));
         assert_eq!(scale.change(&lens, at(0.8), true), Change::Scale(DVec3::new(2.0, 1.0, 1.0)));
         let Change::Scale(by) = scale.change(&lens, at(-3.0), false) else { panic!() };

@@ -35,13 +35,13 @@ impl Lens {
     }
 
     /// Projects a point from world space to the window. `None` if it is behind the camera.
-    pub fn point(&self, world: DVec3) -> Option<DVec2> {
+    pub fn project_point(&self, world: DVec3) -> Option<DVec2> {
         let view = self.view_from_world.transform_point3(world);
         (!self.perspective || -view.z >= NEAR_PLANE).then(|| self.screen(view))
     }
 
     /// Projects the part of a line in front of the camera.
-    pub fn line(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
+    pub fn project_line(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
         let [mut a, mut b] = [a, b].map(|p| self.view_from_world.transform_point3(p));
         if self.perspective {
             if -a.z < NEAR_PLANE && -b.z < NEAR_PLANE {
@@ -126,13 +126,14 @@ mod tests {
                     10.0 + f64::from(clip.x / clip.w + 1.0) * 320.0,
                     20.0 + f64::from(clip.y / clip.w + 1.0) * 180.0,
                 );
-                let got = lens.point(world).unwrap();
+                let got = lens.project_point(world).unwrap();
                 assert!((got - expected).length() < 0.01, "{got} {expected}");
                 // The ray through the projected point passes through the original one.
                 let (origin, direction) = lens.ray(got);
                 assert!((world - origin).cross(direction).length() < 1e-6);
-                let moved =
-                    lens.point(world + camera.world_from_view.matrix3.x_axis * lens.metres_per_point(world));
+                let moved = lens.project_point(
+                    world + camera.world_from_view.matrix3.x_axis * lens.metres_per_point(world),
+                );
                 assert!((moved.unwrap() - got - DVec2::X).length() < 1e-6);
             }
         }
@@ -142,9 +143,9 @@ mod tests {
     fn lines_are_clipped_at_the_near_plane() {
         let lens = Lens::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
         let at = |z: f64| cameras()[0].world_from_view.transform_point3(DVec3::new(0.1, 0.1, z));
-        assert!(lens.point(at(1.0)).is_none() && lens.line(at(1.0), at(2.0)).is_none());
-        let [a, b] = lens.line(at(-2.0), at(5.0)).unwrap();
-        assert!((a - lens.point(at(-2.0)).unwrap()).length() < 1e-9);
+        assert!(lens.project_point(at(1.0)).is_none() && lens.project_line(at(1.0), at(2.0)).is_none());
+        let [a, b] = lens.project_line(at(-2.0), at(5.0)).unwrap();
+        assert!((a - lens.project_point(at(-2.0)).unwrap()).length() < 1e-9);
         assert!(b.is_finite() && (b - DVec2::new(320.0, 180.0)).length() > 100.0);
     }
 }

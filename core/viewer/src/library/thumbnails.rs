@@ -296,7 +296,7 @@ fn draw_frames(scene: &Arc<Scene>, times: &[Time]) -> Result<Vec<Frame>, Thumbna
     for (ticket, time) in times.iter().enumerate() {
         let request = FrameRequest::new(scene.clone(), *time, 4, ticket as u64);
         // Motion blur would need many sub-frames.
-        renderer.ask(FrameRequest { size: SIZE, moving: true, ..request });
+        renderer.request_frame(FrameRequest { size: SIZE, moving: true, ..request });
         let reply = reply.recv()?;
         frames.push(reply.result?.0);
     }

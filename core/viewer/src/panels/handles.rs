@@ -79,7 +79,7 @@ fn report(change: &Change) -> String {
 fn draw(painter: &Painter, tool: Tool, world_from_model: &DAffine3, hot: Option<Handle>, lens: &Lens) {
     let center = world_from_model.translation;
     let length = ARM_LENGTH * lens.metres_per_point(center);
-    let Some(middle) = lens.point(center) else { return };
+    let Some(middle) = lens.project_point(center) else { return };
     for (axis, color) in COLORS.into_iter().enumerate() {
         let is_hot = hot == Some(Handle::Axis(axis));
         let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { color };
@@ -91,7 +91,7 @@ fn draw(painter: &Painter, tool: Tool, world_from_model: &DAffine3, hot: Option<
         }
         let tip = center + arm_direction(tool, axis, world_from_model) * length;
         line(painter, lens, center, tip, stroke);
-        let Some(at) = lens.point(tip) else { continue };
+        let Some(at) = lens.project_point(tip) else { continue };
         if tool == Tool::Scale {
             painter.rect_filled(Rect::from_center_size(point(at), vec2(10.0, 10.0)), 1.0, color);
         } else {

@@ -43,7 +43,7 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
         for (number, look) in actor.look_at.iter().enumerate().take(MAX_CALLS) {
-            let call = shown(&places.looks, number, "look_at");
+            let call = shown(&places.look_at_constraints, number, "look_at");
             let change = section(ui, &call, |ui, form| fields(ui, form, look));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
@@ -60,7 +60,7 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
         for call in springs.into_iter().take(MAX_CALLS) {
-            let all = written(SpringParameters::default(), viewer, &call);
+            let all = with_stated_literals(SpringParameters::default(), viewer, &call);
             let change = section(ui, &call, |ui, form| fields(ui, form, &all));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
@@ -99,7 +99,7 @@ fn fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange>
 }
 
 /// Values that a call states as literals; others have their defaults.
-fn written<T: Described>(mut of: T, viewer: &Viewer, call: &StatedCall) -> T {
+fn with_stated_literals<T: Described>(mut of: T, viewer: &Viewer, call: &StatedCall) -> T {
     let fps = viewer.playhead.fps().as_fps();
     for field in T::FIELDS {
         let value = call.written.get(field.name).and_then(|text| value(field, text, fps));

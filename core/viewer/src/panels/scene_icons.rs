@@ -103,8 +103,8 @@ impl Handle {
     fn of(viewer: &Viewer, icon: &SceneIcon, lens: &Lens) -> Handle {
         let chosen = viewer.selection == Some(icon.what.selected());
         let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
-        let lines = lines.into_iter().filter_map(|[a, b]| lens.line(a, b));
-        Handle { disc: lens.point(icon.at), lines: lines.collect() }
+        let lines = lines.into_iter().filter_map(|[a, b]| lens.project_line(a, b));
+        Handle { disc: lens.project_point(icon.at), lines: lines.collect() }
     }
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
@@ -238,7 +238,7 @@ fn name(what: &IconObject) -> String {
 }
 
 fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Lens) {
-    let Some(at) = lens.point(icon.at).map(point) else { return };
+    let Some(at) = lens.project_point(icon.at).map(point) else { return };
     let color = match (chosen, hot) {
         (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
         (_, true) => Color32::from_rgb(0xff, 0xe0, 0x70),

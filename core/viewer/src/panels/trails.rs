@@ -52,7 +52,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     let at_joint = |actor: usize, joint: usize| -> Option<DVec2> {
         let state = shown.snapshot.actors.get(actor).filter(|state| state.visible)?;
         let at = state.model_from_joint.get(joint)?.translation.as_dvec3();
-        canvas.lens.point(state.world_from_model.transform_point3(at))
+        canvas.lens.project_point(state.world_from_model.transform_point3(at))
     };
     let names = &scene.stage.actors;
     if let Some(JointRef { actor, joint }) = &viewer.joint
@@ -95,11 +95,11 @@ fn draw_path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: us
         if let Some(next) = at(index + 1) {
             line(painter, lens, here, next, Stroke::new(1.5, color));
         }
-        if let Some(dot) = lens.point(here) {
+        if let Some(dot) = lens.project_point(here) {
             painter.circle_filled(point(dot), 1.8, color);
         }
     }
-    if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| lens.point(at)) {
+    if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| lens.project_point(at)) {
         painter.circle_filled(point(dot), 4.0, NOW);
     }
 }

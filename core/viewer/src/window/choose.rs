@@ -2,7 +2,7 @@
 
 use super::gpu_error::{GpuError, Named};
 use ash::{khr, vk};
-use choreo_command_line::slower_than_the_cpu;
+use choreo_command_line::software_vulkan_reason;
 
 /// The best device that can present to the surface. A GPU is preferred to a driver that draws on the CPU, which is refused unless the user asked
 /// for Vulkan by name.
@@ -48,7 +48,7 @@ pub fn choose(
     let properties = unsafe { instance.get_physical_device_properties(physical) };
     if !named && properties.device_type == vk::PhysicalDeviceType::CPU {
         let name = properties.device_name_as_c_str().unwrap_or_default().to_string_lossy();
-        return Err(GpuError::Slower(slower_than_the_cpu(&name)));
+        return Err(GpuError::Slower(software_vulkan_reason(&name)));
     }
     Ok((physical, family))
 }

@@ -78,7 +78,7 @@ impl Device {
         }
     }
 
-    pub fn make(
+    pub fn create_objects(
         &mut self,
         instance: &ash::Instance,
         physical: vk::PhysicalDevice,

@@ -19,27 +19,27 @@ impl EventLog {
     }
 
     /// Reports a step of the program's start.
-    pub fn done(&self, what: &str) {
-        self.say(|| json!({ "event": what }));
+    pub fn startup_step(&self, what: &str) {
+        self.write_event(|| json!({ "event": what }));
     }
 
     /// Reports a version; its problems are errors if it is faulty, else warnings.
     pub fn version(&self, version: &SceneVersion) {
         let (number, faulty) = (version.number, version.scene.is_none());
-        self.say(|| {
+        self.write_event(|| {
             json!({ "event": "scene", "version": number, "faulty": faulty, "problems": version.problems.len() })
         });
     }
 
     /// Reports that the messages of `check` about a version have arrived.
     pub fn checked(&self, version: u64, messages: usize) {
-        self.say(|| json!({ "event": "checked", "version": version, "messages": messages }));
+        self.write_event(|| json!({ "event": "checked", "version": version, "messages": messages }));
     }
 
     /// Reports an image on the screen, with the durations of its frame and the objects that the renderer holds.
     pub fn shown(&self, view: usize, shown: &FrameInfo, held: &DeviceUsage) {
         let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;
-        self.say(|| {
+        self.write_event(|| {
             json!({
                 "event": "shown",
                 "view": view,
@@ -56,7 +56,7 @@ impl EventLog {
 
     /// Reports a frame of the window: CPU time of its panels, and total time including drawing.
     pub fn painted(&self, panels: Duration, whole: Duration) {
-        self.say(|| {
+        self.write_event(|| {
             json!({
                 "event": "painted",
                 "panels_ms": panels.as_secs_f64() * 1e3,
@@ -65,7 +65,7 @@ impl EventLog {
         });
     }
 
-    fn say(&self, line: impl FnOnce() -> Value) {
+    fn write_event(&self, line: impl FnOnce() -> Value) {
         let Some(since) = self.since else { return };
         let mut line = line();
         line["ms"] = json!(since.elapsed().as_secs_f64() * 1e3);

@@ -91,7 +91,7 @@ impl Gpu {
             object: "window",
             text: "its surface has no supported color format".into(),
         })?;
-        device.make(&self.instance, self.physical, family)?;
+        device.create_objects(&self.instance, self.physical, family)?;
         Ok(device)
     }
 

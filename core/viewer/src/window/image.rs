@@ -35,7 +35,7 @@ impl WindowImage {
             staging_memory: None,
             fresh: true,
         };
-        match picture.make(device, allocator) {
+        match picture.create_objects(device, allocator) {
             Ok(()) => Ok(picture),
             Err(e) => {
                 picture.destroy(device, allocator);
@@ -44,7 +44,7 @@ impl WindowImage {
         }
     }
 
-    fn make(&mut self, device: &ash::Device, allocator: &mut Allocator) -> Result<(), GpuError> {
+    fn create_objects(&mut self, device: &ash::Device, allocator: &mut Allocator) -> Result<(), GpuError> {
         let [width, height] = self.size;
         // The format is sRGB: sampling decodes and writing encodes again, so that the bytes do not change.
         let info = vk::ImageCreateInfo::default()

@@ -82,7 +82,7 @@ pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let events = start::event_loop()?;
     #[cfg(target_os = "linux")]
     lost_display::watch(&events);
-    event_log.done("event loop");
+    event_log.startup_step("event loop");
     let proxy = events.create_proxy();
     #[cfg(unix)]
     {
@@ -314,7 +314,7 @@ impl ViewerWindow {
                 self.frame_renderer.shaders_changed();
             }
             self.last_requested = Some(Instant::now());
-            self.frame_renderer.ask(request);
+            self.frame_renderer.request_frame(request);
         }
         // A frame that is being rendered wakes the window itself.
         if let Some(due) = due.filter(|_| !self.viewer.is_waiting()) {
@@ -375,7 +375,7 @@ impl ViewerWindow {
             Ok(true) => {
                 self.failures = 0;
                 for (view, frame) in std::mem::take(&mut self.frames) {
-                    self.frame_renderer.give_back(frame);
+                    self.frame_renderer.recycle_frame(frame);
                     if let Some(shown) = self.viewer.views.get(view).and_then(|v| v.shown.as_ref()) {
                         self.event_log.shown(view, shown, &self.viewer.device_usage);
                     }
@@ -503,7 +503,7 @@ impl ViewerWindow {
             });
         }
         if let Some(skipped) = self.frames.insert(view, frame) {
-            self.frame_renderer.give_back(skipped);
+            self.frame_renderer.recycle_frame(skipped);
         }
     }
 
@@ -573,12 +573,12 @@ impl ApplicationHandler<WindowMessage> for ViewerWindow {
         let attributes = attributes.with_name(format!("{}-view", self.program), self.program);
         let window = events.create_window(attributes).map_err(|e| e.to_string());
         let shown = window.map(|window| BareWindow::new(window, events, &self.proxy));
-        self.event_log.done("window");
+        self.event_log.startup_step("window");
         let opened = shown
             .and_then(|shown| OpenWindow::new(shown, self.device, &self.proxy).map_err(|e| e.to_string()));
         match opened {
             Ok(open) => {
-                self.event_log.done("device of the window");
+                self.event_log.startup_step("device of the window");
                 self.opened(open);
                 self.redraw();
             }

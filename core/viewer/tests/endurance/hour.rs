@@ -2,8 +2,8 @@
 //! must not crash, and the validation layer must report nothing:
 //! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance hour -- --ignored --nocapture` (default: 10); `CHOREO_SEED`.
 
-use crate::screen::chance::Chance;
-use crate::screen::kept::ResourceRecord;
+use crate::screen::random::Random;
+use crate::screen::resource_record::ResourceRecord;
 use crate::screen::viewer_process::ViewerProcess;
 use crate::screen::{Screen, assert_no_errors, is_validation_installed};
 use serde_json::Value;
@@ -32,7 +32,7 @@ struct SimulatedUser<'a> {
     screen: &'a Screen,
     window: &'a str,
     folder: &'a Path,
-    chance: Chance,
+    random: Random,
     size: [u64; 2],
 }
 
@@ -51,8 +51,8 @@ impl SimulatedUser<'_> {
     fn random_point(&mut self, part: [u64; 4]) -> [String; 2] {
         // `part` is in hundredths of the window: left, right, top, bottom.
         let [left, right, top, bottom] = part;
-        let x = self.size[0] * (left + self.chance.next(right - left)) / 100;
-        let y = self.size[1] * (top + self.chance.next(bottom - top)) / 100;
+        let x = self.size[0] * (left + self.random.next(right - left)) / 100;
+        let y = self.size[1] * (top + self.random.next(bottom - top)) / 100;
         [x.to_string(), y.to_string()]
     }
 
@@ -72,7 +72,7 @@ impl SimulatedUser<'_> {
             button,
         ]);
         // A drag can open a dialog, which blocks all other input.
-        if self.chance.next(4) == 0 {
+        if self.random.next(4) == 0 {
             self.screen.key(self.window, "Escape");
         }
     }
@@ -82,8 +82,8 @@ impl SimulatedUser<'_> {
         // Initial places of the panels.
         const PICTURE: [u64; 4] = [20, 70, 14, 60];
         const BARS: [u64; 4] = [12, 98, 72, 96];
-        let number = self.chance.next(1000) as f64 / 500.0;
-        match self.chance.next(16) {
+        let number = self.random.next(1000) as f64 / 500.0;
+        match self.random.next(16) {
             0 | 1 => self.save(&SCRIPT.replace("-0.6, 0.0", &format!("{:.3}, 0.0", number - 1.0))),
             2 => self.save(&SCRIPT.replace("until(2.0)", &format!("until({:.2})", 1.0 + number / 2.0))),
             3 => self.save(&SCRIPT.replace("\"Wave\"", "\"Waev\"")),
@@ -103,11 +103,11 @@ impl SimulatedUser<'_> {
             }
             12 => {
                 let at = self.random_point(PICTURE);
-                let (window, wheel) = (self.window, self.chance.one(&["4", "5"]));
+                let (window, wheel) = (self.window, self.random.one(&["4", "5"]));
                 self.screen.xdotool(&["mousemove", "--window", window, &at[0], &at[1], "click", wheel]);
             }
             13 => {
-                self.size = [400 + self.chance.next(980), 300 + self.chance.next(680)];
+                self.size = [400 + self.random.next(980), 300 + self.random.next(680)];
                 let [width, height] = self.size.map(|s| s.to_string());
                 self.screen.xdotool(&["windowsize", self.window, &width, &height]);
             }
@@ -151,7 +151,7 @@ impl SimulatedUser<'_> {
                     "ctrl+minus",
                     "Tab",
                 ];
-                self.screen.key(self.window, self.chance.one(&keys));
+                self.screen.key(self.window, self.random.one(&keys));
             }
         }
     }
@@ -201,11 +201,11 @@ fn random_use_leaks_no_memory_or_file_handles() {
     let mut viewer = ViewerProcess::start(command);
     viewer.shown(1);
     let window = screen.window();
-    let chance = Chance::new(seed);
+    let random = Random::new(seed);
     let mut person =
-        SimulatedUser { screen: &screen, window: &window, folder: folder.path(), chance, size: [1280, 860] };
+        SimulatedUser { screen: &screen, window: &window, folder: folder.path(), random, size: [1280, 860] };
     let mut actions = 0u64;
-    let mut kept = ResourceRecord::default();
+    let mut resource_record = ResourceRecord::default();
     for minute in 0..=minutes {
         let end = Instant::now() + Duration::from_secs(if minute == 0 { 0 } else { 60 });
         while Instant::now() < end {
@@ -214,12 +214,12 @@ fn random_use_leaks_no_memory_or_file_handles() {
             assert!(viewer.process.0.try_wait().unwrap().is_none(), "the viewer process has ended");
         }
         let shown = person.restore_view(&viewer);
-        kept.note(minute, actions, &viewer, &shown);
+        resource_record.note(minute, actions, &viewer, &shown);
         assert_no_errors(folder.path());
     }
     screen.key(&window, "ctrl+q");
     let status = crate::screen::until("the end", || viewer.process.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
     assert_no_errors(folder.path());
-    kept.assert_no_growth();
+    resource_record.assert_no_growth();
 }

@@ -3,8 +3,8 @@
 //! undoes and redoes it. One test runs as fast as possible; the other at the pace of a person, with breaks, for the requested time:
 //! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test endurance writing -- --ignored --nocapture`.
 
-use crate::screen::chance::Chance;
-use crate::screen::kept::ResourceRecord;
+use crate::screen::random::Random;
+use crate::screen::resource_record::ResourceRecord;
 use crate::screen::viewer_process::ViewerProcess;
 use crate::screen::{Screen, Screenshot, assert_no_errors, is_validation_installed, until};
 use choreo_viewer::panels::color_of_clip;
@@ -29,7 +29,7 @@ struct SimulatedUser<'a> {
     window: &'a str,
     viewer: &'a ViewerProcess,
     file: PathBuf,
-    chance: Chance,
+    random: Random,
     /// Mean pause between two actions, seconds.
     pace: f64,
     /// Newest version number that the viewer has reported.
@@ -41,7 +41,7 @@ struct SimulatedUser<'a> {
 impl SimulatedUser<'_> {
     /// Pauses like a user between two actions.
     fn pause(&mut self) {
-        let part = 0.5 + self.chance.next(1000) as f64 / 1000.0;
+        let part = 0.5 + self.random.next(1000) as f64 / 1000.0;
         std::thread::sleep(Duration::from_secs_f64(self.pace * part));
     }
 
@@ -111,7 +111,7 @@ impl SimulatedUser<'_> {
     /// Inserts a typing error: half a line, a wrong name or a missing parenthesis.
     fn insert_typo(&mut self, before: &str, line: &str) -> Option<String> {
         let half = line.char_indices().nth(line.chars().count() / 2)?.0;
-        let mistyped = match self.chance.next(3) {
+        let mistyped = match self.random.next(3) {
             0 => line[..half].to_string(),
             1 => line.replacen("(\"", "(\"x", 1),
             _ => line.replacen(')', "", 1),
@@ -122,9 +122,9 @@ impl SimulatedUser<'_> {
 
     /// Performs a random view action between two lines.
     fn perform_view_action(&mut self) {
-        match self.chance.next(5) {
+        match self.random.next(5) {
             0 => {
-                let to = 300 + self.chance.next(800) as usize;
+                let to = 300 + self.random.next(800) as usize;
                 self.scrub(to);
             }
             1 => {
@@ -139,7 +139,7 @@ impl SimulatedUser<'_> {
                 self.keys(&["c"]);
             }
             _ => {
-                let panel = self.chance.one(&["ctrl+5", "ctrl+6", "ctrl+7", "ctrl+8"]);
+                let panel = self.random.one(&["ctrl+5", "ctrl+6", "ctrl+7", "ctrl+8"]);
                 self.keys(&[panel, "Next", "Next", "Escape", "ctrl+2", "ctrl+4"]);
             }
         }
@@ -164,7 +164,7 @@ impl SimulatedUser<'_> {
             let text = format!("{before}{line}\n");
             // Blank lines and comments are saved together with the next line.
             if !line.trim().is_empty() && !line.starts_with("//") {
-                if self.chance.next(3) == 0
+                if self.random.next(3) == 0
                     && let Some(mistaken) = self.insert_typo(&before, line)
                 {
                     self.save(&mistaken);
@@ -174,7 +174,7 @@ impl SimulatedUser<'_> {
                 self.save(&text);
                 self.wait_for_version(true);
                 self.pause();
-                if self.chance.next(3) == 0 {
+                if self.random.next(3) == 0 {
                     self.perform_view_action();
                     self.pause();
                 }
@@ -229,7 +229,7 @@ impl SimulatedUser<'_> {
     fn drag_a_bar(&mut self, lesson: &str) {
         self.prepare_drag();
         let (_, right, y) = self.kims_bar();
-        let by = 20 + self.chance.next(60) as usize;
+        let by = 20 + self.random.next(60) as usize;
         self.drag((right + 1, y), (right + by, y));
         let (changed, come) = self.changed_lines(lesson);
         let [line] = &come[..] else { panic!("{changed}") };
@@ -273,8 +273,8 @@ impl SimulatedUser<'_> {
         let begins = |y: &usize| is_button(*y) && !shot.is(x, *y - 1, BUTTON);
         let clips: Vec<usize> = (top..bottom).filter(begins).collect();
         assert!(clips.len() > 4, "{clips:?}");
-        let clip = clips[self.chance.next(clips.len() as u64) as usize];
-        let to = 300 + self.chance.next(800) as usize;
+        let clip = clips[self.random.next(clips.len() as u64) as usize];
+        let to = 300 + self.random.next(800) as usize;
         let row = self.kims_bar().2;
         // A screenshot shows why no change has arrived.
         println!("a clip from {}, {} to {to}, {row}", x + 35, clip + 6);
@@ -292,7 +292,7 @@ impl SimulatedUser<'_> {
     /// Moves the actor along x, or turns it about y, which changes its first key or its angle.
     fn drag_the_actor(&mut self, lesson: &str, turn: bool) {
         self.select();
-        let by = 15 + self.chance.next(30) as usize;
+        let by = 15 + self.random.next(30) as usize;
         if turn {
             let (middle, _) = until("the arrow", || self.pixels_in_image(ALONG_X).first().copied());
             self.keys(&["r"]);
@@ -347,13 +347,13 @@ fn run_writing_session(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Simulat
     let mut viewer = ViewerProcess::start(command);
     let (version, _) = viewer.version(0);
     let window = screen.window();
-    let chance = Chance::new(seed);
+    let random = Random::new(seed);
     let mut person = SimulatedUser {
         screen: &screen,
         window: &window,
         viewer: &viewer,
         file,
-        chance,
+        random,
         pace,
         version,
         saves: 0,
@@ -392,7 +392,7 @@ fn editing_in_window_and_text_editor_leaks_nothing() {
     let pace = number("CHOREO_PACE_MS", 1000) as f64 / 1e3;
     run_writing_session(seed, pace, |person, lesson| {
         let start = Instant::now();
-        let mut kept = ResourceRecord::default();
+        let mut resource_record = ResourceRecord::default();
         let mut first: Option<Screenshot> = None;
         let mut idle: f64 = 0.0;
         while start.elapsed() < Duration::from_secs(minutes * 60) {
@@ -424,10 +424,10 @@ fn editing_in_window_and_text_editor_leaks_nothing() {
             let (number, _) = person.viewer.version(person.version);
             person.version = number;
             let (_, shown) = person.viewer.shown(number);
-            kept.note(start.elapsed().as_secs() / 60, person.actions, person.viewer, &shown);
+            resource_record.note(start.elapsed().as_secs() / 60, person.actions, person.viewer, &shown);
         }
         println!("at most {:.2} % of a core in breaks", idle * 100.0);
         assert!(idle < 0.01, "{idle}");
-        kept.assert_no_growth();
+        resource_record.assert_no_growth();
     });
 }

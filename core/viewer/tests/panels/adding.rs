@@ -25,7 +25,7 @@ sun(#{ direction: [-0.5, -1.0, -0.5] });
 effect("vignette");
 "##;
 
-fn desk(script: &str) -> Harness<'static, Place> {
+fn harness_with_script(script: &str) -> Harness<'static, Place> {
     let mut place = Place::new(script);
     place.paint();
     place.harness(vec2(1500.0, 1000.0))
@@ -117,7 +117,7 @@ fn additions_are_written_to_the_script_in_order() {
 
 #[test]
 fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
-    let mut desk = desk(SCRIPT);
+    let mut desk = harness_with_script(SCRIPT);
     for _ in 0..2 {
         desk.get_all_by_label("Add").next().unwrap().click();
         desk.run();
@@ -157,7 +157,7 @@ fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
 
 #[test]
 fn duplicating_an_actor_copies_all_lines_that_mention_it() {
-    let mut desk = desk(SCRIPT);
+    let mut desk = harness_with_script(SCRIPT);
     for (what, copy, more) in [
         (
             Selected::Actor("ada".into()),
@@ -303,7 +303,7 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
         ("tiny", false, "following"),
         ("tiny", true, "around"),
     ] {
-        let mut desk = desk(&script);
+        let mut desk = harness_with_script(&script);
         desk.state_mut().viewer.selection = selected.then(|| Selected::Actor(name.into()));
         desk.run();
         desk.get_all_by_label("Add").next().unwrap().click();
@@ -385,7 +385,7 @@ fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
             map.replace("up: \"white\"", "up: \"#ffffff\"").replace("strength: 0.5", "strength: 0.75"),
         ),
     ] {
-        let mut desk = desk(&script);
+        let mut desk = harness_with_script(&script);
         desk.state_mut().viewer.selection = Some(Selected::Light(0));
         desk.run();
         assert!(desk.query_by_label("ambient strength").is_none());
@@ -414,7 +414,7 @@ fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
     assert!(error.to_string().contains("ambient(\"white\", s * 0.5) is computed"), "{error}");
     assert_eq!(place.text(), script);
     // A sky is added here, and is then selected.
-    let mut desk = desk(SCRIPT);
+    let mut desk = harness_with_script(SCRIPT);
     desk.get_by_label("add the studio").click();
     desk.run();
     assert_eq!(desk.state().text(), format!("{SCRIPT}sky(\"studio\");\n"));
@@ -428,7 +428,7 @@ fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
 /// The text editor starts only on an explicit command, and a missing program is reported.
 #[test]
 fn selecting_a_line_does_not_open_the_editor_by_itself() {
-    let mut desk = desk(SCRIPT);
+    let mut desk = harness_with_script(SCRIPT);
     desk.state_mut().viewer.editor = Editor { command: Some("no-such-editor --wait".into()), terminal: None };
     desk.state_mut().viewer.go_to = Some(4);
     desk.run();
@@ -466,7 +466,7 @@ fn selecting_a_line_does_not_open_the_editor_by_itself() {
 /// A number is typed, and the next click selects another clip: the number still applies to the first.
 #[test]
 fn typed_text_is_applied_to_its_own_object_when_another_is_clicked() {
-    let mut desk = desk(SCRIPT);
+    let mut desk = harness_with_script(SCRIPT);
     let cue = |cue| Selected::Cue { actor: "ada".into(), layer: 0, cue };
     desk.state_mut().viewer.selection = Some(cue(0));
     desk.run();
@@ -498,7 +498,7 @@ fn an_end_before_the_start_is_refused() {
 /// Changing one number of a direction keeps the others, whatever its length; a camera is moved by its numbers.
 #[test]
 fn changing_one_number_keeps_the_text_of_its_neighbors() {
-    let mut desk = desk(SCRIPT);
+    let mut desk = harness_with_script(SCRIPT);
     for (what, label, typed, wanted) in [
         (Selected::Light(0), "light x", "0.25", SCRIPT.replace("[-0.5, -1.0, -0.5]", "[0.25, -1.0, -0.5]")),
         (
@@ -534,7 +534,7 @@ fn the_stage_is_changed_where_nothing_is_selected() {
         (SCRIPT, SCRIPT.replace("length: 4.0", "length: 10.5")),
         (plain, plain.replace("// Mine.\n", "// Mine.\nstage(#{ length: 10.5 });\n")),
     ] {
-        let mut desk = desk(script);
+        let mut desk = harness_with_script(script);
         desk.get_by_label("stage length").click();
         desk.run();
         desk.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::A);
@@ -553,7 +553,7 @@ fn the_length_of_the_stage_stays_in_frames() {
     let script = SCRIPT.replace("length: 4.0", "length: f(100)");
     for (typed, wanted) in [("10", "f(250)"), ("9.87", "f(247)"), ("f(75)", "f(75)"), ("31/3", "31.0 / 3.0")]
     {
-        let mut desk = desk(&script);
+        let mut desk = harness_with_script(&script);
         desk.get_by_label("stage length").click();
         desk.run();
         desk.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::A);
@@ -570,7 +570,7 @@ fn the_length_of_the_stage_stays_in_frames() {
 #[test]
 fn every_stage_field_changes_only_its_own_option() {
     let plain = "stage(#{ length: 2.0 });\nlet a = cast(\"a\", load(\"choreo:mannequin\"));\n";
-    let mut desk = desk(plain);
+    let mut desk = harness_with_script(plain);
     for (label, typed, wanted) in [
         ("stage fps", "25", "fps: 25.0"),
         ("stage width", "640", "size: [640, 720]"),
@@ -609,7 +609,7 @@ sun(#{ direction: [-0.5, -1.0, -0.5] });
 
 #[test]
 fn constraints_are_added_to_the_selected_actor() {
-    let mut desk = desk(REACHING);
+    let mut desk = harness_with_script(REACHING);
     desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
     desk.run();
     desk.get_all_by_label("Add").next().unwrap().click();

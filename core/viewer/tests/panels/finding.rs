@@ -14,7 +14,7 @@ camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
 // The last line of all.
 "#;
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
@@ -30,7 +30,7 @@ fn command(desk: &mut Desk, text: &str) {
 
 #[test]
 fn the_palette_runs_actions_and_goes_to_actors_clips_and_lines() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     command(&mut desk, "ada actor");
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
     command(&mut desk, "wave clip at");
@@ -64,7 +64,7 @@ fn the_palette_runs_actions_and_goes_to_actors_clips_and_lines() {
 /// Terms of Blender, Unity and video players find the actions and panels.
 #[test]
 fn the_palette_knows_the_words_of_other_programs() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     for (words, found) in [
         ("loop", "loop: play again and again"),
         ("range start", "range start: play from here"),
@@ -116,7 +116,7 @@ fn the_list_of_keys_fits_the_window() {
 
 #[test]
 fn arrow_keys_move_in_the_palette_and_a_click_runs_an_entry() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
     desk.run();
     desk.event(egui::Event::Text("one frame".into()));
@@ -138,7 +138,7 @@ fn arrow_keys_move_in_the_palette_and_a_click_runs_an_entry() {
 /// A click outside the palette closes it and presses nothing behind it.
 #[test]
 fn clicks_outside_the_palette_do_not_reach_the_panels() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let row = desk.get_by_label("row ada").rect().center();
     let click = |desk: &mut Desk| {
         desk.hover_at(row);
@@ -174,7 +174,7 @@ fn clicks_outside_the_palette_do_not_reach_the_panels() {
 #[test]
 fn shortcuts_are_assigned_in_the_shortcut_list() {
     const SPLIT: &str = "split the selected clips at the playhead";
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.key_press(Key::F1);
     desk.run();
     let choose = |desk: &mut Desk, modifiers: Modifiers, key: Key| {
@@ -221,7 +221,7 @@ fn shortcuts_are_assigned_in_the_shortcut_list() {
 /// Shortcuts in the user's file are compared independently of their spelling.
 #[test]
 fn shortcut_conflicts_are_found_in_any_spelling() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.key_press(Key::F1);
     for written in ["H", "h", "KeyH"] {
         let own = [("split".to_string(), written.to_string())];
@@ -245,7 +245,7 @@ fn shortcut_conflicts_are_found_in_any_spelling() {
 /// The script panel looks editable, so that keys over it neither delete nor split the selection.
 #[test]
 fn editing_keys_over_the_script_panel_change_nothing() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(1.0));
     desk.get_by_label("Script tab").click();
@@ -280,7 +280,7 @@ fn editing_keys_over_the_script_panel_change_nothing() {
 
 #[test]
 fn shortcuts_follow_the_preset_and_user_overrides() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let tool = |desk: &mut Desk, key| {
         desk.state_mut().viewer.tool = Tool::Move;
         desk.key_press(key);

@@ -93,7 +93,7 @@ impl Studio {
     fn paint(&self, harness: &mut Harness<'_, TestApp>) -> bool {
         let viewer = &mut harness.state_mut().viewer;
         let Some(asked) = viewer.next_request() else { return false };
-        self.painter.ask(asked);
+        self.painter.request_frame(asked);
         let reply = self.reply.recv_timeout(Duration::from_secs(600)).unwrap();
         assert!(viewer.take_frame(reply).is_some(), "{:?}", viewer.renderer_problems);
         true

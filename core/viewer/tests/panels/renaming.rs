@@ -24,7 +24,7 @@ let words = text("Hello").from(1.0);
 words.fade(0.5);
 "##;
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     let mut place = Place::new(SCRIPT);
     place.paint();
     place.harness(vec2(1500.0, 1000.0))
@@ -51,7 +51,7 @@ fn with_eve() -> String {
 
 #[test]
 fn renaming_an_actor_in_its_row_menu_renames_all_references() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().viewer.toggles.locked.insert("ada".into());
     desk.state_mut().viewer.toggles.muted.insert(("ada".into(), 0));
     desk.state_mut().viewer.toggles.expanded.insert(("ada".into(), Some(0)));
@@ -76,7 +76,7 @@ fn renaming_an_actor_in_its_row_menu_renames_all_references() {
 
 #[test]
 fn f2_renames_cameras_lights_and_titles() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().viewer.views[0].camera = ViewCamera::Named("wide".into());
     for (what, new, wanted) in [
         (Selected::Camera("wide".into()), "far", SCRIPT.replace("camera(\"wide\")", "camera(\"far\")")),
@@ -123,7 +123,7 @@ fn f2_renames_cameras_lights_and_titles() {
 
 #[test]
 fn an_object_is_renamed_in_the_inspector() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().viewer.selection = Some(Selected::Actor("bob".into()));
     desk.run();
     desk.get_by_label("name field").click();

@@ -29,7 +29,7 @@ marker("hello", 1.0);
 "##;
 
 /// A test harness that has drawn the first frame.
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     let mut place = Place::new(SCRIPT);
     place.paint();
     place.harness(vec2(1500.0, 1000.0))
@@ -68,7 +68,7 @@ fn has(desk: &Desk, part: &str) -> bool {
 
 #[test]
 fn the_tree_hides_isolates_and_locks_actors() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     click(&mut desk, "hide ada");
     let hidden = |desk: &mut Desk| desk.state_mut().viewer.next_request().map(|asked| asked.overrides.hidden);
     assert_eq!(hidden(&mut desk), Some(vec![0]));
@@ -92,7 +92,7 @@ fn the_tree_hides_isolates_and_locks_actors() {
 
 #[test]
 fn the_status_bar_shows_a_problem_and_a_click_opens_the_messages() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().load_faulty(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
     desk.run();
     click(&mut desk, "faulty: the last good version is shown");
@@ -102,7 +102,7 @@ fn the_status_bar_shows_a_problem_and_a_click_opens_the_messages() {
 
 #[test]
 fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     for (name, literal) in [("wide", ".fov(61.0)"), ("near", ".key(\"fov\", [[0.0, 61], [2.0, 50]])")] {
         if name == "near" {
             let text = desk
@@ -139,7 +139,7 @@ fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
 
 #[test]
 fn a_click_on_a_message_goes_to_its_line() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().load_faulty(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
     desk.run();
     press(&mut desk, Modifiers::COMMAND, Key::Num5);
@@ -161,7 +161,7 @@ fn a_click_on_a_message_goes_to_its_line() {
 
 #[test]
 fn the_performance_panel_counts_draws_and_caps_the_frame_rate() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     press(&mut desk, Modifiers::COMMAND, Key::Num8);
     desk.get_by_label("frame graph");
     let shown = desk.state().viewer.shown().unwrap();
@@ -175,7 +175,7 @@ fn the_performance_panel_counts_draws_and_caps_the_frame_rate() {
 
 #[test]
 fn a_view_follows_an_actor_flies_and_uses_any_camera() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let place = |desk: &Desk| match &desk.state().viewer.views[0].camera {
         ViewCamera::Free(orbit) | ViewCamera::Follow { orbit, .. } => {
             orbit.camera().world_from_view.translation
@@ -295,7 +295,7 @@ fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
 
 #[test]
 fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let rect = desk.get_by_label("picture").rect();
     let shown = desk.state().viewer.shown().unwrap();
     // The image fills the panel: 16 : 9, centered.
@@ -304,7 +304,7 @@ fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
     let corner = rect.center() - size / 2.0;
     let vector = |v: egui::Vec2| DVec2::new(f64::from(v.x), f64::from(v.y));
     let lens = Lens::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
-    let at = lens.point(picking::bounds_center(
+    let at = lens.project_point(picking::bounds_center(
         &desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].asset,
         &shown.snapshot.actors[0],
     ));
@@ -326,7 +326,7 @@ fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
 
 #[test]
 fn the_inspector_shows_layers_materials_joints_and_parameters() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     // In the middle of the fade, each clip has half of the weight.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(2.4));
     paint(&mut desk);
@@ -361,7 +361,7 @@ fn the_inspector_shows_layers_materials_joints_and_parameters() {
 
 #[test]
 fn the_sequencer_shows_times_in_the_chosen_unit() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.get_by_label("marker hello");
     click(&mut desk, "seconds");
     assert!(!desk.state().viewer.in_seconds);
@@ -406,7 +406,7 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
 
 #[test]
 fn the_viewer_is_fully_usable_by_keyboard() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let none = Modifiers::NONE;
     // Select, hide, play, step.
     press(&mut desk, none, Key::PageDown);

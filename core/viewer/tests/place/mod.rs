@@ -77,7 +77,7 @@ impl Place {
             });
             (FrameRenderer::start(start, move |p| drop(to.send(p))).unwrap(), reply)
         });
-        painter.ask(asked);
+        painter.request_frame(asked);
         let reply = reply.recv_timeout(Duration::from_secs(600)).unwrap();
         let taken = self.viewer.take_frame(reply);
         Some(taken.unwrap_or_else(|| panic!("{:?}", self.viewer.renderer_problems)).1)

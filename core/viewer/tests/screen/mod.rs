@@ -1,8 +1,8 @@
 //! A virtual X display, with simulated mouse and keyboard input.
 #![allow(dead_code)]
 
-pub mod chance;
-pub mod kept;
+pub mod random;
+pub mod resource_record;
 pub mod viewer_process;
 pub mod wayland;
 
@@ -53,7 +53,7 @@ pub fn assert_no_errors(folder: &Path) {
     }
 }
 
-pub fn there(program: &str) -> bool {
+pub fn is_program_installed(program: &str) -> bool {
     std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).any(|p| p.join(program).is_file())
 }
 
@@ -87,7 +87,7 @@ impl Screen {
     /// Starts the display. `None`, with a printed reason, if this machine lacks a program for it.
     pub fn new() -> Option<Screen> {
         for program in ["Xvfb", "xdotool", "import"] {
-            if !there(program) {
+            if !is_program_installed(program) {
                 println!("SKIP 1: {program} is not installed");
                 return None;
             }

@@ -1,6 +1,6 @@
 //! A headless Wayland compositor with simulated mouse and keyboard input.
 
-use super::{Running, Screenshot, there, until};
+use super::{Running, Screenshot, is_program_installed, until};
 use std::fs::{self, Permissions};
 use std::io::Write;
 use std::os::fd::AsFd;
@@ -53,7 +53,7 @@ impl Compositor {
     /// Starts the compositor. `None`, with a printed reason, if this machine lacks a program for it.
     pub fn new() -> Option<Compositor> {
         for program in ["sway", "grim"] {
-            if !there(program) {
+            if !is_program_installed(program) {
                 println!("SKIP 1: {program} is not installed");
                 return None;
             }

@@ -27,7 +27,7 @@ fn cue(layer: usize, cue: usize) -> Selected {
     Selected::Cue { actor: "ada".into(), layer, cue }
 }
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
@@ -61,7 +61,7 @@ fn drag_briefly(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
 
 #[test]
 fn modifier_keys_released_with_the_mouse_button_apply_to_the_drag() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let by = second(&desk);
     // Ctrl: the bar crossfades.
     let run = desk.get_by_label("Run on ada").rect().center();
@@ -98,7 +98,7 @@ fn modifier_keys_released_with_the_mouse_button_apply_to_the_drag() {
 /// The release and Ctrl+Z arrive in one frame on a slow machine: the drag is undone and can be redone.
 #[test]
 fn a_drag_can_be_undone_in_the_frame_in_which_it_ends() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let by = second(&desk);
     let wave = desk.get_by_label("Wave on bob").rect().center();
     let to = wave + vec2(by, 0.0);
@@ -136,7 +136,7 @@ fn a_drag_can_be_undone_in_the_frame_in_which_it_ends() {
 /// A click where two bars meet, even a long one, selects the bar under the pointer and drags nothing; a dragged handle follows the pointer.
 #[test]
 fn a_click_on_a_handle_selects_the_bar_under_it() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let edge = desk.get_by_label("start of Run in row 1").rect().center();
     let x = desk.get_by_label("Run on ada").rect().left();
     for (at, cue) in [(pos2(x - 2.0, edge.y), cue(0, 0)), (pos2(x + 2.0, edge.y), cue(0, 1))] {
@@ -213,7 +213,7 @@ fn a_fade_out_is_dragged_where_it_begins() {
 /// The boundary of two repeating clips moves alone: the first continues its loop, the second starts its first round there.
 #[test]
 fn a_boundary_of_clips_that_repeat_is_rolled() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let by = second(&desk);
     let rolled = SCRIPT.replace("until(2.0)", "until(2.6)");
     let edge = desk.get_by_label("start of Run in row 1").rect().center();
@@ -283,7 +283,7 @@ fn a_slip_needs_an_unplayed_part_of_the_clip() {
 
 #[test]
 fn dragging_a_bar_of_a_locked_row_is_refused_with_a_message() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let by = second(&desk);
     desk.get_by_label("lock the row of ada").click();
     desk.run();
@@ -360,7 +360,7 @@ fn nothing_is_added_to_a_locked_row() {
 /// No clip is placed after the end of the scene.
 #[test]
 fn an_edit_that_starts_after_the_scene_is_refused() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let copied = desk.state().viewer.copy_cues(&[cue(0, 0), cue(0, 1)]).unwrap();
     let viewer = |desk: &mut Desk, edit: &dyn Fn(&mut choreo_viewer::app::Viewer)| {
         edit(&mut desk.state_mut().viewer);
@@ -398,7 +398,7 @@ fn an_edit_that_starts_after_the_scene_is_refused() {
 /// move with it.
 #[test]
 fn the_message_names_an_end_that_moves_with_the_bar() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
     let note = "Walk, which it follows, now ends at 2.600 s";
     let start = pos2(run.left() + 3.0, run.center().y);
@@ -430,7 +430,7 @@ fn the_message_names_an_end_that_moves_with_the_bar() {
 /// Layers above the first crossfade, and are stretched and weighted, as the base layer is.
 #[test]
 fn upper_layers_are_edited_like_the_base_layer() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let by = second(&desk);
     // The later edge of a layer keeps its fade-out.
     let wave = desk.get_by_label("Wave on ada +1").rect().center();
@@ -518,7 +518,7 @@ fn the_unplayed_part_of_a_clip_is_drawn_over_the_next_bar() {
 /// Dragged bars and dropped clips snap to the beats of a typed tempo.
 #[test]
 fn bars_snap_to_beats() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let by = second(&desk);
     desk.get_by_label("beats a minute").click();
     desk.run();

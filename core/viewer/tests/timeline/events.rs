@@ -22,7 +22,7 @@ text("Hello there").from(0.8).until(3.2);
 marker("turn", 2.2);
 "##;
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
@@ -71,7 +71,7 @@ fn rows_have_their_events_at_the_right_times() {
 
 #[test]
 fn clicking_an_event_seeks_to_it_and_hovering_names_it() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let at = desk.get_by_label("event position, look begins on ada").rect().center();
     desk.hover_at(at);
     desk.run_steps(40);
@@ -104,7 +104,7 @@ fn clicking_an_event_seeks_to_it_and_hovering_names_it() {
 
 #[test]
 fn the_foot_strip_shows_the_foot_contacts() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let strip = desk.get_by_label("feet of ada").rect();
     // At some time of the walk a foot is on the ground.
     let down = (0..60).find_map(|step| {
@@ -137,7 +137,7 @@ fn the_foot_strip_shows_the_foot_contacts() {
 
 #[test]
 fn problem_markers_stay_until_the_problem_is_fixed() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let marked = |desk: &Desk| {
         let viewer = &desk.state().viewer;
         let rows = viewer.timeline.rows.iter().filter(|row| viewer.severity(&row.place).is_some());

@@ -307,7 +307,7 @@ fn easings_are_written_for_one_key_or_for_all() {
     assert_eq!(text, replaced(&[("\"smooth\"", "\"step\"")]));
 }
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
@@ -336,7 +336,7 @@ fn undone(desk: &mut Desk) {
 
 #[test]
 fn diamonds_are_selected_in_a_box_moved_and_deleted_together() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let row = desk.get_by_label("row ball").rect().center().y;
     // The diamond is at half the height of the row, since ball has no clips.
     let (left, right) = (x_of(&desk, 0.7), x_of(&desk, 2.3));
@@ -386,7 +386,7 @@ fn diamonds_are_selected_in_a_box_moved_and_deleted_together() {
 
 #[test]
 fn the_key_menu_sets_easing_and_value_and_deletes() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let row = desk.get_by_label("row ball").rect().center().y;
     let at = pos2(x_of(&desk, 1.0), row);
     secondary_click(&mut desk, at);
@@ -412,7 +412,7 @@ fn the_key_menu_sets_easing_and_value_and_deletes() {
 
 /// The curve editor in place of the sequencer, with the ball's curves.
 fn curves() -> Desk {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().viewer.selection = Some(ball());
     press(&mut desk, Modifiers::COMMAND, Key::Num9);
     // Rotations have a much larger range than positions.
@@ -540,7 +540,7 @@ fn delete_over_the_curve_editor_deletes_only_keys() {
 /// The menu of a key stays open while numbers are typed; only a command, Escape or a click outside closes it.
 #[test]
 fn the_menu_of_a_key_stays_while_numbers_are_typed() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let row = desk.get_by_label("row ball").rect().center().y;
     let at = pos2(x_of(&desk, 1.0), row);
     secondary_click(&mut desk, at);
@@ -612,7 +612,7 @@ cast(\"ball\", cube).key(\"scale\", [[0.0, 1], [0.333333333, 0.333], [2.0, 0.333
 /// Fit changes only the view of the curves, and newly shown curves are entirely visible.
 #[test]
 fn curves_are_fitted_to_the_view_when_first_shown() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let shown = choreo_viewer::state::span::Span { from: 3.0, to: 3.5 };
     desk.state_mut().viewer.span = shown;
     desk.state_mut().viewer.curves.time = shown;
@@ -687,7 +687,7 @@ fn the_handles_of_a_bezier_easing_are_dragged() {
 
 #[test]
 fn the_k_key_and_the_inspector_diamonds_set_keys() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().viewer.selection = Some(ball());
     desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
     desk.run();
@@ -717,7 +717,7 @@ fn the_k_key_and_the_inspector_diamonds_set_keys() {
 /// A camera and an effect have bars, which are selected with their keys; commands still apply to the keys.
 #[test]
 fn keys_of_objects_with_bars_are_duplicated_copied_and_cut_by_keyboard() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
     let fov = key(Selected::Camera("wide".into()), "fov", 2.0);
     desk.state_mut().viewer.select_keys(vec![fov]);
@@ -917,7 +917,7 @@ fn the_inspector_of_a_locked_row_changes_nothing() {
     ];
     for (name, act) in acts {
         for locked in [true, false] {
-            let mut desk = desk();
+            let mut desk = harness_with_script();
             desk.state_mut().viewer.selection = Some(ball());
             if locked {
                 desk.state_mut().viewer.toggles.locked.insert("ball".into());

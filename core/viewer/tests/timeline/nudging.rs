@@ -20,7 +20,7 @@ camera("three").at(2.0, 1.0, 4.0).cut(f(100), #{ dissolve: 0.4 });
 
 const END: Modifiers = Modifiers { shift: true, ..Modifiers::ALT };
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
@@ -44,7 +44,7 @@ fn refused(desk: &mut Desk, what: &Selected, modifiers: Modifiers, key: Key) -> 
 /// The end of a camera's bar is the cut to the next camera: its time changes, and no line is added.
 #[test]
 fn the_end_of_a_camera_is_the_next_cut() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let [one, two, three] = ["one", "two", "three"].map(|name| Selected::Camera(name.into()));
     for (camera, modifiers, key, from, to) in [
         (&one, END, Key::ArrowLeft, ".cut(2.0)", ".cut(1.96)"),
@@ -63,7 +63,7 @@ fn the_end_of_a_camera_is_the_next_cut() {
 /// A chained clip moves with its own end, as in a drag, and a note names what moved along.
 #[test]
 fn nudging_a_chained_clip_moves_its_start_and_end() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let wave = Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 };
     let (text, why) = press(&mut desk, &wave, Modifiers::ALT, Key::ArrowRight);
     let moved = SCRIPT.replace(".until(2.0)\n", ".until(2.04)\n").replace(".until(4.0)", ".until(4.04)");

@@ -25,7 +25,7 @@ fn cue(layer: usize, cue: usize) -> Selected {
     Selected::Cue { actor: "ada".into(), layer, cue }
 }
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
@@ -40,7 +40,7 @@ const WAVE: &str = "bob.play(moves.clip(\"Wave\"), #{\n    fade: 0.4, // softly\
 
 #[test]
 fn dragging_a_bar_onto_another_row_moves_its_clip_there() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let second = desk.get_by_label("time").rect().width() / 8.0;
     let bow = desk.get_by_label("Bow on ada +1").rect().center();
     let to = pos2(bow.x + 2.0 * second, height(&desk, "bob"));
@@ -118,7 +118,7 @@ fn shown_texts(desk: &mut Desk, from: Pos2, to: Pos2) -> Vec<String> {
 
 #[test]
 fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let bow = desk.get_by_label("Bow on ada +1").rect().center();
     let title = desk.get_by_label("\u{201c}Hello\u{201d} on titles").rect().center();
     for (from, row, why) in [
@@ -146,7 +146,7 @@ fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
 /// No tooltip covers the text at the pointer.
 #[test]
 fn a_bar_below_a_refusal_message_shows_no_tooltip() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let bow = desk.get_by_label("Bow on ada +1").rect().center();
     let is_hinted = |desk: &Desk| desk.query_by_label_contains("Bow\n").is_some();
     desk.hover_at(bow);
@@ -167,7 +167,7 @@ fn a_bar_below_a_refusal_message_shows_no_tooltip() {
 fn clips_are_pasted_on_the_selected_row_with_all_options() {
     let wanted = SCRIPT.replace("at(1.0, 0.0, 0.0);\n", &format!("at(1.0, 0.0, 0.0);\n{BOW}{WAVE}"));
     for way in ["Edit", "row", "keys"] {
-        let mut desk = desk();
+        let mut desk = harness_with_script();
         desk.state_mut().viewer.selection = Some(cue(1, 0));
         desk.run();
         desk.get_by_label("Wave on ada").click_modifiers(egui::Modifiers::COMMAND);
@@ -298,7 +298,7 @@ fn a_row_is_dragged_by_its_name_to_another_place() {
 /// A row shows its tooltip after a drop only once the pointer moves.
 #[test]
 fn no_tooltip_appears_where_a_row_was_dropped() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let name = |desk: &Desk, label: &str| {
         let row = desk.get_by_label(&format!("row {label}")).rect();
         pos2(row.left() + 30.0, row.center().y)
@@ -335,7 +335,7 @@ fn a_layer_is_dragged_below_another_and_stays_muted() {
 
 #[test]
 fn a_row_that_cannot_be_moved_there_says_why() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let name = |desk: &Desk, label: &str| desk.get_by_label(&format!("row {label}")).rect().center();
     for (row, to, why) in [
         ("camera", "bob", "the row of cameras stays above the others"),
@@ -362,7 +362,7 @@ fn a_row_that_cannot_be_moved_there_says_why() {
 /// A right click on free space of a row opens the menu of its object.
 #[test]
 fn a_right_click_on_free_row_space_opens_the_row_menu() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let time = desk.get_by_label("time").rect();
     let free = pos2(time.center().x, height(&desk, "bob"));
     secondary_click(&mut desk, free);

@@ -162,7 +162,7 @@ fn a_stretched_clip_plays_slower_and_several_bars_move_as_one_change() {
     assert!(text.contains("#{ strength: 0.5 }).from(1.4).until(2.4)"), "{text}");
 }
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
@@ -188,7 +188,7 @@ fn second(desk: &Desk) -> f32 {
 
 #[test]
 fn mouse_gestures_and_shortcuts_run_all_clip_edits() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let by = second(&desk);
     let wave = |desk: &Desk| desk.get_by_label("Wave on ada").rect();
     // Alt: slip. Ctrl: crossfade.
@@ -247,7 +247,7 @@ fn mouse_gestures_and_shortcuts_run_all_clip_edits() {
 /// The end handle left of a boundary between two bars rolls it as the start handle right of it does.
 #[test]
 fn both_handles_where_two_bars_meet_roll() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let (by, wave) = (second(&desk), desk.get_by_label("Wave on ada").rect());
     let rolled = SCRIPT
         .replace("until(2.0)\n", "until(2.6)\n")
@@ -264,7 +264,7 @@ fn both_handles_where_two_bars_meet_roll() {
 
 #[test]
 fn a_box_and_clicks_select_several_and_delete_takes_them_all() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let ruler = desk.get_by_label("time").rect();
     let row = |desk: &Desk, label: &str| desk.get_by_label(&format!("row {label}")).rect();
     // The box reaches from below the rows of bob up to those of ada.
@@ -286,7 +286,7 @@ fn a_box_and_clicks_select_several_and_delete_takes_them_all() {
 
 #[test]
 fn dragged_bars_snap_to_markers_and_edges() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let by = second(&desk);
     let bow = desk.get_by_label("Bow on ada +1").rect().center();
     // 0.03 s from the marker, which is between two frames.
@@ -296,7 +296,7 @@ fn dragged_bars_snap_to_markers_and_edges() {
 
 #[test]
 fn the_timeline_has_rows_for_layers_lights_and_titles() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let labels: Vec<String> = desk.state().viewer.timeline.rows.iter().map(|row| row.label.clone()).collect();
     assert_eq!(labels[..4], ["camera", "ada", "ada +1", "bob"]);
     assert!(labels.iter().any(|l| l == "effects") && labels.iter().any(|l| l == "titles 2"), "{labels:?}");

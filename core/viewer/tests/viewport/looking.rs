@@ -25,7 +25,7 @@ ada.reach("RightHand", [-0.35, 1.25, 0.35]).fade(0.0);
 let lamp = point(#{ position: [-1.2, 1.8, 0.5], intensity: 40.0 });
 "##;
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     let mut place = Place::new(SCRIPT);
     place.paint();
     // A free camera at the position of the script's camera.
@@ -53,7 +53,7 @@ fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let [left, top, right, bottom] = view.place.map(f64::from);
     let camera = view.displayed_camera(&viewer.scene.as_ref().unwrap().stage).unwrap();
     let lens = Lens::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
-    let at = lens.point(world).unwrap();
+    let at = lens.project_point(world).unwrap();
     pos2(at.x as f32, at.y as f32)
 }
 
@@ -67,7 +67,7 @@ fn click_at(desk: &mut Desk, at: Pos2) {
 
 #[test]
 fn clicking_an_axis_end_sets_an_orthographic_view_along_it() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     for side in Side::ALL {
         desk.get_by_label(&format!("{} view", side.name())).click();
         desk.run();
@@ -92,7 +92,7 @@ fn clicking_an_axis_end_sets_an_orthographic_view_along_it() {
 
 #[test]
 fn a_light_and_a_camera_are_picked_and_dragged_by_their_icons() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let lamp = DVec3::new(-1.2, 1.8, 0.5);
     let at = on_screen(&desk, lamp);
     click_at(&mut desk, at);
@@ -257,7 +257,7 @@ fn an_icon_is_dragged_in_either_of_two_free_viewports() {
 
 #[test]
 fn a_joint_is_picked_and_its_trail_is_where_frames_have_it() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     desk.state_mut().viewer.views[0].overlays.skeletons = true;
     desk.state_mut().viewer.views[0].overlays.trail = true;
     desk.state_mut().viewer.views[0].overlays.onion = true;
@@ -296,7 +296,7 @@ fn a_joint_is_picked_and_its_trail_is_where_frames_have_it() {
 
 #[test]
 fn a_target_of_inverse_kinematics_is_dragged_and_the_hand_follows() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let target = DVec3::new(-0.35, 1.25, 0.35);
     let to = target + DVec3::new(0.0, 0.15, 0.0);
     let (from, until) = (on_screen(&desk, target), on_screen(&desk, to));
@@ -317,7 +317,7 @@ fn a_target_of_inverse_kinematics_is_dragged_and_the_hand_follows() {
 /// During the drag of an icon, and until the script is reloaded, the image shows the object at the dragged position.
 #[test]
 fn a_dragged_scene_icon_shows_its_object_at_the_new_position() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let hand = |desk: &Desk| {
         let viewer = &desk.state().viewer;
         let names = viewer.scene.as_ref().unwrap().stage.actors[0].asset.skeleton.names();

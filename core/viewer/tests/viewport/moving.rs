@@ -17,13 +17,13 @@ camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
 effect("motion_blur");
 "##;
 
-fn desk() -> Desk {
+fn harness_with_script() -> Desk {
     Place::new(SCRIPT).harness(vec2(900.0, 700.0))
 }
 
 #[test]
 fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let viewer = &mut desk.state_mut().viewer;
     let room = viewer.views[0].panel_size;
     let whole = viewer.next_request().unwrap();
@@ -146,7 +146,7 @@ fn turn(desk: &mut Desk, at: Pos2) {
 
 #[test]
 fn the_wheel_zooms_the_sequencer_and_scrolls_over_the_names() {
-    let mut desk = desk();
+    let mut desk = harness_with_script();
     let ruler = desk.get_by_label("time").rect();
     let before = desk.state().viewer.span;
     turn(&mut desk, pos2(ruler.left() - 40.0, ruler.bottom() + 30.0));

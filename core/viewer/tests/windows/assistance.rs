@@ -1,6 +1,6 @@
 //! Accessibility of the window for a screen reader: read and operated by AT-SPI over D-Bus, with the registry of real desktops.
 
-use crate::screen::{Running, Screen, assert_no_errors, there, until};
+use crate::screen::{Running, Screen, assert_no_errors, is_program_installed, until};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -37,7 +37,7 @@ impl Session {
     /// Starts the bus. `None`, with a printed reason, if this machine lacks a program for it.
     fn new(screen: &Screen, folder: &Path) -> Option<Session> {
         let registry = Path::new("/usr/share/dbus-1/services/org.a11y.Bus.service");
-        if !there("dbus-daemon") || !registry.is_file() {
+        if !is_program_installed("dbus-daemon") || !registry.is_file() {
             println!("SKIP 1: dbus-daemon or at-spi2-core is not installed");
             return None;
         }

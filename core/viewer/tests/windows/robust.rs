@@ -144,7 +144,7 @@ fn a_window_shown_again_displays_the_changed_scene() {
 #[test]
 fn at_display_scale_two_the_image_is_drawn_pixel_for_pixel() {
     let Some(screen) = Screen::new() else { return };
-    if !crate::screen::there("xprop") {
+    if !crate::screen::is_program_installed("xprop") {
         println!("SKIP 1: xprop is not installed");
         return;
     }

@@ -1,7 +1,7 @@
 //! Damaged, hostile and odd files.
 
 use choreo_importer_kit_testing::{
-    Companions, assets, damage, error_text, import_bytes, options, sound, source, warnings,
+    Companions, asset_rules, assets, damage, error_text, import_bytes, options, source, warnings,
 };
 use choreo_plugin::{Claim, ImportScope, Importer, OptionValue};
 use glam::Vec3;
@@ -75,7 +75,7 @@ fn guessed_and_ignored_content_is_a_warning() {
     let said = |from: &str, to: &str| {
         assert!(ARM.contains(from), "{from}");
         let asset = import_bytes(&BvhImporter, "odd.bvh", ARM.replacen(from, to, 1)).unwrap();
-        sound::check("odd.bvh", &asset);
+        asset_rules::check("odd.bvh", &asset);
         let guess = |w: &String| w.starts_with("HIERARCHY: the format has no unit");
         warnings(&asset).into_iter().filter(|w| !guess(w)).collect::<Vec<_>>()
     };

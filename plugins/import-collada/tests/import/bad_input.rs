@@ -1,6 +1,6 @@
 //! Damaged and hostile files.
 
-use choreo_importer_kit_testing::{assets, damage, error_text, import_bytes, sound, warnings};
+use choreo_importer_kit_testing::{asset_rules, assets, damage, error_text, import_bytes, warnings};
 use import_collada::ColladaImporter;
 
 const ARM: &str = include_str!("../data/arm.dae");
@@ -102,7 +102,7 @@ fn unusual_files_are_imported_with_warnings() {
         assert!(ARM.contains(from), "{from}");
         let asset = import_bytes(&ColladaImporter, "odd.dae", ARM.replacen(from, to, 1))
             .unwrap_or_else(|e| panic!("{e}"));
-        sound::check("odd.dae", &asset);
+        asset_rules::check("odd.dae", &asset);
         warnings(&asset)
     };
     let has =

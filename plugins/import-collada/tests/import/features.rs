@@ -2,7 +2,7 @@
 
 use choreo_asset::{AlphaMode, Asset, LightKind, Projection, Shading, Wrap};
 use choreo_importer_kit_testing::{
-    Companions, error_text, import, import_bytes, pose, sound, source, warnings,
+    Companions, asset_rules, error_text, import, import_bytes, pose, source, warnings,
 };
 use choreo_motion::{Interpolation, Path};
 use choreo_plugin::{Claim, ImportScope, Importer};
@@ -30,7 +30,7 @@ fn companions() -> Companions {
 fn read(text: &str) -> Asset {
     let asset = import(&ColladaImporter, &source("arm.dae", text), &companions(), ImportScope::ALL);
     let asset = asset.unwrap_or_else(|e| panic!("{e}"));
-    sound::check("arm.dae", &asset);
+    asset_rules::check("arm.dae", &asset);
     asset
 }
 

@@ -1,13 +1,13 @@
 //! Files cut off and with single bits turned over; limits. `CHOREO_FLIPS=1000` is the long run.
 
 use crate::common;
-use choreo_importer_kit_testing::{alone, damage, error_text, import_bytes};
+use choreo_importer_kit_testing::{damage, error_text, import_bytes, own_process};
 use choreo_plugin::{Claim, Importer};
 use import_fbx::FbxImporter;
 
 #[test]
 fn truncated_files_and_flipped_bits_do_not_panic() {
-    if alone::ran_in_own_process() {
+    if own_process::ran_in_own_process() {
         return;
     }
     let flips = damage::flips();

@@ -2,7 +2,7 @@
 //! vertices that ufbx evaluates by its own code (`ufbx_evaluate_scene`, `ufbx_get_blend_vertex_offset`), and closed forms.
 
 use choreo_asset::Asset;
-use choreo_importer_kit_testing::{Companions, import, sound};
+use choreo_importer_kit_testing::{Companions, asset_rules, import};
 use choreo_plugin::ImportScope;
 use glam::DVec3;
 use import_fbx::FbxImporter;
@@ -62,7 +62,7 @@ fn read(bytes: &[u8]) -> Asset {
     let source = crate::common::source("a.fbx", bytes.to_vec());
     let asset = import(&FbxImporter, &source, &Companions::none(), ImportScope::ALL)
         .unwrap_or_else(|e| panic!("{e}"));
-    sound::check("a.fbx", &asset);
+    asset_rules::check("a.fbx", &asset);
     asset
 }
 

@@ -1,7 +1,7 @@
 //! Every sample file is sound, and the clips of one file play on the character of another.
 
 use crate::common;
-use choreo_importer_kit_testing::sound;
+use choreo_importer_kit_testing::asset_rules;
 use choreo_motion::bind_clip;
 
 #[test]
@@ -11,7 +11,7 @@ fn every_imported_file_is_consistent() {
     assert!(files.len() >= 23, "{}", files.len());
     for path in files {
         let asset = common::import_path(&path);
-        sound::check(&path.display().to_string(), &asset);
+        asset_rules::check(&path.display().to_string(), &asset);
         assert!(!asset.skeleton.is_empty());
     }
 }

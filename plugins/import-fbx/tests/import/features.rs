@@ -2,7 +2,7 @@
 
 use crate::common;
 use choreo_asset::{AlphaMode, Asset, LightKind, Primitive, Projection, Shading};
-use choreo_importer_kit_testing::{Companions, import, sound, warnings};
+use choreo_importer_kit_testing::{Companions, asset_rules, import, warnings};
 use choreo_motion::{Interpolation, Path, PropertyTarget, Time};
 use choreo_plugin::ImportScope;
 use glam::{DVec3, Vec3};
@@ -26,7 +26,7 @@ fn import_flag(needs: ImportScope) -> (Asset, Companions) {
 
 fn all() -> Asset {
     let asset = import_flag(ImportScope::ALL).0;
-    sound::check("flag.fbx", &asset);
+    asset_rules::check("flag.fbx", &asset);
     asset
 }
 

@@ -2,7 +2,7 @@
 
 use crate::common;
 use choreo_asset::{Asset, Projection};
-use choreo_importer_kit_testing::{Companions, import, sound, warnings};
+use choreo_importer_kit_testing::{Companions, asset_rules, import, warnings};
 use choreo_motion::{Clip, Interpolation, PropertyTarget, Time};
 use choreo_plugin::ImportScope;
 use glam::{DQuat, DVec3};
@@ -23,7 +23,7 @@ fn asset(objects: &str, links: &str) -> Asset {
         ImportScope::ALL,
     );
     let asset = asset.unwrap_or_else(|e| panic!("{e}"));
-    sound::check("a.fbx", &asset);
+    asset_rules::check("a.fbx", &asset);
     asset
 }
 

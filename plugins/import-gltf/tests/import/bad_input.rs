@@ -3,7 +3,7 @@
 use crate::common;
 use crate::common::sample::{POSITIONS, ROTATIONS, TIMES, WEIGHTS, sample};
 use choreo_asset::Asset;
-use choreo_importer_kit_testing::{alone, damage::random};
+use choreo_importer_kit_testing::{damage::random, own_process};
 use choreo_plugin::{Claim, Files, ImportOptions, ImportScope, Importer};
 use import_gltf::GltfImporter;
 use serde_json::{Value, json};
@@ -384,7 +384,7 @@ fn damaged(name: &str, bytes: Vec<u8>) -> bool {
 
 #[test]
 fn truncated_files_and_flipped_bits_do_not_panic() {
-    if alone::ran_in_own_process() {
+    if own_process::ran_in_own_process() {
         return;
     }
     let (json, bin) = sample();

@@ -1,7 +1,7 @@
 //! Damaged and hostile files.
 
 use choreo_importer_kit_testing::{
-    Companions, assets, damage, error_text, import, import_bytes, sound, source, warnings,
+    Companions, asset_rules, assets, damage, error_text, import, import_bytes, source, warnings,
 };
 use choreo_plugin::ImportScope;
 use import_obj::ObjImporter;
@@ -68,7 +68,7 @@ fn missing_or_broken_companion_files_are_warnings() {
     let import = |mtl: &str| {
         let files = Companions::of(vec![("a.mtl", mtl.into()), ("cut.png", b"\x89PNG\r\n\x1a\n".to_vec())]);
         let asset = import(&ObjImporter, &source("x.obj", text), &files, ImportScope::ALL).unwrap();
-        sound::check("x.obj", &asset);
+        asset_rules::check("x.obj", &asset);
         warnings(&asset)
     };
     assert_eq!(

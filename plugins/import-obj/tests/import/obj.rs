@@ -1,7 +1,7 @@
 //! Imports of OBJ and MTL files.
 
 use choreo_asset::{AlphaMode, Asset, Shading, Topology, Wrap};
-use choreo_importer_kit_testing::{Companions, import, options, sound, source, warnings};
+use choreo_importer_kit_testing::{Companions, asset_rules, import, options, source, warnings};
 use choreo_plugin::{Claim, ImportScope, Importer, OptionValue};
 use glam::{Vec2, Vec3, Vec4};
 use import_obj::ObjImporter;
@@ -36,14 +36,14 @@ fn room() -> Asset {
 
 fn read(text: &str) -> Asset {
     let asset = import(&ObjImporter, &source("x.obj", text), &Companions::none(), ImportScope::ALL).unwrap();
-    sound::check("x.obj", &asset);
+    asset_rules::check("x.obj", &asset);
     asset
 }
 
 #[test]
 fn groups_are_nodes_and_materials_primitives() {
     let asset = room();
-    sound::check("room.obj", &asset);
+    asset_rules::check("room.obj", &asset);
     assert_eq!(asset.skeleton.names(), ["room", "left", "right", "ceiling"]);
     let nodes: Vec<(u32, usize)> =
         asset.instances.iter().map(|i| (i.joint, asset.meshes[i.mesh as usize].primitives.len())).collect();

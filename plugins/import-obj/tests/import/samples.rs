@@ -1,7 +1,7 @@
 //! Sample files: counts and extents, compared with those of assimp.
 
 use choreo_asset::Asset;
-use choreo_importer_kit_testing::{assets, assimp, import_path, sound, warnings};
+use choreo_importer_kit_testing::{asset_rules, assets, assimp, import_path, warnings};
 use glam::Vec3;
 use import_obj::ObjImporter;
 
@@ -24,7 +24,7 @@ fn counts_and_extents_equal_those_of_assimp() {
     for (name, expected) in files {
         let path = folder.join(name);
         let asset = import_path(&ObjImporter, &path).unwrap();
-        sound::check(name, &asset);
+        asset_rules::check(name, &asset);
         let all = || asset.meshes.iter().flat_map(|m| &m.primitives);
         let triangles: usize = all().map(|p| p.indices.len() / 3).sum();
         let vertices = all().map(|p| p.positions.len()).sum();

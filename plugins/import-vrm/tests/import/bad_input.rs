@@ -1,7 +1,9 @@
 //! Damaged, hostile and odd files.
 
 use crate::common::{Version, animation, edited, glb, glb_of};
-use choreo_importer_kit_testing::{alone, assets, damage, error_text, import_bytes, sound, warnings};
+use choreo_importer_kit_testing::{
+    asset_rules, assets, damage, error_text, import_bytes, own_process, warnings,
+};
 use import_vrm::VrmImporter;
 use serde_json::{Value, json};
 
@@ -11,7 +13,7 @@ fn error_after_edit(version: Version, edit: impl FnOnce(&mut Value)) -> String {
 
 fn warnings_after_edit(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<String> {
     let asset = import_bytes(&VrmImporter, "odd.vrm", edited(version, edit)).unwrap();
-    sound::check("odd.vrm", &asset);
+    asset_rules::check("odd.vrm", &asset);
     asset.springs.check(asset.skeleton.len()).unwrap();
     warnings(&asset)
 }
@@ -125,7 +127,7 @@ fn repeated_spring_joints_are_simulated_once() {
 
 #[test]
 fn own_samples_truncated_and_bit_flipped_do_not_panic() {
-    if alone::ran_in_own_process() {
+    if own_process::ran_in_own_process() {
         return;
     }
     let flips = damage::flips();
@@ -139,7 +141,7 @@ fn own_samples_truncated_and_bit_flipped_do_not_panic() {
 /// `CHOREO_FLIPS=1000` for as many as the others have.
 #[test]
 fn downloaded_samples_truncated_and_bit_flipped_do_not_panic() {
-    if alone::ran_in_own_process() {
+    if own_process::ran_in_own_process() {
         return;
     }
     let Some(folder) = assets(10) else { return };
@@ -148,7 +150,7 @@ fn downloaded_samples_truncated_and_bit_flipped_do_not_panic() {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let bytes = std::fs::read(&path).unwrap();
         let asset = import_bytes(&VrmImporter, &name, bytes.clone()).unwrap();
-        sound::check(&name, &asset);
+        asset_rules::check(&name, &asset);
         assert!(asset.skeleton.humanoid().is_some_and(|h| h.bones().count() >= 15), "{name}");
         damage::run(&VrmImporter, &name, &bytes, damage::flips());
     }

@@ -2,7 +2,9 @@
 
 use crate::common::{Version, animation, character, edited, floats, glb, glb_of};
 use choreo_asset::{Asset, EyesMovedBy};
-use choreo_importer_kit_testing::{Companions, error_text, import, import_bytes, sound, source, warnings};
+use choreo_importer_kit_testing::{
+    Companions, asset_rules, error_text, import, import_bytes, source, warnings,
+};
 use choreo_motion::spring::parameters::ColliderShape;
 use choreo_motion::{HumanBone, Time, bind_clip};
 use choreo_plugin::{Claim, ImportScope, Importer};
@@ -17,7 +19,7 @@ const FACE: usize = 1;
 
 fn read(version: Version) -> Arc<Asset> {
     let asset = import_bytes(&VrmImporter, "tiny.vrm", glb(version)).unwrap();
-    sound::check("tiny.vrm", &asset);
+    asset_rules::check("tiny.vrm", &asset);
     Arc::new(asset)
 }
 
@@ -143,7 +145,7 @@ fn both_versions_have_equal_springs() {
 fn animations_retarget_to_both_versions_whatever_their_rest_axes() {
     let (json, bin) = animation();
     let vrma = import_bytes(&VrmImporter, "yes.vrma", glb_of(&json, &bin)).unwrap();
-    sound::check("yes.vrma", &vrma);
+    asset_rules::check("yes.vrma", &vrma);
     assert!(!vrma.meshes.is_empty(), "its bones are shown");
     assert_eq!(vrma.clips[0].expressions().len(), 1);
     for version in [Version::V0, Version::V1] {

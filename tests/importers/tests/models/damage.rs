@@ -2,7 +2,7 @@
 //! memory and time. The everyday test takes a seeded slice, small files first; all of it, some minutes in release:
 //! `cargo test --release -p importers --test models damage -- --ignored --nocapture`.
 
-use choreo_importer_kit_testing::{Companions, alone, assets, damage};
+use choreo_importer_kit_testing::{Companions, assets, damage, own_process};
 use importers::{GLTF_SAMPLES, SAMPLES, USD, as_usd, gltf_samples, import_whole, importer, samples};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,7 +13,7 @@ const GLTF: Samples = (GLTF_SAMPLES, gltf_samples);
 
 /// Cuts and flips of each file.
 fn run((count, samples): Samples, cuts: usize, flips: usize, budget_bytes: usize) {
-    if alone::ran_in_own_process() {
+    if own_process::ran_in_own_process() {
         return;
     }
     let Some(folder) = assets(count) else { return };
@@ -55,7 +55,7 @@ fn run((count, samples): Samples, cuts: usize, flips: usize, budget_bytes: usize
 
 /// Models as USD, cut off and with bits turned over.
 fn run_usd(cuts: usize, flips: usize) {
-    if alone::ran_in_own_process() {
+    if own_process::ran_in_own_process() {
         return;
     }
     let Some(folder) = assets(1) else { return };

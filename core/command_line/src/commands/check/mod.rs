@@ -5,7 +5,7 @@ mod callbacks;
 mod sheet;
 mod survey;
 
-pub use survey::{SceneToSurvey, survey};
+pub use survey::{SceneToSurvey, survey_scene};
 
 use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json, print_message};
@@ -15,7 +15,7 @@ use crate::scene::{self, OpenedScene, opening::OpenOptions};
 use crate::terminal::counted;
 use choreo_plugin::{Effect, Registry, SurfaceSample};
 use choreo_render::plan::light_clusters::MAX_LIGHTS;
-use choreo_script::testing::{TestOptions, has_sections, section_errors};
+use choreo_script::testing::{TestOptions, check_sections, has_sections};
 use choreo_script::{Diagnostic, Limits, Places, ScriptOptions, Severity};
 use choreo_stage::{EffectUse, Finding, Stage, Subject};
 use choreo_test_runner::collect;
@@ -43,7 +43,7 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
         let script = ScriptOptions {
             search_paths: args.scene.search.clone(),
             limits: scene.limits.clone(),
-            needs: OpenOptions::TO_INSPECT.needs,
+            requested_parts: OpenOptions::TO_INSPECT.requested_parts,
             ..ScriptOptions::default()
         };
         problems.extend(section_problems(&args.scene.input, root, script, &registry, &|| true));
@@ -104,7 +104,7 @@ fn section_problems(
     should_continue: &dyn Fn() -> bool,
 ) -> Vec<Problem> {
     let options = TestOptions { script, root, ..TestOptions::default() };
-    let found = section_errors(input, registry, &options, should_continue);
+    let found = check_sections(input, registry, &options, should_continue);
     found.errors.into_iter().map(Problem::Script).collect()
 }
 

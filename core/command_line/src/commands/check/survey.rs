@@ -22,7 +22,7 @@ pub struct SceneToSurvey<'s> {
 
 /// Messages of `choreo check --notes` that go beyond those of the script's run and its assets: first findings in the order of their places,
 /// then errors. `None` if `should_continue` returned false.
-pub fn survey(
+pub fn survey_scene(
     scene: SceneToSurvey<'_>,
     should_continue: &(dyn Fn() -> bool + Sync),
 ) -> Option<Vec<Diagnostic>> {

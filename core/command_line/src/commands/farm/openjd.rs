@@ -3,7 +3,7 @@
 use super::job::{FarmJob, Film, OUTPUT_FOLDER, ROWS_FILE, SCENE_FILE, SEGMENTS_FOLDER};
 use super::preview;
 use crate::failure::Failure;
-use choreo_test_runner::collect::quoted;
+use choreo_test_runner::collect::shell_quote;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -36,7 +36,7 @@ pub(crate) fn job_files(job: &FarmJob) -> Result<Vec<(&'static str, String)>, Fa
 pub(crate) fn run_command(folder: &Path, job: &FarmJob) -> String {
     let template = folder.join(TEMPLATE_FILE).display().to_string();
     let extensions = if job.pattern.is_some() { "" } else { " --extensions TASK_CHUNKING" };
-    format!("openjd run {} --step Join --run-dependencies{extensions}", quoted(&template))
+    format!("openjd run {} --step Join --run-dependencies{extensions}", shell_quote(&template))
 }
 
 fn template(job: &FarmJob) -> Value {

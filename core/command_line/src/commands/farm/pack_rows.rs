@@ -32,8 +32,10 @@ pub(super) fn pack_all_rows(
                 reopen_state.release_unused_assets(scene.limits.memory);
                 match &mut all {
                     Some(all) => {
-                        all.touched.read.extend(scene.touched.read);
-                        all.touched.missing_or_linked_paths.extend(scene.touched.missing_or_linked_paths);
+                        all.dependencies.read.extend(scene.dependencies.read);
+                        all.dependencies
+                            .missing_or_linked_paths
+                            .extend(scene.dependencies.missing_or_linked_paths);
                     }
                     none => *none = Some(scene),
                 }

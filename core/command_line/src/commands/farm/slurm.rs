@@ -3,7 +3,7 @@
 
 use super::job::{FarmJob, Film, OUTPUT_FOLDER, ROWS_FILE, SCENE_FILE};
 use crate::failure::Failure;
-use choreo_test_runner::collect::quoted;
+use choreo_test_runner::collect::shell_quote;
 use std::path::Path;
 
 /// Largest number of tasks in an array: the default of Slurm's MaxArraySize is 1001.
@@ -13,7 +13,7 @@ const SUBMIT_FILE: &str = "submit.sh";
 
 /// The command that submits the job.
 pub(crate) fn submit_command(folder: &Path) -> String {
-    format!("sh {}", quoted(&folder.join(SUBMIT_FILE).display().to_string()))
+    format!("sh {}", shell_quote(&folder.join(SUBMIT_FILE).display().to_string()))
 }
 
 /// An array of renders, and the join that follows it.
@@ -125,11 +125,11 @@ line=$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" {chunks})
 }
 
 fn quoted_words(options: &[String]) -> String {
-    options.iter().map(|option| format!(" {}", quoted(option))).collect()
+    options.iter().map(|option| format!(" {}", shell_quote(option))).collect()
 }
 
 fn film_render_script(array: &ArrayJob, film: &Film) -> String {
-    let (head, output, segments) = (render_head(array), quoted(&film.output), film.folder());
+    let (head, output, segments) = (render_head(array), shell_quote(&film.output), film.folder());
     let options = quoted_words(&film.options);
     format!(
         "{head}exec \"${{CHOREO:-choreo}}\" render {SCENE_FILE} -o {output} --frames \"$line\" --segment {segments} --resume --quiet{options}\n"
@@ -137,7 +137,7 @@ fn film_render_script(array: &ArrayJob, film: &Film) -> String {
 }
 
 fn row_render_script(pattern: &str, options: &[String]) -> String {
-    let (head, pattern, options) = (render_head(&FILM_ARRAY), quoted(pattern), quoted_words(options));
+    let (head, pattern, options) = (render_head(&FILM_ARRAY), shell_quote(pattern), quoted_words(options));
     format!(
         "{head}row=${{line%% *}}
 exec \"${{CHOREO:-choreo}}\" render {SCENE_FILE} --set-from {ROWS_FILE} --row \"$row\" -o {pattern} --frames \"${{line#* }}\" \
@@ -151,8 +151,11 @@ const WAIT_OPTION: &str = "--wait 60";
 
 fn film_join_script(film: &Film) -> String {
     let stem = if film.segments.is_empty() { "join" } else { "preview_join" };
-    let (head, segments, output) =
-        (script_head("join", stem, ""), film.folder(), quoted(&format!("{OUTPUT_FOLDER}/{}", film.output)));
+    let (head, segments, output) = (
+        script_head("join", stem, ""),
+        film.folder(),
+        shell_quote(&format!("{OUTPUT_FOLDER}/{}", film.output)),
+    );
     format!("{head}exec \"${{CHOREO:-choreo}}\" join {segments} -o {output} {WAIT_OPTION}\n")
 }
 

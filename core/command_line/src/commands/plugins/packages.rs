@@ -8,7 +8,7 @@ use crate::terminal::page::Page;
 use choreo_files::{FileError, Folder, WriteError};
 use choreo_plugin::Registry;
 use choreo_plugin::suggest::{did_you_mean, list as format_list};
-use choreo_session::package::{DESCRIPTION, FILE_ENDINGS, MOST_DESCRIPTION, Package, is_name};
+use choreo_session::package::{DESCRIPTION, FILE_ENDINGS, MAX_DESCRIPTION_BYTES, Package, is_name};
 use choreo_session::plugin_files::{Listing, list_package, packages_in, user_folder};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -67,7 +67,7 @@ fn read_description(folder: &Path) -> Result<Package, Failure> {
     }
     let failed = |e: FileError| Failure::input(format!("{shown}: cannot read: {e}"));
     let folder = Folder::open(folder).map_err(|e| failed(FileError::Io(e)))?;
-    let bytes = folder.read(Path::new(DESCRIPTION), MOST_DESCRIPTION).map_err(failed)?;
+    let bytes = folder.read(Path::new(DESCRIPTION), MAX_DESCRIPTION_BYTES).map_err(failed)?;
     let text = String::from_utf8(bytes);
     let text = text.map_err(|_| Failure::input(format!("{shown}: it is not UTF-8 text")))?;
     Package::parse(&shown, &text).map_err(|e| Failure::input(e.to_string()))

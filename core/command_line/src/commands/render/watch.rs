@@ -69,7 +69,8 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             }
         };
         if !args.quiet && !args.json {
-            let names: Vec<String> = changed.iter().map(|f| choreo_test_runner::collect::shown(f)).collect();
+            let names: Vec<String> =
+                changed.iter().map(|f| choreo_test_runner::collect::display_path(f)).collect();
             print(&format!("changed: {}\n", names.join(", ")))?;
         }
     }
@@ -77,16 +78,18 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
 
 /// Files of the last round, and folders in which plugin files would be found.
 fn paths_to_watch(args: &RenderArgs, reopen_state: &ReopenState) -> WatchedPaths {
-    let touched = reopen_state.touched();
+    let dependencies = reopen_state.dependencies();
     let mut paths_to_watch = WatchedPaths::default();
-    paths_to_watch.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
-    for path in touched.missing_or_linked_paths {
+    paths_to_watch.files.extend(dependencies.read.into_iter().map(|(path, hash)| (path, Some(hash))));
+    for path in dependencies.missing_or_linked_paths {
         let content = content_of(&path);
         paths_to_watch.files.entry(path).or_insert(content);
     }
     let named = &args.scene.import.plugins;
     let inputs = [args.scene.input.as_path()];
-    if let Ok(listing) = choreo_session::plugin_files::list(&Registry::default(), named, &inputs, None) {
+    if let Ok(listing) =
+        choreo_session::plugin_files::list_plugin_files(&Registry::default(), named, &inputs, None)
+    {
         for file in listing.files() {
             paths_to_watch.files.entry(file.to_path_buf()).or_insert_with(|| content_of(file));
         }

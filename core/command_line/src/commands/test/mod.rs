@@ -18,7 +18,7 @@ use choreo_plugin::Registry;
 use choreo_script::testing::TestOptions;
 use choreo_script::{NO_THREAD, ScriptOptions, did_you_mean};
 use choreo_session::plugin_files::Listing;
-use choreo_test_runner::collect::{self, Case, NothingToRun, Selection, quoted};
+use choreo_test_runner::collect::{self, Case, NothingToRun, Selection, shell_quote};
 use choreo_test_runner::images::{Accept, ImageOptions};
 use choreo_test_runner::outcome::Status;
 use choreo_test_runner::report::{html, json, junit, terminal};
@@ -124,13 +124,13 @@ impl TestJob {
                 ));
             }
         };
-        let (pictures, results) = if args.list { (None, None) } else { work_folders()? };
+        let (image_folder, results) = if args.list { (None, None) } else { work_folders()? };
         // A program that cannot be distinguished from another build must not reuse the results of that build.
         let program = results::program_identity();
         let options = RunOptions {
             // The current folder is the project if there is no `choreo.toml`: tests may use the scenes and assets in it.
             test: TestOptions { script, root: std::env::current_dir().ok(), ..TestOptions::default() },
-            pictures: ImageOptions { accept, device, any_device: args.any_device, failures: pictures },
+            images: ImageOptions { accept, device, any_device: args.any_device, failures: image_folder },
             timeout: Some(values::parse_timeout(&args.timeout)?),
             jobs: args.jobs.as_deref().map(values::parse_jobs).transpose()?.unwrap_or(0),
             results: results.filter(|_| program.is_some()),
@@ -167,7 +167,7 @@ impl TestJob {
 /// Options for the folders that were given, for the commands in messages that run sections again.
 fn folder_options(args: &TestArgs) -> String {
     let folder_option =
-        |flag: &str, folder: &PathBuf| format!(" {flag} {}", quoted(&folder.display().to_string()));
+        |flag: &str, folder: &PathBuf| format!(" {flag} {}", shell_quote(&folder.display().to_string()));
     let plugins = args.plugins.iter().map(|folder| folder_option("--plugins", folder));
     plugins.chain(args.search.iter().map(|folder| folder_option("--search", folder))).collect()
 }
@@ -216,8 +216,8 @@ fn work_folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
     }
     let here = std::env::current_dir().unwrap_or_default();
     let cache = device::cache_dir().map(|cache| cache.join("test"));
-    let pictures = cache.as_ref().map(|c| c.join("pictures").join(results::short_hash(&here)));
-    Ok((pictures, cache))
+    let image_folder = cache.as_ref().map(|c| c.join("pictures").join(results::short_hash(&here)));
+    Ok((image_folder, cache))
 }
 
 /// Whether the system refused a thread to a section, which says nothing about the section.
@@ -233,13 +233,13 @@ fn run_once(args: &TestArgs, job: &TestJob, cases: &[Case], registry: &Registry)
     let mut reporter = progress::ProgressReporter::new(args, cases);
     let report = run_cases(cases, registry, &job.options, &mut |outcome| reporter.report(outcome));
     reporter.finish(&report)?;
-    if let Accept::Named(names) = &job.options.pictures.accept
-        && let Some(name) = names.iter().find(|n| !report.pictures.contains(*n))
+    if let Accept::Named(names) = &job.options.images.accept
+        && let Some(name) = names.iter().find(|n| !report.images.contains(*n))
     {
         return Err(Failure::Usage(format!(
             "--accept={}: no section that ran has an image of this name{}",
-            quoted(name),
-            did_you_mean(name, report.pictures.iter().map(String::as_str))
+            shell_quote(name),
+            did_you_mean(name, report.images.iter().map(String::as_str))
         )));
     }
     let inputs = Inputs::new(report.files.iter().cloned());
@@ -251,18 +251,18 @@ fn run_once(args: &TestArgs, job: &TestJob, cases: &[Case], registry: &Registry)
         write(path, junit::report(&report))?;
     }
     if let Some(path) = &args.html {
-        let paths: Vec<String> = job.paths.iter().map(|p| collect::shown(p)).collect();
+        let paths: Vec<String> = job.paths.iter().map(|p| collect::display_path(p)).collect();
         let about = format!("choreo {}: {}", env!("CARGO_PKG_VERSION"), paths.join(", "));
         write(path, html::report(&report, &about))?;
     }
     if args.json {
         let about = json!({
             "version": env!("CARGO_PKG_VERSION"),
-            "paths": job.paths.iter().map(|p| collect::shown(p)).collect::<Vec<_>>(),
+            "paths": job.paths.iter().map(|p| collect::display_path(p)).collect::<Vec<_>>(),
             "filter": job.selection.filter,
             "shard": job.selection.shard,
             "changed": job.options.changed,
-            "any_device": job.options.pictures.any_device,
+            "any_device": job.options.images.any_device,
         });
         print_json(&json::report(&report, &about))?;
     }

@@ -78,7 +78,7 @@ pub fn run(args: &TestArgs, job: &TestJob, plugins: &Registry) -> Result<(), Fai
         };
         let here = std::env::current_dir().and_then(|d| d.canonicalize()).unwrap_or_default();
         let shown = changed.strip_prefix(&here).unwrap_or(&changed);
-        print(&format!("\nchanged: {}\n", choreo_test_runner::collect::shown(shown)))?;
+        print(&format!("\nchanged: {}\n", choreo_test_runner::collect::display_path(shown)))?;
     }
 }
 

@@ -29,7 +29,7 @@ pub(crate) fn write_archive<W: Write>(
             .map_err(|e| Failure::input(format!("{shown}: cannot read: {e}")))?;
         let hash = *blake3::hash(&bytes).as_bytes();
         // Package descriptions are read while plugins are listed, and have no recorded hash.
-        let read = source.canonicalize().ok().and_then(|path| scene.touched.read.get(&path));
+        let read = source.canonicalize().ok().and_then(|path| scene.dependencies.read.get(&path));
         if read.is_some_and(|read| *read != hash) {
             return Err(Failure::input(format!("{shown}: it was changed while it was packed; pack again")));
         }
@@ -165,11 +165,11 @@ fn link_names(
     sources: &BTreeMap<String, PathBuf>,
 ) -> Vec<(String, String)> {
     let links = scene
-        .touched
+        .dependencies
         .missing_or_linked_paths
         .iter()
         .filter_map(|link| Some((link, link.canonicalize().ok()?)));
-    let read = links.filter(|(_, target)| scene.touched.read.contains_key(target));
+    let read = links.filter(|(_, target)| scene.dependencies.read.contains_key(target));
     let places = read.filter_map(|(link, target)| {
         Some((roots.archive_path(link).ok()?, roots.archive_path(&target).ok()?))
     });
@@ -182,7 +182,7 @@ fn files_to_pack(
     args: &SceneArgs,
     roots: &ReadableFolders,
 ) -> Result<BTreeMap<String, PathBuf>, Failure> {
-    let read = &scene.touched.read;
+    let read = &scene.dependencies.read;
     let mut sources = BTreeMap::from([(roots.input.clone(), args.input.clone())]);
     for path in read.keys().filter(|path| Some(*path) != roots.input_path.as_ref()) {
         sources.insert(roots.archive_path(path)?, path.clone());

@@ -17,9 +17,9 @@ const MAX_SOFT_JOINTS: f64 = 100.0;
 /// Changes the layer (chain of cues) of this cue.
 fn change(c: &Call, change: impl FnOnce(&mut Chain) -> Result<(), ApiError>) -> Reply {
     let this: CueRef = c.this()?;
-    let mut build = c.build();
-    let chain = build.cue(this.0)?.chain;
-    change(&mut build.chains[chain])?;
+    let mut stage_draft = c.stage_draft();
+    let chain = stage_draft.cue(this.0)?.chain;
+    change(&mut stage_draft.chains[chain])?;
     c.receiver()
 }
 
@@ -29,10 +29,10 @@ pub fn on(c: &mut Call) -> Reply {
     let o = c.options(1, &["soft"])?;
     let soft = o.number_in("soft", 0.0, MAX_SOFT_JOINTS)?.unwrap_or(0.0);
     let asset = {
-        let mut build = c.build();
-        let chain = build.cue(this.0)?.chain;
-        let actor = build.chains[chain].actor;
-        build.actor(actor)?.actor.asset.clone()
+        let mut stage_draft = c.stage_draft();
+        let chain = stage_draft.cue(this.0)?.chain;
+        let actor = stage_draft.chains[chain].actor;
+        stage_draft.actor(actor)?.actor.asset.clone()
     };
     let mut mask = mask(&asset, &weights)?;
     soften(&asset, &mut mask, soft);
@@ -60,7 +60,7 @@ pub fn subtractive(c: &mut Call) -> Reply {
 
 fn reference_of_cue(c: &Call) -> Result<Reference, ApiError> {
     let this: CueRef = c.this()?;
-    let clip = c.build().cue(this.0)?.cue.clip.clone();
+    let clip = c.stage_draft().cue(this.0)?.cue.clip.clone();
     reference(c, &clip)
 }
 

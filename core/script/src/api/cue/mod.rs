@@ -74,26 +74,26 @@ api! {
 
 fn change(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result<(), ApiError>) -> Reply {
     let this: CueRef = c.this()?;
-    change(c.build().cue(this.0)?)?;
+    change(c.stage_draft().cue(this.0)?)?;
     c.receiver()
 }
 
 fn then(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     let (chain, actor) = {
-        let mut build = c.build();
-        let chain = build.cue(this.0)?.chain;
-        (chain, build.chains[chain].actor)
+        let mut stage_draft = c.stage_draft();
+        let chain = stage_draft.cue(this.0)?.chain;
+        (chain, stage_draft.chains[chain].actor)
     };
-    let asset = c.build().actor(actor)?.actor.asset.clone();
+    let asset = c.stage_draft().actor(actor)?.actor.asset.clone();
     let clip = bound_clip(c, 0, &asset)?;
-    check_limit(c.build().cues.len(), "cues", &c.shared.limits)?;
-    let origin = c.build().sequence_start;
+    check_limit(c.stage_draft().cues.len(), "cues", &c.context.limits)?;
+    let origin = c.stage_draft().sequence_start;
     let mut cue =
         CueDraft { origin, predecessor: Some(this.0), ..CueDraft::new(chain, clip, c.place.clone()) };
     read_options(c, 1, &mut cue)?;
-    let mut build = c.build();
-    let before = build.cue(this.0)?;
+    let mut stage_draft = c.stage_draft();
+    let before = stage_draft.cue(this.0)?;
     if before.has_successor {
         return Err(ApiError::new("then: another cue follows this cue already")
             .hint("call the next .then on the cue that follows"));
@@ -104,8 +104,8 @@ fn then(c: &mut Call) -> Reply {
             .hint("give it an end with .until(time)"));
     }
     before.has_successor = true;
-    build.cues.push(cue);
-    Ok(Dynamic::from(CueRef(build.cues.len() - 1)))
+    stage_draft.cues.push(cue);
+    Ok(Dynamic::from(CueRef(stage_draft.cues.len() - 1)))
 }
 
 fn clip_time(c: &mut Call) -> Reply {

@@ -161,9 +161,9 @@ fn method(c: &mut Call) -> Reply {
 /// Changes a copy of the cue, so that the build stays accessible while the values of the script are read.
 pub(crate) fn change_copy(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result<(), ApiError>) -> Reply {
     let this: CueRef = c.this()?;
-    let mut draft = c.build().cue(this.0)?.clone();
+    let mut draft = c.stage_draft().cue(this.0)?.clone();
     change(&mut draft)?;
-    *c.build().cue(this.0)? = draft;
+    *c.stage_draft().cue(this.0)? = draft;
     c.receiver()
 }
 

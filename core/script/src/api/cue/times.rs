@@ -8,32 +8,32 @@ use rhai::Dynamic;
 
 pub fn length(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
-    let length = c.build().cue(this.0)?.length();
+    let length = c.stage_draft().cue(this.0)?.length();
     Ok(Dynamic::from_float(length.as_secs()))
 }
 
 pub fn start(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
-    c.build().cue(this.0)?;
-    let (start, _) = times_of_cue(&c.build(), this.0);
-    Ok(Dynamic::from_float((start - c.build().sequence_start).as_secs()))
+    c.stage_draft().cue(this.0)?;
+    let (start, _) = times_of_cue(&c.stage_draft(), this.0);
+    Ok(Dynamic::from_float((start - c.stage_draft().sequence_start).as_secs()))
 }
 
 pub fn end(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
-    c.build().cue(this.0)?;
-    let (_, end) = times_of_cue(&c.build(), this.0);
+    c.stage_draft().cue(this.0)?;
+    let (_, end) = times_of_cue(&c.stage_draft(), this.0);
     let end = end.ok_or_else(|| {
         ApiError::new("end: this cue repeats without end").hint("give it an end with .until(time)")
     })?;
-    Ok(Dynamic::from_float((end - c.build().sequence_start).as_secs()))
+    Ok(Dynamic::from_float((end - c.stage_draft().sequence_start).as_secs()))
 }
 
 pub fn time_of(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     let count = if c.len() > 1 { c.number_in(1, 1.0, 1e6)? as i128 } else { 1 };
     let value = c.value(0);
-    let draft = c.build().cue(this.0)?.clone();
+    let draft = c.stage_draft().cue(this.0)?.clone();
     let at = if value.is_string() {
         crate::api::markers::clip_marker(c, &draft.cue.clip, &c.text(0)?)?
     } else {
@@ -49,9 +49,9 @@ pub fn time_of(c: &mut Call) -> Reply {
             end.as_secs()
         )));
     }
-    let build = c.build();
-    let (from, until) = times_of_cue(&build, this.0);
-    let repeat = draft.repeat_mode(build.chains[draft.chain].is_layer());
+    let stage_draft = c.stage_draft();
+    let (from, until) = times_of_cue(&stage_draft, this.0);
+    let repeat = draft.repeat_mode(stage_draft.chains[draft.chain].is_layer());
     let length = i128::from((end - start).0);
     let into = i128::from((if draft.reverse { end - at } else { at - start }).0);
     let played = match repeat {
@@ -66,5 +66,5 @@ pub fn time_of(c: &mut Call) -> Reply {
         ApiError::new(format!("time_of: clip \"{name}\" does not reach this time {count} times"))
             .hint("it ends earlier; to play it longer, use .loop() and .until(time)")
     })?;
-    Ok(Dynamic::from_float((when - build.sequence_start).as_secs()))
+    Ok(Dynamic::from_float((when - stage_draft.sequence_start).as_secs()))
 }

@@ -129,8 +129,8 @@ fn expect(c: &mut Call) -> Reply {
             c.wrong(0, "an Actor, Joint, Camera or Light, stage(), plan(), a number, a text, true or false, or an array of these")
         })?)
     };
-    let mut test = c.shared.test();
-    crate::build::check_limit(test.pending_expects.len(), "expectations", &c.shared.limits)?;
+    let mut test = c.context.test();
+    crate::build::check_limit(test.pending_expects.len(), "expectations", &c.context.limits)?;
     let stage = given.read_lock::<StageRef>().map_or(test.current_stage, |s| s.0);
     test.pending_expects.push(PendingExpect {
         place: c.place.clone(),
@@ -172,7 +172,7 @@ fn with_change(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
 /// Returns a changed copy of the receiver, and records the called method as a modifier of the next comparison.
 fn with_modifier(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
     let expect = c.expect()?;
-    if let Some(pending) = c.shared.test().pending_expects.get_mut(expect.id) {
+    if let Some(pending) = c.context.test().pending_expects.get_mut(expect.id) {
         pending.unused_modifier = Some((c.def.name, c.place.clone()));
     }
     with_change(c, change)
@@ -283,14 +283,18 @@ fn clip_name(c: &Call, actor: usize) -> Result<String, ApiError> {
         Some(clip) => clip.clip.name.clone(),
         None => c.text(0)?,
     };
-    let build = c.build();
-    let of_actor = |chain: usize| build.chains.get(chain).is_some_and(|chain| chain.actor == actor);
-    let played: Vec<&str> =
-        build.cues.iter().filter(|cue| of_actor(cue.chain)).map(|cue| cue.cue.clip.name.as_str()).collect();
+    let stage_draft = c.stage_draft();
+    let of_actor = |chain: usize| stage_draft.chains.get(chain).is_some_and(|chain| chain.actor == actor);
+    let played: Vec<&str> = stage_draft
+        .cues
+        .iter()
+        .filter(|cue| of_actor(cue.chain))
+        .map(|cue| cue.cue.clip.name.as_str())
+        .collect();
     if played.contains(&name.as_str()) {
         return Ok(name);
     }
-    let actor_name = build.actors.get(actor).map_or("", |d| d.actor.name.as_str());
+    let actor_name = stage_draft.actors.get(actor).map_or("", |d| d.actor.name.as_str());
     let error = ApiError::new(format!(
         "{}: actor \"{actor_name}\" does not play \"{name}\"{}",
         c.def.name,
@@ -317,7 +321,7 @@ fn clip_time(c: &mut Call) -> Reply {
 
 fn morph(c: &mut Call) -> Reply {
     let actor = c.actor_subject()?;
-    let asset = c.build().actor(actor)?.actor.asset.clone();
+    let asset = c.stage_draft().actor(actor)?.actor.asset.clone();
     let targets = morph_targets(&asset, &c.value(0), &c.label(0))?;
     select_measure(c, Measure::Number(Quantity::Morph { actor, targets }))
 }

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Messages of the viewer about a script, formatted as `check` prints them.
-fn said(script: &Path) -> String {
+fn viewer_messages(script: &Path) -> String {
     let source = SceneSource::new(script);
     let mut session = Session::new(source.clone(), &choreo::registry(), false).unwrap();
     let mut viewer = Viewer::new("a.rhai");
@@ -43,7 +43,7 @@ fn check_and_the_viewer_report_the_same_messages() {
         // A callback fails where the bounds of the whole scene are computed, before the other frames are checked.
         let expected = expected.replace("(at 3 s and in 29 more frames)", "(at 3 s)");
         let expected: String = expected.lines().filter(is_message).map(|line| format!("{line}\n")).collect();
-        let got = said(&script);
+        let got = viewer_messages(&script);
         if got != expected {
             faults.push(format!("{}\nexpected:\n{expected}\ngot:\n{got}", script.display()));
         }

@@ -1,12 +1,12 @@
 //! Pseudorandom numbers from a seed.
 
 /// Marsaglia's xorshift (2003).
-pub struct Chance(u64);
+pub struct Random(u64);
 
-impl Chance {
-    pub fn new(seed: u64) -> Chance {
+impl Random {
+    pub fn new(seed: u64) -> Random {
         // A state of zero would stay zero.
-        Chance(seed.max(1))
+        Random(seed.max(1))
     }
 
     pub fn next(&mut self, below: u64) -> u64 {
