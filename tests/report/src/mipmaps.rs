@@ -3,7 +3,7 @@
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Image;
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::scene::mips::mips;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use std::f64::consts::TAU;
@@ -127,7 +127,7 @@ fn filters() -> Choice {
     let mut cases: Vec<Case> = Vec::new();
     for filter in &FILTERS {
         let small = halved(&source, filter);
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for (got, exact) in small.iter().zip(&exact) {
             error.add((got - exact).abs());
         }

@@ -76,7 +76,7 @@ fn unindexed_strips_and_lines_are_imported() {
 }
 
 #[test]
-fn eight_and_twelve_influences() {
+fn eight_and_twelve_influences_are_read_and_normalized() {
     let mut b = Builder::new();
     let joints = b.add(&[1, 0, 0, 0].repeat(3), 5121, "VEC4", 3, false);
     let wide: Vec<u8> = [1u16, 0, 0, 0].repeat(3).iter().flat_map(|v| v.to_le_bytes()).collect();
