@@ -16,7 +16,7 @@ pub fn section() -> Result<Section, String> {
     light.choose("linear light, unrounded levels", "exact to the rounding of the last step");
     Ok(Section {
         title: "Mipmaps",
-        text: "A level averaged in sRGB codes is too dark wherever neighbours differ, up to a quarter of the range. Of filters, the ideal one \
+        text: "A level averaged in sRGB codes is too dark wherever neighbors differ, up to a quarter of the range. Of filters, the ideal one \
                keeps every wave that the smaller level can hold and drops all others. The box dims waves \
                near the limit and lets some beyond it alias; long filters do better but ring around edges, \
                the ideal one most of all."

@@ -150,7 +150,7 @@ fn the_scene_option_selects_the_scene() {
     assert_eq!(asset.skeleton.names(), ["node 3"]);
 }
 
-/// KHR_mesh_quantization: plain and normalised integers, with stride.
+/// KHR_mesh_quantization: plain and normalized integers, with stride.
 #[test]
 fn quantized_vertices_are_decoded() {
     let mut b = Builder::new();
@@ -227,7 +227,7 @@ fn morph_names_weights_and_animated_weights() {
     assert_eq!(b.import().meshes[0].morph_names, ["frown"]);
 }
 
-/// Rotations as normalised shorts and bytes; the flag itself is often forgotten.
+/// Rotations as normalized shorts and bytes; the flag itself is often forgotten.
 #[test]
 fn integer_rotations_are_decoded() {
     for flagged in [true, false] {
