@@ -102,8 +102,8 @@ pub fn section() -> Result<Section, String> {
         tables: Vec::new(),
         off_front: vec![(
             "displacement",
-            "a plane has two triangles, and two subdivision steps make only 32 of them, too few for these waves; \
-             a sphere starts with about 2,200.",
+            "a plane has two triangles, and two subdivision steps make only 32 of them, too few for \
+             these waves; a sphere starts with about 2,200.",
         )],
     })
 }

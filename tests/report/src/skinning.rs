@@ -30,8 +30,8 @@ pub fn section() -> Result<Section, String> {
         off_front: vec![
             (
                 "skinning",
-                "skin weights in model files are painted for linear blend skinning, which is also the cheapest; \
-                 a script selects dual quaternion skinning where limbs twist.",
+                "skin weights in model files are painted for linear blend skinning, which is also the \
+                 cheapest; a script selects dual quaternion skinning where limbs twist.",
             ),
             (
                 "positions",
