@@ -2,7 +2,7 @@
 // about: grain of photographic film, different in each frame
 // hook: image
 // off: strength = 0
-// param strength = 0.03 in 0..1: strength of the grain: standard deviation at medium grey, as a share of white
+// param strength = 0.03 in 0..1: strength of the grain: standard deviation at medium gray, as a share of white
 // param size = 1.5 px in 1..32: width of a grain
 // param colored = false: each color channel has its own grain
 // param still = false: every frame has the grain of the first

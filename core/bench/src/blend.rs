@@ -1,6 +1,6 @@
 //! Reference blend of two poses in f64, and the error of other blends against it.
 
-use crate::reference::{self, Local, Spread};
+use crate::reference::{self, ErrorStats, Local};
 use choreo_motion::{Pose, Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 
@@ -18,7 +18,7 @@ pub(crate) fn exact(skeleton: &Skeleton, from: &Pose, to: &Pose, weight: f64) ->
 
 /// Adds the distance of each joint from its exact position, in millimetres of model space. Returns the joint with the worst error so far,
 /// `None` if no joint exceeds earlier errors.
-pub(crate) fn add_errors(errors: &mut Spread, got: &[Affine3A], exact: &[DAffine3]) -> Option<usize> {
+pub(crate) fn add_errors(errors: &mut ErrorStats, got: &[Affine3A], exact: &[DAffine3]) -> Option<usize> {
     let mut worst = None;
     for (joint, (got, exact)) in got.iter().zip(exact).enumerate() {
         let at: DVec3 = Vec3::from(got.translation).as_dvec3();

@@ -122,16 +122,16 @@ pub fn evaluate(curve: &Curve, time: Time) -> [f64; 4] {
     }
 }
 
-/// Largest and mean value of some errors, and which one is the largest.
+/// Largest and mean of a set of errors, and the index of the largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Spread {
+pub struct ErrorStats {
     pub worst: f64,
     pub worst_at: usize,
     sum: f64,
     count: usize,
 }
 
-impl Spread {
+impl ErrorStats {
     /// Adds an error; true if it is the worst so far.
     pub fn add(&mut self, error: f64) -> bool {
         let index = self.count;
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn the_worst_error_is_found_with_its_index() {
-        let mut s = Spread::default();
+        let mut s = ErrorStats::default();
         let worse: Vec<bool> = [0.0, 2.0, 1.0].map(|e| s.add(e)).to_vec();
         assert_eq!((worse, s.worst, s.worst_at, s.mean()), (vec![true, true, false], 2.0, 1, 1.0));
     }

@@ -131,10 +131,10 @@ impl Triangulator {
         let (flat, next, previous) = (&self.flat, &self.next, &self.previous);
         self.spent += self.reflex.len() as u64;
         self.reflex.retain(|d| {
-            let neighbour = *d == before || *d == after;
+            let neighbor = *d == before || *d == after;
             let at = |i: u32| flat[i as usize];
             *d != removed
-                && (!neighbour
+                && (!neighbor
                     || twice_signed_area(at(previous[*d as usize]), at(*d), at(next[*d as usize])) < 0.0)
         });
     }

@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn a_million_vertices_at_one_point_are_fast() {
+    fn welding_a_million_vertices_at_one_point_is_fast() {
         let mut welder = Welder::default();
         welder.start(1);
         for n in 0..1_000_000 {

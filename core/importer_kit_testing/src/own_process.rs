@@ -2,8 +2,8 @@
 
 use std::process::Command;
 
-/// Environment variable that is set in the process of one test.
-const OWN_PROCESS_VARIABLE: &str = "CHOREO_ALONE";
+/// Environment variable that marks the process of a test that runs in a process of its own.
+const ISOLATED_TEST_ENV_VAR: &str = "CHOREO_ALONE";
 
 /// Runs the calling test in a process of its own: this test binary again, with that test only. Returns true in the calling process, where
 /// nothing is left to do; false in the new process, or if the test is alone already. Panics with the test's output if it fails there.
@@ -11,12 +11,12 @@ pub fn ran_in_own_process() -> bool {
     let thread = std::thread::current();
     // libtest names a thread after its test. Without threads it runs one test at a time, which is alone already.
     let Some(name) = thread.name().filter(|name| *name != "main") else { return false };
-    if std::env::var_os(OWN_PROCESS_VARIABLE).is_some() {
+    if std::env::var_os(ISOLATED_TEST_ENV_VAR).is_some() {
         return false;
     }
     let program = std::env::current_exe().unwrap_or_else(|e| panic!("the path of this program: {e}"));
     let mut command = Command::new(program);
-    command.args([name, "--exact", "--include-ignored", "--nocapture"]).env(OWN_PROCESS_VARIABLE, "1");
+    command.args([name, "--exact", "--include-ignored", "--nocapture"]).env(ISOLATED_TEST_ENV_VAR, "1");
     let output = command.output().unwrap_or_else(|e| panic!("{name} did not start again: {e}"));
     let text = String::from_utf8_lossy(&output.stdout);
     let stderr = String::from_utf8_lossy(&output.stderr);
@@ -42,14 +42,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_calling_test_runs_again_in_its_own_process() {
+    fn ran_in_own_process_reruns_its_caller_in_a_new_process() {
         let here = std::process::id();
         if ran_in_own_process() {
             return;
         }
         println!("process {here}");
         assert!(
-            std::env::var_os(OWN_PROCESS_VARIABLE).is_some() || std::thread::current().name() == Some("main")
+            std::env::var_os(ISOLATED_TEST_ENV_VAR).is_some()
+                || std::thread::current().name() == Some("main")
         );
     }
 

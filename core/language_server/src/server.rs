@@ -372,7 +372,12 @@ impl Server {
             "textDocument/didSave" | "workspace/didChangeWatchedFiles" => {
                 // A model or choreo.toml may have changed.
                 self.projects.borrow_mut().clear();
-                self.documents.keys().cloned().collect::<Vec<_>>().iter().for_each(|uri| self.submit(uri));
+                self.documents
+                    .keys()
+                    .cloned()
+                    .collect::<Vec<_>>()
+                    .iter()
+                    .for_each(|uri| self.submit_for_check(uri));
             }
             "workspace/didChangeConfiguration" => {
                 self.settings.update(&p["settings"]["choreo"]);
@@ -399,11 +404,11 @@ impl Server {
         let dependents: Vec<String> =
             self.last_results.values().filter(is_dependent).map(|checked| checked.uri.clone()).collect();
         // The checker runs the script first that is submitted last.
-        dependents.iter().for_each(|uri| self.submit(uri));
-        self.submit(uri);
+        dependents.iter().for_each(|uri| self.submit_for_check(uri));
+        self.submit_for_check(uri);
     }
 
-    fn submit(&self, uri: &str) {
+    fn submit_for_check(&self, uri: &str) {
         let Some(document) = self.documents.get(uri) else { return };
         let texts = self.documents.values().filter_map(|d| Some((d.path.clone()?, d.source.text.clone())));
         let unsaved_texts: UnsavedTexts = Arc::new(texts.collect());

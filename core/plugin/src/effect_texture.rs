@@ -125,8 +125,8 @@ mod tests {
         assert!(
             t.sample(Vec2::new(f32::NAN, f32::INFINITY)).w.is_nan() || t.sample(Vec2::splat(1e30)).w >= 0.0
         );
-        let grey = EffectTexture::new("t", [1, 1], &[188, 188, 188, 128], true).unwrap().sample(Vec2::ZERO);
-        assert!((grey.x - 0.5).abs() < 0.01 && (grey.w - 0.502).abs() < 0.001, "{grey}");
+        let gray = EffectTexture::new("t", [1, 1], &[188, 188, 188, 128], true).unwrap().sample(Vec2::ZERO);
+        assert!((gray.x - 0.5).abs() < 0.01 && (gray.w - 0.502).abs() < 0.001, "{gray}");
         assert_eq!(EffectTexture::new("t", [0, 1], &[], true), None);
         assert_eq!(EffectTexture::new("t", [2049, 1], &[0; 8196], true), None);
         assert_eq!(EffectTexture::new("t", [1, 1], &[0; 3], true), None);

@@ -1,6 +1,6 @@
 //! "Did you mean": the closest of the known names.
 
-/// Number of single-letter insertions, removals, replacements and swaps of neighbours that turn `a` into `b`
+/// Number of single-letter insertions, removals, replacements and swaps of neighbors that turn `a` into `b`
 /// (optimal string alignment distance), ignoring ASCII case.
 ///
 /// ```

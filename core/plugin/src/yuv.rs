@@ -180,7 +180,7 @@ fn product(a: i16, b: i16) -> i32 {
 mod tests {
     use super::*;
 
-    /// The definition in f64: E′Y = Kr R + Kg G + Kb B, Cb = (B − Y) / 2(1 − Kb), quantised to 16..235 and 16..240.
+    /// The definition in f64: E′Y = Kr R + Kg G + Kb B, Cb = (B − Y) / 2(1 − Kb), quantized to 16..235 and 16..240.
     fn reference_ycbcr([r, g, b]: [f64; 3], matrix: Matrix) -> [f64; 3] {
         let (kr, kb) = match matrix {
             Matrix::Bt601 => (0.299, 0.114),
@@ -214,8 +214,8 @@ mod tests {
     #[test]
     fn white_black_and_gray_have_neutral_chroma() {
         let mut yuv = Yuv420::default();
-        for (grey, luma) in [(0u8, 16u8), (255, 235)] {
-            yuv.convert(&[grey; 16], 2, 2, Matrix::Bt709, false);
+        for (gray, luma) in [(0u8, 16u8), (255, 235)] {
+            yuv.convert(&[gray; 16], 2, 2, Matrix::Bt709, false);
             assert_eq!((yuv.y[0], yuv.u[0], yuv.v[0]), (luma, 128, 128));
         }
     }

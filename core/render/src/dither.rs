@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_codes_do_not_change_and_means_are_exact() {
+    fn dithering_keeps_8_bit_values_and_the_mean() {
         for code in 0..=255u8 {
             let linear = srgb_to_linear_table()[usize::from(code)];
             for at in 0..TABLE_SIZE {

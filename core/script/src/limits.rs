@@ -87,7 +87,7 @@ limits! {
     file: u64 = 1 << 30, "bytes of one file";
     memory: u64 = 4 << 30, "bytes of memory that the program has in use (where the system reports it)";
     printed: u64 = 256 << 10, "bytes that print and debug write";
-    frames: u64 = 1_000_000, "frames of the stage and of one render";
+    frames: u64 = 1_000_000, "frames of the stage, and of each render";
     pixels: u64 = 64 << 20, "pixels of one image";
     output: u64 = 64 << 30, "bytes that a render writes";
 }

@@ -49,7 +49,7 @@ pub(crate) fn run_statements(
         let at = at.filter(|at| continues && missing.poison_targets(&statements[*at], &mut scope));
         let Some(at) = at else { return false };
         // Modules are known only to the run that imports them, so earlier imports are repeated; they are not read again.
-        let imports = statements[..=at].iter().filter_map(|statement| missing.import_to_repeat(statement));
+        let imports = statements[..=at].iter().filter_map(|statement| missing.import_for_rerun(statement));
         let part = imports.chain(statements[at + 1..].iter().cloned());
         let mut part = AST::new(part, ast.shared_lib().clone());
         part.set_source(name);
@@ -138,8 +138,8 @@ impl MissingModules {
         }
     }
 
-    /// An `import` statement to repeat, with an empty module in place of a missing one; `None` for other statements.
-    fn import_to_repeat(&self, statement: &Stmt) -> Option<Stmt> {
+    /// Copy of an `import` statement to run again, with an empty module in place of a missing one; `None` for other statements.
+    fn import_for_rerun(&self, statement: &Stmt) -> Option<Stmt> {
         let Stmt::Import(import, at) = statement else { return None };
         let mut import = import.clone();
         if self.modules.contains(import.1.name.as_str()) {

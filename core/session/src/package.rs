@@ -321,7 +321,7 @@ impl<'t> Fields<'t> {
             "license" => "license = \"MIT\"",
             "kind" => "kind = \"importer\", \"exporter\" or \"effect\"",
             "file" => "file = \"halftone.wgsl\"",
-            "hook" => "hook = \"pixel\", as in the head of the effect's file",
+            "hook" => "hook = \"pixel\", as in the header of the effect's file",
             _ => "[[plugin]] with a file and a kind for each plugin of the package",
         };
         self.reader.error_at(

@@ -195,7 +195,7 @@ fn hill(height: f32) -> Vec<u8> {
 /// a comment. The two kinds of edit alternate, so that a busy machine slows both.
 #[test]
 #[ignore = "takes some minutes, and is a measurement"]
-fn from_save_to_pixel() {
+fn hot_reload_latency_from_save_to_image() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

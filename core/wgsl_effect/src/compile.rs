@@ -2,8 +2,8 @@
 
 use crate::environment::HostFunction;
 use crate::error::EffectError;
-use crate::head::{self, Head};
-use crate::head_error::HeadError;
+use crate::header::{self, Header};
+use crate::header_error::HeaderError;
 use crate::lower::{has_pointer_arguments, lower};
 use crate::mistakes::Mistake;
 use crate::program::{Program, Unsupported};
@@ -68,9 +68,9 @@ pub struct Text {
 }
 
 impl Text {
-    /// Checks what can be checked without parsing, and reads the head comment.
-    pub fn read(file: &str, text: &str) -> Result<(Text, Manifest, Head), EffectError> {
-        let author = head::without_byte_order_mark(text).to_string();
+    /// Checks what can be checked without parsing, and reads the header comment.
+    pub fn read(file: &str, text: &str) -> Result<(Text, Manifest, Header), EffectError> {
+        let author = header::without_byte_order_mark(text).to_string();
         let is_typed = typed_parameters::is_typed(&author);
         let mut text = Text {
             file: file.into(),
@@ -89,32 +89,32 @@ impl Text {
         }
         nesting::check(&text.author)
             .map_err(|deep| text.error(place(&text.author, deep.at), deep.message))?;
-        let at_line = |error: HeadError| text.error((error.line, 1), error.mistake.to_string());
+        let at_line = |error: HeaderError| text.error((error.line, 1), error.mistake.to_string());
         let manifest = parameters::manifest(&text.author).map_err(at_line)?;
-        let head = head::head(&text.author, &manifest).map_err(at_line)?;
+        let header = header::read(&text.author, &manifest).map_err(at_line)?;
         text.appended = if is_typed {
             typed_parameters::declarations(&manifest)
         } else {
             let names = manifest.options.iter().flat_map(|o| o.number_names());
             names.zip(0..).map(|(name, i)| format!("const {name}: u32 = {i}u;\n")).collect()
         };
-        text.scene = SceneCalls::of(&text.author, head.hook);
+        text.scene = SceneCalls::of(&text.author, header.hook);
         text.appended += &text.scene.wgsl;
-        text.passes = passes::passes(&text.author, &head.pass_lines);
+        text.passes = passes::passes(&text.author, &header.pass_lines);
         if !text.passes.is_empty() {
             text.appended += &passes::helpers_called(&text.author);
         }
         let bounded = loops::bounded(&text.author);
         text.run = format!("{}\n{}", bounded.text, text.appended);
-        text.wgsl = match is_typed && head.hook.has_function() {
+        text.wgsl = match is_typed && header.hook.has_function() {
             true if !text.passes.is_empty() => {
                 typed_parameters::adapted_passes(&text.run, &manifest, &text.passes)
             }
-            true => typed_parameters::adapted(&text.run, &manifest, signature(head.hook)),
+            true => typed_parameters::adapted(&text.run, &manifest, signature(header.hook)),
             false => text.run.clone(),
         };
         text.loops = bounded.loops;
-        Ok((text, manifest, head))
+        Ok((text, manifest, header))
     }
 
     fn error(&self, at: (usize, usize), message: String) -> EffectError {
@@ -182,35 +182,43 @@ impl Source<'_> {
         };
         let bodies = function_bodies(&self.text.author);
         let body = bodies.iter().take(MOST).find(|body| !fails(&without(body, body.start, 1)))?;
-        // The mistake is in the statement before the first cut that has it.
-        let first = body.cuts.partition_point(|(at, open)| !fails(&without(body, *at, *open)));
-        let start = first.checked_sub(1).map_or(body.start, |before| body.cuts[before].0);
+        // The mistake is in the first statement after which the truncated text fails.
+        let ends = &body.statement_ends;
+        let first = ends.partition_point(|end| !fails(&without(body, end.offset, end.brace_depth)));
+        let start = first.checked_sub(1).map_or(body.start, |before| ends[before].offset);
         let (token, _) = Tokens::of(&self.full_text[start..]).next()?;
-        Some(start + token..body.cuts.get(first).map_or(body.end, |(at, _)| *at))
+        Some(start + token..ends.get(first).map_or(body.end, |end| end.offset))
     }
 }
 
 /// The body of a function.
 struct FunctionBody {
-    /// Bytes behind the opening and behind the closing brace.
+    /// Byte offsets behind the opening and behind the closing brace.
     start: usize,
     end: usize,
-    /// Bytes behind statements, and the number of braces that are open there.
-    cuts: Vec<(usize, usize)>,
+    statement_ends: Vec<StatementEnd>,
+}
+
+/// The end of a statement, or a brace.
+struct StatementEnd {
+    /// Byte offset behind it.
+    offset: usize,
+    /// Number of braces that are open there.
+    brace_depth: usize,
 }
 
 fn function_bodies(text: &str) -> Vec<FunctionBody> {
     let mut all: Vec<FunctionBody> = Vec::new();
-    let (mut braces, mut round, mut is_function) = (0usize, 0usize, false);
+    let (mut braces, mut parentheses, mut is_function) = (0usize, 0usize, false);
     for (at, token) in Tokens::of(text) {
         match token {
             "fn" if braces == 0 => is_function = true,
-            "(" => round += 1,
-            ")" => round = round.saturating_sub(1),
+            "(" => parentheses += 1,
+            ")" => parentheses = parentheses.saturating_sub(1),
             "{" => {
                 braces += 1;
                 if braces == 1 && is_function {
-                    all.push(FunctionBody { start: at + 1, end: text.len(), cuts: Vec::new() });
+                    all.push(FunctionBody { start: at + 1, end: text.len(), statement_ends: Vec::new() });
                 }
             }
             "}" => {
@@ -221,10 +229,10 @@ fn function_bodies(text: &str) -> Vec<FunctionBody> {
             }
             _ => {}
         }
-        if let Some(body) = all.last_mut().filter(|_| is_function && braces > 0 && round == 0)
+        if let Some(body) = all.last_mut().filter(|_| is_function && braces > 0 && parentheses == 0)
             && matches!(token, ";" | "{" | "}")
         {
-            body.cuts.push((at + 1, braces));
+            body.statement_ends.push(StatementEnd { offset: at + 1, brace_depth: braces });
         }
     }
     all
@@ -234,25 +242,25 @@ fn function_bodies(text: &str) -> Vec<FunctionBody> {
 /// [`nesting::check`] accepts needs.
 const STACK: usize = 64 << 20;
 
-/// Compiles the function of a text whose head is read, and tries it.
-pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
+/// Compiles the function of a text whose header is read, and tries it.
+pub fn compile(text: &Text, header: &Header, manifest: &Manifest) -> Result<Code, EffectError> {
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().name("effect".into()).stack_size(STACK);
         match thread
-            .spawn_scoped(scope, || compile_on_current_stack(text, head, manifest))
+            .spawn_scoped(scope, || compile_on_current_stack(text, header, manifest))
             .map(|thread| thread.join())
         {
             Ok(Ok(compiled)) => compiled,
             Ok(Err(panic)) => std::panic::resume_unwind(panic),
             // The deepest text that `nesting` accepts needs a quarter of the smallest thread stack.
-            Err(_) => compile_on_current_stack(text, head, manifest),
+            Err(_) => compile_on_current_stack(text, header, manifest),
         }
     })
 }
 
-fn compile_on_current_stack(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
-    let signature = head.signature();
-    let declared = declared_functions(signature, head, &text.scene);
+fn compile_on_current_stack(text: &Text, header: &Header, manifest: &Manifest) -> Result<Code, EffectError> {
+    let signature = header.signature();
+    let declared = declared_functions(signature, header, &text.scene);
     if let Some((line, message)) = reserved_name(text, signature, &declared, manifest) {
         return Err(text.error((line, 1), message));
     }
@@ -265,8 +273,8 @@ fn compile_on_current_stack(text: &Text, head: &Head, manifest: &Manifest) -> Re
     let fields = format!("{}{}", signature.declared, if text.is_typed { &text.appended } else { "" });
     let names = || {
         let own = manifest.options.iter().map(|o| o.name.as_str());
-        let helpers = passes::helpers().filter(|_| !head.pass_lines.is_empty());
-        let of_scene: Vec<&str> = scene_inputs::names(head.hook).chain(helpers).collect();
+        let helpers = passes::helpers().filter(|_| !header.pass_lines.is_empty());
+        let of_scene: Vec<&str> = scene_inputs::names(header.hook).chain(helpers).collect();
         let own = own.chain(choices.iter().map(String::as_str));
         own.chain(declared.iter().map(|d| d.0.as_str())).chain(of_scene)
     };
@@ -274,19 +282,19 @@ fn compile_on_current_stack(text: &Text, head: &Head, manifest: &Manifest) -> Re
         if let Some(open) = source.unclosed_brace(&mistake) {
             return open;
         }
-        let near = suggestions::of_other_hook(&mistake.text, head, &declared)
+        let near = suggestions::of_other_hook(&mistake.text, header, &declared)
             .or_else(|| suggestions::parameter(&mistake.text, manifest))
             .unwrap_or_else(|| suggestions::suggest_name(&mistake.text, &text.author, &fields, &mut names()));
-        let near = if near.is_empty() { suggestions::texture(&mistake.text, head) } else { near };
+        let near = if near.is_empty() { suggestions::texture(&mistake.text, header) } else { near };
         source.error(mistake.span, format!("{}{near}", mistake.text))
     })?;
     let info = validated(&module, &source)?;
-    if let Some((at, what)) = passes::mistake(&text.author, &head.pass_lines) {
+    if let Some((at, what)) = passes::mistake(&text.author, &header.pass_lines) {
         return Err(text.error(at, what));
     }
     let numbers: usize = manifest.options.iter().map(|o| o.number_count()).sum();
-    let fits_array = text.is_typed || numbers <= MAX_ARRAY && head.pass_lines.is_empty();
-    for name in head.functions() {
+    let fits_array = text.is_typed || numbers <= MAX_ARRAY && header.pass_lines.is_empty();
+    for name in header.functions() {
         let found = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some(name));
         let form = signature.text.replacen("effect", name, 1);
         let Some((function, of)) = found else {
@@ -303,9 +311,9 @@ fn compile_on_current_stack(text: &Text, head: &Head, manifest: &Manifest) -> Re
         return Err(source.error_at(module.functions.get_span(handle), what));
     }
     let run = format!("{}{}{functions}", text.run, signature.declared);
-    let mut programs = lower_programs(&source, (&module, &info), &run, &declared, head)?;
-    for (name, program) in head.functions().zip(&programs) {
-        trial::ends(program, head, manifest).map_err(|slow| {
+    let mut programs = lower_programs(&source, (&module, &info), &run, &declared, header)?;
+    for (name, program) in header.functions().zip(&programs) {
+        trial::ends(program, header, manifest).map_err(|slow| {
             match slow.in_loop.and_then(|number| text.loops.get(number as usize - 1)) {
                 Some(at) => text.error(*at, slow.what),
                 None => {
@@ -317,8 +325,8 @@ fn compile_on_current_stack(text: &Text, head: &Head, manifest: &Manifest) -> Re
     let Some(program) = programs.pop() else {
         return Err(source.error(None, "there is no function effect".into()));
     };
-    let output =
-        function(&module, "effect").map(|(entry, _)| output_of(head.hook, &module, &module.functions[entry]));
+    let output = function(&module, "effect")
+        .map(|(entry, _)| output_of(header.hook, &module, &module.functions[entry]));
     Ok(Code { program, passes: programs, output: output.unwrap_or(Output::Numbers) })
 }
 
@@ -334,11 +342,11 @@ fn lower_programs(
     valid: (&Module, &ModuleInfo),
     run: &str,
     declared: &[Declared],
-    head: &Head,
+    header: &Header,
 ) -> Result<Vec<Program>, EffectError> {
     let host = |name: &str| declared.iter().find(|(n, ..)| n == name).map(|(.., host)| *host);
     let lowered = |(module, info): (&Module, &ModuleInfo)| {
-        let entries = head.functions().filter_map(|name| Some(function(module, name)?.0));
+        let entries = header.functions().filter_map(|name| Some(function(module, name)?.0));
         entries.map(|entry| lower(module, info, entry, host)).collect::<Result<Vec<Program>, Unsupported>>()
     };
     let unsupported = |e: Unsupported| source.error_at(e.span, format!("not supported: {}", e.what));
@@ -360,23 +368,23 @@ fn validate_counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo),
     Ok((module, info))
 }
 
-fn declared_functions(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Declared> {
+fn declared_functions(signature: &Signature, header: &Header, scene: &SceneCalls) -> Vec<Declared> {
     const ROUND: (&str, &str, HostFunction) = (
         "effect_round",
         "fn effect_round(cost: u32, loop_number: u32) -> bool { return cost == loop_number; }\n",
         HostFunction::Round,
     );
-    let history = if head.history > 0 { signature.with_history } else { &[] };
+    let history = if header.history > 0 { signature.with_history } else { &[] };
     let always = signature.functions.iter().chain(history).chain([&ROUND]);
     let mut all: Vec<Declared> =
         always.map(|(name, text, host)| (name.to_string(), text.to_string(), *host)).collect();
     all.extend(scene.supplied_functions());
-    all.extend(passes::supplied_functions(&head.pass_lines));
-    all.extend(head.joints.iter().enumerate().map(|(i, joint)| {
+    all.extend(passes::supplied_functions(&header.pass_lines));
+    all.extend(header.joints.iter().enumerate().map(|(i, joint)| {
         let text = format!("fn {}() -> u32 {{ return {i}u; }}\n", joint.name);
         (joint.name.clone(), text, HostFunction::Named(i))
     }));
-    all.extend(head.textures.iter().enumerate().map(|(i, t)| {
+    all.extend(header.textures.iter().enumerate().map(|(i, t)| {
         let text = format!("fn {}(uv: vec2<f32>) -> vec4<f32> {{ return uv.xyxy; }}\n", t.name);
         (t.name.clone(), text, HostFunction::Texture(i))
     }));

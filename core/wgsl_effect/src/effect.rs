@@ -3,7 +3,7 @@
 use crate::compile::{self, Code, Output, Text};
 use crate::environment::{Environment, FrameEnvironment, PassImages, Textures};
 use crate::error::EffectError;
-use crate::head::Head;
+use crate::header::Header;
 use crate::machine::{Lanes, Machine, Width};
 use crate::overlay::Drawing;
 use crate::pool;
@@ -32,7 +32,7 @@ pub struct WgslEffect {
     manifest: Manifest,
     /// Count of the parameter numbers; the numbers of the frame follow them.
     length: usize,
-    head: Arc<Head>,
+    header: Arc<Header>,
     /// Compiled code, shared by effects that differ only in their images.
     code: Arc<OnceLock<Code>>,
     textures: Vec<EffectTexture>,
@@ -63,8 +63,8 @@ impl WgslEffect {
         Self::with_textures(file, text, |_| Err("an effect without a file cannot read other files".into()))
     }
 
-    /// Reads the head comment, compiles the text, and tries it. `file` is the name of the text in messages. `picture` reads the image files
-    /// that the head names, or returns the reason why it cannot.
+    /// Reads the header comment, compiles the text, and tries it. `file` is the name of the text in messages. `picture` reads the image files
+    /// that the header names, or returns the reason why it cannot.
     pub fn with_textures(
         file: &str,
         text: &str,
@@ -72,8 +72,8 @@ impl WgslEffect {
     ) -> Result<WgslEffect, EffectError> {
         let mut effect = Self::read(file, text)?;
         effect.code =
-            Arc::new(OnceLock::from(compile::compile(&effect.text, &effect.head, &effect.manifest)?));
-        for line in &effect.head.textures {
+            Arc::new(OnceLock::from(compile::compile(&effect.text, &effect.header, &effect.manifest)?));
+        for line in &effect.header.textures {
             let white = || Ok(TextureImage { size: [1, 1], rgba: vec![255; 4], file: None });
             let made = if line.file.is_empty() { white() } else { picture(&line.file) };
             let made = made.and_then(|p| {
@@ -95,7 +95,7 @@ impl WgslEffect {
     /// effects.
     ///
     /// # Panics
-    /// The head comment has a mistake; later, when the function is compiled, the function has one. The message has the place.
+    /// The header comment has a mistake; later, when the function is compiled, the function has one. The message has the place.
     pub fn built_in(file: &str, text: &str, version: &str) -> WgslEffect {
         let mut effect = Self::read(file, text).unwrap_or_else(|e| panic!("{e}"));
         effect.manifest.version = version.into();
@@ -103,26 +103,26 @@ impl WgslEffect {
     }
 
     fn read(file: &str, text: &str) -> Result<WgslEffect, EffectError> {
-        let (text, manifest, head) = Text::read(file, text)?;
+        let (text, manifest, header) = Text::read(file, text)?;
         let reads = |field: &str| text.author.contains(&format!(".{field}"));
         let inputs = SurfaceInputs {
             normals: reads("normal") || reads("facing"),
             uvs: reads("uv"),
             joints: reads("joints"),
             shadow: reads("shadow"),
-            see_through: head.see_through,
+            see_through: header.see_through,
         };
         let boxes = reads("low") || reads("high");
         let (code, textures) = (Arc::default(), Vec::new());
-        let (text, head) = (Arc::new(text), Arc::new(head));
+        let (text, header) = (Arc::new(text), Arc::new(header));
         let loops = text.loops.iter().map(|(line, column)| format!("{file}:{line}:{column}")).collect();
         let length = manifest.parameter_length();
-        Ok(WgslEffect { text, manifest, length, head, code, textures, inputs, loops, boxes, file: None })
+        Ok(WgslEffect { text, manifest, length, header, code, textures, inputs, loops, boxes, file: None })
     }
 
-    /// The hook that the head names.
+    /// The hook that the header names.
     pub fn hook(&self) -> Hook {
-        self.head.hook
+        self.header.hook
     }
 
     /// Sets the file from which the text was read.
@@ -133,7 +133,7 @@ impl WgslEffect {
 
     fn code(&self) -> &Code {
         self.code.get_or_init(|| {
-            let code = compile::compile(&self.text, &self.head, &self.manifest);
+            let code = compile::compile(&self.text, &self.header, &self.manifest);
             code.unwrap_or_else(|e| panic!("{e}"))
         })
     }
@@ -218,7 +218,7 @@ impl WgslEffect {
     }
 }
 
-/// An image that a head names, as 8-bit RGBA.
+/// An image that a header names, as 8-bit RGBA.
 pub struct TextureImage {
     /// Width and height.
     pub size: [u32; 2],
@@ -258,7 +258,7 @@ impl EffectPlugin for WgslEffect {
     }
 
     fn off(&self, parameters: &[f32]) -> Option<String> {
-        let off = self.head.off.as_ref().filter(|off| parameters.get(off.index) == Some(&off.value))?;
+        let off = self.header.off.as_ref().filter(|off| parameters.get(off.index) == Some(&off.value))?;
         Some(format!("{} is {}", off.name, off.value))
     }
 
@@ -292,7 +292,7 @@ impl EffectShader for WgslEffect {
 
 impl PixelEffect for WgslEffect {
     fn view_order(&self) -> ViewOrder {
-        self.head.view
+        self.header.view
     }
 
     fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32]) {
@@ -302,17 +302,17 @@ impl PixelEffect for WgslEffect {
 
 impl ImageEffect for WgslEffect {
     fn view_order(&self) -> ViewOrder {
-        self.head.view
+        self.header.view
     }
 
     fn passes(&self) -> u32 {
-        self.head.passes
+        self.header.passes
     }
 
     fn shrink(&self, pass_number: u32, size: [u32; 2], parameters: &[f32]) -> u32 {
-        let scale = match self.head.pass_lines.is_empty() {
-            true => self.head.shrink,
-            false => self.head.pass_lines.get(pass_number as usize).map(|line| line.scale),
+        let scale = match self.header.pass_lines.is_empty() {
+            true => self.header.shrink,
+            false => self.header.pass_lines.get(pass_number as usize).map(|line| line.scale),
         };
         scale.map_or(1, |scale| scale.factor(size, parameters))
     }
@@ -322,7 +322,7 @@ impl ImageEffect for WgslEffect {
     }
 
     fn history(&self, _: &[f32]) -> u32 {
-        self.head.history
+        self.header.history
     }
 
     fn scene_inputs(&self) -> SceneInputs {
@@ -337,12 +337,12 @@ impl ImageEffect for WgslEffect {
         parameters: &[f32],
         row: &mut [Vec4],
     ) {
-        let named = self.head.pass_lines.len() as u32;
+        let named = self.header.pass_lines.len() as u32;
         // Passes without textures of their own have one scale, and the last one reads the texture of that scale.
         let shrinks: Vec<u32> = (0..=named)
             .map(|pass| ImageEffect::shrink(self, pass, images.original.size, parameters))
             .collect();
-        let (textures, history) = (&self.textures[..], self.head.history);
+        let (textures, history) = (&self.textures[..], self.header.history);
         let environment = PassImages { images, textures, history, shrinks: &shrinks, pass_number };
         let code = self.code();
         self.batches::<ROW, _>(
@@ -365,11 +365,11 @@ impl ImageEffect for WgslEffect {
 
 impl SurfaceEffect for WgslEffect {
     fn surface_inputs(&self, parameters: &[f32]) -> SurfaceInputs {
-        self.head.inputs(self.inputs, parameters)
+        self.header.inputs(self.inputs, parameters)
     }
 
     fn changes_background(&self, parameters: &[f32]) -> bool {
-        self.head.background.of(parameters) > 0.5
+        self.header.background.of(parameters) > 0.5
     }
 
     fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32]) {
@@ -383,15 +383,15 @@ impl SurfaceEffect for WgslEffect {
 
 impl VertexEffect for WgslEffect {
     fn surface_inputs(&self, parameters: &[f32]) -> SurfaceInputs {
-        self.head.inputs(self.inputs, parameters)
+        self.header.inputs(self.inputs, parameters)
     }
 
     fn reach(&self, parameters: &[f32]) -> f32 {
-        self.head.reach.of(parameters).abs()
+        self.header.reach.of(parameters).abs()
     }
 
     fn in_model_space(&self) -> bool {
-        self.head.in_model_space
+        self.header.in_model_space
     }
 
     fn vertex(&self, sample: &VertexSample, parameters: &[f32]) -> Vec3 {
@@ -412,7 +412,7 @@ impl VertexEffect for WgslEffect {
 
 impl LightingEffect for WgslEffect {
     fn surface_inputs(&self, parameters: &[f32]) -> SurfaceInputs {
-        self.head.inputs(self.inputs, parameters)
+        self.header.inputs(self.inputs, parameters)
     }
 
     fn lights(&self, samples: &mut [LightSample], parameters: &[f32]) {
@@ -464,17 +464,17 @@ impl OutlineEffect for WgslEffect {
 impl OverlayEffect for WgslEffect {
     /// An overlay that is drawn once for the scene cannot be put on actors.
     fn applies_to_actors(&self) -> bool {
-        !self.head.of_scene
+        !self.header.of_scene
     }
 
     fn history(&self, _: &[f32]) -> u32 {
-        self.head.history
+        self.header.history
     }
 
     fn overlay(&self, scene: &EffectScene, parameters: &[f32]) -> Overlay {
         let Code { program, output, .. } = self.code();
-        let (head, textures) = (&self.head, &self.textures[..]);
-        Drawing { program, head, textures, output: *output, boxes: self.boxes, parameters }.run(scene)
+        let (header, textures) = (&self.header, &self.textures[..]);
+        Drawing { program, header, textures, output: *output, boxes: self.boxes, parameters }.run(scene)
     }
 }
 
@@ -485,7 +485,7 @@ impl ShutterEffect for WgslEffect {
     }
 }
 
-/// Makes the effect of the hook that the head names.
+/// Makes the effect of the hook that the header names.
 impl From<WgslEffect> for Effect {
     fn from(effect: WgslEffect) -> Effect {
         match effect.hook() {

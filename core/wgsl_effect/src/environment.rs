@@ -32,7 +32,7 @@ pub enum HostFunction {
     InWorld,
     PreviousJoint,
     PreviousInWorld,
-    /// Number of a bone that the head names.
+    /// Number of a bone that the header names.
     Named(usize),
     /// One of the effect's textures.
     Texture(usize),
@@ -161,7 +161,7 @@ impl Environment for PassImages<'_> {
             // This branch runs only if the scene's image is unknown.
             (HostFunction::SceneSurface, _) => float_bits(SceneImages::NO_SURFACE),
             (HostFunction::Previous, [frames, x, y]) => {
-                // Frames farther back than the head allows read the farthest frame. A plan of a single time has no previous frames: the
+                // Frames farther back than the header allows read the farthest frame. A plan of a single time has no previous frames: the
                 // original image is read instead.
                 let frames = (*frames).clamp(1, self.history.max(1));
                 let before = self.images.before;

@@ -1,8 +1,8 @@
 //! Effects in one file: `NAME.wgsl`, a function of a pixel, a surface point, a vertex, a light or a line,
-//! with its manifest in the head comment.
+//! with its manifest in the header comment.
 //!
 //! ```text
-//! head comment ─► Manifest          ┌► the renderer's template ─► SPIR-V (Vulkan)
+//! header comment ─► Manifest          ┌► the renderer's template ─► SPIR-V (Vulkan)
 //! text ─► naga: parse, validate ────┴► Program: the same module, evaluated a pixel at a time (CPU)
 //! ```
 
@@ -10,8 +10,8 @@ mod compile;
 mod effect;
 mod environment;
 mod error;
-mod head;
-mod head_error;
+mod header;
+mod header_error;
 mod loops;
 mod lower;
 mod machine;
@@ -33,7 +33,7 @@ mod typed_parameters;
 
 pub use effect::{FILE_ENDING, TextureImage, WgslEffect};
 pub use error::EffectError;
-pub use head::{files, hook_named, hooks, is_meant, name, word as hook_word};
+pub use header::{files, hook_named, hooks, is_meant, name, word as hook_word};
 
 /// The documentation page.
 pub const README: &str = include_str!("../README.md");

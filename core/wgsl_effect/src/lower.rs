@@ -881,9 +881,9 @@ fn unsupported_feature(expression: &Expression) -> Option<&'static str> {
         }
         Expression::Derivative { .. } => Some("a derivative: an effect is a function of one pixel"),
         Expression::ImageSample { .. } | Expression::ImageLoad { .. } | Expression::ImageQuery { .. } => {
-            Some("a texture of its own; name its file in the head comment: // texture NAME = FILE: ABOUT")
+            Some("a texture of its own; name its file in the header comment: // texture NAME = FILE: ABOUT")
         }
-        Expression::Override(_) => Some("an override; write const, or a parameter in the head comment"),
+        Expression::Override(_) => Some("an override; write const, or a parameter in the header comment"),
         Expression::Literal(_)
         | Expression::Constant(_)
         | Expression::ZeroValue(_)

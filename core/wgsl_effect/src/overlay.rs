@@ -2,7 +2,7 @@
 
 use crate::compile::Output;
 use crate::environment::Surroundings;
-use crate::head::{Head, JointLine};
+use crate::header::{Header, JointLine};
 use crate::machine::Machine;
 use crate::program::{MAX_STEPS, Program};
 use choreo_asset::{Asset, DAabb};
@@ -17,7 +17,7 @@ pub(crate) const MAX_FRAME_STEPS: u32 = 20_000_000;
 /// The inputs of an overlay in a frame.
 pub struct Drawing<'a> {
     pub program: &'a Program,
-    pub head: &'a Head,
+    pub header: &'a Header,
     pub textures: &'a [EffectTexture],
     pub output: Output,
     /// The text reads the bounding boxes of actors.
@@ -42,7 +42,7 @@ impl Drawing<'_> {
     pub fn run(&self, scene: &EffectScene) -> Overlay {
         let time = scene.snapshot.time.as_secs() as f32;
         let mut made = OverlayGeometry::default();
-        if self.head.of_scene {
+        if self.header.of_scene {
             let mut bounds = DAabb::EMPTY;
             for own in scene.instances().filter(|_| self.boxes).map(|body| body.bounds()) {
                 bounds.add(own.min);
@@ -64,7 +64,7 @@ impl Drawing<'_> {
                 // Actors with the same asset often follow each other.
                 let bones = match known.take() {
                     Some((asset, bones)) if std::ptr::eq(asset, body.asset) => bones,
-                    _ => Bones::of(&body, &self.head.joints, &mut made.out.left_out),
+                    _ => Bones::of(&body, &self.header.joints, &mut made.out.left_out),
                 };
                 let place = body.world_from_model.translation;
                 let bounds = if self.boxes { body.bounds() } else { DAabb { min: place, max: place } };
@@ -80,7 +80,7 @@ impl Drawing<'_> {
 
     /// Adds all elements around one actor.
     fn add_around_actor(&self, body: [u32; 12], around: &Surroundings, made: &mut OverlayGeometry) {
-        let count = self.head.count.of(self.parameters).clamp(0.0, Overlay::MOST as f32) as u32;
+        let count = self.header.count.of(self.parameters).clamp(0.0, Overlay::MOST as f32) as u32;
         made.requested += u64::from(count);
         let program = self.program;
         let mut machine = Machine::<1>::new(program, self.parameters);
@@ -176,7 +176,7 @@ impl Drawing<'_> {
                 "{drawn} of {requested} {what} are drawn, made in {steps} steps; a frame has at most {most} in {MAX_FRAME_STEPS} steps"
             ));
         }
-        out.over = self.head.over.of(self.parameters) > 0.5;
+        out.over = self.header.over.of(self.parameters) > 0.5;
         out
     }
 }
@@ -187,10 +187,10 @@ pub type Bone = (u32, Option<u32>);
 /// The bones of an actor, by number.
 #[derive(Default)]
 pub struct Bones {
-    /// The bones, then further joints that the head names.
+    /// The bones, then further joints that the header names.
     pub all: Vec<Bone>,
     pub count: u32,
-    /// Number of each joint that the head names; `u32::MAX` if the actor has no such joint.
+    /// Number of each joint that the header names; `u32::MAX` if the actor has no such joint.
     pub named: Vec<u32>,
 }
 

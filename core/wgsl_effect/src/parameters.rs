@@ -1,7 +1,7 @@
-//! Reads the manifest from the head comment of an effect: name, description and parameters.
+//! Reads the manifest from the header comment of an effect: name, description and parameters.
 
-use crate::head::comment;
-use crate::head_error::{HeadError, HeadMistake};
+use crate::header::comment;
+use crate::header_error::{HeaderError, HeaderMistake};
 use choreo_plugin::parameters::{MAX_CURVE_KEYS, MAX_PARAMETER_NUMBERS, is_curve};
 use choreo_plugin::suggest::closest;
 use choreo_plugin::{MAX_COLOR, Manifest};
@@ -9,11 +9,11 @@ use choreo_plugin::{MAX_COLOR, Manifest};
 /// Largest whole number of a parameter: f32 holds all whole numbers up to it exactly.
 const MAX_WHOLE: f64 = 16_777_216.0;
 
-pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
+pub fn manifest(text: &str) -> Result<Manifest, HeaderError> {
     let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
     for (i, line) in comment(text) {
         let line = line.trim().trim_start_matches('/').trim();
-        let at = |mistake: HeadMistake| mistake.at(i);
+        let at = |mistake: HeaderMistake| mistake.at(i);
         if let Some(name) = line.strip_prefix("effect:") {
             manifest.name = identifier(name.trim()).map_err(at)?.to_string();
         } else if let Some(about) = line.strip_prefix("about:") {
@@ -34,36 +34,36 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
         if let Some(error) = comment(text).find_map(meant) {
             return Err(error);
         }
-        return Err(HeadMistake::NoName.at(0));
+        return Err(HeaderMistake::NoName.at(0));
     }
     Ok(manifest)
 }
 
 /// The mistake of a line with a misspelt first word: `parm amount = 0.1 in 0..1: how strong`.
-fn misspelt(line: &str) -> Option<HeadMistake> {
+fn misspelt(line: &str) -> Option<HeaderMistake> {
     let (word, rest) = line.split_once(' ')?;
     let (_, value) = rest.split_once('=')?;
     value.contains(':').then(|| misspelling(word, &["param", "texture", "joint", "pass"])).flatten()
 }
 
-fn misspelling(word: &str, known: &[&str]) -> Option<HeadMistake> {
+fn misspelling(word: &str, known: &[&str]) -> Option<HeaderMistake> {
     let meant = closest(word, known.iter().copied()).filter(|meant| word != *meant)?;
     let near = meant.len().abs_diff(word.len()) <= 2;
-    near.then(|| HeadMistake::Misspelt { word: word.into(), meant: meant.into() })
+    near.then(|| HeaderMistake::Misspelled { word: word.into(), meant: meant.into() })
 }
 
 /// Reads a parameter: `amount = 0.1 m in 0..1: how strong`.
-fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
-    const FORM: HeadMistake = HeadMistake::Form(
+fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeaderMistake> {
+    const PARAMETER_SYNTAX: HeaderMistake = HeaderMistake::ExpectedSyntax(
         "param NAME = 0.5 in 0..1: ABOUT, or = 0.5 m in 0..1 (with a unit), = int(3) in 1..9, = false, = A of A|B, = color(gold), \
          = rgb(1, 1, 1), = vec2(0, 1) in -1..1, = curve(0 0, 1 1) in 0..1, = texture(FILE), = texture()",
     );
-    let (name, rest) = text.split_once('=').ok_or(FORM)?;
+    let (name, rest) = text.split_once('=').ok_or(PARAMETER_SYNTAX)?;
     let name = identifier(name.trim())?;
     if manifest.options.iter().any(|o| o.name == name || o.number_names().any(|number| number == name)) {
-        return Err(HeadMistake::Twice(name.into()));
+        return Err(HeaderMistake::Twice(name.into()));
     }
-    let (value, about) = rest.split_once(':').ok_or(FORM)?;
+    let (value, about) = rest.split_once(':').ok_or(PARAMETER_SYNTAX)?;
     let (value, about) = (value.trim(), about.trim());
     let manifest = if let Ok(flag) = value.parse::<bool>() {
         manifest.flag(name, about, flag)
@@ -71,24 +71,24 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
         choice(manifest, [name, about], first.trim(), all)?
     } else if let Some(color) = argument(value, "rgb") {
         let parts = color.split(',').map(|part| number(name, part)).collect::<Result<Vec<f64>, _>>()?;
-        let color = <[f64; 3]>::try_from(parts).map_err(|_| FORM)?;
+        let color = <[f64; 3]>::try_from(parts).map_err(|_| PARAMETER_SYNTAX)?;
         if !color.iter().all(|c| (0.0..=MAX_COLOR).contains(c)) {
-            return Err(HeadMistake::Color(name.into()));
+            return Err(HeaderMistake::Color(name.into()));
         }
         manifest.color(name, about, color)
     } else if let Some(color) = argument(value, "color") {
         let color = choreo_plugin::color::parse(color.trim());
-        let color = color.map_err(|e| HeadMistake::NoColor { name: name.into(), why: e.message })?;
+        let color = color.map_err(|e| HeaderMistake::NoColor { name: name.into(), why: e.message })?;
         manifest.color(name, about, color.truncate().to_array().map(f64::from))
     } else if let Some(image) = argument(value, "texture") {
         let (file, srgb) = image_of(image);
         manifest.texture(name, about, file, srgb)
     } else {
-        ranged_value(manifest, [name, about], value)?.ok_or(FORM)?
+        ranged_value(manifest, [name, about], value)?.ok_or(PARAMETER_SYNTAX)?
     };
     match manifest.options.iter().map(|o| o.number_count()).sum::<usize>() {
         0..=MAX_PARAMETER_NUMBERS => Ok(manifest),
-        _ => Err(HeadMistake::TooManyNumbers { most: MAX_PARAMETER_NUMBERS }),
+        _ => Err(HeaderMistake::TooManyNumbers { most: MAX_PARAMETER_NUMBERS }),
     }
 }
 
@@ -107,10 +107,10 @@ pub fn argument<'a>(value: &'a str, word: &str) -> Option<&'a str> {
     value.strip_prefix(word)?.strip_prefix('(')?.strip_suffix(')')
 }
 
-fn number(name: &str, text: &str) -> Result<f64, HeadMistake> {
+fn number(name: &str, text: &str) -> Result<f64, HeaderMistake> {
     let text = text.trim();
     let number = text.parse::<f64>().ok().filter(|v| v.is_finite());
-    number.ok_or_else(|| HeadMistake::NoNumber { name: name.into(), value: text.into() })
+    number.ok_or_else(|| HeaderMistake::NoNumber { name: name.into(), value: text.into() })
 }
 
 /// Reads a choice: `soft of soft|hard`.
@@ -119,12 +119,12 @@ fn choice(
     [name, about]: [&str; 2],
     first: &str,
     all: &str,
-) -> Result<Manifest, HeadMistake> {
+) -> Result<Manifest, HeaderMistake> {
     let all: Vec<&str> = all.split('|').map(str::trim).filter(|a| !a.is_empty()).collect();
     match all.contains(&first) {
         true => Ok(manifest.text(name, about, first, &all)),
         false => {
-            Err(HeadMistake::NoChoice { name: name.into(), value: first.into(), choices: all.join(", ") })
+            Err(HeaderMistake::NoChoice { name: name.into(), value: first.into(), choices: all.join(", ") })
         }
     }
 }
@@ -134,13 +134,13 @@ fn ranged_value(
     manifest: Manifest,
     [name, about]: [&str; 2],
     text: &str,
-) -> Result<Option<Manifest>, HeadMistake> {
+) -> Result<Option<Manifest>, HeaderMistake> {
     let Some((given, range)) = text.rsplit_once(" in ") else { return Ok(None) };
     let Some((min, max)) = range.split_once("..") else { return Ok(None) };
     let (min, max) = (number(name, min)?, number(name, max)?);
     let within = |value: f64| match (min..=max).contains(&value) {
         true => Ok(value),
-        false => Err(HeadMistake::OutOfRange { name: name.into(), value, min, max }),
+        false => Err(HeaderMistake::OutOfRange { name: name.into(), value, min, max }),
     };
     let given = given.trim();
     // The unit follows the bracket, or the number.
@@ -158,13 +158,13 @@ fn ranged_value(
         let value = within(number(name, whole)?)?;
         let is_whole = |v: f64| v.fract() == 0.0 && v.abs() <= MAX_WHOLE;
         if ![value, min, max].into_iter().all(is_whole) {
-            return Err(HeadMistake::NoWhole { name: name.into(), most: MAX_WHOLE });
+            return Err(HeaderMistake::NoWhole { name: name.into(), most: MAX_WHOLE });
         }
         manifest.integer(name, about, value as i64, min as i64..=max as i64)
     } else if let Some((parts, count)) = vector {
         let parts: Vec<f64> = numbers(parts, ',')?;
         if parts.len() != count {
-            return Err(HeadMistake::Components { name: name.into(), count, given: parts.len() });
+            return Err(HeaderMistake::Components { name: name.into(), count, given: parts.len() });
         }
         parts.iter().try_for_each(|part| within(*part).map(drop))?;
         manifest.vector(name, about, &parts, min..=max)
@@ -172,7 +172,7 @@ fn ranged_value(
         let keys: Result<Vec<Vec<f64>>, _> = keys.split(',').map(|key| numbers(key, ' ')).collect();
         let keys: Vec<[f64; 2]> = keys?.into_iter().filter_map(|key| key.try_into().ok()).collect();
         if !is_curve(&keys) || keys.len() != value.split(',').count() {
-            return Err(HeadMistake::Curve { name: name.into(), most: MAX_CURVE_KEYS });
+            return Err(HeaderMistake::Curve { name: name.into(), most: MAX_CURVE_KEYS });
         }
         keys.iter().try_for_each(|key| within(key[1]).map(drop))?;
         manifest.curve(name, about, &keys, min..=max)
@@ -182,14 +182,14 @@ fn ranged_value(
     Ok(Some(made.unit(unit)))
 }
 
-pub fn identifier(name: &str) -> Result<&str, HeadMistake> {
+pub fn identifier(name: &str) -> Result<&str, HeaderMistake> {
     let mut chars = name.chars();
     let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
         && chars.all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
         && name.len() <= 40;
     match good {
         true => Ok(name),
-        false => Err(HeadMistake::Name(name.into())),
+        false => Err(HeaderMistake::Name(name.into())),
     }
 }
 
@@ -214,7 +214,7 @@ mod tests {
     #[test]
     fn errors_name_their_line() {
         let error = |text: &str| manifest(text).map_err(|e| (e.line, e.mistake.to_string())).unwrap_err();
-        assert_eq!(error("fn effect() {}").1, "the head comment must name the effect: // effect: NAME");
+        assert_eq!(error("fn effect() {}").1, "the header comment must name the effect: // effect: NAME");
         assert_eq!(error("// effect: a\n// param x = 2 in 0..1: y"), (2, "x: 2 is not within 0..1".into()));
         assert_eq!(error("// effect: a\n// param x = k of l|m: y"), (2, "x: \"k\" is none of l, m".into()));
         assert_eq!(error("// effect: A b").0, 1);

@@ -1,4 +1,4 @@
-//! Passes that write textures of their own, which later passes read by name: their lines in the head comment, the textures that each pass
+//! Passes that write textures of their own, which later passes read by name: their lines in the header comment, the textures that each pass
 //! reads, and the functions that are supplied for them.
 //!
 //! ```text
@@ -7,8 +7,8 @@
 //! ```
 
 use crate::environment::HostFunction;
-use crate::head::{Amount, comment, halve};
-use crate::head_error::{HeadError, HeadMistake};
+use crate::header::{Amount, comment, parse_halving};
+use crate::header_error::{HeaderError, HeaderMistake};
 use crate::parameters::identifier;
 use crate::scene_inputs;
 use crate::signature::signature;
@@ -61,32 +61,36 @@ fn functions_of(name: &str) -> [String; 3] {
     ["at", "uv", "size"].map(|what| format!("{name}_{what}"))
 }
 
-/// Reads the passes of a head comment. `taken`: names of the effect's textures.
-pub(crate) fn lines(text: &str, manifest: &Manifest, taken: &[&str]) -> Result<Vec<PassLine>, HeadError> {
-    const FORM: HeadMistake = HeadMistake::Form(
+/// Parses the `// pass` lines of a header comment. `taken`: names of the effect's textures.
+pub(crate) fn parse_pass_lines(
+    text: &str,
+    manifest: &Manifest,
+    taken: &[&str],
+) -> Result<Vec<PassLine>, HeaderError> {
+    const PASS_SYNTAX: HeaderMistake = HeaderMistake::ExpectedSyntax(
         "pass NAME = 1/2: ABOUT, with 1 or 1/2 to 1/64, or = halve PARAMETER to PIXELS: ABOUT",
     );
     let mut all: Vec<PassLine> = Vec::new();
     for (i, line) in comment(text) {
         let Some(rest) = line.trim().trim_start_matches('/').trim().strip_prefix("pass ") else { continue };
-        let at = |mistake: HeadMistake| mistake.at(i);
-        let (name, rest) = rest.split_once('=').ok_or_else(|| at(FORM))?;
+        let at = |mistake: HeaderMistake| mistake.at(i);
+        let (name, rest) = rest.split_once('=').ok_or_else(|| at(PASS_SYNTAX))?;
         let name = identifier(name.trim()).map_err(at)?;
-        let (scale, _) = rest.split_once(':').ok_or_else(|| at(FORM))?;
-        let scale = scale_of(scale.trim(), manifest).ok_or_else(|| at(FORM))?;
+        let (scale, _) = rest.split_once(':').ok_or_else(|| at(PASS_SYNTAX))?;
+        let scale = scale_of(scale.trim(), manifest).ok_or_else(|| at(PASS_SYNTAX))?;
         let is_taken = |name: &str| taken.contains(&name) || manifest.options.iter().any(|o| o.name == name);
         if is_taken(name) || all.iter().any(|pass| pass.name == name) {
-            return Err(at(HeadMistake::Twice(name.into())));
+            return Err(at(HeaderMistake::Twice(name.into())));
         }
         let functions = functions_of(name);
         let own = [name].into_iter().chain(functions.iter().map(String::as_str));
         if let Some(function) =
             own.into_iter().find(|function| is_taken(function) || is_supplied_function(function))
         {
-            return Err(at(HeadMistake::PassName { name: name.into(), function: function.into() }));
+            return Err(at(HeaderMistake::PassName { name: name.into(), function: function.into() }));
         }
         if all.len() + 1 == MAX_PASSES as usize {
-            return Err(at(HeadMistake::TooMany {
+            return Err(at(HeaderMistake::TooMany {
                 most: MAX_PASSES as usize - 1,
                 what: "passes with textures",
             }));
@@ -109,7 +113,7 @@ fn is_supplied_function(function: &str) -> bool {
 /// Reads a scale: `1`, `1/4` or `halve radius to 8`.
 fn scale_of(text: &str, manifest: &Manifest) -> Option<Scale> {
     if let Some(halved) = text.strip_prefix("halve ") {
-        return halve(halved, manifest).ok();
+        return parse_halving(halved, manifest).ok();
     }
     let parts = if text == "1" { 1 } else { text.strip_prefix("1/")?.trim().parse().ok()? };
     (1..=MAX_SCALE_DIVISOR).contains(&parts).then_some(Scale::Part(parts))
@@ -212,7 +216,7 @@ fn reads_of(entry: &str, text: &str, lines: &[PassLine]) -> BTreeMap<u32, usize>
     reads
 }
 
-/// All passes, the last one included, with the earlier textures that they read; empty if the head declares no passes.
+/// All passes, the last one included, with the earlier textures that they read; empty if the header declares no passes.
 pub(crate) fn passes(text: &str, lines: &[PassLine]) -> Vec<ImagePass> {
     if lines.is_empty() {
         return Vec::new();

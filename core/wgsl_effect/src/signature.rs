@@ -24,7 +24,7 @@ pub(crate) struct Signature {
     pub declared: &'static str,
     /// Functions that the shader supplies, as [`HostFunction`] lists them. Their WGSL is only parsed, never run.
     pub functions: &'static [Declared],
-    /// Further functions, if the head requests a history.
+    /// Further functions, if the header requests a history.
     pub with_history: &'static [Declared],
 }
 

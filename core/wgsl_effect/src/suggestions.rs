@@ -1,7 +1,7 @@
 //! "Did you mean" for names in an author's WGSL, from the message of naga's parser.
 
 use crate::compile::Declared;
-use crate::head::{Head, hooks, word};
+use crate::header::{Header, hooks, word};
 use crate::scene_inputs;
 use crate::signature::signature;
 use choreo_plugin::suggest::{did_you_mean, list};
@@ -12,20 +12,20 @@ fn undefined_name(message: &str) -> Option<&str> {
     message.strip_prefix("no definition in scope")?.split('`').nth(1)
 }
 
-/// Suggests the line of the head comment that an undefined name needs: a function or a type of another hook, or of a history.
-pub(crate) fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -> Option<String> {
+/// Suggests the line of the header comment that an undefined name needs: a function or a type of another hook, or of a history.
+pub(crate) fn of_other_hook(message: &str, header: &Header, declared: &[Declared]) -> Option<String> {
     let wanted = undefined_name(message)?;
     if declared.iter().any(|(name, ..)| name == wanted) {
         return None;
     }
     let is_of = |hook: Hook| scene_inputs::names(hook).any(|name| name == wanted);
-    if is_of(Hook::Image) && !is_of(head.hook) {
+    if is_of(Hook::Image) && !is_of(header.hook) {
         return Some(format!("; {wanted}() is an input of effects with // hook: image"));
     }
-    if signature(head.hook).with_history.iter().any(|(name, ..)| *name == wanted) {
+    if signature(header.hook).with_history.iter().any(|(name, ..)| *name == wanted) {
         return Some(format!("; {wanted}() needs a line // history: FRAMES"));
     }
-    let of = hooks().filter(|hook| *hook != head.hook).find_map(|hook| {
+    let of = hooks().filter(|hook| *hook != header.hook).find_map(|hook| {
         let of = signature(hook);
         let is_function = of.functions.iter().chain(of.with_history).any(|(name, ..)| *name == wanted);
         let name = if is_function { format!("{wanted}()") } else { wanted.to_string() };
@@ -34,11 +34,11 @@ pub(crate) fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -
     of.map(|(name, hook)| format!("; {name} needs // hook: {hook}"))
 }
 
-/// Suggests the line of the head comment that an undefined `halo_at` needs: it reads the texture of a pass.
-pub fn texture(message: &str, head: &Head) -> String {
+/// Suggests the line of the header comment that an undefined `halo_at` needs: it reads the texture of a pass.
+pub fn texture(message: &str, header: &Header) -> String {
     let endings = ["_at", "_uv", "_size"];
     let texture = undefined_name(message).and_then(|name| endings.iter().find_map(|e| name.strip_suffix(e)));
-    match texture.filter(|name| head.hook == Hook::Image && !name.is_empty()) {
+    match texture.filter(|name| header.hook == Hook::Image && !name.is_empty()) {
         Some(texture) => format!("; a texture {texture} needs a line // pass {texture} = 1/2: ABOUT"),
         None => String::new(),
     }

@@ -1,7 +1,7 @@
 //! Tries an effect before it is used, because an endless loop would hang the GPU.
 
 use crate::environment::Placeholder;
-use crate::head::Head;
+use crate::header::Header;
 use crate::machine::Machine;
 use crate::overlay::{MAX_FRAME_STEPS, trial_body};
 use crate::program::{MAX_STEPS, Program};
@@ -16,17 +16,17 @@ pub struct Slow {
 }
 
 /// Runs the function for a few pixels (places, vertices, lights, lines), with the smallest, the default and the largest parameters.
-pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), Slow> {
+pub fn ends(program: &Program, header: &Header, manifest: &Manifest) -> Result<(), Slow> {
     for p in trial_parameters(manifest) {
         let mut most = 0;
-        for arguments in trial_arguments(head, &p) {
+        for arguments in trial_arguments(header, &p) {
             let mut machine = Machine::<1>::new(program, &p);
             for (number, bits) in arguments.iter().enumerate() {
                 machine.set(program, number, 0, bits);
             }
             let done = machine.run(program, 1, &Placeholder);
             if done.is_err() || machine.steps > MAX_STEPS || machine.endless != [0] {
-                let what = item_name(head.hook);
+                let what = item_name(header.hook);
                 return Err(Slow {
                     what: format!("{what} takes more than {MAX_STEPS} steps; does a loop never end?"),
                     in_loop: (machine.endless != [0]).then_some(machine.endless[0]),
@@ -34,8 +34,8 @@ pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), S
             }
             most = most.max(machine.steps);
         }
-        let count = head.count.of(&p) as u32;
-        if head.hook == Hook::Overlay && u64::from(count) * u64::from(most) > u64::from(MAX_FRAME_STEPS) {
+        let count = header.count.of(&p) as u32;
+        if header.hook == Hook::Overlay && u64::from(count) * u64::from(most) > u64::from(MAX_FRAME_STEPS) {
             let what = format!(
                 "{count} times up to {most} steps are more than {MAX_FRAME_STEPS} a frame; give it a smaller count"
             );
@@ -71,7 +71,7 @@ fn trial_parameters(manifest: &Manifest) -> [Vec<f32>; 3] {
 }
 
 /// Arguments of the function before the parameters: dark and bright, near and far, facing all directions, the first and the last element.
-fn trial_arguments(head: &Head, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
+fn trial_arguments(header: &Header, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
     let colors = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.5, 0.25, 1.0], [8.0, 8.0, 8.0, 1.0]];
     let samples = [
         [0.0; 20],
@@ -82,18 +82,18 @@ fn trial_arguments(head: &Head, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
         ],
     ];
     let bits = |values: &[f32]| -> Vec<u32> { values.iter().map(|v| v.to_bits()).collect() };
-    match head.hook {
+    match header.hook {
         Hook::Vertex | Hook::Lighting => samples.iter().map(|s| vec![bits(s)]).collect(),
         Hook::Image => {
             const PLACES: [[u32; 2]; 3] = [[0, 0], [63, 40], [10_000, 1]];
-            if !head.pass_lines.is_empty() {
+            if !header.pass_lines.is_empty() {
                 return PLACES.map(|at| vec![at.to_vec()]).to_vec();
             }
             let pass = |n: u32| PLACES.map(|at| vec![at.to_vec(), vec![n]]);
-            (0..head.passes).flat_map(pass).collect()
+            (0..header.passes).flat_map(pass).collect()
         }
         Hook::Overlay => {
-            let count = head.count.of(p) as u32;
+            let count = header.count.of(p) as u32;
             let indices = [0, count / 2, count.saturating_sub(1)];
             let body = |(joints, number)| {
                 trial_body(2.5, [DVec3::ZERO, DVec3::splat(0.5)], [joints, number]).to_vec()

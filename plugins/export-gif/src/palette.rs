@@ -30,7 +30,7 @@ fn key(c: [u8; 3]) -> usize {
 }
 
 /// The representative color of a cell.
-fn centre(key: usize) -> [u8; 3] {
+fn center(key: usize) -> [u8; 3] {
     [key >> (2 * BITS), key >> BITS, key].map(|bits| {
         let top = (bits & ((1 << BITS) - 1)) as u8;
         // Bits are repeated in the low ones, so that 0 stays 0 and the largest cell becomes 255.
@@ -70,7 +70,7 @@ impl Quantizer {
         self.cells.clear();
         for (k, &count) in self.counts.iter().enumerate() {
             if count > 0 {
-                self.cells.push(Cell { color: centre(k), count });
+                self.cells.push(Cell { color: center(k), count });
             }
         }
         if !self.palette.is_empty() && self.error() <= 1.5 * self.made_for + 4.0 {
@@ -99,7 +99,7 @@ impl Quantizer {
     pub fn entry(&mut self, color: [u8; 3]) -> u8 {
         let k = key(color);
         if self.nearest[k] == 0 {
-            let color = centre(k);
+            let color = center(k);
             let best = (0..self.palette.len()).min_by_key(|&i| distance(self.palette[i], color)).unwrap_or(0);
             self.nearest[k] = best as u16 + 1;
         }

@@ -84,7 +84,7 @@ fn every_decoded_frame_is_close_to_its_source() {
             assert!((block(shown, c) - block(&frame.rgba, c)).abs() < 2.5, "frame {i}, channel {c}");
         }
     }
-    // The comparison can fail: the neighbour frame is not within the bound after the jump.
+    // The comparison can fail: the neighbor frame is not within the bound after the jump.
     assert!(mean_error(&shown[7], &frames[8].rgba) > 3.0);
 }
 

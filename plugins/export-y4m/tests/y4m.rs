@@ -74,7 +74,7 @@ fn ffmpeg_reads_the_same_colors() {
         for frame in 0..3 {
             let source = bars(w, h, frame as u32);
             for (i, pixel) in source.rgba.chunks(4).enumerate() {
-                // The middle of each bar: chroma is shared between neighbours at the edges.
+                // The middle of each bar: chroma is shared between neighbors at the edges.
                 let bar = w as usize / 8;
                 if !(bar / 4..bar * 3 / 4).contains(&(i % w as usize % bar)) {
                     continue;

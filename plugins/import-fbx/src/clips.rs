@@ -191,7 +191,8 @@ impl Maker<'_, '_> {
         let own = PATHS.iter().position(|p| *p == path).unwrap_or_default();
         let swung = path == Path::Translation && swings && (props.drives(1) || scaled && props.drives(2));
         let with_scale = swung && scaled && props.drives(2);
-        // Scale that is not inherited multiplies the scale of a scale helper, and the translation of any other node.
+        // ufbx keeps scale that children do not inherit in a scale helper node. Its factors multiply the scale of a helper, but only the
+        // translation of any other node.
         let follows = path == if local.is_scale_helper { Path::Scale } else { Path::Translation };
         let factors = if follows { &props.factors[..] } else { &[] };
         if !props.drives(own) && !swung && !factors.iter().any(|f| f.drives()) {

@@ -36,12 +36,12 @@ impl Span {
 /// curve's own unit.
 pub fn pieces(curve: Option<&AnimCurve>, otherwise: f64, span: Span, tolerance: f64, out: &mut Vec<Piece>) {
     let keys: &[Keyframe] = curve.map_or(&[], |c| &c.keyframes);
-    let mut line = Line { span, out, reached: Time::ZERO };
+    let mut pieces = PieceWriter { span, out, reached: Time::ZERO };
     let [first, .., last] = keys else {
-        line.hold(span.length(), keys.first().map_or(otherwise, |k| k.value), false);
+        pieces.add_constant(span.length(), keys.first().map_or(otherwise, |k| k.value), false);
         return;
     };
-    line.hold(Time::from_secs(first.time) - span.begin, first.value, false);
+    pieces.add_constant(Time::from_secs(first.time) - span.begin, first.value, false);
     for pair in keys.windows(2) {
         let (a, b) = (&pair[0], &pair[1]);
         let (from, to) = (Time::from_secs(a.time) - span.begin, Time::from_secs(b.time) - span.begin);
@@ -49,47 +49,49 @@ pub fn pieces(curve: Option<&AnimCurve>, otherwise: f64, span: Span, tolerance: 
             continue;
         }
         match a.interpolation {
-            Interpolation::ConstantPrev => line.add(from, to, [a.value, 0.0, 0.0, 0.0], false),
-            Interpolation::ConstantNext => line.add(from, to, [b.value, 0.0, 0.0, 0.0], true),
-            Interpolation::Linear => line.add(from, to, [a.value, b.value - a.value, 0.0, 0.0], false),
+            Interpolation::ConstantPrev => pieces.add(from, to, [a.value, 0.0, 0.0, 0.0], false),
+            Interpolation::ConstantNext => pieces.add(from, to, [b.value, 0.0, 0.0, 0.0], true),
+            Interpolation::Linear => pieces.add(from, to, [a.value, b.value - a.value, 0.0, 0.0], false),
             Interpolation::Cubic => {
                 let bezier = Bezier::new(a, b);
                 if bezier.is_plain(tolerance) {
-                    line.add(from, to, bezier.plain(), false);
+                    pieces.add(from, to, bezier.plain(), false);
                 } else {
                     bezier.split(0.0, 1.0, tolerance, MAX_DEPTH, &mut |x, next, c| {
                         let at = |x: f64| Time(from.0 + ((to.0 - from.0) as f64 * x).round() as i64);
-                        line.add(at(x), at(next), c, false);
+                        pieces.add(at(x), at(next), c, false);
                     });
                 }
             }
         }
     }
-    line.hold(span.length(), last.value, false);
+    pieces.add_constant(span.length(), last.value, false);
 }
 
-struct Line<'a> {
+/// Appends pieces without gaps. `reached`: end of the last one.
+struct PieceWriter<'a> {
     span: Span,
     out: &'a mut Vec<Piece>,
     reached: Time,
 }
 
-impl Line<'_> {
-    fn hold(&mut self, to: Time, value: f64, late: bool) {
+impl PieceWriter<'_> {
+    /// Appends a constant piece up to a time. `jumps_after_key`: see [`Piece::jumps_after_key`].
+    fn add_constant(&mut self, to: Time, value: f64, jumps_after_key: bool) {
         let to = to.min(self.span.length());
         if to > self.reached {
-            self.out.push(Piece { from: self.reached, to, c: [value, 0.0, 0.0, 0.0], jumps_after_key: late });
+            self.out.push(Piece { from: self.reached, to, c: [value, 0.0, 0.0, 0.0], jumps_after_key });
             self.reached = to;
         }
     }
 
     /// Appends a piece, clipped to the time range of the clip.
-    fn add(&mut self, from: Time, to: Time, c: [f64; 4], late: bool) {
+    fn add(&mut self, from: Time, to: Time, c: [f64; 4], jumps_after_key: bool) {
         let (start, end) = (from.max(self.reached), to.min(self.span.length()));
         if end <= start {
             return;
         }
-        let whole = Piece { from, to, c, jumps_after_key: late && start == from };
+        let whole = Piece { from, to, c, jumps_after_key: jumps_after_key && start == from };
         self.out.push(whole.part(start, end));
         self.reached = end;
     }

@@ -2,7 +2,7 @@
 
 use crate::clips::PARTS;
 use crate::curve::Span;
-use crate::local::{self, Local};
+use crate::local::{self, LocalTransform};
 use crate::sampled::is_flat;
 use crate::weights::WEIGHT;
 use glam::DVec3;
@@ -29,7 +29,7 @@ pub struct Driven<'a> {
 
 /// The curves of a node that a single layer drives.
 pub struct Props<'a> {
-    pub local: Local,
+    pub local: LocalTransform,
     values: [Option<&'a AnimValue>; 3],
     /// Scales that are not inherited, helper by helper. They multiply the node's translation, or the scale of a scale helper.
     pub factors: Vec<Factor<'a>>,
@@ -107,7 +107,7 @@ impl<'a> Driven<'a> {
 
     /// The curves of a node; `None` where they have no closed form: blended layers, animated pivots, connections.
     pub fn props(&self, node: &Node) -> Option<Props<'a>> {
-        let local = Local::new(node).filter(|_| !self.overridden)?;
+        let local = LocalTransform::new(node).filter(|_| !self.overridden)?;
         let values = self.replaced(&node.element)?;
         let factor = |helper: &Node| {
             let [_, _, value] = self.replaced(&helper.element)?;

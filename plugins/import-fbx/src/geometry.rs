@@ -2,7 +2,7 @@
 //! of the C library.
 
 use crate::convert::vec3;
-use crate::local::Local;
+use crate::local::LocalTransform;
 use crate::nodes;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use ufbx::Node;
@@ -22,7 +22,7 @@ fn f64s(v: &ufbx::Vec3) -> DVec3 {
 impl Geometry {
     /// The geometric transform of a helper that is no joint; `None` for all other nodes.
     pub fn of(holder: &Node) -> Option<Geometry> {
-        let local = Local::new(holder).filter(|_| nodes::is_folded(holder))?;
+        let local = LocalTransform::new(holder).filter(|_| nodes::is_folded(holder))?;
         let place = local.matrix_at_rest();
         let m = place.matrix3;
         let determinant = m.determinant();

@@ -2,7 +2,7 @@
 //! largest error of a cubic that has these values and slopes.
 
 use crate::curve::Piece;
-use crate::local::{EulerRotation, HALF_RAD, Local};
+use crate::local::{EulerRotation, HALF_RAD, LocalTransform};
 use choreo_motion::{Path, Time};
 use glam::DVec3;
 
@@ -132,7 +132,7 @@ fn bell([a, b, c]: [f64; 3]) -> [f64; 4] {
 pub struct TransformPart<'a> {
     pub joint: u32,
     pub path: Path,
-    pub local: &'a Local,
+    pub local: &'a LocalTransform,
     /// Three curves of the part itself, then those whose first indices the next three fields hold.
     pub curves: JoinedCurves,
     /// First rotation curve and first scale curve, for a translation that swings about a pivot.
@@ -164,7 +164,7 @@ fn product(a: &Bounds, b: &Bounds) -> Bounds {
 pub struct RotationCache(Option<(DVec3, EulerRotation)>);
 
 impl RotationCache {
-    fn euler_rotation(&mut self, local: &Local, degrees: DVec3) -> EulerRotation {
+    fn euler_rotation(&mut self, local: &LocalTransform, degrees: DVec3) -> EulerRotation {
         match self.0 {
             Some((known, turn)) if known == degrees => turn,
             _ => {

@@ -25,13 +25,13 @@ pub const ALL: [&str; 10] = [
 
 /// T · Roff · Rp · Rpre · R · Rpost⁻¹ · Rp⁻¹ · Soff · Sp · S · Sp⁻¹ (FBX SDK, "Computing transformation matrices").
 #[derive(Clone, Debug)]
-pub struct Local {
+pub struct LocalTransform {
     /// Translation, rotation and scale at rest, in the file's units and degrees.
     pub translation: DVec3,
     pub rotation: DVec3,
     pub scaling: DVec3,
     /// Rotation axes in the order in which they are applied; `None`: no rotation.
-    axes: Option<[usize; 3]>,
+    rotation_axis_order: Option<[usize; 3]>,
     /// Fixed rotations to the left and to the right of the Euler rotation; `axes_turn` converts the file's axes, and does not
     /// apply to offsets.
     left_rotation: DQuat,
@@ -76,9 +76,9 @@ pub fn property(node: &Node, name: &str) -> Option<DVec3> {
     (!prop.flags.has_any(PropFlags::NO_VALUE)).then(|| DVec3::new(v.x, v.y, v.z))
 }
 
-impl Local {
+impl LocalTransform {
     /// `None` for the root, whose transform ufbx makes up.
-    pub fn new(node: &Node) -> Option<Local> {
+    pub fn new(node: &Node) -> Option<LocalTransform> {
         if node.is_root {
             return None;
         }
@@ -95,11 +95,11 @@ impl Local {
             true => (euler(at("PreRotation")), euler(at("PostRotation")).conjugate()),
             false => (DQuat::IDENTITY, DQuat::IDENTITY),
         };
-        let mut local = Local {
+        let mut local = LocalTransform {
             translation: at(TRANSLATION),
             rotation: at(ROTATION),
             scaling: property(node, SCALING).unwrap_or(DVec3::ONE),
-            axes: axes(order),
+            rotation_axis_order: axes(order),
             left_rotation: pre,
             right_rotation: post,
             post,
@@ -140,7 +140,7 @@ impl Local {
     }
 
     pub fn euler_rotation(&self, degrees: DVec3) -> EulerRotation {
-        turn(self.axes, degrees)
+        turn(self.rotation_axis_order, degrees)
     }
 
     /// The node's rotation for an Euler rotation, with the fixed rotations around it.
@@ -172,7 +172,7 @@ impl Local {
     }
 
     fn euler_rate(&self, turn: &EulerRotation, rates: DVec3) -> DQuat {
-        let Some([a, b, c]) = self.axes else { return DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0) };
+        let Some([a, b, c]) = self.rotation_axis_order else { return DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0) };
         let half = |axis: usize| rates[axis] * HALF_RAD;
         let inner = turn.parts[2] * axis_times(b, turn.first_two);
         times_axis(turn.all, a) * half(a) + inner * half(b) + axis_times(c, turn.all) * half(c)

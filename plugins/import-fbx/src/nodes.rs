@@ -2,7 +2,7 @@
 
 use crate::convert;
 use crate::file::{File, place_of};
-use crate::local::Local;
+use crate::local::LocalTransform;
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::{Skeleton, Transform};
 use ufbx::{ElementType, Node, PropFlags};
@@ -32,9 +32,9 @@ pub fn read(file: &File<'_>) -> Result<Tree> {
     Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, holders: tree.holders, visible: tree.visible })
 }
 
-/// The transform at rest. Nodes that [`Local`] covers use our own trigonometry: the same bits on every machine.
+/// The transform at rest. Nodes that [`LocalTransform`] covers use our own trigonometry: the same bits on every machine.
 fn rest(node: &Node) -> Result<Transform> {
-    let Some(local) = Local::new(node) else {
+    let Some(local) = LocalTransform::new(node) else {
         return convert::transform(&node.local_transform, || place_of(&node.element));
     };
     let rest = local.at_rest();

@@ -2,7 +2,7 @@
 
 use crate::convert;
 use crate::file::{File, place_of};
-use crate::local::Local;
+use crate::local::LocalTransform;
 use crate::meshes::VisibleMesh;
 use crate::nodes::{self, Tree};
 use choreo_asset::Skin;
@@ -35,7 +35,7 @@ pub fn skin(file: &File<'_>, tree: &Tree, one: &VisibleMesh<'_>) -> Result<Optio
     file.charge(deformer.clusters.len() + 1, size_of::<Mat4>() + 4, place)?;
     // The geometry helper is a joint where its mesh has several instances.
     let helper = one.holder.is_geometry_transform_helper && !nodes::is_folded(one.holder);
-    let geometry = Local::new(one.holder).filter(|_| helper).map(|local| local.matrix_at_rest());
+    let geometry = LocalTransform::new(one.holder).filter(|_| helper).map(|local| local.matrix_at_rest());
     for cluster in &deformer.clusters {
         let bone = cluster.bone_node.as_ref().map(|b| b.element.typed_id as usize);
         let joint = bone.and_then(|b| tree.joint_of_node.get(b).copied().flatten());

@@ -26,7 +26,7 @@ pub fn import_with(
 
 /// The extensions that an importer on top of glTF reads.
 pub trait Profile {
-    /// Names of the extensions, which are then not reported as ignored.
+    /// Names of glTF extensions that this profile reads. They are not reported as ignored.
     fn extensions(&self) -> &[&str] {
         &[]
     }

@@ -107,11 +107,11 @@ fn line_of(m: &mut Mtl, keyword: &[u8], rest: &[u8], unknown: &mut BTreeMap<Stri
         _ => None,
     };
     if let Some(slot) = slot {
-        m.maps.insert(slot, map(rest)?);
+        m.maps.insert(slot, read_map(rest)?);
         return Ok(());
     }
     if let b"refl" | b"map_refl" = keyword {
-        let map = map(rest)?;
+        let map = read_map(rest)?;
         match map.kind.as_deref() {
             None => m.maps.insert(Slot::Reflection, map),
             Some("sphere") => m.maps.insert(Slot::Environment, map),
@@ -133,19 +133,19 @@ fn line_of(m: &mut Mtl, keyword: &[u8], rest: &[u8], unknown: &mut BTreeMap<Stri
         return Ok(());
     }
     match keyword {
-        b"kd" => m.diffuse = Some(color(rest)?),
-        b"ks" => m.specular = Some(color(rest)?),
-        b"ke" => m.emissive = Some(color(rest)?),
-        b"ns" => m.shininess = scalar(rest)?.max(0.0),
+        b"kd" => m.diffuse = Some(read_color(rest)?),
+        b"ks" => m.specular = Some(read_color(rest)?),
+        b"ke" => m.emissive = Some(read_color(rest)?),
+        b"ns" => m.shininess = read_number(rest)?.max(0.0),
         b"d" => {
             let rest = rest.trim_ascii();
             // `-halo` makes the opacity fade towards the silhouette; only its factor is used.
-            m.alpha = scalar(rest.strip_prefix(b"-halo").unwrap_or(rest))?.clamp(0.0, 1.0);
+            m.alpha = read_number(rest.strip_prefix(b"-halo").unwrap_or(rest))?.clamp(0.0, 1.0);
         }
-        b"tr" => m.alpha = 1.0 - scalar(rest)?.clamp(0.0, 1.0),
-        b"illum" => m.illum = Some(scalar(rest)? as i64),
-        b"pr" => m.roughness = Some(scalar(rest)?.clamp(0.0, 1.0)),
-        b"pm" => m.metallic = Some(scalar(rest)?.clamp(0.0, 1.0)),
+        b"tr" => m.alpha = 1.0 - read_number(rest)?.clamp(0.0, 1.0),
+        b"illum" => m.illum = Some(read_number(rest)? as i64),
+        b"pr" => m.roughness = Some(read_number(rest)?.clamp(0.0, 1.0)),
+        b"pm" => m.metallic = Some(read_number(rest)?.clamp(0.0, 1.0)),
         // Ambient color, transmission filter, index of refraction and map sharpness have no effect on the material models used
         // here.
         b"ka" | b"tf" | b"ni" | b"map_ka" | b"sharpness" => {}
@@ -154,30 +154,30 @@ fn line_of(m: &mut Mtl, keyword: &[u8], rest: &[u8], unknown: &mut BTreeMap<Stri
     Ok(())
 }
 
-fn scalar(mut rest: &[u8]) -> Result<f32> {
+fn read_number(mut rest: &[u8]) -> Result<f32> {
     let word = next_word(&mut rest).ok_or("needs a number")?;
     let value = number(word).map(|v| v as f32).filter(|v| v.is_finite());
     value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)).into())
 }
 
-/// A color, `r g b`, or a gray, `r`.
-fn color(mut rest: &[u8]) -> Result<Vec3> {
+/// Reads a color, `r g b`, or a gray, `r`.
+fn read_color(mut rest: &[u8]) -> Result<Vec3> {
     let mut values = Vec::with_capacity(3);
     while let (Some(word), true) = (next_word(&mut rest), values.len() < 3) {
         if matches!(word, b"spectral" | b"xyz") {
             return Err(format!("{} colors are not supported", shown(word)).into());
         }
-        values.push(scalar(word)?);
+        values.push(read_number(word)?);
     }
     match values[..] {
         [r, g, b] => Ok(Vec3::new(r, g, b)),
-        [grey] => Ok(Vec3::splat(grey)),
+        [gray] => Ok(Vec3::splat(gray)),
         _ => Err("needs one or three numbers".into()),
     }
 }
 
 /// Reads the options of a map, then its file name, which may contain spaces.
-fn map(rest: &[u8]) -> Result<Map> {
+fn read_map(rest: &[u8]) -> Result<Map> {
     let mut out = Map {
         file: String::new(),
         scale: Vec2::ONE,

@@ -193,7 +193,7 @@ impl<'a> Materials<'a> {
                 return None;
             }
         }
-        let (set, uv_transform) = self.coordinates(texture);
+        let (set, uv_transform) = self.texture_coordinates(texture);
         let uv_set = match known.uvs.iter().position(|known| *known == set) {
             Some(known) => known,
             None if known.uvs[1].is_empty() => {
@@ -228,7 +228,7 @@ impl<'a> Materials<'a> {
     }
 
     /// The primvar name of a texture's coordinates, and their transform with the origin at the top.
-    fn coordinates(&self, texture: &Prim) -> (String, Affine2) {
+    fn texture_coordinates(&self, texture: &Prim) -> (String, Affine2) {
         let mut transform = Affine2::IDENTITY;
         let mut at = texture.connections.get("inputs:st").and_then(|list| list.first());
         // A transform, then a primvar reader; at most four nodes are followed.

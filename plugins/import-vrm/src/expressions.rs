@@ -11,15 +11,15 @@ use glam::{Vec2, Vec4};
 use import_gltf::profile::Document;
 
 /// Reads the expressions of VRM 1.0 ("expressions.md").
-pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
+pub fn read(document: &Document<'_>, vrm: &At<'_>, scope: ImportScope, asset: &mut Asset) -> Result<()> {
     let Some(expressions) = vrm.get("expressions") else { return Ok(()) };
-    let mut faces = Faces::new(document, needs, asset);
+    let mut reader = ExpressionReader::new(document, scope, asset);
     for list in ["preset", "custom"] {
         for (name, at) in expressions.members(list)? {
             let group =
                 if list == "preset" { ExpressionGroup::of_preset(name) } else { ExpressionGroup::Other };
             let over = |key: &str| override_of(document, &at, key);
-            let mut face = Expression {
+            let mut expression = Expression {
                 name: name.to_string(),
                 binary: at.flag("isBinary")?.unwrap_or(false),
                 group,
@@ -32,32 +32,32 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &m
                 let node = bind.needed_index("node")?;
                 let joint = document.joint(node, &|| bind.place_of("node"))?;
                 let weight = bind.number_or("weight", 1.0)?.clamp(0.0, 1.0);
-                faces.bind(&mut face, &bind, weight, |i| Some(i.joint) == joint)?;
+                reader.bind(&mut expression, &bind, weight, |i| Some(i.joint) == joint)?;
             }
             for bind in at.list("materialColorBinds")? {
                 let color = bind.text("type").and_then(color_of);
                 let to = bind.first::<4>("targetValue")?;
                 let (Some(color), Some(to)) = (color, to) else {
-                    faces.note_incomplete(&face);
+                    reader.note_incomplete(&expression);
                     continue;
                 };
-                let material = faces.material(&bind, bind.needed_index("material")?)?;
-                face.colors.extend(material.map(|material| ColorBind {
+                let material = reader.material(&bind, bind.needed_index("material")?)?;
+                expression.colors.extend(material.map(|material| ColorBind {
                     material,
                     color,
                     to: Vec4::from(to),
                 }));
             }
             for bind in at.list("textureTransformBinds")? {
-                let material = faces.material(&bind, bind.needed_index("material")?)?;
+                let material = reader.material(&bind, bind.needed_index("material")?)?;
                 let scale = bind.first::<2>("scale")?.map_or(Vec2::ONE, Vec2::from);
                 let offset = bind.first::<2>("offset")?.map_or(Vec2::ZERO, Vec2::from);
-                face.uvs.extend(material.map(|material| UvBind { material, offset, scale }));
+                expression.uvs.extend(material.map(|material| UvBind { material, offset, scale }));
             }
-            faces.add(face, &at);
+            reader.add(expression, &at);
         }
     }
-    faces.finish(expressions.place());
+    reader.finish(expressions.place());
     Ok(())
 }
 
@@ -78,15 +78,15 @@ pub(crate) fn add_gaze(asset: &mut Asset) {
 pub(crate) fn read_v0(
     document: &Document<'_>,
     vrm: &At<'_>,
-    needs: ImportScope,
+    scope: ImportScope,
     asset: &mut Asset,
 ) -> Result<()> {
     let Some(master) = vrm.get("blendShapeMaster") else { return Ok(()) };
-    let mut faces = Faces::new(document, needs, asset);
+    let mut reader = ExpressionReader::new(document, scope, asset);
     for at in master.list("blendShapeGroups")? {
         let own = at.text("name").unwrap_or_default();
         let preset = at.text("presetName").and_then(preset_v0);
-        let mut face = Expression {
+        let mut expression = Expression {
             name: preset.unwrap_or(own).to_string(),
             binary: at.flag("isBinary")?.unwrap_or(false),
             group: preset.map_or(ExpressionGroup::Other, ExpressionGroup::of_preset),
@@ -95,32 +95,34 @@ pub(crate) fn read_v0(
         for bind in at.list("binds")? {
             let mesh = bind.needed_index("mesh")?;
             let weight = bind.number_or("weight", 100.0)?.clamp(0.0, 100.0) / 100.0;
-            faces.bind(&mut face, &bind, weight, |i| i.mesh as usize == mesh)?;
+            reader.bind(&mut expression, &bind, weight, |i| i.mesh as usize == mesh)?;
         }
         for value in at.list("materialValues")? {
             let to = value.first::<4>("targetValue")?;
-            let material = value.text("materialName").and_then(|name| faces.material_index(name));
+            let material = value.text("materialName").and_then(|name| reader.material_index(name));
             let (Some(to), Some(material)) = (to, material) else {
-                faces.note_incomplete(&face);
+                reader.note_incomplete(&expression);
                 continue;
             };
             match value.text("propertyName") {
                 // Applies to all textures except the matcap. v points up.
-                Some("_MainTex_ST") => face.uvs.push(UvBind {
+                Some("_MainTex_ST") => expression.uvs.push(UvBind {
                     material,
                     offset: Vec2::new(to[2], 1.0 - to[3] - to[1]),
                     scale: Vec2::new(to[0], to[1]),
                 }),
-                Some(name) if color_v0(name).is_some() => face.colors.extend(color_v0(name).map(|color| {
-                    let [r, g, b] = [to[0], to[1], to[2]].map(|c| linear_from_srgb(c.max(0.0)));
-                    ColorBind { material, color, to: Vec4::new(r, g, b, to[3]) }
-                })),
-                _ => faces.note_incomplete(&face),
+                Some(name) if color_v0(name).is_some() => {
+                    expression.colors.extend(color_v0(name).map(|color| {
+                        let [r, g, b] = [to[0], to[1], to[2]].map(|c| linear_from_srgb(c.max(0.0)));
+                        ColorBind { material, color, to: Vec4::new(r, g, b, to[3]) }
+                    }))
+                }
+                _ => reader.note_incomplete(&expression),
             }
         }
-        faces.add(face, &at);
+        reader.add(expression, &at);
     }
-    faces.finish(master.place());
+    reader.finish(master.place());
     Ok(())
 }
 
@@ -183,7 +185,8 @@ fn override_of(document: &Document<'_>, at: &At<'_>, key: &str) -> Override {
     }
 }
 
-struct Faces<'a, 'd> {
+/// Adds expressions to an asset.
+struct ExpressionReader<'a, 'd> {
     document: &'a Document<'d>,
     /// Whether geometry is imported. Without it there are no meshes to bind to, and that is no fault.
     geometry: bool,
@@ -192,14 +195,14 @@ struct Faces<'a, 'd> {
     incomplete: Vec<String>,
 }
 
-impl<'a, 'd> Faces<'a, 'd> {
-    fn new(document: &'a Document<'d>, needs: ImportScope, asset: &'a mut Asset) -> Faces<'a, 'd> {
-        Faces { document, geometry: needs.geometry, asset, incomplete: Vec::new() }
+impl<'a, 'd> ExpressionReader<'a, 'd> {
+    fn new(document: &'a Document<'d>, scope: ImportScope, asset: &'a mut Asset) -> ExpressionReader<'a, 'd> {
+        ExpressionReader { document, geometry: scope.geometry, asset, incomplete: Vec::new() }
     }
 
     fn bind(
         &self,
-        face: &mut Expression,
+        expression: &mut Expression,
         at: &At<'_>,
         weight: f32,
         is_meant: impl Fn(&choreo_asset::MeshInstance) -> bool,
@@ -218,7 +221,7 @@ impl<'a, 'd> Faces<'a, 'd> {
                 return Err(Problem::new(at.place_of("index"), what));
             }
             found = true;
-            face.morphs.push(MorphBind { instance: instance as u32, target: target as u32, weight });
+            expression.morphs.push(MorphBind { instance: instance as u32, target: target as u32, weight });
         }
         if !found {
             self.document.warn(at.place(), "binds a mesh that is not in the scene; it is left out");
@@ -247,23 +250,24 @@ impl<'a, 'd> Faces<'a, 'd> {
         self.asset.materials.iter().position(|m| m.name == name).map(|i| i as u32)
     }
 
-    fn note_incomplete(&mut self, face: &Expression) {
-        if !self.incomplete.contains(&face.name) && (self.geometry || !self.asset.materials.is_empty()) {
-            self.incomplete.push(face.name.clone());
+    fn note_incomplete(&mut self, expression: &Expression) {
+        if !self.incomplete.contains(&expression.name) && (self.geometry || !self.asset.materials.is_empty())
+        {
+            self.incomplete.push(expression.name.clone());
         }
     }
 
-    fn add(&mut self, face: Expression, at: &At<'_>) {
-        if face.name.is_empty() {
+    fn add(&mut self, expression: Expression, at: &At<'_>) {
+        if expression.name.is_empty() {
             return self.document.warn(at.place(), "has no name; it is left out");
         }
-        if self.asset.expressions.iter().any(|e| e.name == face.name) {
-            let shown: String = face.name.chars().take(40).collect();
+        if self.asset.expressions.iter().any(|e| e.name == expression.name) {
+            let shown: String = expression.name.chars().take(40).collect();
             return self
                 .document
                 .warn(at.place(), format!("is a second expression \"{shown}\"; it is left out"));
         }
-        self.asset.expressions.push(face);
+        self.asset.expressions.push(expression);
     }
 
     fn finish(self, place: String) {

@@ -67,11 +67,11 @@ impl Importer for VrmImporter {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: ImportScope,
+        scope: ImportScope,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
         let vrm = Vrm { bones: options.bool("bones").unwrap_or(true), orders: mtoon::DrawOrders::default() };
-        import_with(source, files, needs, options, &vrm)
+        import_with(source, files, scope, options, &vrm)
     }
 }
 
@@ -109,16 +109,16 @@ impl Profile for Vrm {
         Ok(())
     }
 
-    fn finish(&self, document: &Document<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
+    fn finish(&self, document: &Document<'_>, scope: ImportScope, asset: &mut Asset) -> Result<()> {
         self.orders.warn(document);
         let root = |name: &str| document.extension(name).map(|v| At::new(v, format!("extensions.{name}")));
         if let Some(vrm) = root(V1) {
-            character(document, &vrm, needs, asset)
+            character(document, &vrm, scope, asset)
         } else if let Some(vrm) = root(V0) {
-            character_v0(document, &vrm, needs, asset)
+            character_v0(document, &vrm, scope, asset)
         } else if let Some(vrma) = root(ANIMATION) {
             animation::read(document, &vrma, asset)?;
-            if self.bones && needs.geometry && asset.meshes.is_empty() {
+            if self.bones && scope.geometry && asset.meshes.is_empty() {
                 bones::add_bones(asset);
             }
             Ok(())
@@ -130,11 +130,11 @@ impl Profile for Vrm {
 }
 
 /// Reads a VRM 1.0 character.
-fn character(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
+fn character(document: &Document<'_>, vrm: &At<'_>, scope: ImportScope, asset: &mut Asset) -> Result<()> {
     version(document, vrm, "1.0");
     about::read(document, vrm, asset);
     human::read(document, vrm, asset)?;
-    expressions::read(document, vrm, needs, asset)?;
+    expressions::read(document, vrm, scope, asset)?;
     asset.eyes = eyes::read(vrm)?;
     expressions::add_gaze(asset);
     if let Some(springs) = document.extension("VRMC_springBone") {
@@ -145,10 +145,10 @@ fn character(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &
 }
 
 /// Reads a VRM 0.x character, and finally rotates it, because it looks along −Z.
-fn character_v0(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
+fn character_v0(document: &Document<'_>, vrm: &At<'_>, scope: ImportScope, asset: &mut Asset) -> Result<()> {
     about::read_v0(document, vrm, asset);
     human::read_v0(document, vrm, asset)?;
-    expressions::read_v0(document, vrm, needs, asset)?;
+    expressions::read_v0(document, vrm, scope, asset)?;
     asset.eyes = eyes::read_v0(vrm)?;
     expressions::add_gaze(asset);
     asset.springs = springs_v0::read(document, vrm, asset)?;

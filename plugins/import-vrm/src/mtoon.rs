@@ -116,7 +116,7 @@ pub(crate) fn read_v0(
     let toony = toony + (1.0 - toony) * (0.5 + 0.5 * shift);
     let mode = number("_OutlineWidthMode", 0.0)?;
     let outline = Outline {
-        // Centimeters to metres.
+        // Centimetres to metres.
         width: number("_OutlineWidth", 0.0)? * 0.01,
         on_screen: mode == 2.0,
         width_texture: texture("_OutlineWidthTexture")?,

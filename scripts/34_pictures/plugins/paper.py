@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes paper.png beside itself: 128 x 128 grey, fibres that repeat without a seam. Ours, made by this script alone."""
+"""Writes paper.png beside itself: 128 x 128 gray, fibers that repeat without a seam. Ours, made by this script alone."""
 
 import math
 import random

@@ -3,7 +3,7 @@
 // version: 1
 // param amount = 0.8 in 0..1: strength of the paper grain
 // param across = 4 in 0.5..64: repetitions of the paper texture across the image
-// texture paper = paper.png: fibres, white where there is most paper
+// texture paper = paper.png: fibers, white where there is most paper
 //
 // A texture's name is a function of its place, 0 to 1 from the top left and repeated; what it gives is linear.
 fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> {

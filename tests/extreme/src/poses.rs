@@ -27,7 +27,7 @@ pub const CASES: &[Case] = &[
         model(10, 10, |i| if i == 3 { Vec3::new(1.0, 1e4, 1e-4) } else { Vec3::ONE }).1
     }),
     Case::new("antipodal quaternions", "radians from the first", 1e-6, || turned(&[TILTED, -TILTED], 0.37)),
-    Case::new("unnormalised quaternions", "off unit length", 1e-6, || {
+    Case::new("unnormalized quaternions", "off unit length", 1e-6, || {
         sampled(&[TILTED * 3.0, TILTED * 0.01], 0.5).map_or(f64::NAN, |q| f64::from((q.length() - 1.0).abs()))
     }),
     Case::new("keys half a turn apart", "off unit length", 1e-6, || {

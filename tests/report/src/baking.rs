@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Path, Pose, Sample, Time};
 use glam::{DQuat, DVec3};
@@ -29,7 +29,7 @@ pub fn section() -> Result<Section, String> {
     for way in &ways {
         clips.push(HERTZ.iter().map(|hz| swing(*hz, *way)).collect::<Result<Vec<Clip>, String>>()?);
     }
-    let mut by_hertz = vec![vec![Spread::default(); HERTZ.len()]; ways.len()];
+    let mut by_hertz = vec![vec![ErrorStats::default(); HERTZ.len()]; ways.len()];
     for (way, clips) in clips.iter().enumerate() {
         for (clip, (hz, errors)) in clips.iter().zip(HERTZ.iter().zip(&mut by_hertz[way])) {
             for i in 0..3000 {

@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_plugin::{Effect, EffectImage};
 use glam::{DVec3, Vec3, Vec4};
@@ -162,7 +162,7 @@ fn shrinks() -> Result<Choice, String> {
         .into();
     let mut cases = Vec::new();
     for shrink in [1, 2, 4, 8, 16, 32] {
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         let mut at = 0;
         for (i, (got, exact)) in spread(&rgba, shrink).iter().zip(&exact).enumerate() {
             for error_of in (got.as_dvec3() - *exact).abs().to_array() {

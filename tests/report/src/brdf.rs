@@ -4,7 +4,7 @@ use crate::images::{drawn, srgb, stage};
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
@@ -121,7 +121,7 @@ fn truth(roughness: f64, nv: f64) -> f64 {
 
 pub fn section() -> Result<Section, String> {
     check_renderer()?;
-    let mut errors = [(); METHODS.len()].map(|()| (Spread::default(), String::new()));
+    let mut errors = [(); METHODS.len()].map(|()| (ErrorStats::default(), String::new()));
     let titles: Vec<String> = DEGREES.iter().map(|d| format!(">{d}°")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("% of the light lost, looked at from", "roughness")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "degrees")));

@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::{self, Spread};
+use choreo_bench::reference::{self, ErrorStats};
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_motion::{Level, LocalToModel, Pose, Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
@@ -17,7 +17,7 @@ const METHODS: [&str; 4] =
     ["f64 matrices", OURS, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
 
 pub fn section() -> Result<Section, String> {
-    let mut by_length = vec![vec![Spread::default(); LENGTHS.len()]; METHODS.len()];
+    let mut by_length = vec![vec![ErrorStats::default(); LENGTHS.len()]; METHODS.len()];
     let mut nanos = vec![Nanos::default(); METHODS.len()];
     for (at, length) in LENGTHS.iter().enumerate() {
         for seed in 0..8 {

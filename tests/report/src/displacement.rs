@@ -5,7 +5,7 @@ use crate::rays::Shapes;
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Asset;
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::Clock;
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
@@ -69,7 +69,7 @@ pub fn section() -> Result<Section, String> {
         let stage = ground(detail, &pixels)?;
         let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
         let shapes = Shapes::of(&stage, &snapshot);
-        let (mut random, mut error) = (Random(3), Spread::default());
+        let (mut random, mut error) = (Random(3), ErrorStats::default());
         for _ in 0..4000 {
             let [u, v] = [0.001 + 0.998 * random.unit(), 0.001 + 0.998 * random.unit()];
             let from = DVec3::new((u - 0.5) * GROUND, 10.0, (v - 0.5) * GROUND);
@@ -102,8 +102,8 @@ pub fn section() -> Result<Section, String> {
         tables: Vec::new(),
         off_front: vec![(
             "displacement",
-            "the two triangles of a plane become 32, too few to follow these waves; a sphere has about \
-             2,200 triangles of its own, and two steps make sixteen times as many.",
+            "a plane has two triangles, and two subdivision steps make only 32 of them, too few for \
+             these waves; a sphere starts with about 2,200.",
         )],
     })
 }

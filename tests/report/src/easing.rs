@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Ease;
 
@@ -93,7 +93,7 @@ pub fn section() -> Result<Section, String> {
     .map(Curve::new)
     .into();
     curves.extend((0..200).map(|_| Curve::new(std::array::from_fn(|_| random.unit()))));
-    let mut errors = [(); METHODS.len()].map(|()| (Spread::default(), String::new()));
+    let mut errors = [(); METHODS.len()].map(|()| (ErrorStats::default(), String::new()));
     for curve in &curves {
         let [x1, y1, x2, y2] = curve.points;
         for i in 1..400 {

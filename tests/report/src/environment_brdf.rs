@@ -4,7 +4,7 @@ use crate::images::{drawn, srgb, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
@@ -94,7 +94,7 @@ pub fn section() -> Result<Section, String> {
         1 | 2 => tables[way - 1].at(roughness, nv),
         _ => schlick(nv),
     };
-    let mut errors = [(); METHODS.len()].map(|()| (Spread::default(), String::new()));
+    let mut errors = [(); METHODS.len()].map(|()| (ErrorStats::default(), String::new()));
     let step = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
     for (roughness, nv) in (0..STEPS).flat_map(|r| (0..STEPS).map(move |n| (step(r), step(n)))) {
         let roughness = roughness.max(SMOOTHEST);

@@ -3,7 +3,7 @@
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Projection;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_render::plan::View;
 use choreo_render::view::camera_relative;
@@ -22,7 +22,7 @@ const METHODS: [&str; 4] =
     ["f64 throughout", OURS, "f32 world and view", "f32 world, f32 subtracted from the camera"];
 
 pub fn section() -> Result<Section, String> {
-    let mut by_distance = vec![vec![Spread::default(); DISTANCES.len()]; METHODS.len()];
+    let mut by_distance = vec![vec![ErrorStats::default(); DISTANCES.len()]; METHODS.len()];
     let mut nanos = vec![Nanos::default(); METHODS.len()];
     for (at, (distance, _)) in DISTANCES.iter().enumerate() {
         let shot = Shot::new(*distance);

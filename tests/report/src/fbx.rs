@@ -3,7 +3,7 @@
 use crate::Section;
 use crate::scenes::import;
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::{Spread, angle_between, pose};
+use choreo_bench::reference::{ErrorStats, angle_between, pose};
 use choreo_motion::Time;
 use choreo_plugin::OptionValue;
 use glam::DQuat;
@@ -68,7 +68,7 @@ pub fn section() -> Result<Section, String> {
         let asset = import(&registry, "limb.fbx", limb_fbx().into_bytes(), &options)?;
         let clip = asset.clips.first().ok_or("the file has no clip")?;
         let joint = asset.skeleton.find("limb").ok_or("the file has no limb")?;
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         let mut place = String::new();
         for i in 0..TIMES {
             let secs = 3.0 * (f64::from(i) + 0.37) / f64::from(TIMES);

@@ -4,7 +4,7 @@ use crate::images::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Row, Table, difference, time};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
@@ -163,7 +163,7 @@ fn orders() -> Choice {
     );
     let mut cases = Vec::new();
     for (name, way) in &ways {
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         let mut at = String::new();
         for (film, exact) in films.iter().zip(&truth) {
             for (got, exact) in way(*film).iter().zip(exact) {

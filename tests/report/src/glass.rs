@@ -4,7 +4,7 @@ use crate::images::{drawn, srgb, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_asset::Image;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
@@ -21,7 +21,7 @@ const WAVES: f64 = 24.0;
 /// Distance of the camera from the middle of the pane in metres, its field of view in degrees, and rotation of the pane about y in degrees.
 const CAMERA_DISTANCE: f64 = 3.0;
 const FOV: f64 = 22.0;
-const PANE_DEGREES: f64 = 35.0;
+const PANE_YAW_DEGREES: f64 = 35.0;
 const PANE_THICKNESS: f64 = 0.25;
 const IOR: f64 = 1.5;
 /// Distances in metres from the middle of the pane to the wall.
@@ -41,7 +41,7 @@ fn wall_at(x: f64, y: f64, wall: f64, pane: bool) -> DVec2 {
     let way = DVec3::new((x - 0.5 * width) * scale, (0.5 * height - y) * scale, -1.0).normalize();
     let mut from = DVec3::new(0.0, 0.0, CAMERA_DISTANCE);
     if pane {
-        let (sin, cos) = libm::sincos(PANE_DEGREES.to_radians());
+        let (sin, cos) = libm::sincos(PANE_YAW_DEGREES.to_radians());
         let normal = DVec3::new(sin, 0.0, cos);
         let cosine = -normal.dot(way);
         // Snell's law. The second face is parallel, so the ray leaves in its original direction.
@@ -70,7 +70,7 @@ fn scene(way: usize, wall: f64) -> Result<Scene, String> {
     let thickness = if way == 1 { PANE_THICKNESS } else { 0.0 };
     // The pane transmits all light, since reflection is not measured here.
     let pane = format!(
-        "cast(\"pane\", shape(\"quad\", #{{ size: 8.0, color: \"white\", transmission: 1.0, roughness: 0.0, thickness: {thickness:?}, ior: {IOR:?} }})).at(0.0, -4.0, 0.0).turn({PANE_DEGREES:?});"
+        "cast(\"pane\", shape(\"quad\", #{{ size: 8.0, color: \"white\", transmission: 1.0, roughness: 0.0, thickness: {thickness:?}, ior: {IOR:?} }})).at(0.0, -4.0, 0.0).turn({PANE_YAW_DEGREES:?});"
     );
     let text = format!(
         "stage(#{{ background: \"black\", view: \"none\" }});
@@ -110,7 +110,7 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = format!(
-        "Snell's law at both faces in f64, {} rays a pixel; walls with waves {} to {} m behind the pane, which is turned by {PANE_DEGREES}°",
+        "Snell's law at both faces in f64, {} rays a pixel; walls with waves {} to {} m behind the pane, which is turned by {PANE_YAW_DEGREES}°",
         RAYS * RAYS,
         WALLS[0],
         WALLS[3],
@@ -122,13 +122,13 @@ pub fn section() -> Result<Section, String> {
     let mut table = Table::new("By the distance of the wall behind the pane", &columns);
     let mut timed = Vec::new();
     for (way, name) in METHODS.into_iter().enumerate() {
-        let (mut all, mut cells) = (Spread::default(), vec![Cell::text(name)]);
+        let (mut all, mut cells) = (ErrorStats::default(), vec![Cell::text(name)]);
         for wall in WALLS {
             let scene = scene(way, wall)?;
             let mut renderer = CpuRenderer::new(&[]);
             renderer.load(scene.resources.clone()).map_err(|e| e.to_string())?;
             let frame = drawn(&mut renderer, &scene.plan)?;
-            let mut error = Spread::default();
+            let mut error = ErrorStats::default();
             for (i, got) in (0..).zip(frame.rgba.chunks_exact(4)) {
                 let truth = (srgb(exact([i % SIZE[0], i / SIZE[0]], wall, way != 2)) * 255.0).round();
                 error.add((f64::from(got[0]) - truth).abs());

@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, scenes};
 use choreo_bench::plots::{Choice, Row, quantity};
-use choreo_bench::reference::{Spread, model_from_joint, pose, rest};
+use choreo_bench::reference::{ErrorStats, model_from_joint, pose, rest};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::retarget::{Retarget, RetargetOptions};
 use choreo_motion::{Clip, HumanoidJoints, LocalToModel, Pose, Sample, Skeleton, Time, Transform};
@@ -126,7 +126,7 @@ fn height_at(raised: &[f64], secs: f64) -> f64 {
 
 /// Adds the errors of a clip in millimetres: of the change of the hips' step, and of the height of planted soles.
 fn add_errors(
-    [steps, soles]: &mut [Spread; 2],
+    [steps, soles]: &mut [ErrorStats; 2],
     ([own, theirs], scale): ([&Feet; 2], f64),
     [clip, on]: [&Clip; 2],
     raised: &[f64],
@@ -181,7 +181,7 @@ pub fn choice() -> Result<Choice, String> {
         (SMOOTH, true, None),
     ];
     for (name, smooth, mean) in ways {
-        let mut errors = [Spread::default(); 2];
+        let mut errors = [ErrorStats::default(); 2];
         for clip in &clips {
             let on = if smooth { kept.clip(clip).0 } else { free.clip(clip).0 };
             let raised = mean.map_or(Vec::new(), |mean| hip_raises(feet, scale, [clip, &on], mean));

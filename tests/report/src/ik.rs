@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::ik::{Chain, ChainBone, Limit, Solver};
 use choreo_stage::SolverSettings;
@@ -93,11 +93,11 @@ fn by_iterations(name: &'static str, question: &'static str, limit: Limit) -> Ch
     choice.by_mean = true;
     choice.per = format!("solution of {BONES} bones");
     for ((solver, iterations, name), nanos) in ways.iter().zip(nanos) {
-        let mut spread = Spread::default();
+        let mut errors = ErrorStats::default();
         for (chain, target) in problems {
-            spread.add(distance(chain, *target, *solver, *iterations).0);
+            errors.add(distance(chain, *target, *solver, *iterations).0);
         }
-        choice.rows.push(Row::new(name.clone()).error(spread.worst, spread.mean()).nanos(nanos));
+        choice.rows.push(Row::new(name.clone()).error(errors.worst, errors.mean()).nanos(nanos));
     }
     choice
 }
@@ -118,7 +118,7 @@ fn limits() -> Table {
     for (solver, iterations, name) in solvers_and_iterations() {
         let mut cells = vec![Cell::text(name)];
         for limit in [CONE, HINGE] {
-            let (mut off, mut worst_beyond) = (Spread::default(), 0.0f64);
+            let (mut off, mut worst_beyond) = (ErrorStats::default(), 0.0f64);
             for seed in 0..CASES as u64 {
                 let (chain, target) = reachable(seed, BONES, limit);
                 let (distance, beyond) = distance(&chain, target, solver, iterations);

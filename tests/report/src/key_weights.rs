@@ -3,7 +3,7 @@
 use crate::BUDGET_SECS;
 use crate::images::stage;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::{Ease, Interpolation, Time};
 use choreo_stage::{Channel, Property};
@@ -82,9 +82,9 @@ fn from_script([start, end]: [f64; 2]) -> Result<Channel, String> {
 }
 
 /// Largest and mean error over the span, and the place of the largest.
-fn errors(channel: &Channel, weights: [f64; 2]) -> Result<(Spread, f64), String> {
+fn errors(channel: &Channel, weights: [f64; 2]) -> Result<(ErrorStats, f64), String> {
     let [time, value] = points(weights);
-    let (mut error, mut place) = (Spread::default(), 0.0);
+    let (mut error, mut place) = (ErrorStats::default(), 0.0);
     for i in 0..=STEPS {
         let u = f64::from(i) / f64::from(STEPS);
         let at = Time::from_secs(casteljau(time, u));

@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section, key_weights};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_motion::Time;
 use choreo_stage::Tangents;
@@ -32,7 +32,7 @@ struct Reference {
 
 pub fn section() -> Result<Section, String> {
     let references = references();
-    let mut all = vec![Spread::default(); METHODS.len()];
+    let mut all = vec![ErrorStats::default(); METHODS.len()];
     let mut places = vec![String::new(); METHODS.len()];
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in mm", "way")];
     columns.extend(references.iter().map(|r| (r.name, "mm")));
@@ -40,7 +40,7 @@ pub fn section() -> Result<Section, String> {
     for (way, (name, tangents)) in METHODS.iter().enumerate() {
         let mut cells = vec![Cell::text(*name)];
         for reference in &references {
-            let mut own = Spread::default();
+            let mut own = ErrorStats::default();
             for (secs, value) in curve(*tangents, reference) {
                 let exact = (reference.at)(secs);
                 let off: f64 = value.iter().zip(exact).map(|(a, b)| (a - b) * (a - b)).sum();

@@ -3,7 +3,7 @@
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Image;
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::scene::mips::mips;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use std::f64::consts::TAU;
@@ -16,7 +16,7 @@ pub fn section() -> Result<Section, String> {
     light.choose("linear light, unrounded levels", "exact to the rounding of the last step");
     Ok(Section {
         title: "Mipmaps",
-        text: "A level averaged in sRGB codes is too dark wherever neighbours differ, up to a quarter of the range. Of filters, the ideal one \
+        text: "A level averaged in sRGB codes is too dark wherever neighbors differ, up to a quarter of the range. Of filters, the ideal one \
                keeps every wave that the smaller level can hold and drops all others. The box dims waves \
                near the limit and lets some beyond it alias; long filters do better but ring around edges, \
                the ideal one most of all."
@@ -127,7 +127,7 @@ fn filters() -> Choice {
     let mut cases: Vec<Case> = Vec::new();
     for filter in &FILTERS {
         let small = halved(&source, filter);
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for (got, exact) in small.iter().zip(&exact) {
             error.add((got - exact).abs());
         }

@@ -2,7 +2,7 @@
 
 use crate::{Random, Section};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::vertex::{NORMALS, WEIGHTS, degrees_between};
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
@@ -46,7 +46,7 @@ fn normals() -> Choice {
     let mut random = Random(1);
     let directions: Vec<Vec3> = (0..VERTICES).map(|_| random.direction().as_vec3()).collect();
     for (name, bytes, pack) in NORMALS {
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for n in &directions {
             error.add(degrees_between(*n, pack(*n)));
         }
@@ -81,7 +81,7 @@ fn tangents() -> Choice {
     let bent =
         |[normal, tangent, map]: [Vec3; 3]| tangent * map.x + normal.cross(tangent) * map.y + normal * map.z;
     let mut measured = |name: String, bytes: usize, pack: &dyn Fn([Vec3; 2]) -> [Vec3; 2]| {
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for [normal, tangent, map] in &frames {
             let [n, t] = pack([*normal, *tangent]);
             error.add(degrees_between(bent([*normal, *tangent, *map]), bent([n, t, *map])));
@@ -115,7 +115,7 @@ fn weights() -> Choice {
     choice.reference =
         "vertices up to 1 m from four joints turned by up to 120°, in f64 with the weights as given".into();
     let mut random = Random(2);
-    let mut errors = [Spread::default(); WEIGHTS.len()];
+    let mut errors = [ErrorStats::default(); WEIGHTS.len()];
     for _ in 0..VERTICES {
         let given: [f64; 4] = std::array::from_fn(|_| random.unit());
         let sum: f64 = given.iter().sum();

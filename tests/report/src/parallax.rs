@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use glam::{DVec2, Vec2};
 use std::array::from_fn;
@@ -197,7 +197,7 @@ fn steps() -> Choice {
     }
     let mut cases: Vec<Case> = Vec::new();
     for (name, count, find) in &ways {
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for (group, depths) in &groups {
             let got = find(&maps[group.map], group, *count);
             for lane in 0..LANES {

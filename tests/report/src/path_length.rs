@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_stage::Path;
 use glam::DVec3;
@@ -95,8 +95,8 @@ pub fn section() -> Result<Section, String> {
     // A sharp turn, in which the speed falls to nearly zero.
     let sharp = [[-4.0, 0.0], [0.0, 0.0], [0.02, 0.01], [-4.0, 0.1]].map(|[x, z]| DVec3::new(x, 0.0, z));
     stretches.push(Stretch(sharp));
-    let mut errors = [(); METHODS.len()].map(|()| (Spread::default(), String::new()));
-    let mut of_program = Spread::default();
+    let mut errors = [(); METHODS.len()].map(|()| (ErrorStats::default(), String::new()));
+    let mut of_program = ErrorStats::default();
     for (number, stretch) in stretches.iter().enumerate() {
         let c = stretch.polynomial();
         // Reference with 512 pieces of 5 points, whose error is only rounding.

@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Section, scenes};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::{self, Spread};
+use choreo_bench::reference::{self, ErrorStats};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::edit::reduce::KeptTimes;
 use choreo_motion::{Clip, FrameRate, Pose, Sample, Skeleton, Time};
@@ -76,8 +76,8 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-fn errors(skeleton: &Skeleton, dense: &Clip, clip: &Clip) -> Spread {
-    let mut errors = Spread::default();
+fn errors(skeleton: &Skeleton, dense: &Clip, clip: &Clip) -> ErrorStats {
+    let mut errors = ErrorStats::default();
     for i in 0..400 {
         let at = Time((dense.duration.0 as f64 * ((f64::from(i) * 0.618_033_988_75) % 1.0)) as i64);
         let model = |clip: &Clip| reference::model_from_joint(skeleton, &reference::pose(clip, skeleton, at));

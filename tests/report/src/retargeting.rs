@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section, hips, scenes};
 use choreo_bench::plots::{Choice, Row, quantity};
-use choreo_bench::reference::{Spread, angle_between, model_from_joint, pose, rest};
+use choreo_bench::reference::{ErrorStats, angle_between, model_from_joint, pose, rest};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::retarget::bind::bind_by_name;
 use choreo_motion::retarget::{Retarget, RetargetOptions};
@@ -58,8 +58,8 @@ fn target_without_spine1(source: &Skeleton) -> Result<TargetSkeleton, String> {
 }
 
 /// Angles in degrees between joints and the joints that they follow, and the place of the worst.
-fn errors(source: &Skeleton, clip: &Clip, body: &TargetSkeleton, found: &Clip) -> (Spread, String) {
-    let (mut error, mut place) = (Spread::default(), String::new());
+fn errors(source: &Skeleton, clip: &Clip, body: &TargetSkeleton, found: &Clip) -> (ErrorStats, String) {
+    let (mut error, mut place) = (ErrorStats::default(), String::new());
     for i in 0..TIMES {
         let time = Time::from_secs(clip.duration.as_secs() * (f64::from(i) + 0.37) / f64::from(TIMES));
         let truth = model_from_joint(source, &pose(clip, source, time));

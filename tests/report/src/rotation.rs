@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity, time};
-use choreo_bench::reference::{Spread, angle_between};
+use choreo_bench::reference::{ErrorStats, angle_between};
 use choreo_bench::rotation::{Eight, Interpolate, METHODS, Rotations, lane, rows, unit};
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_motion::{Clip, Curve, Interpolation, Level, Path, Pose, Sample, Time};
@@ -17,8 +17,8 @@ const SPLINE: &str = "cubic spline with the true tangents";
 
 pub fn section() -> Result<Section, String> {
     let names: Vec<&str> = METHODS.iter().map(|w| w.0).chain([SPLINE, OURS]).collect();
-    let mut by_degrees = vec![vec![Spread::default(); DEGREES.len()]; names.len()];
-    let mut all = vec![Spread::default(); names.len()];
+    let mut by_degrees = vec![vec![ErrorStats::default(); DEGREES.len()]; names.len()];
+    let mut all = vec![ErrorStats::default(); names.len()];
     let mut places = vec![String::new(); names.len()];
     for (d, degrees) in DEGREES.iter().enumerate() {
         let mut random = Random(7);

@@ -67,7 +67,7 @@ fn edges() -> Table {
         ],
     );
     for (name, samples) in [
-        ("1, the middle", CENTRE.to_vec()),
+        ("1, the middle", CENTER.to_vec()),
         ("4, Vulkan's standard places", STANDARD_4.to_vec()),
         ("16, even grid", grid(4)),
         ("64, even grid", grid(8)),
@@ -99,7 +99,7 @@ fn edges() -> Table {
     table
 }
 
-const CENTRE: [[f64; 2]; 1] = [[0.5, 0.5]];
+const CENTER: [[f64; 2]; 1] = [[0.5, 0.5]];
 /// Vulkan 1.3 specification, table "Standard Sample Locations".
 const STANDARD_4: [[f64; 2]; 4] = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]];
 

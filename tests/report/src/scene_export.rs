@@ -4,7 +4,7 @@ use crate::images::stage;
 use crate::scenes::import;
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::{Spread, model_from_joint, pose};
+use choreo_bench::reference::{ErrorStats, model_from_joint, pose};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue, Registry};
@@ -51,7 +51,7 @@ fn errors(
     scene: &Arc<Stage>,
     registry: &Registry,
     (file, bytes): (&str, Vec<u8>),
-) -> Result<(Spread, String), String> {
+) -> Result<(ErrorStats, String), String> {
     let again = import(registry, file, bytes, &[])?;
     let clip = again.clips.first().ok_or("the file has no animation")?;
     let names = scene.actors[0].asset.skeleton.names();
@@ -60,7 +60,7 @@ fn errors(
         .map(|name| again.skeleton.find(name).ok_or(format!("the file has no node {name}")))
         .collect::<Result<_, _>>()?;
     let (mut evaluator, mut error, mut place) =
-        (Evaluator::new(scene.clone()), Spread::default(), String::new());
+        (Evaluator::new(scene.clone()), ErrorStats::default(), String::new());
     for i in 0..TIMES {
         let time = Time::from_secs(5.99 * (f64::from(i) + 0.377) / f64::from(TIMES));
         let snapshot = evaluator.at(time).map_err(|e| e.to_string())?;

@@ -6,7 +6,7 @@ use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Projection;
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
@@ -201,7 +201,7 @@ fn extents() -> Result<Table, String> {
     ] {
         let moment = moment_on(ground, more, "true", 2.0 * PI, &registry)?;
         let image = drawn(&moment, &mut cpu)?;
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for (i, (got, exact)) in image.rgba.iter().zip(&truth.rgba).enumerate() {
             if i % 4 != 3 && near(i / 4) {
                 error.add(f64::from(got.abs_diff(*exact)));
@@ -244,7 +244,7 @@ fn sizes() -> Result<Choice, String> {
     ] {
         let moment = moment(&shadow, 2.0 * PI, &registry)?;
         let picture = drawn(&moment, &mut cpu)?;
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for (got, exact) in
             picture.rgba.iter().zip(&truth).enumerate().filter(|(i, _)| i % 4 != 3).map(|p| p.1)
         {
@@ -332,8 +332,8 @@ impl Map {
         f32::from(u8::from(depth >= self.depth[y * self.side + x]))
     }
 
-    /// Percentage-closer filtering: a box of N × N texels over N + 1 × N + 1 comparisons.
-    fn filtered<const N: usize>(&self, [x, y, depth]: [f32; 3]) -> f32 {
+    /// Fraction that is lit by percentage-closer filtering (PCF): a box of N × N texels over N + 1 × N + 1 comparisons.
+    fn lit_by_pcf<const N: usize>(&self, [x, y, depth]: [f32; 3]) -> f32 {
         let reach = N as f32 * 0.5;
         let (left, top) = ((x - reach).floor(), (y - reach).floor());
         let (fx, fy) = (x - reach - left, y - reach - top);
@@ -362,8 +362,8 @@ impl Map {
         sum / (N * N) as f32
     }
 
-    /// Chebyshev's bound (Donnelly & Lauritzen, "Variance Shadow Maps", 2006), bilinear over four texels.
-    fn variance(&self, [x, y, depth]: [f32; 3]) -> f32 {
+    /// Fraction that is lit by Chebyshev's bound (Donnelly & Lauritzen, "Variance Shadow Maps", 2006), bilinear over four texels.
+    fn lit_by_variance(&self, [x, y, depth]: [f32; 3]) -> f32 {
         let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
         let (fx, fy) = (x - 0.5 - left, y - 0.5 - top);
         let at = |i: usize, j: usize| self.moments[(top as usize + j) * self.side + left as usize + i];
@@ -406,11 +406,11 @@ fn kernels() -> Result<Choice, String> {
     type Kernel = fn(&Map, [f32; 3]) -> f32;
     let ways: [(&str, &Map, Kernel); 6] = [
         ("1 texel, a third of the edge wide", &third, |m, p| m.lit(p[0] as usize, p[1] as usize, p[2])),
-        ("2 × 2, texels as wide as the edge", &whole, |m, p| m.filtered::<1>(p)),
-        ("3 × 3, a third of the edge wide", &third, |m, p| m.filtered::<2>(p)),
-        ("4 × 4, a third of the edge wide", &third, |m, p| m.filtered::<3>(p)),
-        ("6 × 6, a fifth of the edge wide", &fifth, |m, p| m.filtered::<5>(p)),
-        ("variance, a third of the edge wide", &third, |m, p| m.variance(p)),
+        ("2 × 2, texels as wide as the edge", &whole, |m, p| m.lit_by_pcf::<1>(p)),
+        ("3 × 3, a third of the edge wide", &third, |m, p| m.lit_by_pcf::<2>(p)),
+        ("4 × 4, a third of the edge wide", &third, |m, p| m.lit_by_pcf::<3>(p)),
+        ("6 × 6, a fifth of the edge wide", &fifth, |m, p| m.lit_by_pcf::<5>(p)),
+        ("variance, a third of the edge wide", &third, |m, p| m.lit_by_variance(p)),
     ];
     let mut choice = Choice::new("shadow_kernel", "With which kernel is a shadow map sampled?");
     choice.error_unit = "of the light";
@@ -422,7 +422,7 @@ fn kernels() -> Result<Choice, String> {
     let mut cases = Vec::new();
     for (name, map, kernel) in ways {
         let at: Vec<[f32; 3]> = places.iter().map(|(_, hit)| map.place(hit)).collect();
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for ((exact, _), at) in places.iter().zip(&at) {
             error.add((f64::from(kernel(map, *at)) - exact).abs());
         }

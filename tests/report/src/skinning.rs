@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_motion::{
     DualQuaternion, DualQuaternionSkinning, LinearSkinning, StretchedDualQuaternion, stretch_matrix,
@@ -30,8 +30,8 @@ pub fn section() -> Result<Section, String> {
         off_front: vec![
             (
                 "skinning",
-                "weights of files are painted for linear blending, which is also the cheapest; a \
-                 script selects dual quaternions where limbs twist.",
+                "skin weights in model files are painted for linear blend skinning, which is also the \
+                 cheapest; a script selects dual quaternion skinning where limbs twist.",
             ),
             (
                 "positions",
@@ -154,12 +154,12 @@ fn twisted() -> (Choice, Table) {
     let nanos = mesh.nanos(&ways.map(|w| w.1), &turned(120.0));
     let mut out = mesh.positions.clone();
     for ((name, way), nanos) in ways.into_iter().zip(nanos) {
-        let mut all = Spread::default();
+        let mut all = ErrorStats::default();
         let mut place = String::new();
         let mut cells = vec![Cell::text(name)];
         for angle in ANGLES {
             mesh.skinned(way, &turned(angle), &mut out, &mut []);
-            let mut errors = Spread::default();
+            let mut errors = ErrorStats::default();
             for ((at, weights), got) in mesh.positions.iter().zip(mesh.weights.chunks(4)).zip(&out) {
                 let share = f64::from(weights[1]);
                 let want = DQuat::from_rotation_x(angle.to_radians() * share) * at.as_dvec3();
@@ -236,7 +236,7 @@ fn influences() -> Choice {
         let mesh = kept(n);
         let mut out = mesh.positions.clone();
         mesh.skinned(Way::Linear, &maps, &mut out, &mut []);
-        let mut errors = Spread::default();
+        let mut errors = ErrorStats::default();
         exact
             .iter()
             .zip(&out)
@@ -269,7 +269,7 @@ fn positions() -> Choice {
         ("half float × 4", 8, |v, _| half_float(v)),
         ("10-bit signed × 3, in the mesh's box", 4, |v, half| libm::round(v / half * 511.0) / 511.0 * half),
     ];
-    let mut errors = [Spread::default(); 4];
+    let mut errors = [ErrorStats::default(); 4];
     for _ in 0..20_000 {
         let at = DVec3::new(random.signed(), random.signed(), random.signed()) * half_size;
         let at = at.as_vec3().as_dvec3();

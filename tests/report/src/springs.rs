@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::spring::sphere::{exp, log};
 use choreo_motion::spring::{
@@ -43,11 +43,11 @@ enum Method {
 }
 
 pub fn section() -> Result<Section, String> {
-    let mut free = vec![Spread::default(); METHODS.len()];
+    let mut free = vec![ErrorStats::default(); METHODS.len()];
     let mut worst_at = vec![(0.0, String::new()); METHODS.len()];
-    let mut by_rate = vec![vec![Spread::default(); RATES.len()]; METHODS.len()];
-    let mut by_frequency = vec![vec![Spread::default(); FREQUENCIES.len()]; METHODS.len()];
-    let mut by_ratio = vec![vec![Spread::default(); RATIOS.len()]; METHODS.len()];
+    let mut by_rate = vec![vec![ErrorStats::default(); RATES.len()]; METHODS.len()];
+    let mut by_frequency = vec![vec![ErrorStats::default(); FREQUENCIES.len()]; METHODS.len()];
+    let mut by_ratio = vec![vec![ErrorStats::default(); RATIOS.len()]; METHODS.len()];
     for (way, (_, steps, method)) in METHODS.iter().enumerate() {
         for (f, frequency) in FREQUENCIES.iter().enumerate() {
             for (z, ratio) in RATIOS.iter().enumerate() {
@@ -87,7 +87,7 @@ pub fn section() -> Result<Section, String> {
         choice.rows.push(row.at(worst_at[way].1.clone()));
     }
     choice.choose(OURS, "exact at any frequency, damping and rate, and as cheap as one step of any other");
-    let table = |title: &str, what: &str, titles: Vec<String>, errors: &[Vec<Spread>]| {
+    let table = |title: &str, what: &str, titles: Vec<String>, errors: &[Vec<ErrorStats>]| {
         let titles: Vec<String> = titles.iter().map(|t| format!(">{t}")).collect();
         let mut columns: Vec<(&str, &'static str)> = vec![(what, "way")];
         columns.extend(titles.iter().map(|t| (t.as_str(), "case")));

@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_render::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 
@@ -82,7 +82,7 @@ fn decoding() -> Choice {
     let nanos =
         interleaved(Clock::Thread, BUDGET_SECS, &mut (0..DECODE_METHODS.len()).map(case).collect::<Vec<_>>());
     for (way, name) in DECODE_METHODS.into_iter().enumerate() {
-        let (mut error, mut place) = (Spread::default(), String::new());
+        let (mut error, mut place) = (ErrorStats::default(), String::new());
         for code in 0..=255u8 {
             // Error in codes: the value is encoded exactly, without rounding.
             let off = (encoded(f64::from(decode(way, code)).max(0.0)) - f64::from(code)).abs();
@@ -114,7 +114,7 @@ fn encoding() -> Choice {
     let nanos =
         interleaved(Clock::Thread, BUDGET_SECS, &mut (0..ENCODE_METHODS.len()).map(case).collect::<Vec<_>>());
     for (way, name) in ENCODE_METHODS.into_iter().enumerate() {
-        let (mut error, mut place) = (Spread::default(), String::new());
+        let (mut error, mut place) = (ErrorStats::default(), String::new());
         for light in some {
             let off = (f64::from(encode(way, *light, table)) - encoded(f64::from(*light))).abs();
             if error.add(off) {

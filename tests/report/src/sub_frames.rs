@@ -3,7 +3,7 @@
 use crate::images::{drawn, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_render::plan::motion_blur::plan_at;
@@ -103,7 +103,7 @@ pub fn section() -> Result<Section, String> {
         renderer.load(scene.resources.clone()).map(|()| renderer).map_err(|e| e.to_string())
     };
     for (way, step) in STEPS.into_iter().enumerate() {
-        let (mut all, mut cells) = (Spread::default(), vec![Cell::text(name(step))]);
+        let (mut all, mut cells) = (ErrorStats::default(), vec![Cell::text(name(step))]);
         for (scene, pixels) in scenes.iter().zip(SPEEDS) {
             let frame = drawn(&mut renderer(scene)?, &scene.plans[way])?;
             let row = &frame.rgba[(SIZE[0] * SIZE[1] / 2 * 4) as usize..][..4 * SIZE[0] as usize];

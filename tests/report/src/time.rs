@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_motion::{FrameRate, Time};
 
@@ -20,7 +20,7 @@ const METHODS: [&str; 5] = [
 ];
 
 pub fn section() -> Result<Section, String> {
-    let mut by_length = vec![vec![Spread::default(); HOURS.len()]; METHODS.len()];
+    let mut by_length = vec![vec![ErrorStats::default(); HOURS.len()]; METHODS.len()];
     let mut added = (0.0f64, 0.0f32);
     let (step64, step32) = (1001.0 / 30_000.0, 1001.0f32 / 30_000.0);
     let mut frame: i64 = 0;

@@ -28,7 +28,7 @@ pub fn section() -> Result<Section, String> {
 /// Linear sRGB: grays, and half and fully saturated colors, each from 10 stops below middle gray to 6 stops above.
 fn lights() -> Vec<Light> {
     const HUES: [(&str, [f32; 3]); 13] = [
-        ("grey", [1.0, 1.0, 1.0]),
+        ("gray", [1.0, 1.0, 1.0]),
         ("red", [1.0, 0.0, 0.0]),
         ("green", [0.0, 1.0, 0.0]),
         ("blue", [0.0, 0.0, 1.0]),

@@ -146,7 +146,7 @@ fn panes() -> Result<Choice, String> {
         ("2 layers, the rest sorted", fewer),
         ("independent", of(Transparency::Independent)?),
     ];
-    measured(&mut choice, &resources, &ways, &exact())?;
+    measured(&mut choice, &resources, &ways, &reference_image())?;
     choice.choose(
         "independent, Vulkan",
         "where boxes cross or stand in the wrong order; sorted everywhere else",
@@ -154,7 +154,8 @@ fn panes() -> Result<Choice, String> {
     Ok(choice)
 }
 
-fn exact() -> Frame {
+/// Ray-traced image with 64 samples a pixel.
+fn reference_image() -> Frame {
     let [width, height] = SIZE.map(|s| s as usize);
     let mut rgba = Vec::with_capacity(width * height * 4);
     for y in 0..height {

@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};
-use choreo_bench::reference::Spread;
+use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_plugin::yuv::{Matrix, Yuv420};
 use std::ops::Add;
@@ -32,7 +32,7 @@ pub fn section() -> Result<Section, String> {
     let mut cases: Vec<Case> = Vec::new();
     for (name, way) in ways {
         let got = way(&rgba);
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         let mut worst = String::new();
         for (plane, (got, exact)) in ["Y", "Cb", "Cr"].iter().zip(got.iter().zip(&exact)) {
             for (i, (got, exact)) in got.iter().zip(exact).enumerate() {

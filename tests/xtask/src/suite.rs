@@ -35,11 +35,11 @@ pub fn test(args: &[&str]) -> Result<(), String> {
         problems.push(text);
     }
 
-    if let Err(text) = tests(&mut tally, &filters) {
+    if let Err(text) = run_tests(&mut tally, &filters) {
         problems.push(text);
     }
     if filters.is_empty()
-        && let Err(text) = timed("sections of scripts", || sections(&mut tally))
+        && let Err(text) = timed("sections of scripts", || run_sections(&mut tally))
     {
         problems.push(text);
     }
@@ -74,7 +74,7 @@ fn timed<T>(name: &str, part: impl FnOnce() -> T) -> T {
 }
 
 /// Runs the tests of all crates after a single build, and then the examples in their documentation.
-fn tests(tally: &mut Tally, filters: &[&str]) -> Result<(), String> {
+fn run_tests(tally: &mut Tally, filters: &[&str]) -> Result<(), String> {
     // `--show-output` makes skipped cases of passing tests visible; the line of each test names it.
     let arguments = [&["--show-output"], filters].concat();
     let mut show = |text: &str| {
@@ -102,7 +102,7 @@ fn tests_of(binary: &str) -> Vec<String> {
 }
 
 /// Runs the scene tests in `tests/suite` and `scripts` with the program that the previous tests have built.
-fn sections(tally: &mut Tally) -> Result<(), String> {
+fn run_sections(tally: &mut Tally) -> Result<(), String> {
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
     let choreo = target.join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
     let mut command = Command::new(&choreo);

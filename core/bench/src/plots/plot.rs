@@ -1,4 +1,4 @@
-//! Plot of error against cost, both logarithmic: each method is a labelled point, the Pareto front a dashed line, the chosen method a
+//! Plot of error against cost, both logarithmic: each method is a labeled point, the Pareto front a dashed line, the chosen method a
 //! filled point.
 
 use super::choice::{Choice, Row};

@@ -2,7 +2,7 @@
 
 use super::{Limits, MeasuredScene, SceneChoices, choose_row};
 use crate::plots::{Choice, Row};
-use crate::reference::{self, Spread};
+use crate::reference::{self, ErrorStats};
 use crate::timing::{Case, Clock, interleaved};
 use choreo_motion::{Clip, FrameRate, LocalToModel, Path, Pose, Sample, Skeleton, Time};
 use glam::{Affine3A, Vec3};
@@ -76,7 +76,7 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
             methods.push((format!("compressed, {mm} mm"), small));
         }
     }
-    let mut errors = vec![Spread::default(); methods.len()];
+    let mut errors = vec![ErrorStats::default(); methods.len()];
     let mut places = vec![String::new(); methods.len()];
     for (index, (source, skeleton)) in clips.iter().enumerate() {
         for time in times(source) {

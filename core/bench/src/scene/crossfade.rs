@@ -3,7 +3,7 @@
 use super::{Limits, MeasuredScene, SceneChoices, choose_row};
 use crate::blend::{add_errors, exact};
 use crate::plots::{Choice, Row};
-use crate::reference::Spread;
+use crate::reference::ErrorStats;
 use crate::timing::{Case, Clock, interleaved};
 use choreo_motion::{BlendOnto, LocalToModel, Pose, RotationBlend, Sample, Skeleton, Time};
 use choreo_stage::Cue;
@@ -82,7 +82,7 @@ pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
         out.copy_from(&fade.from);
         BlendOnto { pose: out, to: &fade.to, weight, mask: None }.run_as(METHODS[method].1);
     };
-    let mut errors = vec![Spread::default(); names.len()];
+    let mut errors = vec![ErrorStats::default(); names.len()];
     let mut places = vec![String::new(); names.len()];
     for fade in fades {
         let mut out = Pose::rest(&fade.skeleton);

@@ -3,7 +3,7 @@
 use super::{MeasuredScene, SceneChoices};
 use crate::moment::Moment;
 use crate::plots::{Choice, Row};
-use crate::reference::Spread;
+use crate::reference::ErrorStats;
 use crate::timing::{Case, Clock, interleaved};
 use choreo_asset::Image;
 use choreo_render::scene_resources::mipmap::{levels_below, linear_to_srgb8, srgb_to_linear_table};
@@ -42,7 +42,7 @@ pub fn mips(image: &Image, budget_secs: f64) -> Choice {
         "the mean in linear light, in f64, of all image pixels that a texel covers, at all levels".into();
     choice.per = "pixel of the image".into();
     let made: Vec<Vec<Level>> = (0..METHODS.len()).map(|method| levels(image, method)).collect();
-    let mut errors = vec![Spread::default(); METHODS.len()];
+    let mut errors = vec![ErrorStats::default(); METHODS.len()];
     let mut places = vec![String::new(); METHODS.len()];
     let depth = made.iter().map(Vec::len).min().unwrap_or(0);
     for level in 0..depth {

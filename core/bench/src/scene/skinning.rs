@@ -4,7 +4,7 @@ use super::vertices::model_from_mesh;
 use super::{MeasuredScene, SceneChoices};
 use crate::moment::Moment;
 use crate::plots::{Choice, Row, quantity};
-use crate::reference::Spread;
+use crate::reference::ErrorStats;
 use crate::skins::{self, PolarParts};
 use crate::timing::{Case, Clock, interleaved};
 use choreo_asset::Primitive;
@@ -38,7 +38,7 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
         implementation in f64 that keeps the volume of limbs; on this frame"
         .into();
     choice.per = format!("vertex of {vertices}, on the CPU");
-    let (mut errors, mut rounding) = ([Spread::default(); 2], [Spread::default(); 2]);
+    let (mut errors, mut rounding) = ([ErrorStats::default(); 2], [ErrorStats::default(); 2]);
     let mut places = [String::new(), String::new()];
     for p in &posed {
         let [mean, linear, dual] = p.exact();

@@ -2,7 +2,7 @@
 
 use super::{MeasuredScene, SceneChoices};
 use crate::plots::{Choice, Row};
-use crate::reference::Spread;
+use crate::reference::ErrorStats;
 use crate::timing::{Case, Clock, interleaved};
 use choreo_asset::Panorama;
 use choreo_render::sky::harmonics::harmonics;
@@ -90,7 +90,7 @@ pub fn mirrored(sky: &Panorama, budget_secs: f64) -> Choice {
     for (size, levels, samples) in methods {
         let options = SkyOptions { size, levels, samples, ..SkyOptions::default() };
         let maps = SkyMaps::new(sky, &options);
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for (direction, roughness, light) in &truth {
             let got = maps.specular(direction.as_vec3(), *roughness as f32).as_dvec3();
             error.add((got - *light).abs().dot(DVec3::splat(1.0 / 3.0)) / mean);
@@ -155,7 +155,7 @@ pub fn diffuse(sky: &Panorama, budget_secs: f64) -> Choice {
     ];
     let mut cases: Vec<Case> = Vec::new();
     for (name, bytes, lookup) in &methods {
-        let mut error = Spread::default();
+        let mut error = ErrorStats::default();
         for (n, light) in &truth {
             error.add((lookup(n.as_vec3()).as_dvec3() - *light).abs().dot(DVec3::splat(1.0 / 3.0)) / mean);
         }

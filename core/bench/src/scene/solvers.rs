@@ -3,7 +3,7 @@
 use super::{Limits, MeasuredScene, SceneChoices, choose_row};
 use crate::error::BenchError;
 use crate::plots::{Choice, Row};
-use crate::reference::Spread;
+use crate::reference::ErrorStats;
 use crate::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_motion::ik::Solver;
@@ -110,7 +110,7 @@ fn add_rows(
     let truth = joint_positions(&stage_with(exact), &times, joints)?;
     let stages: Vec<Arc<Stage>> = methods.iter().map(|(_, solvers)| stage_with(*solvers)).collect();
     for ((name, _), stage) in methods.iter().zip(&stages) {
-        let (mut error, mut place) = (Spread::default(), String::new());
+        let (mut error, mut place) = (ErrorStats::default(), String::new());
         for (i, (got, exact)) in joint_positions(stage, &times, joints)?.iter().zip(&truth).enumerate() {
             if error.add((*got - *exact).length() * 1e3) {
                 let (actor, joint) = joints[i % joints.len()];

@@ -3,7 +3,7 @@
 use super::{MeasuredScene, SceneChoices};
 use crate::moment::Moment;
 use crate::plots::{Choice, Row};
-use crate::reference::Spread;
+use crate::reference::ErrorStats;
 use crate::vertex::{NORMALS, WEIGHTS, degrees_between};
 use choreo_asset::{Asset, Skin};
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
@@ -32,7 +32,7 @@ fn normals(assets: &[(&Arc<Asset>, usize)]) -> Option<Choice> {
     let mut choice = Choice::new("normals", "How are normals packed for the GPU?");
     choice.error_unit = "°";
     choice.reference = "the angle to the file's normal, in f64".into();
-    let mut errors = vec![Spread::default(); NORMALS.len()];
+    let mut errors = vec![ErrorStats::default(); NORMALS.len()];
     let mut places = vec![String::new(); NORMALS.len()];
     for (asset, _) in assets {
         for mesh in &asset.meshes {
@@ -65,7 +65,7 @@ fn weights(assets: &[(&Arc<Asset>, usize)], moment: &Moment) -> Option<Choice> {
     let mut choice = Choice::new("weights", "How are skin weights packed for the GPU?");
     choice.error_unit = "mm";
     choice.reference = "skinned positions with the file's own weights, in f64".into();
-    let mut errors = vec![Spread::default(); WEIGHTS.len()];
+    let mut errors = vec![ErrorStats::default(); WEIGHTS.len()];
     let mut places = vec![String::new(); WEIGHTS.len()];
     for (asset, actor) in assets {
         let posed = &moment.snapshot.actors[*actor].model_from_joint;

@@ -133,7 +133,7 @@ def cast(shift=(0.5, 0.5)):
 
 
 def inner(surface, normal):
-    """Pixels whose neighbours show the same face: a vertex lies on a grid of 1/256 pixels, so edges may differ."""
+    """Pixels whose neighbors show the same face: a vertex lies on a grid of 1/256 pixels, so edges may differ."""
     key = surface * 100 + normal @ np.array([1.0, 3.0, 9.0])
     same = np.zeros(key.shape, bool)
     same[1:-1, 1:-1] = True

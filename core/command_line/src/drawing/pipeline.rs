@@ -168,9 +168,8 @@ impl Pipeline<'_> {
             drop(frame_receiver);
             match planner {
                 Ok(_) if encoding > 0 => draw_frames(&shared, renderer, plans, frame_sender),
-                _ => {
-                    shared.record_failure(0, too_few_threads("none can be started to plan and encode frames"))
-                }
+                _ => shared
+                    .record_failure(0, too_few_threads("no thread can be started to plan and encode frames")),
             }
         });
         if interrupt::is_interrupted() {

@@ -26,7 +26,8 @@ pub fn start_pool(requested: Option<usize>) -> Result<(), Failure> {
     let held: Vec<HeldThread> = (0..RESERVED_THREADS)
         .map_while(|i| hold_thread(if i == 0 { SCRIPT_STACK_BYTES } else { 2 << 20 }))
         .collect();
-    let mut workers: Vec<Sender<ThreadBuilder>> = (0..requested).map_while(|_| start_worker()).collect();
+    let mut workers: Vec<Sender<ThreadBuilder>> =
+        (0..requested).map_while(|_| start_rayon_worker()).collect();
     let started = held.len() + workers.len();
     // Tested while no other threads start, because they would be refused during the test.
     let driver: Vec<HeldThread> = (0..cores() + DRIVER_THREADS).map_while(|_| hold_thread(2 << 20)).collect();
@@ -73,7 +74,7 @@ fn hold_thread(stack: usize) -> Option<HeldThread> {
 type HeldThread = (Sender<()>, JoinHandle<()>);
 
 /// Starts a thread that becomes a worker of rayon's pool when it receives its builder.
-fn start_worker() -> Option<Sender<ThreadBuilder>> {
+fn start_rayon_worker() -> Option<Sender<ThreadBuilder>> {
     let (to, work) = channel::<ThreadBuilder>();
     let run = move || work.recv().into_iter().for_each(ThreadBuilder::run);
     let thread = std::thread::Builder::new().name("worker".into()).spawn(run);

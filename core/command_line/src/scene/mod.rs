@@ -190,7 +190,7 @@ fn input_name(args: &SceneArgs) -> String {
 /// Turns the diagnostics of a script into a failure: an error of the script, or too few threads.
 fn script_failure(diagnostics: Vec<Diagnostic>) -> Failure {
     match diagnostics.iter().find_map(|d| d.message.strip_prefix(NO_THREAD)) {
-        Some(why) => too_few_threads(&format!("none can be started for the script ({why})")),
+        Some(why) => too_few_threads(&format!("no thread can be started for the script ({why})")),
         None => Failure::Input(sorted_problems(diagnostics)),
     }
 }

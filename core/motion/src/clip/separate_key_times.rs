@@ -19,7 +19,7 @@ const MAX_EXACT_TICKS: i64 = 1 << 53;
 /// last key on.
 #[derive(Debug, Default)]
 pub(crate) struct SeparateKeyTimes {
-    columns: Vec<SeparateColumn>,
+    columns: Vec<SeparateTimesColumn>,
     /// Entries of [`Self::keys`] that one key takes: 1, or 3 for in-tangent, value and out-tangent.
     entries_per_key: usize,
     /// Start of the grid, ticks, and cells per tick.
@@ -35,8 +35,9 @@ pub(crate) struct SeparateKeyTimes {
     keys: Vec<[f32; 4]>,
 }
 
+/// Packed column of curves that do not share key times.
 #[derive(Debug)]
-struct SeparateColumn {
+struct SeparateTimesColumn {
     column: Column,
     /// The last interval of each lane's curve.
     last: [u32; LANES],
@@ -97,7 +98,7 @@ impl SeparateKeyTimes {
             firsts.push(first);
             packed
                 .columns
-                .push(SeparateColumn { column: make_column(usize::MAX, block, channel, &lanes), last });
+                .push(SeparateTimesColumn { column: make_column(usize::MAX, block, channel, &lanes), last });
         }
         packed.build_grid(&firsts);
         packed
@@ -130,7 +131,7 @@ impl SeparateKeyTimes {
         (self.start, self.density) = (start, (self.cells - 1) as f64 / (end - start).max(1.0));
         let mut grid = Vec::with_capacity(self.cells * firsts.len());
         for cell in 0..self.cells {
-            for (firsts, SeparateColumn { last, .. }) in firsts.iter().zip(&self.columns) {
+            for (firsts, SeparateTimesColumn { last, .. }) in firsts.iter().zip(&self.columns) {
                 let (mut intervals, mut max_within) = (*firsts, 0);
                 for (interval, last) in intervals.iter_mut().zip(last) {
                     let starts = &self.interval_starts[*interval as usize + 1..=*last as usize];
@@ -158,7 +159,7 @@ impl SeparateKeyTimes {
         }
         let ticks = time.0 as f64;
         let row = &self.grid[self.cell_index(ticks) * self.columns.len()..][..self.columns.len()];
-        for (SeparateColumn { column, last }, cell) in self.columns.iter().zip(row) {
+        for (SeparateTimesColumn { column, last }, cell) in self.columns.iter().zip(row) {
             let Some(block) = blocks.get_mut(column.block as usize) else { continue };
             let intervals = self.find_intervals(cell, last, ticks);
             let values = match self.entries_per_key {

@@ -50,9 +50,9 @@ pub struct TwoBoneSolution {
     pub start: DQuat,
     /// Rotation of the middle joint.
     pub middle: DQuat,
-    /// New position of the middle joint.
+    /// Position of the middle joint (elbow or knee) after solving.
     pub new_middle: DVec3,
-    /// New position of the end.
+    /// Position of the end effector (hand or foot) after solving.
     pub new_end: DVec3,
 }
 

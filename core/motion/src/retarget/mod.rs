@@ -275,13 +275,13 @@ pub fn bind_or_retarget(
 ) -> (Clip, Coverage, Option<RetargetReport>) {
     let both_declare_bones = from.humanoid().is_some() && to.humanoid().is_some();
     if both_declare_bones || same_joints(clip, from, to) {
-        let (clip, coverage) = bind(clip, from, to);
+        let (clip, coverage) = bind_with_coverage(clip, from, to);
         return (clip, coverage, None);
     }
     let retarget = Retarget::new(from, to, RetargetOptions::default());
     let coverage = retarget.coverage(clip);
     if !retarget.is_humanoid() {
-        let (bound, by_name) = bind(clip, from, to);
+        let (bound, by_name) = bind_with_coverage(clip, from, to);
         if coverage.followed() <= by_name.followed() {
             return (bound, by_name, None);
         }
@@ -291,7 +291,7 @@ pub fn bind_or_retarget(
 }
 
 /// [`crate::bind_clip`], and how much of the clip it binds.
-fn bind(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Coverage) {
+fn bind_with_coverage(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Coverage) {
     let (bound, unmatched) = crate::retarget::bind::bind_clip(clip, from, to);
     let moved: BTreeSet<u32> = clip.curves().iter().map(|c| c.joint).collect();
     if unmatched.is_empty() {

@@ -154,7 +154,7 @@ fn shared_edges(vertex: &[u32], faces: &[Face]) -> Vec<Edge> {
 }
 
 /// Joins the groups at both ends of one edge, for faces of equal orientation.
-/// A face without uv area takes the orientation of its first neighbour.
+/// A face without uv area takes the orientation of its first neighbor.
 fn join_edge_groups(run: &[Edge], faces: &mut [Face], groups: &mut Groups) {
     let oriented = run.iter().map(|e| e.face_vertex_low as usize / 3).find(|f| !faces[*f].no_uv_area);
     if let Some(model) = oriented {

@@ -15,7 +15,7 @@ type Entries = BTreeSet<String>;
 
 const DERIVES: &str = " derives ";
 
-/// The list as a text, with all traits that a type derives in one line.
+/// Formats the entries, one per line; the traits that a type derives share one line.
 fn list(entries: &Entries) -> String {
     let mut text = String::new();
     let mut of = "";

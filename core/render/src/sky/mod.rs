@@ -137,7 +137,7 @@ impl SkyMaps {
         let first = Vec2::new(level.at[0] as f32, level.at[1] as f32);
         let at = first + place * level.size as f32 - 0.5;
         let (low, t) = (at.floor(), at - at.floor());
-        // Inside the border of one texel on each side.
+        // No clamping: each level has a border of one texel, so x + 1 and y + 1 exist.
         let (x, y) = (low.x as usize, low.y as usize);
         let row = |y| self.texel(x, y) * (1.0 - t.x) + self.texel(x + 1, y) * t.x;
         row(y) * (1.0 - t.y) + row(y + 1) * t.y

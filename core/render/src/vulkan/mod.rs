@@ -422,7 +422,7 @@ impl VulkanRenderer {
         slot.preskin.prepare(gpu, layouts, pools, (scene_resources, &self.resources), plan, recording)?;
         let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
         let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
-        let images = FrameImages { sky, texels, faults: self.pipelines.fault_bytes(), ..seen };
+        let images = FrameImages { sky, texels, faults: self.pipelines.fault_buffer_bytes(), ..seen };
         slot.write(gpu, layouts, pools, plan, recording, images)?;
         slot.write_override_sets(gpu, layouts, pools, scene_resources, recording, &mut self.resources)?;
         if self.frugal && !uploads.is_empty() {

@@ -341,8 +341,8 @@ impl Pipelines {
         Ok(format!("{}{}", shader.wgsl(), texture_functions(&self.effects, effect)))
     }
 
-    /// Size of all fault records in bytes.
-    pub(crate) fn fault_bytes(&self) -> usize {
+    /// Size in bytes of the buffer in which effects record shader faults.
+    pub(crate) fn fault_buffer_bytes(&self) -> usize {
         if self.records_faults {
             self.effects.len() * RECORDS_PER_EFFECT as usize * size_of::<u32>()
         } else {

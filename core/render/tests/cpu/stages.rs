@@ -45,9 +45,9 @@ fn coverage_depth_and_shading_stages_agree_on_the_pixels() {
     let colors: std::collections::BTreeSet<&[u8]> =
         pictures[3].rgba.chunks_exact(4).zip(&raster).filter(|(_, d)| **d).map(|(p, _)| p).collect();
     assert_eq!(colors.len(), 4);
-    let greys: std::collections::BTreeSet<u8> =
+    let grays: std::collections::BTreeSet<u8> =
         pictures[4].rgba.chunks_exact(4).zip(&depth).filter(|(_, d)| **d).map(|(p, _)| p[0]).collect();
-    assert_eq!(greys.into_iter().collect::<Vec<_>>(), [40, 255], "two planes that face the camera");
+    assert_eq!(grays.into_iter().collect::<Vec<_>>(), [40, 255], "two planes that face the camera");
     // The planted fault: the stages of another scene.
     assert_ne!(differs_from_background(&draw_stages(&scene(-1.2))[3]), shade);
 }

@@ -199,7 +199,7 @@ fn only_effects_that_read_joints_get_them() {
     assert!(plan.draws.iter().all(|d| d.pipeline.surface == 1));
 }
 
-/// An effect with the value that its head declares as off is left out, and the pixels are those without the effect.
+/// An effect with the value that its header declares as off is left out, and the pixels are those without the effect.
 #[test]
 fn effects_without_strength_change_nothing() {
     let effects = effects::named(&["bloom", "vignette", "fog", "outline", "grid"]);

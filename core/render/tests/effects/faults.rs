@@ -13,7 +13,7 @@ const LIGHTING: &str = "fn effect(sample: LightSample, p: array<f32, 8>) -> vec3
 const VERTEX: &str = "fn effect(vertex: VertexSample, p: array<f32, 8>) -> vec3<f32>";
 const IMAGE: &str = "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>";
 
-/// Name, lines of the head, declaration, body (on line 5), and the warning, in which `PIXEL` stands for the first magenta pixel.
+/// Name, lines of the header, declaration, body (on line 5), and the warning, in which `PIXEL` stands for the first magenta pixel.
 type Case = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
 const NOT_FINITE: &str = "the result at PIXEL is NaN or infinite; such pixels are magenta";
@@ -163,7 +163,7 @@ fn both_renderers_draw_faulty_pixels_magenta_and_report_them() {
     }
 }
 
-/// Name, lines of the head, declaration, body (faulty if `p[0]` is ½), the warning, and whether the faulty image equals that without the effect.
+/// Name, lines of the header, declaration, body (faulty if `p[0]` is ½), the warning, and whether the faulty image equals that without the effect.
 type PartCase = (&'static str, &'static str, &'static str, &'static str, &'static str, bool);
 
 /// Effects that run while a frame is planned, for both renderers.

@@ -12,7 +12,7 @@ const COUNT: usize = 40;
 
 /// A sequence of images in different grays; if `broken`, the last but one cannot be loaded.
 #[derive(Debug, Default)]
-struct Greys {
+struct Grays {
     made: AtomicUsize,
     broken: bool,
 }
@@ -21,7 +21,7 @@ fn gray(i: usize) -> [u8; 4] {
     [5 + 6 * i as u8; 3].iter().copied().chain([255]).collect::<Vec<u8>>().try_into().unwrap()
 }
 
-impl ImageSource for Greys {
+impl ImageSource for Grays {
     fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError> {
         self.made.fetch_add(1, Ordering::Relaxed);
         if self.broken && index == COUNT - 2 {
@@ -34,9 +34,9 @@ impl ImageSource for Greys {
     }
 }
 
-fn scene(greys: &Arc<Greys>, once: bool) -> Scene {
+fn scene(grays: &Arc<Grays>, once: bool) -> Scene {
     let hashes = (0..COUNT).map(|i| [i as u8; 32]).collect();
-    let stream = ImageStream { slot: TextureSlot::BaseColor, pictures: greys.clone(), hashes };
+    let stream = ImageStream { slot: TextureSlot::BaseColor, pictures: grays.clone(), hashes };
     let sequence = ImageSequence { streams: vec![stream], fps: 10.0, once };
     let shown = Material {
         base_color_texture: Some(texture(0)),
@@ -70,10 +70,10 @@ fn frames(
 #[test]
 fn each_frame_shows_its_image_in_any_order() {
     for once in [false, true] {
-        let greys = Arc::new(Greys::default());
-        frames(&mut CpuRenderer::new(&[]), &mut scene(&greys, once), [0, 1, 2, 39, 40, 45, 7, 7, 100], once);
+        let grays = Arc::new(Grays::default());
+        frames(&mut CpuRenderer::new(&[]), &mut scene(&grays, once), [0, 1, 2, 39, 40, 45, 7, 7, 100], once);
         // Only visible images are loaded, and not the first one, whose pixels belong to the material.
-        assert!(greys.made.load(Ordering::Relaxed) <= 8);
+        assert!(grays.made.load(Ordering::Relaxed) <= 8);
     }
 }
 
@@ -84,21 +84,21 @@ fn a_device_keeps_only_the_images_of_recent_frames() {
         println!("SKIP 1: no Vulkan");
         return;
     };
-    let greys = Arc::new(Greys::default());
-    let mut scene = scene(&greys, false);
+    let grays = Arc::new(Grays::default());
+    let mut scene = scene(&grays, false);
     frames(&mut gpu, &mut scene, 0..COUNT, false);
     let [_, textures, materials] = gpu.resource_counts();
     assert!((2..=11).contains(&textures) && materials <= 11, "{textures} textures, {materials} materials");
-    assert_eq!(greys.made.load(Ordering::Relaxed), COUNT - 1);
+    assert_eq!(grays.made.load(Ordering::Relaxed), COUNT - 1);
     // Dropped images are loaded again.
     frames(&mut gpu, &mut scene, [3, 4, 3, 38], false);
-    assert_eq!(greys.made.load(Ordering::Relaxed), COUNT - 1 + 2);
+    assert_eq!(grays.made.load(Ordering::Relaxed), COUNT - 1 + 2);
 }
 
 #[test]
 fn an_image_that_cannot_be_loaded_is_an_error_with_its_name() {
-    let greys = Arc::new(Greys { broken: true, ..Greys::default() });
-    let mut scene = scene(&greys, false);
+    let grays = Arc::new(Grays { broken: true, ..Grays::default() });
+    let mut scene = scene(&grays, false);
     scene.snapshot.time = Time::from_secs((COUNT - 2) as f64 * 0.1 + 0.05);
     let (resources, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
     let mut cpu = CpuRenderer::new(&[]);

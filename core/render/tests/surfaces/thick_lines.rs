@@ -207,26 +207,34 @@ fn huge_widths_and_many_points_are_drawn() {
     assert!(area(&frame) > 60.0 * 60.0);
 }
 
+/// Plan of a vertical line at x, in an image of ten pixels per metre. `width`: width of the actor's lines, in place of the style's.
+fn plan_of_line(style: Option<LineStyle>, width: Option<f32>, x: f64) -> Plan {
+    let mut made = (*asset_of_lines(Topology::Lines, vec![Vec3::NEG_Y, Vec3::Y], square_style(1.0))).clone();
+    made.materials[0].line_style = style;
+    let mut scene = Scene::ortho(6.4);
+    let actor = scene.at(&Arc::new(made), x, 0.0, 0.0);
+    scene.snapshot.actors[actor].line_width = width;
+    scene.plan(&PlanOptions::new([64, 64], 1)).1
+}
+
 #[test]
-fn only_thick_lines_request_the_feature_and_zero_width_draws_nothing() {
-    let options = PlanOptions::new([64, 64], 1);
-    let plan = |pen: Option<LineStyle>, width: Option<f32>, x: f64| {
-        let mut made =
-            (*asset_of_lines(Topology::Lines, vec![Vec3::NEG_Y, Vec3::Y], square_style(1.0))).clone();
-        made.materials[0].line_style = pen;
-        let mut scene = Scene::ortho(6.4);
-        let actor = scene.at(&Arc::new(made), x, 0.0, 0.0);
-        scene.snapshot.actors[actor].line_width = width;
-        scene.plan(&options).1
-    };
-    let wide =
+fn only_thick_lines_request_the_thick_line_feature() {
+    let thick =
         |plan: &Plan| plan.draws.iter().filter(|d| d.pipeline.features.has(Features::THICK_LINES)).count();
-    let thin = plan(None, None, 0.0);
-    assert_eq!((thin.draws.len(), wide(&thin)), (1, 0));
-    let drawn = plan(Some(round_style(4.0)), None, 0.0);
-    assert_eq!((drawn.draws.len(), wide(&drawn), drawn.instances[0].width), (1, 1, 4.0));
-    assert_eq!(plan(Some(round_style(4.0)), Some(0.0), 0.0).draws.len(), 0);
-    // A line a tenth of a metre, or a pixel, outside the image is visible if it is wide enough.
-    assert_eq!(plan(Some(round_style(1.0)), None, 3.5).draws.len(), 0);
-    assert_eq!(plan(Some(round_style(9.0)), None, 3.5).draws.len(), 1);
+    let thin = plan_of_line(None, None, 0.0);
+    assert_eq!((thin.draws.len(), thick(&thin)), (1, 0));
+    let drawn = plan_of_line(Some(round_style(4.0)), None, 0.0);
+    assert_eq!((drawn.draws.len(), thick(&drawn), drawn.instances[0].width), (1, 1, 4.0));
+}
+
+#[test]
+fn lines_of_zero_width_are_not_drawn() {
+    assert_eq!(plan_of_line(Some(round_style(4.0)), Some(0.0), 0.0).draws.len(), 0);
+}
+
+/// The line is a tenth of a metre, or a pixel, outside the image.
+#[test]
+fn a_line_outside_the_image_is_drawn_if_its_width_reaches_into_it() {
+    assert_eq!(plan_of_line(Some(round_style(1.0)), None, 3.5).draws.len(), 0);
+    assert_eq!(plan_of_line(Some(round_style(9.0)), None, 3.5).draws.len(), 1);
 }

@@ -330,7 +330,7 @@ fn equal_content_is_uploaded_once_and_kept() {
     assert!(first == draw_with(r, &scene, &options), "loaded again");
     assert_eq!((r.resource_counts(), r.allocated_bytes()), ([1, 1, 2], bytes));
     draw_with(r, &wall(unlit(Vec4::ONE)), &options);
-    assert_eq!(r.resource_counts(), [1, 0, 1], "what the new catalogue lacks is gone");
+    assert_eq!(r.resource_counts(), [1, 0, 1], "what the new scene resources lack is gone");
 }
 
 #[test]

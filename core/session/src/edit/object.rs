@@ -553,7 +553,7 @@ mod tests {
     }
 
     #[test]
-    fn calls_in_callbacks_and_conditions_are_not_changed() {
+    fn edits_do_not_change_calls_in_callbacks_and_conditions() {
         let text =
             "let a = |cast(\"a\", m).turn(10);\non_frame(|t| a.turn(10.0 * t));\nif x { a.turn(3); }\n";
         let turned = |o: &ScriptObject| Ok(o.turn_by(rotation_of(DVec3::new(0.0, 20.0, 0.0))));

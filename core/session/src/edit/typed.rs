@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_typed_frame_is_kept_in_place_of_seconds() {
+    fn a_time_typed_as_a_frame_is_written_as_a_frame() {
         let frame = TypedNumber { value: 0.48, text: "f(12)".to_string() };
         assert_eq!(kept(&frame, "from(0.5)", "from(0.48)"), "from(f(12))");
         assert_eq!(kept(&frame, "from(f(3))", "from(f(12))"), "from(f(12))");

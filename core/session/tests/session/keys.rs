@@ -30,7 +30,7 @@ fn yaw(degrees: f64) -> DQuat {
 fn a_new_key_counts_seconds_or_frames_like_its_neighbors() {
     let script =
         |keys: &str| format!("let a = cast(\"a\", m);\na.play(c).from(f(3));\na.key(\"scale\", [{keys}]);");
-    // A third of a second needs all digits in seconds.
+    // 1/3 s has no short decimal form: written in seconds it needs all digits, as a frame it is f(8).
     let added = |keys: &str| {
         let (text, when) = (script(keys), EditTime { secs: 1.0 / 3.0, fps: 24.0 });
         let object = ScriptObject::at(&text, 1, 9).unwrap();

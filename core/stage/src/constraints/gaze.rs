@@ -26,7 +26,7 @@ impl Gaze<'_> {
         &self,
         aimed: impl Fn(u32) -> bool,
         state: &mut ActorState,
-        below: &mut Vec<bool>,
+        is_descendant: &mut Vec<bool>,
         expression_weights: &mut ExpressionWeights,
     ) {
         let Gaze { actor, joint, share, .. } = *self;
@@ -46,7 +46,7 @@ impl Gaze<'_> {
         EyeTurn { actor, eyes, turned, yaw, pitch, share, time: self.time }.apply(
             aimed,
             state,
-            below,
+            is_descendant,
             expression_weights,
         );
     }

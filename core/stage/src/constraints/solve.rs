@@ -30,7 +30,8 @@ pub(crate) struct ConstraintScratch {
     pub order: order::ConstraintOrder,
     /// World positions of the targets of a round: (actor, constraint, target, pole).
     targets: Vec<(usize, usize, DVec3, Option<DVec3>)>,
-    below: Vec<bool>,
+    /// Whether each joint is the turned one or a descendant of it.
+    is_descendant: Vec<bool>,
     chain: Chain,
     aim: Vec<AimJoint>,
     turns: Vec<DQuat>,
@@ -277,7 +278,7 @@ impl ActorSolver<'_> {
             let mut posed = PosedSkeleton {
                 skeleton: &actor.asset.skeleton,
                 model_from_joint: &mut actors[index].model_from_joint,
-                below: &mut scratch.below,
+                is_descendant: &mut scratch.is_descendant,
             };
             let spaces = [&world_from_model, &model_from_world];
             foot_lock::apply_foot_lock(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
@@ -310,7 +311,7 @@ impl ActorSolver<'_> {
             aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
         }
         let state = &mut actors[index];
-        look_at::turn_joint_to_target(stage, &aim, state, &mut scratch.below);
+        look_at::turn_joint_to_target(stage, &aim, state, &mut scratch.is_descendant);
         if let Some(face) = face {
             let target = state.world_from_model.inverse().transform_point3(aim.world_target);
             let actor = &stage.actors[index];
@@ -378,7 +379,7 @@ fn solve_constraint(
     let mut posed = PosedSkeleton {
         skeleton: &actor.asset.skeleton,
         model_from_joint: &mut state.model_from_joint,
-        below: &mut scratch.below,
+        is_descendant: &mut scratch.is_descendant,
     };
     match kind {
         ConstraintKind::Aim(aim) => {
@@ -412,7 +413,7 @@ fn turn_eyes(
     expression_weights: &mut ExpressionWeights,
 ) {
     let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
-    gaze.turn_eyes(aimed, state, &mut scratch.below, expression_weights);
+    gaze.turn_eyes(aimed, state, &mut scratch.is_descendant, expression_weights);
 }
 
 fn last_joint_index(joints: &[u32]) -> usize {
@@ -534,7 +535,7 @@ fn clamp_to_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch,
     let mut posed = PosedSkeleton {
         skeleton,
         model_from_joint: &mut actors[index].model_from_joint,
-        below: &mut scratch.below,
+        is_descendant: &mut scratch.is_descendant,
     };
     for (joint, limit) in actor.limits.iter().filter(|(j, _)| (*j as usize) < rest.len()) {
         let parent = skeleton.parents()[*joint as usize];

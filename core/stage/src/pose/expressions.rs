@@ -8,8 +8,8 @@ pub(crate) struct ExpressionWeights {
     pub requested: Vec<f32>,
     pub resolved: Vec<f32>,
     before: Vec<f32>,
-    /// A buffer that marks the joints below a turned eye.
-    pub below: Vec<bool>,
+    /// Reusable buffer: whether each joint is a turned eye or a descendant of it.
+    pub is_descendant: Vec<bool>,
 }
 
 impl ExpressionWeights {

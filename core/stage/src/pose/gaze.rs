@@ -32,14 +32,14 @@ pub(crate) fn apply_requested_gaze(
     let head = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
     let Some(head) = head.map(|joint| joint as usize) else { return };
     let turned = turned_since_rest(asset, head, &state.model_from_joint[head]);
-    let mut below = std::mem::take(&mut expression_weights.below);
+    let mut is_descendant = std::mem::take(&mut expression_weights.is_descendant);
     EyeTurn { actor, eyes, turned, yaw, pitch, share: 1.0, time }.apply(
         |_| false,
         state,
-        &mut below,
+        &mut is_descendant,
         expression_weights,
     );
-    expression_weights.below = below;
+    expression_weights.is_descendant = is_descendant;
 }
 
 /// Model-space rotation of a head since rest, applied after the rotation that brings +Z to the model's front.
@@ -65,7 +65,7 @@ impl EyeTurn<'_> {
         &self,
         aimed: impl Fn(u32) -> bool,
         state: &mut ActorState,
-        below: &mut Vec<bool>,
+        is_descendant: &mut Vec<bool>,
         expression_weights: &mut ExpressionWeights,
     ) {
         let EyeTurn { actor, eyes, turned, yaw, pitch, share, .. } = *self;
@@ -76,7 +76,7 @@ impl EyeTurn<'_> {
                 let mut body = PosedSkeleton {
                     skeleton: &asset.skeleton,
                     model_from_joint: &mut state.model_from_joint,
-                    below,
+                    is_descendant,
                 };
                 for (bone, left) in [(HumanBone::LeftEye, true), (HumanBone::RightEye, false)] {
                     let there = |eye: &u32| (*eye as usize) < body.model_from_joint.len() && !aimed(*eye);

@@ -6,7 +6,8 @@ use glam::{Affine3A, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 pub(crate) struct PosedSkeleton<'a> {
     pub skeleton: &'a Skeleton,
     pub model_from_joint: &'a mut [Affine3A],
-    pub below: &'a mut Vec<bool>,
+    /// Reusable buffer: whether each joint is the moved one or a descendant of it.
+    pub is_descendant: &'a mut Vec<bool>,
 }
 
 impl PosedSkeleton<'_> {
@@ -43,15 +44,15 @@ impl PosedSkeleton<'_> {
         }
         let rotation = Mat3A::from(Mat3::from_quat(turn.as_quat()));
         let joint = joint as usize;
-        self.below.clear();
-        self.below.resize(self.skeleton.len(), false);
-        self.below[joint] = true;
+        self.is_descendant.clear();
+        self.is_descendant.resize(self.skeleton.len(), false);
+        self.is_descendant[joint] = true;
         // Children come after their parents.
         for (index, parent) in self.skeleton.parents().iter().enumerate().skip(joint) {
             if index != joint {
-                self.below[index] = parent.is_some_and(|p| self.below[p as usize]);
+                self.is_descendant[index] = parent.is_some_and(|p| self.is_descendant[p as usize]);
             }
-            if self.below[index] {
+            if self.is_descendant[index] {
                 let m = &mut self.model_from_joint[index];
                 let at = Vec3::from(m.translation).as_dvec3();
                 let at = pivot + turn * (at - pivot) + by;

@@ -23,7 +23,7 @@ described! {
     pub struct Actor(
         /// Name in scripts.
         name: String => str,
-        /// Content of its file.
+        /// Imported asset (model, skeleton, clips) that the actor shows.
         asset: Arc<Asset>,
     ) {
         /// Placement in the parent's space, else in the world, without keys.

@@ -36,7 +36,7 @@ struct ActorFacts {
 }
 
 #[derive(Clone, Debug, Default)]
-struct LookFacts {
+struct LookAtFacts {
     was_active: bool,
     was_reached: bool,
 }
@@ -57,7 +57,7 @@ struct CameraFacts {
 #[derive(Debug)]
 pub struct SurveyFacts {
     actors: Vec<ActorFacts>,
-    looks: Vec<Vec<LookFacts>>,
+    look_ats: Vec<Vec<LookAtFacts>>,
     reaches: ReachDistances,
     lights: Vec<LightFacts>,
     /// One entry per camera; the last is for the framing camera of a stage without cameras.
@@ -72,7 +72,7 @@ impl SurveyFacts {
     pub fn new(stage: &Stage) -> SurveyFacts {
         SurveyFacts {
             actors: vec![ActorFacts::default(); stage.actors.len()],
-            looks: stage.actors.iter().map(|a| vec![LookFacts::default(); a.look_at.len()]).collect(),
+            look_ats: stage.actors.iter().map(|a| vec![LookAtFacts::default(); a.look_at.len()]).collect(),
             reaches: ReachDistances::new(stage),
             lights: vec![LightFacts::default(); stage.lights.len()],
             cameras: vec![CameraFacts::default(); stage.cameras.len() + 1],
@@ -137,7 +137,7 @@ impl SurveyFacts {
 
     fn record_look_ats(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
-            for (look, facts) in actor.look_at.iter().zip(&mut self.looks[index]) {
+            for (look, facts) in actor.look_at.iter().zip(&mut self.look_ats[index]) {
                 // The look is off, or still fading.
                 if look.weight_at(time) < 0.999 {
                     continue;
@@ -178,7 +178,7 @@ impl SurveyFacts {
                     .iter()
                     .zip(&self.actors)
                     .any(|(a, f)| plays_no_clip(a) && !f.was_posed_by_callback)
-            || self.looks.iter().flatten().any(|f| !f.was_active || !f.was_reached)
+            || self.look_ats.iter().flatten().any(|f| !f.was_active || !f.was_reached)
             || self.reaches.may_change(stage)
             || self.lights.iter().any(|f| !f.has_shone || !f.has_reached_actor)
             || stage
@@ -331,7 +331,7 @@ impl SurveyFacts {
         if !self.actors[index].was_visible {
             return found;
         }
-        for (number, (look, facts)) in actor.look_at.iter().zip(&self.looks[index]).enumerate() {
+        for (number, (look, facts)) in actor.look_at.iter().zip(&self.look_ats[index]).enumerate() {
             let joint = actor.asset.skeleton.names().get(look.joint as usize).map_or("", String::as_str);
             let mut add = |rule, text: String| {
                 let subject = Subject::Look { actor: index, look: number };

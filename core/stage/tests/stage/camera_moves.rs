@@ -61,7 +61,7 @@ fn camera_pan_keeps_the_horizon_level_and_is_continuous() {
         assert!(now.x_axis.y.abs() < 1e-9 && now.y_axis.y > 0.0, "rolled at step {i}: {now}");
         let step = before.z_axis.angle_between(now.z_axis);
         turned += step;
-        // An ease of 1 s is at most 1.5 times as fast as its mean; levelling turns a little more.
+        // An ease of 1 s is at most 1.5 times as fast as its mean; leveling turns a little more.
         let whole = (DQuat::from_mat3(&now) * DQuat::from_mat3(&before).inverse()).to_axis_angle().1;
         let whole = whole.min(std::f64::consts::TAU - whole);
         assert!(step < 0.05 && whole < 0.1, "a jump of {step}, {whole} rad at step {i}");

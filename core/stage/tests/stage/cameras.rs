@@ -183,7 +183,7 @@ fn framing_camera_is_static_and_keeps_a_walking_actor_in_the_frame() {
         widest = widest.max(reach.max_element());
     }
     assert!(widest > 0.8, "{widest}");
-    // A camera that frames only the first frame loses her: a stage of length zero has one.
+    // Negative control: with length zero the camera frames only the first frame, and the actor walks out of the image.
     stage.settings.length = Time::ZERO;
     assert!(projected(&stage, 3.9).0.max_element() > 1.0);
 }

@@ -1,4 +1,4 @@
-//! Characters modelled with another front than +Z: the front is detected, and they walk and look forward.
+//! Characters modeled with another front than +Z: the front is detected, and they walk and look forward.
 
 use crate::support::*;
 use choreo_asset::*;

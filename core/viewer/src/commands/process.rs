@@ -73,7 +73,7 @@ impl Process {
         let again = std::mem::replace(&mut started.interrupted, true);
         #[cfg(unix)]
         if !again {
-            // A process that has already ended is not signalled.
+            // A process that has already ended is not signaled.
             let process = rustix::process::Pid::from_child(&started.child);
             if let Ok(None) = started.child.try_wait() {
                 let _ = rustix::process::kill_process(process, rustix::process::Signal::INT);

@@ -16,7 +16,7 @@ struct Results {
     running: Option<Process>,
     /// Reason why there are no results.
     failure: Option<String>,
-    /// Number of results so far.
+    /// Number of test runs finished so far.
     runs: u64,
 }
 

@@ -56,7 +56,7 @@ impl Viewer {
     pub(crate) fn moved_end(&self, what: &Selected, all: &[Selected], by: f64) -> Option<String> {
         let before = self.previous_bar(what).filter(|before| !all.contains(&before.what))?;
         let ends = self.shown_time(self.bar(what).ok()?.start + Time::from_secs(by));
-        Some(format!("{}, which it follows, now ends at {ends}", before.label))
+        Some(format!("{}, the clip before it, now ends at {ends}", before.label))
     }
 
     /// Note about all ends that move with the starts of these bars.

@@ -491,7 +491,7 @@ impl Viewer {
         if keyed.written.is_some() || keyed.keys.len() > MAX_WRITTEN_KEYS || keyed.kind == ValueKind::Kelvin {
             return Vec::new();
         }
-        let key = |at: &Time| Some((self.edit_time(after(*at)?.as_secs()), keyed.stated_text(*at)));
+        let key = |at: &Time| Some((self.edit_time(after(*at)?.as_secs()), keyed.absolute_text(*at)));
         let mut all: Vec<_> = keyed.keys.iter().filter_map(key).collect();
         all.sort_by(|a, b| a.0.secs.total_cmp(&b.0.secs));
         all

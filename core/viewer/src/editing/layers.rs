@@ -34,9 +34,9 @@ impl Viewer {
         let all = ScriptObject::at(&text, of_all.line, of_all.column);
         let all = all.and_then(|object| field_change_edit(&object, &text, change)).ok();
         let all = all.map(|edit| (format!("Change all {}", chain.len()), edit));
-        let neighbours =
+        let neighbors =
             [before[at], before.iter().position(|before| *before == Some(at))].map(|at| Some(&layer[at?]));
-        let alone = self.moved_out_of_chain(&layer[at], neighbours, change, &text);
+        let alone = self.moved_out_of_chain(&layer[at], neighbors, change, &text);
         let alone = alone.map(|edit| (format!("Take {} out of the chain", layer[at].label), edit));
         let lines = |edit: &Edit| difference::diff_lines(&text, &edit.apply(&text));
         let mut offers = alone.into_iter().chain(all);

@@ -294,8 +294,9 @@ impl Viewer {
         let now = read(&path)?;
         let edit =
             if now == offer.text { Some(offer.edit) } else { offer.edit.carried_over(&offer.text, &now) };
-        let edit =
-            edit.ok_or(EditError::Overtaken("the file has changed once more; try again when it is shown"))?;
+        let edit = edit.ok_or(EditError::Overtaken(
+            "the script was edited meanwhile; wait until the viewer has reloaded it, then try again",
+        ))?;
         for (from, to) in &offer.copies {
             adding::copy(from, to)?;
         }

@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_model_is_placed_beside_others_and_inside_a_large_set() {
+    fn a_new_model_is_placed_beside_others_but_may_stand_inside_a_large_environment() {
         let own = foot([-0.5, 0.5], [-0.5, 0.5]);
         let mut taken = vec![foot([-20.0, 20.0], [-20.0, 20.0])];
         assert_eq!(nearest_free(&taken, own, DVec3::new(1.0, 0.0, 2.0)), DVec3::new(1.0, 0.0, 2.0));

@@ -72,7 +72,7 @@ impl Viewer {
         let ends = self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
         if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + MIN_CLIP_SECS) {
             let (label, start) = (&before.label, shown(before.start.as_secs()));
-            let why = format!("{label}, which it follows, begins at {start} and would have no length");
+            let why = format!("{label}, the clip before it, begins at {start} and would have no length");
             return Err(EditError::refused_at(&bar.place, &why));
         }
         if ends && secs >= bar.until.as_secs() - MIN_CLIP_SECS {

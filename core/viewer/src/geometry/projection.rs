@@ -7,31 +7,38 @@ use glam::{DAffine3, DVec2, DVec3};
 /// Distance in front of the camera at which lines are clipped, metres. Nearer points are not projected.
 const NEAR_PLANE: f64 = 1e-3;
 
+/// Projection of a camera to an image in the window.
 #[derive(Clone, Copy, Debug)]
-pub struct Lens {
+pub struct ViewProjection {
     view_from_world: DAffine3,
     /// Top left corner of the image, in points of the window.
-    corner: DVec2,
+    top_left: DVec2,
     size: DVec2,
     /// Height of the visible area at a distance of 1 m, or at any distance in parallel projection, metres.
     height: f64,
     perspective: bool,
 }
 
-impl Lens {
-    /// `corner`, `size`: position and size of the image in the window, points.
-    pub fn new(camera: &CameraState, corner: DVec2, size: DVec2) -> Lens {
+impl ViewProjection {
+    /// `top_left`, `size`: position and size of the image in the window, points.
+    pub fn new(camera: &CameraState, top_left: DVec2, size: DVec2) -> ViewProjection {
         let (height, perspective) = match camera.projection {
             Projection::Perspective { yfov, .. } => (2.0 * libm::tan(f64::from(yfov) / 2.0), true),
             Projection::Orthographic { height, .. } => (f64::from(height), false),
         };
-        Lens { view_from_world: camera.world_from_view.inverse(), corner, size, height, perspective }
+        ViewProjection {
+            view_from_world: camera.world_from_view.inverse(),
+            top_left,
+            size,
+            height,
+            perspective,
+        }
     }
 
     fn screen(&self, view: DVec3) -> DVec2 {
         let depth = if self.perspective { -view.z } else { 1.0 };
         let scale = self.size.y / (self.height * depth);
-        self.corner + self.size / 2.0 + DVec2::new(view.x, -view.y) * scale
+        self.top_left + self.size / 2.0 + DVec2::new(view.x, -view.y) * scale
     }
 
     /// Projects a point from world space to the window. `None` if it is behind the camera.
@@ -62,7 +69,7 @@ impl Lens {
 
     /// Origin and unit direction in world space of the ray through a point of the window.
     pub fn ray(&self, at: DVec2) -> (DVec3, DVec3) {
-        let from_middle = (at - self.corner - self.size / 2.0) / self.size.y * self.height;
+        let from_middle = (at - self.top_left - self.size / 2.0) / self.size.y * self.height;
         let world_from_view = self.view_from_world.inverse();
         let across = DVec3::new(from_middle.x, -from_middle.y, 0.0);
         let (origin, direction) = match self.perspective {
@@ -117,7 +124,8 @@ mod tests {
     fn projection_agrees_with_the_matrices_of_the_renderer() {
         for camera in cameras() {
             let size = [640, 360];
-            let lens = Lens::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
+            let view_projection =
+                ViewProjection::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
             let view = View::new(&camera, size);
             for at in [DVec3::new(0.4, 0.2, -3.0), DVec3::new(-0.7, 0.1, -8.0)] {
                 let world = camera.world_from_view.transform_point3(at);
@@ -126,13 +134,13 @@ mod tests {
                     10.0 + f64::from(clip.x / clip.w + 1.0) * 320.0,
                     20.0 + f64::from(clip.y / clip.w + 1.0) * 180.0,
                 );
-                let got = lens.project_point(world).unwrap();
+                let got = view_projection.project_point(world).unwrap();
                 assert!((got - expected).length() < 0.01, "{got} {expected}");
                 // The ray through the projected point passes through the original one.
-                let (origin, direction) = lens.ray(got);
+                let (origin, direction) = view_projection.ray(got);
                 assert!((world - origin).cross(direction).length() < 1e-6);
-                let moved = lens.project_point(
-                    world + camera.world_from_view.matrix3.x_axis * lens.metres_per_point(world),
+                let moved = view_projection.project_point(
+                    world + camera.world_from_view.matrix3.x_axis * view_projection.metres_per_point(world),
                 );
                 assert!((moved.unwrap() - got - DVec2::X).length() < 1e-6);
             }
@@ -141,11 +149,14 @@ mod tests {
 
     #[test]
     fn lines_are_clipped_at_the_near_plane() {
-        let lens = Lens::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
+        let view_projection = ViewProjection::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
         let at = |z: f64| cameras()[0].world_from_view.transform_point3(DVec3::new(0.1, 0.1, z));
-        assert!(lens.project_point(at(1.0)).is_none() && lens.project_line(at(1.0), at(2.0)).is_none());
-        let [a, b] = lens.project_line(at(-2.0), at(5.0)).unwrap();
-        assert!((a - lens.project_point(at(-2.0)).unwrap()).length() < 1e-9);
+        assert!(
+            view_projection.project_point(at(1.0)).is_none()
+                && view_projection.project_line(at(1.0), at(2.0)).is_none()
+        );
+        let [a, b] = view_projection.project_line(at(-2.0), at(5.0)).unwrap();
+        assert!((a - view_projection.project_point(at(-2.0)).unwrap()).length() < 1e-9);
         assert!(b.is_finite() && (b - DVec2::new(320.0, 180.0)).length() > 100.0);
     }
 }

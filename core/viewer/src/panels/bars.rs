@@ -77,21 +77,22 @@ impl Lane {
     }
 
     /// Distance within which a dragged time snaps to another, seconds.
-    fn reach(&self, viewer: &Viewer) -> f64 {
+    fn snap_distance(&self, viewer: &Viewer) -> f64 {
         self.secs(viewer, SNAP_DISTANCE) - self.secs(viewer, 0.0)
     }
 
-    /// Time at a dragged position, snapped to nearby times of other bars, else to a frame. `not`: the dragged bar.
-    pub fn snapped(&self, viewer: &Viewer, x: f32, not: Option<&Bar>) -> f64 {
+    /// Time at a dragged position, snapped to nearby times of other bars, else to a frame. `excluded`: the dragged bar.
+    pub fn snapped(&self, viewer: &Viewer, x: f32, excluded: Option<&Bar>) -> f64 {
         let secs = self.secs(viewer, x);
-        let near = viewer.snap_target(secs, self.reach(viewer), not);
+        let near = viewer.snap_target(secs, self.snap_distance(viewer), excluded);
         near.unwrap_or_else(|| self.on_frame(viewer, secs))
     }
 
     /// The nearest tenth of a second if it falls on a frame, since such numbers are easier to read; else the nearest frame.
     fn on_frame(&self, viewer: &Viewer, secs: f64) -> f64 {
         let tenth = (secs * 10.0).round() / 10.0;
-        let is_near = (tenth - secs).abs() <= self.reach(viewer) / 2.0 && viewer.snapped(tenth) == tenth;
+        let is_near =
+            (tenth - secs).abs() <= self.snap_distance(viewer) / 2.0 && viewer.snapped(tenth) == tenth;
         if viewer.snap && is_near { tenth } else { viewer.snapped(secs) }
     }
 
@@ -280,10 +281,10 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
         draw_outline(&painter, ghost);
         return (response.drag_stopped() && by != 0.0).then(|| Act::Slip(bar.what.clone(), by));
     }
-    let (wanted, reach) = (lane.secs(viewer, pointer), lane.reach(viewer));
+    let (wanted, max_distance) = (lane.secs(viewer, pointer), lane.snap_distance(viewer));
     // The edge that is nearest to a snap position decides.
-    let starts = viewer.snap_target(wanted, reach, Some(bar));
-    let ends = viewer.snap_target(wanted + length, reach, Some(bar)).map(|end| end - length);
+    let starts = viewer.snap_target(wanted, max_distance, Some(bar));
+    let ends = viewer.snap_target(wanted + length, max_distance, Some(bar)).map(|end| end - length);
     let near = starts.into_iter().chain(ends);
     let near = near.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
     let start = near.unwrap_or_else(|| lane.on_frame(viewer, wanted));

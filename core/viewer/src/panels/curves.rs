@@ -599,8 +599,8 @@ fn drag_key(
         true => 0.0,
         false => {
             let wanted = key.at.as_secs() + plot.secs(by.x) - plot.secs(0.0);
-            let reach = plot.secs(6.0) - plot.secs(0.0);
-            viewer.snap_target(wanted, reach, None).unwrap_or_else(|| viewer.snapped(wanted))
+            let max_distance = plot.secs(6.0) - plot.secs(0.0);
+            viewer.snap_target(wanted, max_distance, None).unwrap_or_else(|| viewer.snapped(wanted))
                 - key.at.as_secs()
         }
     };

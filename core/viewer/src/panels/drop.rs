@@ -1,7 +1,7 @@
 //! Files dropped on the window: models dropped on a viewport are added to the scene under the pointer; all others are previewed.
 
 use crate::app::Viewer;
-use crate::geometry::projection::Lens;
+use crate::geometry::projection::ViewProjection;
 use crate::state::dropped_models::DroppedModels;
 use egui::{Event, Pos2, Rect, Ui};
 use glam::{DVec2, DVec3};
@@ -12,8 +12,8 @@ use std::path::PathBuf;
 const POINTER_WAIT_SECS: f64 = 0.4;
 /// Distance beyond which the ground counts as sky, metres.
 const MAX_GROUND_DISTANCE: f64 = 500.0;
-/// Smallest sine of the angle between an orthographic view and the ground at which the ground counts as visible.
-const MIN_GROUND_SINE: f64 = 0.05;
+/// Smallest sine of the angle between an orthographic view direction and the ground at which the ground counts as visible.
+const MIN_VIEW_TO_GROUND_SINE: f64 = 0.05;
 
 /// Dropped files whose position is not known yet, and the time of the drop in seconds.
 #[derive(Default)]
@@ -64,24 +64,24 @@ pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     };
     let view = viewer.views.iter().find(inside)?;
     let [left, top, right, bottom] = view.place.map(f64::from);
-    let lens = Lens::new(
+    let view_projection = ViewProjection::new(
         &view.displayed_camera(&scene.stage)?,
         DVec2::new(left, top),
         DVec2::new(right - left, bottom - top),
     );
-    let (origin, direction) = lens.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
+    let (origin, direction) = view_projection.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let far = -origin.y / direction.y;
-    let meets = match lens.is_perspective() {
+    let meets = match view_projection.is_perspective() {
         true => far > 0.0 && far < MAX_GROUND_DISTANCE,
         // Orthographic rays begin next to the camera, on either side of the ground.
-        false => direction.y.abs() > MIN_GROUND_SINE,
+        false => direction.y.abs() > MIN_VIEW_TO_GROUND_SINE,
     };
     if far.is_finite() && meets {
         return Some(origin + direction * far);
     }
     // The ray misses the ground or is parallel to it, so the distance of the center of interest is used.
     let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
-    let forward = lens.forward();
+    let forward = view_projection.forward();
     let far = (middle - origin).dot(forward) / direction.dot(forward);
     let there = if far > 0.0 && far.is_finite() { origin + direction * far } else { middle };
     Some(DVec3::new(there.x, 0.0, there.z))

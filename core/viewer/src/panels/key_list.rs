@@ -43,7 +43,7 @@ const FIXED_INPUTS: [(&str, &str); 22] = [
     ),
     ("double click", "curves: sets a key on a curve"),
     ("right click", "a bar, a key: all commands; of a key its time, value and easing"),
-    ("drag", "a clip from the inspector onto a row: adds a line"),
+    ("drag", "a clip from the inspector onto a row: plays it there (adds a line to the script)"),
     ("click", "an event or a foot's strip: the playhead goes there"),
     ("Shift drag", "ruler: sets the range that is played"),
     (
@@ -139,7 +139,7 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
     }
 }
 
-/// Keys of an action; a click changes them, and a button resets keys of the user's own.
+/// Row of the keyboard shortcuts of an action; a click assigns a new one, a button restores the default.
 fn key_row(ui: &mut Ui, choosing: &mut Option<String>, keyed: &KeyedAction, viewer: &mut Viewer) {
     let KeyedAction { id, title, chords } = keyed;
     let is_chosen = choosing.as_ref() == Some(id);

@@ -135,8 +135,9 @@ pub(crate) fn keys_within(viewer: &Viewer, row: &Row, lane: Rect, area: Rect) ->
 fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
     let secs = |x: f32| viewer.span.secs_at(x, lane.width());
     let wanted = secs(x - lane.left());
-    let reach = secs(6.0) - secs(0.0);
-    let near = viewer.snap_target(wanted, reach, None).filter(|at| (at - event.at.as_secs()).abs() > 1e-9);
+    let max_distance = secs(6.0) - secs(0.0);
+    let near =
+        viewer.snap_target(wanted, max_distance, None).filter(|at| (at - event.at.as_secs()).abs() > 1e-9);
     near.unwrap_or_else(|| viewer.snapped(wanted))
 }
 

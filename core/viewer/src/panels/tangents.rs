@@ -49,7 +49,7 @@ pub fn show(
                 let Some(handle) = handle else { continue };
                 let color = curve_color(ui, property, index, part);
                 let place = HandlePlace { property, key, part, side, color, scale };
-                let shape = place.handle(ui, viewer, plot, handle);
+                let shape = place.show_handle(ui, viewer, plot, handle);
                 done = shape.map(|shape| (key_of(property, *at), shape)).or(done);
             }
         }
@@ -75,7 +75,8 @@ impl HandlePlace<'_> {
         self.point(plot, self.key, secs, secs * tangent)
     }
 
-    fn handle(&self, ui: &Ui, viewer: &Viewer, plot: &Plot, handle: &KeyHandle) -> Option<KeyShape> {
+    /// Draws a tangent handle and handles its drag. Returns the changed key.
+    fn show_handle(&self, ui: &Ui, viewer: &Viewer, plot: &Plot, handle: &KeyHandle) -> Option<KeyShape> {
         let (part, span) = (self.part, handle.span);
         let (tangent, weight) = (*handle.tangent.get(part)?, *handle.weight.get(part)?);
         let tip = self.tip(plot, tangent, weight, span);

@@ -8,7 +8,7 @@ use super::{axes, handles, icons, overlay, scene_icons, trails};
 use crate::app::Viewer;
 use crate::geometry::gizmo::Tool;
 use crate::geometry::picking;
-use crate::geometry::projection::Lens;
+use crate::geometry::projection::ViewProjection;
 use crate::state::dropped_models::DroppedModels;
 use crate::state::selection::{Selected, actor};
 use crate::state::view::{Resolution, ViewCamera};
@@ -91,8 +91,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     if let Some(camera) = camera {
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
         let corner = vector(place.left(), place.top());
-        let lens = Lens::new(&camera, corner, vector(place.width(), place.height()));
-        let canvas = Canvas { index, response: &response, place, lens };
+        let view_projection = ViewProjection::new(&camera, corner, vector(place.width(), place.height()));
+        let canvas = Canvas { index, response: &response, place, view_projection };
         overlay::show(ui, viewer, &canvas);
         let at_axis = axes::show(ui, viewer, index, place, &camera.world_from_view);
         let at_icon = scene_icons::show(ui, viewer, &canvas);
@@ -104,7 +104,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         }
         let at_other = at_axis || at_icon || at_joint;
         if let Some(at) = canvas.clicked().filter(|_| !at_other) {
-            pick_at(viewer, index, &canvas.lens, at);
+            pick_at(viewer, index, &canvas.view_projection, at);
         }
     }
     handle_mouse(ui, viewer, index, &response, place.height());
@@ -246,11 +246,11 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
 }
 
 /// Selects the actor under the pointer, or nothing.
-fn pick_at(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
+fn pick_at(viewer: &mut Viewer, index: usize, view_projection: &ViewProjection, at: DVec2) {
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
     let toggles = &viewer.toggles;
     let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !toggles.locked.contains(&a.name));
-    let picked = picking::pick_actor(&scene.stage, &shown.snapshot, lens.ray(at), pickable);
+    let picked = picking::pick_actor(&scene.stage, &shown.snapshot, view_projection.ray(at), pickable);
     let picked = picked.map(|i| Selected::Actor(scene.stage.actors[i].name.clone()));
     viewer.select_all(picked.into_iter().collect());
 }

@@ -208,7 +208,7 @@ impl KeyedProperty {
     }
 
     /// The value at a time, written without relation to a neighboring key: angles include all turns.
-    pub(crate) fn stated_text(&self, time: Time) -> ValueText {
+    pub(crate) fn absolute_text(&self, time: Time) -> ValueText {
         match (self.kind, self.at(time).as_slice()) {
             (ValueKind::Rotation, [x, y, z]) if *x == 0.0 && *z == 0.0 => ValueText::Text(format_number(*y)),
             (ValueKind::Rotation, [x, y, z]) => ValueText::Point(DVec3::new(*x, *y, *z)),

@@ -97,7 +97,7 @@ mod tests {
 
     /// Ground truth: the names of the directions.
     #[test]
-    fn a_side_looks_along_its_axis() {
+    fn an_axis_view_looks_along_its_axis() {
         for side in Side::ALL {
             let [azimuth, elevation] = side.angles();
             let projection = Projection::Orthographic { height: FLAT_HEIGHT, near: 0.1, far: 100.0 };

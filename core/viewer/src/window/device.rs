@@ -27,7 +27,7 @@ pub struct Device {
     pub swapchain: Option<Swapchain>,
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
-    /// Signalled when the last frame is done.
+    /// Signaled when the last frame is done.
     done: vk::Fence,
     pub acquired: vk::Semaphore,
     sampler: vk::Sampler,
@@ -144,7 +144,7 @@ impl Device {
 
     /// Waits until the last frame is done.
     pub fn wait(&mut self) -> Result<(), GpuError> {
-        // SAFETY: the fence is alive; it is signalled at first.
+        // SAFETY: the fence is alive; it is signaled at first.
         unsafe { self.raw.wait_for_fences(&[self.done], true, TIMEOUT_NS) }.named("last frame")?;
         for id in std::mem::take(&mut self.to_free) {
             if let Some(egui) = &mut self.egui {

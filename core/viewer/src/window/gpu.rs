@@ -25,7 +25,7 @@ impl Gpu {
     /// Opens a device for a window. `named`: whether a driver that draws on the CPU is accepted, too.
     pub fn new(window: &Window, named: bool) -> Result<Gpu, GpuError> {
         let other = |object: &'static str, text: String| GpuError::Other { object, text };
-        // SAFETY: loading libvulkan runs its own initialisers, as every Vulkan program does.
+        // SAFETY: loading libvulkan runs its own initializers, as every Vulkan program does.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
             GpuError::Missing(format!("{e}\n    hint: apt install libvulkan1 mesa-vulkan-drivers"))
         })?;

@@ -222,38 +222,37 @@ impl Edge {
 
 /// Linear interpolation over a triangle: the value at a vertex, and its change per pixel to the right and down.
 #[derive(Clone, Copy)]
-struct Plane<T> {
-    at: T,
-    right: T,
-    down: T,
+struct PlaneEquation<T> {
+    value_at_vertex: T,
+    d_dx: T,
+    d_dy: T,
 }
 
-/// Edges of a triangle from its first vertex, and its area.
-struct Area {
+/// Edges of a triangle from its first vertex, and twice its area.
+struct TriangleEdges {
     to_b: egui::Vec2,
     to_c: egui::Vec2,
-    /// Twice the area.
-    size: f32,
+    doubled_area: f32,
 }
 
-impl<T> Plane<T>
+impl<T> PlaneEquation<T>
 where
     T: Copy + PartialEq + std::ops::Sub<Output = T> + std::ops::Add<Output = T>,
     T: std::ops::Mul<f32, Output = T> + std::ops::Div<f32, Output = T>,
 {
     /// Interpolation of values at the vertices. `None` if they are all equal.
-    fn new([a, b, c]: [T; 3], area: &Area) -> Option<Plane<T>> {
+    fn new([a, b, c]: [T; 3], edges: &TriangleEdges) -> Option<PlaneEquation<T>> {
         if a == b && a == c {
             return None;
         }
-        let (b, c, Area { to_b, to_c, size }) = (b - a, c - a, area);
-        let right = (b * to_c.y - c * to_b.y) / *size;
-        let down = (c * to_b.x - b * to_c.x) / *size;
-        Some(Plane { at: a, right, down })
+        let (b, c, TriangleEdges { to_b, to_c, doubled_area }) = (b - a, c - a, edges);
+        let d_dx = (b * to_c.y - c * to_b.y) / *doubled_area;
+        let d_dy = (c * to_b.x - b * to_c.x) / *doubled_area;
+        Some(PlaneEquation { value_at_vertex: a, d_dx, d_dy })
     }
 
     fn value(&self, right: f32, down: f32) -> T {
-        self.at + self.right * right + self.down * down
+        self.value_at_vertex + self.d_dx * right + self.d_dy * down
     }
 }
 
@@ -262,8 +261,8 @@ struct Paint<'a> {
     origin: Pos2,
     texture: &'a Texture,
     /// Vertex colors, premultiplied, 0 to 255. `None` if they are all equal.
-    tint: Option<Plane<Vec4>>,
-    place: Option<Plane<Vec2>>,
+    tint: Option<PlaneEquation<Vec4>>,
+    place: Option<PlaneEquation<Vec2>>,
     /// Vertex color and texel at the first vertex.
     first: (Vec4, Vec4),
 }
@@ -273,16 +272,16 @@ impl Paint<'_> {
     fn new<'a>(vertices: &[Vertex; 3], texture: &'a Texture) -> Option<Paint<'a>> {
         let [a, b, c] = vertices;
         let (to_b, to_c) = (b.pos - a.pos, c.pos - a.pos);
-        let area = Area { to_b, to_c, size: to_b.x * to_c.y - to_b.y * to_c.x };
-        if !(area.size.abs() > 1e-12 && area.size.is_finite()) {
+        let edges = TriangleEdges { to_b, to_c, doubled_area: to_b.x * to_c.y - to_b.y * to_c.x };
+        if !(edges.doubled_area.abs() > 1e-12 && edges.doubled_area.is_finite()) {
             return None;
         }
         let place = |vertex: &Vertex| Vec2::new(vertex.uv.x, vertex.uv.y);
         Some(Paint {
             origin: a.pos,
             texture,
-            tint: Plane::new([a, b, c].map(|vertex| color(vertex.color)), &area),
-            place: Plane::new([a, b, c].map(place), &area),
+            tint: PlaneEquation::new([a, b, c].map(|vertex| color(vertex.color)), &edges),
+            place: PlaneEquation::new([a, b, c].map(place), &edges),
             first: (color(a.color), texture.color(place(a))),
         })
     }

@@ -9,7 +9,7 @@ pub(crate) struct Swapchain {
     raw: vk::SwapchainKHR,
     pub images: Vec<vk::Image>,
     pub views: Vec<vk::ImageView>,
-    /// One semaphore per image, signalled when the image has been drawn.
+    /// One semaphore per image, signaled when the image has been drawn.
     pub drawn: Vec<vk::Semaphore>,
     pub extent: vk::Extent2D,
     /// Size of the window that the swapchain was created for, pixels.
@@ -109,7 +109,7 @@ impl Swapchain {
     /// Acquires the next image. `None` if the surface has changed and a new swapchain is needed.
     pub fn next(&self, signal: vk::Semaphore) -> Result<Option<u32>, GpuError> {
         const NANOS_PER_SEC: u64 = 1_000_000_000;
-        // SAFETY: the semaphore is unsignalled and no frame waits for it.
+        // SAFETY: the semaphore is unsignaled and no frame waits for it.
         match unsafe {
             self.loader.acquire_next_image(self.raw, 5 * NANOS_PER_SEC, signal, vk::Fence::null())
         } {
@@ -125,7 +125,7 @@ impl Swapchain {
         let (chains, indices, wait) = ([self.raw], [index], [self.drawn[index as usize]]);
         let info =
             vk::PresentInfoKHR::default().swapchains(&chains).image_indices(&indices).wait_semaphores(&wait);
-        // SAFETY: the image was acquired and drawn; the semaphore is signalled by the frame.
+        // SAFETY: the image was acquired and drawn; the semaphore is signaled by the frame.
         match unsafe { self.loader.queue_present(queue, &info) } {
             Ok(suboptimal) => Ok(!suboptimal),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(false),

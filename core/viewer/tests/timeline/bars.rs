@@ -228,7 +228,7 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
     // Each clip keeps a positive length.
     for (secs, why) in [
         (5.0, "it would begin at 5.000 s, but it ends at 5.000 s"),
-        (0.0, "Walk, which it follows, begins at 0.000 s and would have no length"),
+        (0.0, "Walk, the clip before it, begins at 0.000 s and would have no length"),
     ] {
         let error = desk.state_mut().viewer.trim_cue(&cue(0, 1), secs).unwrap_err().to_string();
         assert!(error.contains(why), "{error}");
@@ -400,7 +400,7 @@ fn an_edit_that_starts_after_the_scene_is_refused() {
 fn the_message_names_an_end_that_moves_with_the_bar() {
     let mut desk = harness_with_script();
     let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
-    let note = "Walk, which it follows, now ends at 2.600 s";
+    let note = "Walk, the clip before it, now ends at 2.600 s";
     let start = pos2(run.left() + 3.0, run.center().y);
     for (from, are_several) in [(run.center(), false), (start, false), (run.center(), true)] {
         desk.state_mut().viewer.selection = Some(cue(0, 1));

@@ -69,7 +69,7 @@ fn nudging_a_chained_clip_moves_its_start_and_end() {
     let moved = SCRIPT.replace(".until(2.0)\n", ".until(2.04)\n").replace(".until(4.0)", ".until(4.04)");
     assert_eq!((text.as_str(), why), (moved.as_str(), None));
     let note = desk.state().viewer.note.clone();
-    assert_eq!(note.as_deref(), Some("Walk, which it follows, now ends at 2.040 s"));
+    assert_eq!(note.as_deref(), Some("Walk, the clip before it, now ends at 2.040 s"));
     desk.state_mut().reload_with(SCRIPT);
     desk.state_mut().viewer.move_cue(&wave, 2.04, false).unwrap();
     assert_eq!(desk.state().text(), moved);

@@ -362,7 +362,7 @@ fn a_clip_follows_the_one_before_it_in_its_chain() {
                 true => place.viewer.move_bars(std::slice::from_ref(&wave), 0.4),
             };
             moved.unwrap();
-            let note = "Walk, which it follows, now ends at 2.400 s";
+            let note = "Walk, the clip before it, now ends at 2.400 s";
             assert!(moves_bars || place.viewer.note.as_deref() == Some(note), "{:?}", place.viewer.note);
             let both = script.replace("until(2.0)", "until(2.4)").replace("until(4.0)", "until(4.4)");
             assert_eq!(place.text(), both);

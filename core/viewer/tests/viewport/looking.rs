@@ -4,7 +4,7 @@ use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_viewer::geometry::picking::bounds_center;
-use choreo_viewer::geometry::projection::Lens;
+use choreo_viewer::geometry::projection::ViewProjection;
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::settings::Settings;
@@ -52,8 +52,9 @@ fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let view = &viewer.views[view];
     let [left, top, right, bottom] = view.place.map(f64::from);
     let camera = view.displayed_camera(&viewer.scene.as_ref().unwrap().stage).unwrap();
-    let lens = Lens::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
-    let at = lens.project_point(world).unwrap();
+    let view_projection =
+        ViewProjection::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
+    let at = view_projection.project_point(world).unwrap();
     pos2(at.x as f32, at.y as f32)
 }
 

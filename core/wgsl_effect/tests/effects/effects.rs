@@ -257,30 +257,30 @@ fn parameter_names_are_index_constants() {
 
 #[test]
 fn errors_have_the_line_of_the_author() {
-    let head = "// effect: a\n";
+    let header = "// effect: a\n";
     let good = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32>";
     assert_eq!(
         error_message("fn effect() {}"),
-        "my.wgsl:1:1: the head comment must name the effect: // effect: NAME"
+        "my.wgsl:1:1: the header comment must name the effect: // effect: NAME"
     );
     assert_eq!(
-        error_message(&format!("{head}fn other() {{}}")),
+        error_message(&format!("{header}fn other() {{}}")),
         format!("my.wgsl:1:1: there is no function effect; write {good}")
     );
     assert_eq!(
-        error_message(&format!("{head}\nfn effect(c: f32) {{}}")),
+        error_message(&format!("{header}\nfn effect(c: f32) {{}}")),
         format!("my.wgsl:3:1: effect must be {good}")
     );
-    let text = error_message(&format!("{head}{good} {{\n  return colr;\n}}"));
+    let text = error_message(&format!("{header}{good} {{\n  return colr;\n}}"));
     assert!(text.starts_with("my.wgsl:3:10: ") && text.contains("colr"), "{text}");
-    let text = error_message(&format!("{head}{good} {{\n  return 1;\n}}"));
+    let text = error_message(&format!("{header}{good} {{\n  return 1;\n}}"));
     assert!(text.starts_with("my.wgsl:"), "{text}");
-    let text = error_message(&format!("{head}{good} {{\n  return color * dpdx(uv.x);\n}}"));
+    let text = error_message(&format!("{header}{good} {{\n  return color * dpdx(uv.x);\n}}"));
     assert!(text.starts_with("my.wgsl:3:"), "{text}");
-    let text = error_message(&format!("{head}var<private> x: f32;\n{good} {{\n  return color * x;\n}}"));
+    let text = error_message(&format!("{header}var<private> x: f32;\n{good} {{\n  return color * x;\n}}"));
     assert!(text.starts_with("my.wgsl:2:1: not supported: global variable x"), "{text}");
     let text = error_message(&format!(
-        "{head}{good} {{\n  loop {{ if uv.x > 9.0 {{ break; }} }}\n  return color;\n}}"
+        "{header}{good} {{\n  loop {{ if uv.x > 9.0 {{ break; }} }}\n  return color;\n}}"
     ));
     assert_eq!(text, "my.wgsl:3:3: a pixel takes more than 100000 steps; does a loop never end?");
 }

@@ -22,9 +22,9 @@ fn error_message(text: &str) -> String {
     error.to_string().lines().next().unwrap_or_default().to_string()
 }
 
-fn overlay(head: &str, gives: &str, body: &str) -> WgslEffect {
+fn overlay(header: &str, gives: &str, body: &str) -> WgslEffect {
     let params = "// param n = 4 in 0..2000: how many\n// param thru = false: over all";
-    effect(&format!("// effect: o\n{params}\n// hook: overlay\n{head}\n{gives} {{\n{body}\n}}"))
+    effect(&format!("// effect: o\n{params}\n// hook: overlay\n{header}\n{gives} {{\n{body}\n}}"))
 }
 
 /// Three joints in a chain, a metre apart along Y, of which the first and the last are bones.
@@ -153,9 +153,9 @@ fn overlay_lines_read_previous_positions_of_joints() {
 #[test]
 fn overlay_joints_are_found_by_name() {
     let scene = test_scene(&[(&three_joint_asset(&[]), translated(5.0, 0.0, 0.0))]);
-    let head = "// count: 1\n// joint end = no_such|tip: a bone\n// joint middle = between: none of the bones\n// joint tail = tail: not there";
+    let header = "// count: 1\n// joint end = no_such|tip: a bone\n// joint middle = between: none of the bones\n// joint tail = tail: not there";
     let text = "return Line(joint(end()), joint(middle()) + joint(tail()), 1.0, vec4(f32(end()), f32(middle()), f32(parent(middle())), f32(actor.joints) / 4.0));";
-    let made = scene.draw(&overlay(head, LINE, text), &[]);
+    let made = scene.draw(&overlay(header, LINE, text), &[]);
     let line = made.strokes[0];
     assert_eq!((line.from, line.to), (DVec3::new(5.0, 2.0, 0.0), DVec3::new(10.0, 1.0, 0.0)));
     assert_eq!(line.color, Vec4::new(1.0, 2.0, 0.0, 0.5));
@@ -237,8 +237,8 @@ fn outline_effects_return_hulls_and_wireframes() {
 }
 
 #[test]
-fn head_errors_have_their_line_and_a_suggestion() {
-    let of = |head: &str, code: &str| error_message(&format!("// effect: a\n{head}\n{code}"));
+fn header_errors_have_their_line_and_a_suggestion() {
+    let of = |header: &str, code: &str| error_message(&format!("// effect: a\n{header}\n{code}"));
     let line = |body: &str| {
         of(
             "// hook: overlay\n// count: 4\n// param amount = 1 in 0..2: much",

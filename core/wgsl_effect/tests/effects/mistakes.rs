@@ -139,7 +139,7 @@ const BODIES: &[(&str, &str)] = &[
     ("    while 1 { }\n    return color;", "3:11: a condition is bool, this value is i32"),
 ];
 
-/// Texts below the head, with their messages. FUNCTION stands for the declaration of an effect on pixels.
+/// Texts below the header, with their messages. FUNCTION stands for the declaration of an effect on pixels.
 const TEXTS: &[(&str, &str)] = &[
     (
         "fn half(x: f32) -> f32 { return 0.5 * x; }\nFUNCTION { return color * half(uv); }",
@@ -194,7 +194,7 @@ const TEXTS: &[(&str, &str)] = &[
     ("FUNCTION { var a: array<f32>; return color; }", "2:77: a: a variable cannot have the type array<f32>"),
     (
         "override k: f32 = 1.0;\nFUNCTION { return color * k; }",
-        "3:92: not supported: an override; write const, or a parameter in the head comment",
+        "3:92: not supported: an override; write const, or a parameter in the header comment",
     ),
     (
         "fn effect(@location(0) color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }",
@@ -269,7 +269,7 @@ fn misspelt_and_misplaced_scene_inputs_get_suggestions() {
     let text = compile_error(&pixel_effect("    return vec4(depth_at(vec2(0)));")).to_string();
     let hint = "3:17: no definition in scope for identifier: `depth_at`; depth_at() is an input of effects with // hook: image";
     assert!(text.contains(hint), "{text}");
-    // For functions and types of another hook, the message names the line of the head that adds them; a parameter is an element of p.
+    // For functions and types of another hook, the message names the line of the header that adds them; a parameter is an element of p.
     let seen = compile_error(&pixel_effect("    return vec4(color.rgb, f32(SurfaceSample(color.rgb).x));"))
         .to_string();
     assert!(seen.contains("`SurfaceSample`; SurfaceSample needs // hook: surface"), "{seen}");
@@ -301,10 +301,10 @@ fn misspelt_and_misplaced_scene_inputs_get_suggestions() {
 /// Errors with parameters in the struct `Parameters`, with their places.
 #[test]
 fn errors_with_typed_parameters_have_their_place() {
-    const HEAD: &str = "// effect: a\n// param tint = color(gold): x\n// param mode = soft of soft|hard: x\n\
+    const HEADER: &str = "// effect: a\n// param tint = color(gold): x\n// param mode = soft of soft|hard: x\n\
                         // param fall = curve(0 0, 1 1) in 0..1: x\n";
     const FUNCTION: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32>";
-    let good = format!("{HEAD}{FUNCTION} {{ return vec4(p.tint * curve_at(p.fall, uv.x), f32(p.mode)); }}");
+    let good = format!("{HEADER}{FUNCTION} {{ return vec4(p.tint * curve_at(p.fall, uv.x), f32(p.mode)); }}");
     assert!(WgslEffect::from_text("my.wgsl", &good).is_ok());
     for (body, message) in [
         ("{ return vec4(p.tnit, 1.0); }", "5:88: invalid field accessor `tnit`; did you mean \"tint\"?"),
@@ -313,18 +313,18 @@ fn errors_with_typed_parameters_have_their_place() {
             "5:108: no definition in scope for identifier: `MODE_HRAD`; did you mean \"MODE_HARD\"?",
         ),
     ] {
-        let error = compile_error(&format!("{HEAD}{FUNCTION} {body}"));
+        let error = compile_error(&format!("{HEADER}{FUNCTION} {body}"));
         assert_eq!(format!("{}:{}: {}", error.line, error.column, error.message), message);
     }
     let own = |declared: &str| {
-        compile_error(&format!("{HEAD}{declared}\n{FUNCTION} {{ return color * p.tint.x; }}")).message
+        compile_error(&format!("{HEADER}{declared}\n{FUNCTION} {{ return color * p.tint.x; }}")).message
     };
     let taken =
         |name: &str, what: &str| format!("{name} is {what} that the program declares; use another name");
     assert_eq!(own("fn tint() -> f32 { return 1.0; }"), taken("tint", "a parameter"));
     assert_eq!(own("struct Parameters { x: f32 }"), taken("Parameters", "a type"));
     assert_eq!(own("fn curve_at(x: f32) -> f32 { return x; }"), taken("curve_at", "a function"));
-    let array = format!("{HEAD}{} {{ return color; }}", FUNCTION.replace("Parameters", "array<f32, 8>"));
+    let array = format!("{HEADER}{} {{ return color; }}", FUNCTION.replace("Parameters", "array<f32, 8>"));
     assert_eq!(
         compile_error(&array).message,
         format!("effect must be {FUNCTION}"),
@@ -350,7 +350,7 @@ fn a_missing_brace_is_reported_at_the_end_of_the_text() {
     }
 }
 
-/// An effect whose passes have textures: lines of its head, and functions.
+/// An effect whose passes have textures: lines of its header, and functions.
 fn effect_with_passes(lines: &[&str], functions: &str) -> String {
     let lines: String = lines.iter().map(|line| format!("// pass {line}\n")).collect();
     format!("// effect: a\n// hook: image\n{lines}{functions}")
@@ -371,7 +371,7 @@ fn errors_of_passes_with_textures_have_their_place() {
             &functions.iter().map(|(name, value)| pass_function(name, value)).collect::<String>(),
         )
     };
-    let of_head =
+    let of_header =
         "1: write // pass NAME = 1/2: ABOUT, with 1 or 1/2 to 1/64, or = halve PARAMETER to PIXELS: ABOUT";
     for (text, expected) in [
         (
@@ -413,9 +413,9 @@ fn errors_of_passes_with_textures_have_their_place() {
                 + &pass_function("effect", "wide_at(at)"),
             "4:1: wide must be fn wide(at: vec2<i32>, p: Parameters) -> vec4<f32>",
         ),
-        (text(&["wide = 2: a"], &[]), &format!("3:{of_head}")),
-        (text(&["wide = 1/65: a"], &[]), &format!("3:{of_head}")),
-        (text(&["wide = halve far to 8: a"], &[]), &format!("3:{of_head}")),
+        (text(&["wide = 2: a"], &[]), &format!("3:{of_header}")),
+        (text(&["wide = 1/65: a"], &[]), &format!("3:{of_header}")),
+        (text(&["wide = halve far to 8: a"], &[]), &format!("3:{of_header}")),
         (text(&[wide, "wide = 1/2: b"], &[]), "4:1: wide is declared twice"),
         (
             text(&["depth = 1/2: a"], &[]),

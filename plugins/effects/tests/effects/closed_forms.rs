@@ -97,8 +97,8 @@ mod bloom {
 
     #[test]
     fn colors_below_the_threshold_do_not_change() {
-        let grey = vec![Vec4::new(0.9, 0.5, 0.2, 1.0); 40 * 30];
-        assert_eq!(passes("bloom", &grey, [40, 30], &P), grey);
+        let gray = vec![Vec4::new(0.9, 0.5, 0.2, 1.0); 40 * 30];
+        assert_eq!(passes("bloom", &gray, [40, 30], &P), gray);
     }
 
     #[test]
@@ -326,10 +326,10 @@ mod tonemap {
         for curve in [0.0, 1.0, 2.0] {
             let mut last = -1.0;
             for i in 0..160 {
-                let grey = libm::exp2f(i as f32 * 0.1 - 10.0);
-                let got = map(curve, 0.0, Vec3::splat(grey));
-                assert!(got.max_element() - got.min_element() < 2e-3, "{curve} {grey}: {got}");
-                assert!(got.y >= last && got.y <= 1.0, "{curve} {grey}: {got}");
+                let gray = libm::exp2f(i as f32 * 0.1 - 10.0);
+                let got = map(curve, 0.0, Vec3::splat(gray));
+                assert!(got.max_element() - got.min_element() < 2e-3, "{curve} {gray}: {got}");
+                assert!(got.y >= last && got.y <= 1.0, "{curve} {gray}: {got}");
                 last = got.y;
             }
             assert!(last > 0.85, "{curve}: {last}");

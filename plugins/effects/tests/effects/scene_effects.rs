@@ -58,17 +58,17 @@ fn perspective(yfov: f32) -> EffectFrame {
     EffectFrame { clip_from_view, view_from_world: Mat4::IDENTITY, ..EffectFrame::default() }
 }
 
-const GREY: Vec4 = Vec4::new(0.25, 0.25, 0.25, 1.0);
+const GRAY: Vec4 = Vec4::new(0.25, 0.25, 0.25, 1.0);
 
 #[test]
 fn a_flat_wall_is_not_occluded() {
-    let out = Given::wall(GREY, 10.0, parallel(2.0)).run("ambient_occlusion", &[]);
-    assert!(out.iter().all(|color| (*color - GREY).abs().max_element() < 1e-6));
+    let out = Given::wall(GRAY, 10.0, parallel(2.0)).run("ambient_occlusion", &[]);
+    assert!(out.iter().all(|color| (*color - GRAY).abs().max_element() < 1e-6));
 }
 
 /// A valley of two planes at right angles, along the image's middle column.
 fn valley() -> Given {
-    let mut given = Given::wall(GREY, 10.0, parallel(2.0));
+    let mut given = Given::wall(GRAY, 10.0, parallel(2.0));
     let metres = 2.0 / SIZE[1] as f32;
     for (i, texel) in given.surface.iter_mut().enumerate() {
         let x = ((i as u32 % SIZE[0]) as f32 + 0.5 - 48.0) * metres;
@@ -172,7 +172,7 @@ fn depth_of_field_keeps_focus_sharp_and_blurs_a_point_to_the_disk_of_a_thin_lens
 fn grain_has_its_strength_no_bias_and_differs_between_frames() {
     let frame = |frame: u32| EffectFrame { frame, ..EffectFrame::default() };
     let run = |number: u32, size: f32| {
-        let given = Given::wall(GREY, 1.0, frame(number));
+        let given = Given::wall(GRAY, 1.0, frame(number));
         given.run("film_grain", &[("strength", 0.1), ("size", size)])
     };
     for size in [1.0, 2.5] {
@@ -198,7 +198,7 @@ fn light_shafts_are_the_sum_of_the_sky_towards_the_sun() {
     let mut frame = perspective(0.6);
     // Straight ahead.
     frame.sun = Some(Vec3::NEG_Z);
-    let mut given = Given::wall(GREY, BACKGROUND_DISTANCE, frame);
+    let mut given = Given::wall(GRAY, BACKGROUND_DISTANCE, frame);
     given.surface.fill(SceneImages::NO_SURFACE);
     let p = [("strength", 0.8), ("decay", 2.0), ("samples", 256.0), ("radius", 10.0)];
     // At the sun: ∫₀¹ e^(−2 s) ds of the sky's light.
@@ -218,7 +218,7 @@ fn light_shafts_are_the_sum_of_the_sky_towards_the_sun() {
     let expected = 0.25 * (1.0 + 0.8 * (1.0 - (-2.0 * 19.5 / way).exp()) / 2.0);
     let is = f64::from(out[32 * 96 + 10].x);
     assert!((is / expected - 1.0).abs() < 0.02, "{is} instead of {expected}");
-    assert_eq!(given.run("god_rays", &p)[32 * 96 + 60], GREY, "the whole path to the sun is blocked");
+    assert_eq!(given.run("god_rays", &p)[32 * 96 + 60], GRAY, "the whole path to the sun is blocked");
     given.frame.sun = None;
     assert_eq!(given.run("god_rays", &p), given.image);
     given.frame.sun = Some(Vec3::Z);
@@ -227,7 +227,7 @@ fn light_shafts_are_the_sum_of_the_sky_towards_the_sun() {
 
 #[test]
 fn edges_lie_at_steps_and_creases_and_nowhere_else() {
-    let mut given = Given::wall(GREY, 10.0, parallel(2.0));
+    let mut given = Given::wall(GRAY, 10.0, parallel(2.0));
     let lines = |given: &Given, p: &[(&str, f32)]| {
         let out = given.run("edge_lines", p);
         (0..96).filter(|x| out[32 * 96 + x].x < 0.05).collect::<Vec<usize>>()
@@ -255,7 +255,7 @@ fn edges_lie_at_steps_and_creases_and_nowhere_else() {
 #[test]
 fn heat_haze_shifts_distant_surfaces_by_at_most_its_strength() {
     let at = |time: f32, depth: f32| {
-        let mut given = Given::wall(GREY, depth, EffectFrame { time, ..EffectFrame::default() });
+        let mut given = Given::wall(GRAY, depth, EffectFrame { time, ..EffectFrame::default() });
         // Each pixel's place as its color.
         for (i, pixel) in given.image.iter_mut().enumerate() {
             *pixel = Vec4::new((i % 96) as f32, (i / 96) as f32, 0.0, 1.0);

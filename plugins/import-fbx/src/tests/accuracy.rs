@@ -1,7 +1,7 @@
 //! Errors of clips between their keys, compared with ufbx, and the number of keys that a smaller tolerance needs.
 
 use crate::file::TOLERANCE_DEG;
-use crate::local::Local;
+use crate::local::LocalTransform;
 use crate::{FbxImporter, convert, load};
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, assets, options, source};
@@ -150,7 +150,7 @@ fn rest_transforms_equal_those_of_ufbx() {
     for bytes in files.iter().map(read).chain([own()]) {
         let scene = load::load(&bytes, ONLY_CLIPS, &Companions::none()).unwrap();
         for node in &scene.nodes {
-            let Some(local) = Local::new(node) else { continue };
+            let Some(local) = LocalTransform::new(node) else { continue };
             let theirs = convert::transform(&node.local_transform, String::new).unwrap();
             let ours = local.at_rest();
             let turn = 1.0 - ours.rotation.as_dquat().dot(theirs.rotation.as_dquat()).abs();

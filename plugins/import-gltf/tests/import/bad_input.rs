@@ -217,7 +217,7 @@ fn too_many_nodes_are_an_error() {
 }
 
 #[test]
-fn weights() {
+fn zero_weights_become_the_first_joint_with_a_warning() {
     let (json, mut bin) = sample();
     bin[WEIGHTS..WEIGHTS + 16].fill(0);
     let asset = import(&json, &bin).unwrap();

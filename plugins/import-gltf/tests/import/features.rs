@@ -76,7 +76,7 @@ fn unindexed_strips_and_lines_are_imported() {
 }
 
 #[test]
-fn eight_and_twelve_influences() {
+fn eight_and_twelve_influences_are_read_and_normalized() {
     let mut b = Builder::new();
     let joints = b.add(&[1, 0, 0, 0].repeat(3), 5121, "VEC4", 3, false);
     let wide: Vec<u8> = [1u16, 0, 0, 0].repeat(3).iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -150,7 +150,7 @@ fn the_scene_option_selects_the_scene() {
     assert_eq!(asset.skeleton.names(), ["node 3"]);
 }
 
-/// KHR_mesh_quantization: plain and normalised integers, with stride.
+/// KHR_mesh_quantization: plain and normalized integers, with stride.
 #[test]
 fn quantized_vertices_are_decoded() {
     let mut b = Builder::new();
@@ -227,7 +227,7 @@ fn morph_names_weights_and_animated_weights() {
     assert_eq!(b.import().meshes[0].morph_names, ["frown"]);
 }
 
-/// Rotations as normalised shorts and bytes; the flag itself is often forgotten.
+/// Rotations as normalized shorts and bytes; the flag itself is often forgotten.
 #[test]
 fn integer_rotations_are_decoded() {
     for flagged in [true, false] {

@@ -5,7 +5,8 @@ use crate::pose::{Arm, Foot, Pose, turn};
 use glam::vec3;
 
 const BEATS_PER_SECOND: f32 = 2.0;
-const BEATS: f32 = 16.0;
+/// Length of the clip in beats.
+const BEAT_COUNT: f32 = 16.0;
 
 /// x and lift of a foot after steps: a step `(beat, x)` begins 0.1 beats after `beat` and takes 0.7 beats.
 fn steps(beat: f32, start: f32, steps: &[(f32, f32)]) -> (f32, f32) {
@@ -129,7 +130,7 @@ fn feet(beat: f32, spot: f32, weight: f32) -> [Foot; 2] {
     let (left_x, left_lift) = steps(beat, -0.025, &left);
     let (right_x, right_lift) = steps(beat, -0.225, &right);
     // A touch lifts the heel. The last one is repeated a loop earlier, so that it continues over the loop point.
-    let left_touch = touch(beat, &[3.0, 7.0, 15.0]).max(touch(beat + BEATS, &[15.0]));
+    let left_touch = touch(beat, &[3.0, 7.0, 15.0]).max(touch(beat + BEAT_COUNT, &[15.0]));
     let right_touch = touch(beat, &[1.0, 5.0]);
     // The knee of the unweighted leg comes in on the spot, with its heel up.
     let free = |side: f32| spot * (-side * weight).max(0.0) * (-side * weight).max(0.0);

@@ -82,7 +82,7 @@ fn materials_and_texture_options_are_imported() {
     let by_name = |name: &str| asset.materials.iter().find(|m| m.name == name).unwrap();
     let wall = by_name("wall");
     assert_eq!(wall.shading, Shading::BlinnPhong);
-    // sRGB to linear, and 0.5 (linear 0.214) at the peak of a highlight normalised by (92 + 8) / 8.
+    // sRGB to linear, and 0.5 (linear 0.214) at the peak of a highlight normalized by (92 + 8) / 8.
     assert!((wall.base_color - Vec4::new(0.214_041, 0.050_876, 1.0, 1.0)).length() < 1e-5);
     assert!((wall.specular_color.x - 0.214_041 * 0.08).abs() < 1e-6);
     assert_eq!(wall.shininess, 92.0);

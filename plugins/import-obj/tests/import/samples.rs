@@ -120,7 +120,7 @@ fn the_barrel_is_equal_in_two_formats() {
     assert!(apart(true) > a.positions.len() / 2);
 }
 
-/// The spider as OBJ (+Y up) and as STL (+Z up, centred, smaller): as many triangles, one shape.
+/// The spider as OBJ (+Y up) and as STL (+Z up, centered, smaller): as many triangles, one shape.
 #[test]
 fn the_spider_is_equal_in_two_formats() {
     let Some(folder) = assets(1) else { return };

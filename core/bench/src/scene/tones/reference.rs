@@ -179,9 +179,9 @@ mod tests {
     /// ACES 1.0.3 puts middle gray at 4.8 of 48 nits, before the dim room: 0.10 of the screen.
     #[test]
     fn aces_maps_middle_gray_to_a_tenth() {
-        let grey = aces(DVec3::splat(0.18));
-        assert!((grey - libm::pow((4.8 - 0.02) / 47.98, 0.9811)).abs().max_element() < 1e-4, "{grey}");
-        assert!(grey.max_element() - grey.min_element() < 1e-4, "{grey}");
+        let gray = aces(DVec3::splat(0.18));
+        assert!((gray - libm::pow((4.8 - 0.02) / 47.98, 0.9811)).abs().max_element() < 1e-4, "{gray}");
+        assert!(gray.max_element() - gray.min_element() < 1e-4, "{gray}");
         assert!((sigmoid(10.0 / 16.5) - 0.5).abs() < 1e-12);
         assert!(sigmoid(0.0).abs() < 1e-12 && (sigmoid(1.0) - 1.0).abs() < 1e-12);
     }

@@ -81,7 +81,8 @@ mkdir -p logs
     Ok(files)
 }
 
-/// Lines that submit an array and its join. In a batch, the join makes every film whose segments exist, even if other rows failed.
+/// Shell lines that submit a Slurm job array and the job that joins its segments. In a batch, outputs whose segments exist are joined even if other
+/// rows failed.
 fn submit_lines(array: &ArrayJob, tasks: usize, dependency: &str) -> String {
     let ArrayJob { render, join, name, .. } = array;
     let last = tasks - 1;

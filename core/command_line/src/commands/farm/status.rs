@@ -23,7 +23,7 @@ const MAX_NAMES_PER_FOLDER: usize = 1_000_000;
 /// Size limits in bytes of a report, and of the job's description.
 const MAX_REPORT_BYTES: u64 = 1 << 20;
 const MAX_JOB_BYTES: u64 = 64 << 20;
-/// Largest number of chunks on the contact sheet.
+/// Largest number of cells on the contact sheet; each shows one chunk of the job.
 const MAX_SHEET_CELLS: usize = 48;
 /// Largest number of films that are listed one per line.
 const MAX_FILM_LINES: usize = 12;

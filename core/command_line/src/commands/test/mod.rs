@@ -52,7 +52,7 @@ fn check_report(report: &Report) -> Result<(), Failure> {
     match report.failure() {
         None => Ok(()),
         Some(why) if was_refused_a_thread(report) => {
-            Err(too_few_threads(&format!("none can be started for some sections; {why}")))
+            Err(too_few_threads(&format!("no thread can be started for some sections; {why}")))
         }
         Some(why) => Err(Failure::Tests(why)),
     }

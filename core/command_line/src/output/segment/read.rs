@@ -62,7 +62,9 @@ impl Segment {
         let mut records: Vec<PlacedRecord> = Vec::new();
         let damage = loop {
             let Some(line) = from.read_line()? else { break Some("it ends too early") };
-            let Some(value) = parse_line(&line) else { break Some("a line does not match its hash") };
+            let Some(value) = parse_line(&line) else {
+                break Some("a line of the segment file does not match its hash");
+            };
             if let Some(frames) = value["end"].as_u64() {
                 let counted: u64 = records.iter().map(|place| place.record.frames).sum();
                 let at_end = from.inner.fill_buf()?.is_empty();

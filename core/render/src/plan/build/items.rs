@@ -13,7 +13,7 @@ pub(super) struct DrawItem {
     pub pipeline: PipelineKey,
     pub entry: PrimitiveEntry,
     pub material_override: Option<u32>,
-    /// Meters in front of the camera.
+    /// Distance in front of the camera, metres.
     pub depth: f32,
     /// The smallest depth among the copies that share its draw.
     pub nearest: f32,

@@ -8,7 +8,7 @@
 // param size = 5 px in 1..64: size of a spark
 // param color = color(orange): color of the sparks
 //
-// Returns line number `index` of an actor; the head states how many there are (// count: NUMBER or a parameter). A Line has the ends a and b
+// Returns line number `index` of an actor; the header states how many there are (// count: NUMBER or a parameter). A Line has the ends a and b
 // (world space, metres), width (pixels) and color (linear, with alpha); with a equal to b it is a point, with width 0 it is not drawn.
 // With -> Triangle the function returns two-sided triangles: a, b, c, color.
 // actor: time (seconds), position, low and high (bounding box), joints (number of bones), number (counts the actors with this effect).

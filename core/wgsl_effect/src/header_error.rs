@@ -1,24 +1,24 @@
-//! Mistakes in the head comment of an effect.
+//! Mistakes in the header comment of an effect.
 
 use thiserror::Error;
 
 /// A mistake, and its line.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("line {line}: {mistake}")]
-pub(crate) struct HeadError {
+pub(crate) struct HeaderError {
     /// Counted from 1.
     pub line: usize,
-    pub mistake: HeadMistake,
+    pub mistake: HeaderMistake,
 }
 
-/// A mistake in a line of the head comment.
+/// A mistake in a line of the header comment.
 #[derive(Clone, Debug, PartialEq, Error)]
-pub(crate) enum HeadMistake {
+pub(crate) enum HeaderMistake {
     #[error("write // {0}")]
-    Form(&'static str),
+    ExpectedSyntax(&'static str),
     #[error("unknown word \"{word}\"; did you mean \"{meant}\"?")]
-    Misspelt { word: String, meant: String },
-    #[error("the head comment must name the effect: // effect: NAME")]
+    Misspelled { word: String, meant: String },
+    #[error("the header comment must name the effect: // effect: NAME")]
     NoName,
     #[error("\"{0}\" must be a name of lower-case letters, digits and _, at most 40")]
     Name(String),
@@ -73,9 +73,9 @@ pub(crate) enum HeadMistake {
     NoOff { name: String, near: String },
 }
 
-impl HeadMistake {
+impl HeaderMistake {
     /// The mistake at a line; `line` is counted from 0.
-    pub fn at(self, line: usize) -> HeadError {
-        HeadError { line: line + 1, mistake: self }
+    pub fn at(self, line: usize) -> HeaderError {
+        HeaderError { line: line + 1, mistake: self }
     }
 }
