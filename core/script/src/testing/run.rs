@@ -271,7 +271,7 @@ fn run_section_on_this_thread(
         // Judging a stage at many times takes longer than the script, which has its own limit.
         seconds: 3.0 * shared.limits.seconds,
         timeout: shared.timeout,
-        printed: std::mem::take(&mut build.printed),
+        printed: build.take_printed(shared.limits.printed),
         files_used,
     }))
 }
