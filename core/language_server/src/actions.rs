@@ -92,9 +92,8 @@ fn import_actions(view: &View, diagnostic: &Value, message: &str) -> Vec<(String
     let mut found = Vec::new();
     for module in modules.take(MAX_MODULES) {
         let Some(text) = view.types().modules.module(module) else { continue };
-        let defines = (1..text.tokens.len()).any(|i| text.get(i) == wanted && text.get(i - 1) == "fn");
         let alias = module.rsplit('/').next().unwrap_or(module);
-        if !defines || !alias.chars().all(|c| c.is_alphanumeric() || c == '_') {
+        if text.function_named(&wanted).is_none() || !alias.chars().all(|c| c.is_alphanumeric() || c == '_') {
             continue;
         }
         let start = source.lines.bytes_of_range(&source.text, &diagnostic["range"]).start;

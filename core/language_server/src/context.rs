@@ -150,18 +150,8 @@ pub fn present_keys(source: &Source, open: usize, byte: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::values::{Budget, Modules};
-    use std::sync::Arc;
-
-    struct NoModules;
-    impl Modules for NoModules {
-        fn module(&self, _: &str) -> Option<Arc<Source>> {
-            None
-        }
-        fn path(&self, _: &str) -> Option<std::path::PathBuf> {
-            None
-        }
-    }
+    use crate::calls::NoModules;
+    use crate::values::Budget;
 
     /// Name of the call, argument, keys of the maps, whether at a key, for a cursor written as `¦`.
     fn site_at_cursor(text: &str) -> Option<(String, usize, Vec<Option<String>>, bool)> {

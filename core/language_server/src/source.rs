@@ -119,6 +119,11 @@ impl Source {
         self.enclosing_bracket.get(index).copied().flatten()
     }
 
+    /// Token of the name of a function that the script defines.
+    pub(crate) fn function_named(&self, name: &str) -> Option<usize> {
+        (1..self.tokens.len()).find(|i| self.get(*i) == name && self.get(i - 1) == "fn")
+    }
+
     /// Number of tokens that begin before a byte.
     pub(crate) fn count_tokens_before(&self, byte: usize) -> usize {
         self.tokens.partition_point(|token| token.start < byte)
