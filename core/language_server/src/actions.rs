@@ -44,8 +44,9 @@ fn replace_with_suggestion(view: &View, diagnostic: &Value, name: &str) -> Optio
     let token = source.token_at(bytes.start).filter(|t| source.tokens[*t].start >= bytes.start)?;
     let title = format!("Change to \"{name}\"");
     if is_string(source.get(token)) {
-        let text = name.replace('\\', "\\\\").replace('"', "\\\"");
-        return Some((title, edit(source.range(&source.string_content_range(token)), text)));
+        let literal = choreo_script::quoted(name);
+        let content = literal[1..literal.len() - 1].to_string();
+        return Some((title, edit(source.range(&source.string_content_range(token)), content)));
     }
     let plain = name.chars().all(|c| c.is_alphanumeric() || c == '_');
     (plain && is_word(source.get(token)))

@@ -1,8 +1,9 @@
 //! Context of the cursor: the call, argument and option that it is in.
 
-use crate::source::{Source, is_opening_bracket, is_string, is_word};
+use crate::source::{Source, is_string, is_word};
 use crate::values::{ScriptValue, Types, is_keyword};
 use choreo_script::describe::{self, Entry};
+use choreo_script::is_opening_bracket;
 
 /// A call around the cursor.
 #[derive(Clone, Debug)]

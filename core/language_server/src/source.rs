@@ -1,7 +1,7 @@
 //! The text of a script and its tokens, found by Rhai's own lexer. Unlike a syntax tree, tokens exist even for a text that is being typed.
 
 use crate::position::Lines;
-use choreo_script::{InterpolatedCode, tokens_and_interpolations};
+use choreo_script::{InterpolatedCode, is_opening_bracket, tokens_and_interpolations};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -15,10 +15,6 @@ pub struct Source {
     matching_bracket: Vec<Option<usize>>,
     /// The innermost bracket around each token.
     enclosing_bracket: Vec<Option<usize>>,
-}
-
-pub fn is_opening_bracket(token: &str) -> bool {
-    matches!(token, "(" | "[" | "{" | "#{")
 }
 
 fn brackets_match(open: &str, close: &str) -> bool {
