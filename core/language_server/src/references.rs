@@ -221,9 +221,8 @@ pub fn references(request: &Request) -> Result<Value, ResponseError> {
 }
 
 pub(crate) fn prepare_rename(request: &Request) -> Result<Value, ResponseError> {
-    let view = request.view;
     let named = name_to_rename(request)?;
-    Ok(json!({ "range": view.source.range(&named.range), "placeholder": named.name }))
+    Ok(json!({ "range": request.view.source.range(&named.range), "placeholder": named.name }))
 }
 
 fn name_to_rename(request: &Request) -> Result<NameAtCursor, ResponseError> {
@@ -236,7 +235,6 @@ fn rename_error(why: &str) -> ResponseError {
 }
 
 pub fn rename(request: &Request) -> Result<Value, ResponseError> {
-    let view = request.view;
     let named = name_to_rename(request)?;
     let new = request.parameters["newName"].as_str().unwrap_or_default();
     invalid_name_reason(new, &named.declaration).map_or(Ok(()), |why| Err(rename_error(&why)))?;
