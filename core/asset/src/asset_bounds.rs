@@ -5,7 +5,7 @@ use crate::asset_hash::asset_hash;
 use crate::bounds::{Aabb, BoundsPart, InstanceBounds};
 use crate::hash::ContentHash;
 use crate::skinning::VertexTransforms;
-use choreo_motion::{Facing, Front, Pose, Skeleton, Skinning};
+use choreo_motion::{Facing, Front, Pose, Skinning};
 use glam::{Affine3A, Mat4, Vec3};
 
 impl Asset {
@@ -26,7 +26,7 @@ impl Asset {
 
     /// model-from-joint of every joint in rest pose.
     pub fn rest_model_from_joint(&self) -> &[Affine3A] {
-        self.derived.rest_model_from_joint.get_or_init(|| rest_matrices(&self.skeleton))
+        self.derived.rest_model_from_joint.get_or_init(|| self.skeleton.rest_model_from_joint())
     }
 
     /// Bounds of each mesh instance relative to the joints that move it; see [`InstanceBounds::posed`].
@@ -45,18 +45,6 @@ impl Asset {
     pub fn content_hash(&self) -> ContentHash {
         *self.derived.content_hash.get_or_init(|| asset_hash(self))
     }
-}
-
-fn rest_matrices(skeleton: &Skeleton) -> Vec<Affine3A> {
-    let mut model_from_joint: Vec<Affine3A> = Vec::with_capacity(skeleton.len());
-    for (parent, rest) in skeleton.parents().iter().zip(skeleton.rest()) {
-        let local = rest.to_affine();
-        model_from_joint.push(match parent {
-            Some(parent) => model_from_joint[*parent as usize] * local,
-            None => local,
-        });
-    }
-    model_from_joint
 }
 
 /// Directions to the faces and corners of a cube; opposite ones are left out, since each is used with both signs.

@@ -215,10 +215,7 @@ fn run(script: &Path, registry: &Registry) -> Stage {
 
 #[test]
 fn vulkan_matches_the_cpu_renderer_on_every_example_script() {
-    let files: Vec<PathBuf> = files_in(&scripts(), &["rhai"])
-        .into_iter()
-        .filter(|p| p.parent().unwrap().ends_with("scripts"))
-        .collect();
+    let files = common::scripts_in(&scripts());
     assert!(files.len() >= 7);
     let Some(mut renderers) = RendererPair::new(files.len()) else { return };
     let mut table = Table::default();

@@ -8,20 +8,11 @@ use common::*;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 const SMALL_RENDER: &[&str] = &["--device", "cpu", "--size", "160x90", "--samples", "1", "--quiet"];
 
 fn render<'a>(input: &'a str, output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [&["render", input, "-o", output], SMALL_RENDER, more].concat()
-}
-
-fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !there() {
-        assert!(start.elapsed() < Duration::from_secs(600), "no {what} after ten minutes");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }
 
 /// A folder with a model whose clip takes ten minutes.

@@ -6,6 +6,7 @@ use crate::App;
 use crate::args::{Cli, values};
 use crate::failure::Failure;
 use crate::scene::pack;
+use choreo_files::containing_folder;
 use choreo_plugin::suggest::{did_you_mean, list};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, CommandFactory};
@@ -66,8 +67,11 @@ pub(crate) fn project_file_text(args: &[OsString], input: &Path) -> Result<Strin
     if args.iter().any(|arg| arg == "--no-project-file") {
         return Ok(String::new());
     }
-    let folder = input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let found = folder.canonicalize().ok().and_then(|start| find_project_file(&start)).map(ProjectFile::read);
+    let found = containing_folder(input)
+        .canonicalize()
+        .ok()
+        .and_then(|start| find_project_file(&start))
+        .map(ProjectFile::read);
     Ok(found.transpose()?.map(|file| file.text).unwrap_or_default())
 }
 
@@ -131,26 +135,23 @@ fn search_start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
         }
         _ => return None,
     };
-    containing_folder(input)
+    folder_of_input(input)
 }
 
 /// Folder that contains a file; for a folder, the folder itself.
-fn containing_folder(input: &Path) -> Option<PathBuf> {
-    if input.is_dir() {
-        return input.canonicalize().ok();
-    }
-    let folder = input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+fn folder_of_input(input: &Path) -> Option<PathBuf> {
+    let folder = if input.is_dir() { input } else { containing_folder(input) };
     folder.canonicalize().ok()
 }
 
 /// The folder of the project that a script or folder belongs to: the nearest one with a `choreo.toml`.
 pub(crate) fn project_root(input: &Path) -> Option<PathBuf> {
-    find_project_file(&containing_folder(input)?)?.parent().map(Path::to_path_buf)
+    find_project_file(&folder_of_input(input)?)?.parent().map(Path::to_path_buf)
 }
 
 /// Folders in the input's `choreo.toml`, as options of the viewer.
 pub fn viewer_folder_options(input: &Path, app: &App) -> Result<Vec<OsString>, Failure> {
-    let Some(path) = containing_folder(input).and_then(|start| find_project_file(&start)) else {
+    let Some(path) = folder_of_input(input).and_then(|start| find_project_file(&start)) else {
         return Ok(Vec::new());
     };
     let words = [OsString::from(app.name), "view".into(), input.into()];

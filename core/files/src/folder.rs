@@ -175,6 +175,11 @@ impl Folder {
     }
 }
 
+/// The folder that contains a file; `.` for a bare file name.
+pub fn containing_folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Opens a regular file for reading by a path that the user chose: links in it are followed.
 pub fn open_file(path: &Path) -> Result<File, FileError> {
     let mut options = OpenOptions::new();

@@ -26,7 +26,7 @@ mod write_error;
 pub use destination::Destination;
 pub use entries::entries;
 pub use error::{FileError, describe_error};
-pub use folder::{Folder, open_file, read};
+pub use folder::{Folder, containing_folder, open_file, read};
 pub use identity::Identity;
 pub use leftovers::remove_unfinished;
 pub use part::{PartFile, part_name, write_whole, write_whole_beneath};

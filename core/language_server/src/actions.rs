@@ -44,8 +44,9 @@ fn replace_with_suggestion(view: &View, diagnostic: &Value, name: &str) -> Optio
     let token = source.token_at(bytes.start).filter(|t| source.tokens[*t].start >= bytes.start)?;
     let title = format!("Change to \"{name}\"");
     if is_string(source.get(token)) {
-        let text = name.replace('\\', "\\\\").replace('"', "\\\"");
-        return Some((title, edit(source.range(&source.string_content_range(token)), text)));
+        let literal = choreo_script::quoted(name);
+        let content = literal[1..literal.len() - 1].to_string();
+        return Some((title, edit(source.range(&source.string_content_range(token)), content)));
     }
     let plain = name.chars().all(|c| c.is_alphanumeric() || c == '_');
     (plain && is_word(source.get(token)))
@@ -92,9 +93,8 @@ fn import_actions(view: &View, diagnostic: &Value, message: &str) -> Vec<(String
     let mut found = Vec::new();
     for module in modules.take(MAX_MODULES) {
         let Some(text) = view.types().modules.module(module) else { continue };
-        let defines = (1..text.tokens.len()).any(|i| text.get(i) == wanted && text.get(i - 1) == "fn");
         let alias = module.rsplit('/').next().unwrap_or(module);
-        if !defines || !alias.chars().all(|c| c.is_alphanumeric() || c == '_') {
+        if text.function_named(&wanted).is_none() || !alias.chars().all(|c| c.is_alphanumeric() || c == '_') {
             continue;
         }
         let start = source.lines.bytes_of_range(&source.text, &diagnostic["range"]).start;

@@ -42,7 +42,6 @@ pub struct CheckResult {
     pub read_files: BTreeSet<PathBuf>,
     /// Name of the script in its diagnostics.
     pub script_name: String,
-    pub took: Duration,
 }
 
 #[derive(Default)]
@@ -121,7 +120,6 @@ fn empty_result(job: &Job) -> CheckResult {
         stage: None,
         read_files: BTreeSet::new(),
         script_name: script_path(job).display().to_string(),
-        took: Duration::ZERO,
     }
 }
 
@@ -199,7 +197,6 @@ fn check(
     if is_outdated() {
         return None;
     }
-    checked.took = begun.elapsed();
     Some(checked)
 }
 

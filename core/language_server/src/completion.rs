@@ -11,6 +11,7 @@ use crate::view::View;
 use choreo_asset::Asset;
 use choreo_plugin::{OptionKind, OptionSpec, color};
 use choreo_script::describe::{self, Entry, Returns};
+use choreo_script::quoted;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -332,7 +333,7 @@ impl Items<'_> {
             let Some(file) = value.file.filter(|_| value.kind == "Asset") else { continue };
             let Some(asset) = self.loaded_asset(&file) else { continue };
             for clip in &asset.clips {
-                let text = format!("{name}.clip({})", string_literal(&clip.name));
+                let text = format!("{name}.clip({})", quoted(&clip.name));
                 let detail = facts::clip_length(clip, self.view.fps);
                 self.push(Item { detail, order: 1, ..Item::new(&text, ItemKind::Value) });
             }
@@ -589,10 +590,6 @@ fn nested_map_keys(about: &str) -> Vec<String> {
         keys.dedup();
     }
     keys
-}
-
-fn string_literal(text: &str) -> String {
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
 /// Description of a value, such as "Actor of knight.glb".

@@ -1,8 +1,9 @@
 //! Context of the cursor: the call, argument and option that it is in.
 
-use crate::source::{Source, is_opening_bracket, is_string, is_word};
+use crate::source::{Source, is_string, is_word};
 use crate::values::{ScriptValue, Types, is_keyword};
 use choreo_script::describe::{self, Entry};
+use choreo_script::is_opening_bracket;
 
 /// A call around the cursor.
 #[derive(Clone, Debug)]
@@ -150,18 +151,8 @@ pub fn present_keys(source: &Source, open: usize, byte: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::values::{Budget, Modules};
-    use std::sync::Arc;
-
-    struct NoModules;
-    impl Modules for NoModules {
-        fn module(&self, _: &str) -> Option<Arc<Source>> {
-            None
-        }
-        fn path(&self, _: &str) -> Option<std::path::PathBuf> {
-            None
-        }
-    }
+    use crate::calls::NoModules;
+    use crate::values::Budget;
 
     /// Name of the call, argument, keys of the maps, whether at a key, for a cursor written as `¦`.
     fn site_at_cursor(text: &str) -> Option<(String, usize, Vec<Option<String>>, bool)> {

@@ -221,13 +221,13 @@ pub fn references(request: &Request) -> Result<Value, ResponseError> {
 }
 
 pub(crate) fn prepare_rename(request: &Request) -> Result<Value, ResponseError> {
-    let view = request.view;
-    let Some(named) = name_at_cursor(view, request.byte()) else {
-        return Err(rename_error(
-            "only variables, parameters, functions and names of modules can be renamed",
-        ));
-    };
-    Ok(json!({ "range": view.source.range(&named.range), "placeholder": named.name }))
+    let named = name_to_rename(request)?;
+    Ok(json!({ "range": request.view.source.range(&named.range), "placeholder": named.name }))
+}
+
+fn name_to_rename(request: &Request) -> Result<NameAtCursor, ResponseError> {
+    let why = "only variables, parameters, functions and names of modules can be renamed";
+    name_at_cursor(request.view, request.byte()).ok_or_else(|| rename_error(why))
 }
 
 fn rename_error(why: &str) -> ResponseError {
@@ -235,12 +235,7 @@ fn rename_error(why: &str) -> ResponseError {
 }
 
 pub fn rename(request: &Request) -> Result<Value, ResponseError> {
-    let view = request.view;
-    let Some(named) = name_at_cursor(view, request.byte()) else {
-        return Err(rename_error(
-            "only variables, parameters, functions and names of modules can be renamed",
-        ));
-    };
+    let named = name_to_rename(request)?;
     let new = request.parameters["newName"].as_str().unwrap_or_default();
     invalid_name_reason(new, &named.declaration).map_or(Ok(()), |why| Err(rename_error(&why)))?;
     let places = find_occurrences(request, &named);

@@ -37,7 +37,7 @@ pub fn signature(view: &View, byte: usize) -> Value {
 /// Signature of a function that the script defines.
 fn script_function_signature(view: &View, name: &str, argument: usize) -> Value {
     let source = view.source;
-    let function = (1..source.tokens.len()).find(|i| source.get(*i) == name && source.get(i - 1) == "fn");
+    let function = source.function_named(name);
     let Some((function, end)) = function.and_then(|f| Some((f, source.matching_bracket(f + 1)?))) else {
         return Value::Null;
     };

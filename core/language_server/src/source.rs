@@ -1,7 +1,7 @@
 //! The text of a script and its tokens, found by Rhai's own lexer. Unlike a syntax tree, tokens exist even for a text that is being typed.
 
 use crate::position::Lines;
-use choreo_script::{InterpolatedCode, tokens_and_interpolations};
+use choreo_script::{InterpolatedCode, is_opening_bracket, tokens_and_interpolations};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -15,10 +15,6 @@ pub struct Source {
     matching_bracket: Vec<Option<usize>>,
     /// The innermost bracket around each token.
     enclosing_bracket: Vec<Option<usize>>,
-}
-
-pub fn is_opening_bracket(token: &str) -> bool {
-    matches!(token, "(" | "[" | "{" | "#{")
 }
 
 fn brackets_match(open: &str, close: &str) -> bool {
@@ -117,6 +113,11 @@ impl Source {
     /// Token of the innermost opening bracket around a token.
     pub fn enclosing_bracket(&self, index: usize) -> Option<usize> {
         self.enclosing_bracket.get(index).copied().flatten()
+    }
+
+    /// Token of the name of a function that the script defines.
+    pub(crate) fn function_named(&self, name: &str) -> Option<usize> {
+        (1..self.tokens.len()).find(|i| self.get(*i) == name && self.get(i - 1) == "fn")
     }
 
     /// Number of tokens that begin before a byte.

@@ -374,8 +374,7 @@ impl<'a> Types<'a> {
     }
 
     fn script_function(self, name: &str) -> Option<Declaration> {
-        let tokens = 0..self.source.tokens.len();
-        let token = tokens.skip(1).find(|i| self.source.get(*i) == name && self.source.get(i - 1) == "fn")?;
+        let token = self.source.function_named(name)?;
         Some(Declaration { token, kind: DeclarationKind::Function })
     }
 

@@ -1,6 +1,7 @@
 //! Affine transforms in the layout that shaders read.
 
-use glam::{Affine3A, DAffine3, DMat3, DVec3, DVec4, Vec3, Vec4};
+use choreo_asset::widen;
+use glam::{Affine3A, DAffine3, DVec4, Vec3, Vec4};
 
 /// An affine transform as the three rows of a 3×4 matrix: `dot(row.xyz, p) + row.w`.
 #[repr(C)]
@@ -57,9 +58,5 @@ impl Affine3x4 {
 
 /// Widens a transform to f64, exactly.
 pub(crate) fn to_f64(a: Affine3A) -> DAffine3 {
-    let dvec = |v: glam::Vec3A| DVec3::new(v.x.into(), v.y.into(), v.z.into());
-    DAffine3 {
-        matrix3: DMat3::from_cols(dvec(a.matrix3.x_axis), dvec(a.matrix3.y_axis), dvec(a.matrix3.z_axis)),
-        translation: dvec(a.translation),
-    }
+    widen(&a)
 }

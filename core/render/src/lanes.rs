@@ -177,6 +177,11 @@ impl V3 {
     }
 }
 
+/// Unit vector of the same direction as one vector, computed like [`V3::unit`].
+pub(crate) fn unit(v: Vec3) -> Vec3 {
+    v * (1.0 / v.dot(v).max(1e-20).sqrt())
+}
+
 /// Perspective-correct barycentric weights of the four pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Weights {

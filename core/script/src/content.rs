@@ -21,3 +21,9 @@ pub fn content_of(path: &Path) -> Option<[u8; 32]> {
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
+
+/// Adds bytes and their number to a hash, so that two lists of texts never give the same hash by concatenation.
+pub fn add_to_hash(hasher: &mut blake3::Hasher, bytes: &[u8]) {
+    hasher.update(&(bytes.len() as u64).to_le_bytes());
+    hasher.update(bytes);
+}

@@ -1,6 +1,6 @@
 //! Constant folding in a script's text: expressions of literals alone become the literals that they evaluate to.
 
-use crate::tokens::{ScriptToken, TokenKind, Tokens, lex};
+use crate::tokens::{ScriptToken, TokenKind, Tokens, is_closing_bracket, is_opening_bracket, lex};
 use rhai::{Dynamic, Engine};
 use std::ops::Range;
 
@@ -166,14 +166,6 @@ impl Folding<'_> {
     fn has_place(&self, bytes: &Range<usize>) -> bool {
         self.places.iter().any(|place| bytes.contains(place))
     }
-}
-
-fn is_opening_bracket(token: &str) -> bool {
-    matches!(token, "(" | "[" | "{" | "#{")
-}
-
-fn is_closing_bracket(token: &str) -> bool {
-    matches!(token, ")" | "]" | "}")
 }
 
 /// Whether a token separates two expressions.

@@ -58,7 +58,7 @@ pub use api_error::Place;
 pub use build::Parameter;
 pub use cache::AssetCache;
 pub use color::KELVIN_RANGE;
-pub use content::content_of;
+pub use content::{add_to_hash, content_of, hex};
 pub use diagnostic::{Diagnostic, Severity, printable, printable_line, steers_terminal};
 pub use folders::{Folders, LoadError};
 pub use folding::constant_expressions;
@@ -70,7 +70,10 @@ pub use reference::reference;
 pub use run::{
     NO_THREAD, RunDependencies, Script, ScriptOptions, run_file, run_file_with_dependencies, run_text,
 };
-pub use tokens::{InterpolatedCode, comments, is_name, token_ranges, tokens_and_interpolations};
+pub use tokens::{
+    InterpolatedCode, comments, is_closing_bracket, is_name, is_opening_bracket, quoted, token_ranges,
+    tokens_and_interpolations,
+};
 // Misspellings get suggestions in the same words everywhere.
 pub use api::clip::{NoMatchingJoints, mapping_lines};
 pub use api::cue::mask_problem;

@@ -4,7 +4,7 @@ use crate::api::defs;
 use crate::api_error::{ApiError, Place};
 use crate::build::{Parameter, RunMode, ScriptContext, StageDraft};
 use crate::cache::AssetCache;
-use crate::content::hex;
+use crate::content::{add_to_hash, hex};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::engine;
 use crate::errors;
@@ -362,10 +362,7 @@ fn check_set_names(context: &ScriptContext) {
 /// Hash of the script's text, its parameters and the content of all files used.
 fn hash_script(text: &str, context: &ScriptContext) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    let mut add = |bytes: &[u8]| {
-        hasher.update(&(bytes.len() as u64).to_le_bytes());
-        hasher.update(bytes);
-    };
+    let mut add = |bytes: &[u8]| add_to_hash(&mut hasher, bytes);
     add(text.as_bytes());
     {
         let stage_draft = context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);

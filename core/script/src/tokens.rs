@@ -67,6 +67,21 @@ pub fn tokens_and_interpolations(text: &str) -> (Vec<Range<usize>>, Vec<Interpol
     (all.into_iter().map(|token| token.range).collect(), inner)
 }
 
+/// Whether a token opens a bracket; `#{` begins an object map.
+pub fn is_opening_bracket(token: &str) -> bool {
+    matches!(token, "(" | "[" | "{" | "#{")
+}
+
+/// Whether a token closes a bracket.
+pub fn is_closing_bracket(token: &str) -> bool {
+    matches!(token, ")" | "]" | "}")
+}
+
+/// A string as a script literal, with quotes and escapes.
+pub fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
 /// Whether a text can be the name of a variable: one word that is not a keyword of Rhai.
 pub fn is_name(text: &str) -> bool {
     let (engine, texts) = (Engine::new_raw(), [text]);

@@ -60,6 +60,7 @@ fn vertices(asset: &Asset) -> u64 {
         .fold(0, u64::saturating_add)
 }
 
-fn texels(image: &Image) -> u64 {
+/// Number of pixels of an image.
+pub(crate) fn texels(image: &Image) -> u64 {
     u64::from(image.width) * u64::from(image.height)
 }

@@ -8,7 +8,7 @@ use crate::package::{
     DESCRIPTION, FILE_ENDINGS, MAX_DESCRIPTION_BYTES, Package, PackagedKind, PackagedPlugin,
 };
 use crate::remembered_manifests;
-use choreo_files::{FileError, Folder};
+use choreo_files::{FileError, Folder, containing_folder};
 use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_plugin::{
     BesideFile, Effect, Importer, LazyEffect, Manifest, PluginError, PluginFile, Registry, SceneExporter,
@@ -566,7 +566,7 @@ impl Source {
                 return Err(refused());
             }
             let inside = self.folder.resolve(&self.name).map_err(|e| e.to_string())?;
-            let parent = inside.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let parent = containing_folder(&inside);
             let own = self.folder.folder(parent).map_err(|e| e.to_string())?;
             own.read(Path::new(&name), MAX_TEXTURE_BYTES).map(Arc::from).map_err(|error| match error {
                 FileError::Outside => refused(),

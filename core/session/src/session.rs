@@ -5,6 +5,7 @@ use crate::package::FILE_ENDINGS;
 use crate::plugin_files::{self, Listing};
 use crate::{SceneSource, Waker, Watch, WatchError, WatchEvent, WatchedPaths, model};
 use choreo_asset::Asset;
+use choreo_files::containing_folder;
 use choreo_plugin::{PluginPanic, Registry};
 use choreo_render::SceneResources;
 use choreo_script::{
@@ -356,8 +357,7 @@ fn stage_problem(error: &StageError) -> Problem {
 
 /// Canonical path of a folder that does not exist yet: its canonical parent with its name.
 fn canonical_new_folder(folder: &Path) -> Option<PathBuf> {
-    let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    Some(parent.canonicalize().ok()?.join(folder.file_name()?))
+    Some(containing_folder(folder).canonicalize().ok()?.join(folder.file_name()?))
 }
 
 fn effect_file_ending() -> String {

@@ -7,7 +7,7 @@ use crate::stage::actor::Target;
 use crate::stage::camera::Camera;
 use crate::stage::camera_moves::{CameraLook, CameraShake};
 use crate::stage::edits::{CameraEdit, FrameEdits, edits_for_index};
-use crate::stage::fade::{apply_ease, elapsed_fraction};
+use crate::stage::fade::{apply_ease, elapsed_fraction, fades_at};
 use crate::transforms::target_position;
 use choreo_asset::Projection;
 use choreo_motion::{Ease, Time};
@@ -30,11 +30,8 @@ impl CameraLook {
 impl CameraShake {
     /// Strength of the shake at a time, fades included, 0..=1.
     fn strength(&self, time: Time) -> f64 {
-        if time < self.start || self.end.is_some_and(|end| time >= end) {
-            return 0.0;
-        }
-        let share = |span: Time| f64::from(apply_ease(Ease::Smooth, elapsed_fraction(span, self.fade)));
-        share(time - self.start) * self.end.map_or(1.0, |end| share(end - time))
+        let fades = fades_at(time, self.start, self.end, self.fade);
+        fades.map_or(0.0, |[fade_in, fade_out]| f64::from(fade_in) * f64::from(fade_out))
     }
 
     /// Rotation about the camera's own axes, and offset to the right and up in metres. `strength`: that of the shake, 0..=1.

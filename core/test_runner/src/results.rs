@@ -8,7 +8,7 @@
 use crate::collect::Case;
 use crate::outcome::{Outcome, Status};
 use choreo_files::write_whole_beneath;
-use choreo_script::content_of;
+use choreo_script::{add_to_hash, content_of, hex};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -230,14 +230,4 @@ pub fn program_identity() -> Option<String> {
 /// Short hash that distinguishes folders in a file name.
 pub fn short_hash(path: &Path) -> String {
     hex(&blake3::hash(path.to_string_lossy().as_bytes()).as_bytes()[..8])
-}
-
-/// Adds bytes and their number, so that two lists of texts never give the same hash by concatenation.
-fn add_to_hash(hasher: &mut blake3::Hasher, bytes: &[u8]) {
-    hasher.update(&(bytes.len() as u64).to_le_bytes());
-    hasher.update(bytes);
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -4,6 +4,7 @@ use crate::source::{Floats, Input, floats, inputs};
 use crate::xml::{Node, NodeId};
 use crate::xml::{Xml, child, children, label_of, name_of};
 use choreo_asset::{Primitive, Topology};
+use choreo_importer_kit::color::linear_channel;
 use choreo_importer_kit::polygon::{Cut, Triangulator};
 use choreo_importer_kit::text;
 use choreo_importer_kit::weld::Welder;
@@ -264,7 +265,7 @@ impl<'a> Reader<'_, 'a> {
 
     fn color(&self, stream: &Stream, [r, g, b, a]: [f32; 4]) -> Vec4 {
         let alpha = if stream.floats.stride > 3 { a.clamp(0.0, 1.0) } else { 1.0 };
-        let [r, g, b] = [r, g, b].map(|c| crate::materials::linear(c.clamp(0.0, 1.0), self.srgb));
+        let [r, g, b] = [r, g, b].map(|c| linear_channel(c.clamp(0.0, 1.0), self.srgb));
         Vec4::new(r, g, b, alpha)
     }
 

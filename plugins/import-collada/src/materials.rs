@@ -5,16 +5,11 @@ use crate::xml::{Xml, child, children, descendant, label_of, name_of, text_of};
 use choreo_asset::Reflection;
 use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use choreo_importer_kit::Result;
-use choreo_importer_kit::color::linear_from_srgb;
+use choreo_importer_kit::color::linear_channel;
 use choreo_importer_kit::textures::{BumpMap, Textures};
 use choreo_plugin::Files;
 use glam::{Affine2, Vec3, Vec4};
 use std::collections::BTreeMap;
-
-/// One channel of a color, converted to linear.
-pub fn linear(value: f32, srgb: bool) -> f32 {
-    if srgb && value <= 1.0 { linear_from_srgb(value.max(0.0)) } else { value.max(0.0) }
-}
 
 pub struct Materials<'f> {
     pub textures: Option<Textures>,
@@ -170,7 +165,7 @@ impl<'f> Materials<'f> {
         let reflectivity = float("reflectivity")?.map_or(0.0, |v| v.clamp(0.0, 1.0) as f32);
 
         let srgb = self.srgb;
-        let rgb = |c: Vec4| Vec3::from(c.truncate().to_array().map(|c| linear(c, srgb)));
+        let rgb = |c: Vec4| Vec3::from(c.truncate().to_array().map(|c| linear_channel(c, srgb)));
         let white = if diffuse.texture.is_some() { Vec4::ONE } else { Vec4::new(0.8, 0.8, 0.8, 1.0) };
         let base = rgb(diffuse.color.unwrap_or(white));
         let alpha = self.alpha(xml, shader, transparent.color, transparency);

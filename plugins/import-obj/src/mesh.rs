@@ -2,6 +2,7 @@
 
 use crate::parse::{Model, NO_INDEX, Shape};
 use choreo_asset::{Primitive, Topology};
+use choreo_importer_kit::color::linear_channel;
 use choreo_importer_kit::polygon::{Cut, Triangulator};
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Notes, normals, smooth};
@@ -209,7 +210,7 @@ fn add(out: &mut Primitive, model: &Model, vertex: u32, settings: &Settings, att
         out.uvs[0].push(Vec2::new(uv.x, 1.0 - uv.y));
     }
     if attributes.colors {
-        let [r, g, b] = model.color(vertex).to_array().map(|c| crate::mtl::linear(c, settings.srgb));
+        let [r, g, b] = model.color(vertex).to_array().map(|c| linear_channel(c, settings.srgb));
         out.colors.push(Vec4::new(r, g, b, 1.0));
     }
 }

@@ -1,7 +1,7 @@
 //! MTL material libraries.
 
 use choreo_asset::{AlphaMode, Material, Reflection, Sampler, Shading, TextureRef, Wrap};
-use choreo_importer_kit::color::linear_from_srgb;
+use choreo_importer_kit::color::linear_channel;
 use choreo_importer_kit::text::{Lines, next_word, number, shown};
 use choreo_importer_kit::textures::Textures;
 use choreo_importer_kit::{Budget, Notes, Result};
@@ -53,12 +53,6 @@ pub struct Map {
     pub strength: f32,
     /// `-type` of a reflection map.
     pub kind: Option<String>,
-}
-
-/// One channel of a color, converted to linear.
-pub fn linear(value: f32, srgb: bool) -> f32 {
-    let value = value.max(0.0);
-    if srgb && value <= 1.0 { linear_from_srgb(value) } else { value }
 }
 
 /// The materials of one library, in order. Faults are warnings only: a half-right material is better than none.
@@ -240,7 +234,7 @@ pub struct Source<'a> {
 /// A material, and its bump map, if any: only the decoded image shows whether that is a normal map.
 pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureRef, f32)>) {
     let srgb = source.srgb;
-    let color = |c: Vec3| Vec3::from(c.to_array().map(|c| linear(c, srgb)));
+    let color = |c: Vec3| Vec3::from(c.to_array().map(|c| linear_channel(c, srgb)));
     let mut diffuse = color(m.diffuse.unwrap_or(Vec3::splat(0.8)));
     let diffuse_map = texture(m, Slot::Diffuse, source);
     if diffuse_map.is_some() && m.diffuse.is_none_or(|d| d == Vec3::ZERO) {
@@ -329,7 +323,7 @@ fn reflection(m: &Mtl, source: &mut Source<'_>) -> Option<Reflection> {
         ..t
     });
     let srgb = source.srgb;
-    let specular = m.specular.map(|c| Vec3::from(c.to_array().map(|c| linear(c, srgb).min(1.0))));
+    let specular = m.specular.map(|c| Vec3::from(c.to_array().map(|c| linear_channel(c, srgb).min(1.0))));
     let mirrors = matches!(m.illum, Some(3..=8));
     let color = match (&map, &environment) {
         (Some(_), _) => Vec3::ONE,

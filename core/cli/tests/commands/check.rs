@@ -2,23 +2,13 @@
 //! `checked/NAME.txt`. `CHOREO_ACCEPT=1 cargo test --workspace --test commands check` updates the expected output; read it before you commit.
 
 use crate::common::*;
-use std::path::{Path, PathBuf};
-
-fn scripts(folder: &Path) -> Vec<PathBuf> {
-    let mut found: Vec<PathBuf> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|e| e.unwrap().path())
-        .filter(|p| p.extension().is_some_and(|e| e == "rhai"))
-        .collect();
-    found.sort();
-    found
-}
+use std::path::Path;
 
 #[test]
 fn check_prints_the_expected_findings_of_every_script() {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked");
     let accept = std::env::var_os("CHOREO_ACCEPT").is_some();
-    let scripts = scripts(&corpus);
+    let scripts = scripts_in(&corpus);
     assert!(scripts.len() >= 25, "the corpus has gone: {}", scripts.len());
     let mut failures = Vec::new();
     for path in scripts {
@@ -42,7 +32,7 @@ fn check_prints_the_expected_findings_of_every_script() {
 #[test]
 fn the_example_scripts_have_no_warnings() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let scripts = scripts(&root.join("scripts"));
+    let scripts = scripts_in(&root.join("scripts"));
     assert!(scripts.len() >= 7);
     for path in scripts {
         // A limit on wall-clock time, which a script reaches earlier on a busy machine.
@@ -58,7 +48,7 @@ fn the_example_scripts_have_no_warnings() {
 fn the_benchmark_scripts_have_no_warnings() {
     let Some(assets) = sample_assets_folder() else { return };
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    for path in scripts(&root.join("tests/bench")) {
+    for path in scripts_in(&root.join("tests/bench")) {
         let search = assets.join("gltf");
         let args = ["check", "--strict", path.to_str().unwrap(), "--search", search.to_str().unwrap()];
         let run = choreo(&root, &args);

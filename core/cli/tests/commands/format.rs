@@ -1,10 +1,10 @@
 //! `choreo format`: what it changes, what it refuses, and that the scenes of scripts do not change.
 
-use crate::common::{choreo, command, file_names, run_result};
+use crate::common::{choreo, command, file_names, run_result, scripts_in};
 use choreo_script::ScriptOptions;
 use choreo_script::format::formatted;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Stdio;
 
 #[test]
@@ -68,15 +68,6 @@ fn standard_input_is_formatted() {
     assert!(run.err.starts_with("standard input:1:2: not formatted: \"(\" is never closed"), "{}", run.err);
 }
 
-fn lessons() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts");
-    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let mut paths: Vec<PathBuf> =
-        entries.filter(|path| path.extension().is_some_and(|e| e == "rhai")).collect();
-    paths.sort();
-    paths
-}
-
 /// The text with the same tokens in a bad layout: without indentation, and with additional spaces and blank lines.
 fn badly_formatted(text: &str) -> String {
     let line = |line: &str| match line.contains(['"', '`', '/']) {
@@ -92,7 +83,7 @@ fn formatted_lessons_make_the_same_scenes() {
     let options =
         ScriptOptions { requested_parts: choreo_plugin::ImportScope::NO_PIXELS, ..ScriptOptions::default() };
     let mut compared = 0;
-    for path in lessons() {
+    for path in scripts_in(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")) {
         let text = badly_formatted(&std::fs::read_to_string(&path).unwrap());
         let scene = |text: &str| {
             let run =

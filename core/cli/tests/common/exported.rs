@@ -5,9 +5,11 @@
 pub mod long_time_limits;
 
 use crate::common::choreo;
-use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue};
-use choreo_script::{run_file, run_text};
-use choreo_stage::Stage;
+use choreo_asset::{Asset, Topology};
+use choreo_plugin::{ExportedScene, ImportScope, MemoryFiles, OptionValue};
+use choreo_script::{Limits, Loader, run_file, run_text};
+use choreo_stage::{ActorState, Stage};
+use glam::{DMat4, DVec3};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -53,6 +55,15 @@ pub fn lessons() -> Vec<PathBuf> {
     all.sort();
     assert!(all.len() >= 45, "{all:?}");
     all
+}
+
+/// Imports a file with the built-in importers.
+pub fn import(path: &Path) -> Arc<Asset> {
+    let registry = choreo::registry();
+    let limits = Limits::default();
+    let loader = Arc::new(Loader::for_file(path, &[], &registry, ImportScope::ALL, limits.file).unwrap());
+    let name = path.file_name().unwrap().to_str().unwrap();
+    loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
 }
 
 pub fn tolerance(metres: f64) -> [(&'static str, OptionValue); 1] {
@@ -141,4 +152,40 @@ impl Exported {
 /// Times between frames, spread over the stage.
 pub fn times_between_frames(stage: &Stage) -> Vec<f64> {
     (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect()
+}
+
+/// World positions of the vertices of each primitive of triangles, in f64.
+pub fn world_vertices(asset: &Asset, state: &ActorState) -> Vec<Vec<DVec3>> {
+    let in_world = |joint: u32| -> DMat4 { DMat4::from(state.world_from_joint(joint as usize).unwrap()) };
+    let mut out = Vec::new();
+    for (number, instance) in asset.instances.iter().enumerate() {
+        for primitive in &asset.meshes[instance.mesh as usize].primitives {
+            if primitive.indices.is_empty() || primitive.topology != Topology::Triangles {
+                continue;
+            }
+            let skin = instance.skin.filter(|_| primitive.influences > 0).map(|s| &asset.skins[s as usize]);
+            let weights = state.morph_weights.get(number);
+            let place = |vertex: usize| -> DVec3 {
+                let mut at = primitive.positions[vertex].as_dvec3();
+                for (morph, weight) in primitive.morphs.iter().zip(weights.into_iter().flatten()) {
+                    let offset = morph.positions.get(vertex).map_or(DVec3::ZERO, |o| o.as_dvec3());
+                    at += offset * f64::from(*weight);
+                }
+                let Some(skin) = skin else { return in_world(instance.joint).transform_point3(at) };
+                let range = vertex * primitive.influences..(vertex + 1) * primitive.influences;
+                let influences =
+                    primitive.joint_indices[range.clone()].iter().zip(&primitive.joint_weights[range]);
+                influences
+                    .filter(|(_, weight)| **weight != 0.0)
+                    .map(|(joint, weight)| {
+                        let index = usize::from(*joint);
+                        let map = in_world(skin.joints[index]) * skin.inverse_bind[index].as_dmat4();
+                        map.transform_point3(at) * f64::from(*weight)
+                    })
+                    .sum()
+            };
+            out.push((0..primitive.positions.len()).map(place).collect());
+        }
+    }
+    out
 }

@@ -4,6 +4,7 @@
 use choreo_importer_kit_testing::pypi;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 pub struct Run {
     pub code: i32,
@@ -31,6 +32,15 @@ pub fn run_result(output: Output) -> Run {
 
 pub fn choreo(folder: &Path, args: &[&str]) -> Run {
     run_result(command(folder, args).output().unwrap())
+}
+
+/// Waits until a condition holds; panics after ten minutes.
+pub fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !condition() {
+        assert!(start.elapsed() < Duration::from_secs(600), "no {what} after ten minutes");
+        std::thread::sleep(Duration::from_millis(2));
+    }
 }
 
 /// A child process that is killed when the value is dropped, even if the process is stopped.
@@ -67,6 +77,15 @@ pub fn file_names(folder: &Path) -> Vec<String> {
         std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
+}
+
+/// The scripts in a folder, sorted.
+pub fn scripts_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut found: Vec<PathBuf> =
+        entries.filter(|path| path.extension().is_some_and(|e| e == "rhai")).collect();
+    found.sort();
+    found
 }
 
 pub fn part_files(folder: &Path) -> Vec<String> {

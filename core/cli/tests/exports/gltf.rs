@@ -11,9 +11,8 @@ use choreo_asset::Asset;
 use choreo_image_diff::{Comparison, compare};
 use choreo_importer_kit_testing::npm::Packages;
 use choreo_motion::Time;
-use choreo_plugin::{Frame, ImportScope, OptionValue};
+use choreo_plugin::{Frame, OptionValue};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
-use choreo_script::{Limits, Loader};
 use choreo_stage::{Camera, Cue, Cut, Evaluator, Repeat, Rig, Stage};
 use exported::*;
 use gltf_validator::validate;
@@ -72,11 +71,7 @@ impl Gltf for Exported {
 }
 
 fn import(path: &Path) -> Arc<Asset> {
-    let registry = choreo::registry();
-    let limits = Limits::default();
-    let loader = Arc::new(Loader::for_file(path, &[], &registry, ImportScope::ALL, limits.file).unwrap());
-    let name = path.file_name().unwrap().to_str().unwrap();
-    let asset = loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message));
+    let asset = exported::import(path);
     assert!(asset.warnings.iter().all(|w| w.text.contains("thin, rough wall")), "{:?}", asset.warnings);
     asset
 }

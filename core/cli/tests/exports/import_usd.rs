@@ -6,8 +6,6 @@ use crate::exported;
 use crate::common::*;
 use choreo_asset::{Asset, Projection};
 use choreo_motion::Time;
-use choreo_plugin::ImportScope;
-use choreo_script::{Limits, Loader};
 use choreo_stage::{Camera, Cue, Evaluator, Repeat, Rig, Stage};
 use exported::*;
 use glam::{DMat4, DVec3};
@@ -20,14 +18,6 @@ const USD: &str = "usd-core==26.5";
 /// Largest allowed distance between the import and usd-core, in metres.
 const MAX_ERROR_M: f64 = 1e-5;
 
-fn import(path: &Path) -> Arc<Asset> {
-    let registry = choreo::registry();
-    let limits = Limits::default();
-    let loader = Arc::new(Loader::for_file(path, &[], &registry, ImportScope::ALL, limits.file).unwrap());
-    let name = path.file_name().unwrap().to_str().unwrap();
-    loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
-}
-
 /// The imported asset with a clip for its poses.
 fn stage_playing_clip(asset: &Arc<Asset>) -> Arc<Stage> {
     let mut stage = Stage::default();
@@ -36,37 +26,6 @@ fn stage_playing_clip(asset: &Arc<Asset>) -> Arc<Stage> {
         stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(clip.clone()) });
     }
     Arc::new(stage)
-}
-
-/// World positions of all vertices of triangles, in f64.
-fn world_vertices(asset: &Asset, state: &choreo_stage::ActorState) -> Vec<DVec3> {
-    let in_world = |joint: u32| DMat4::from(state.world_from_joint(joint as usize).unwrap());
-    let mut out = Vec::new();
-    for (number, instance) in asset.instances.iter().enumerate() {
-        for primitive in &asset.meshes[instance.mesh as usize].primitives {
-            let skin = instance.skin.filter(|_| primitive.influences > 0).map(|s| &asset.skins[s as usize]);
-            for vertex in 0..primitive.positions.len() {
-                let mut at = primitive.positions[vertex].as_dvec3();
-                for (morph, weight) in primitive.morphs.iter().zip(&state.morph_weights[number]) {
-                    at += morph.positions.get(vertex).map_or(DVec3::ZERO, |o| o.as_dvec3())
-                        * f64::from(*weight);
-                }
-                let Some(skin) = skin else {
-                    out.push(in_world(instance.joint).transform_point3(at));
-                    continue;
-                };
-                let range = vertex * primitive.influences..(vertex + 1) * primitive.influences;
-                let influences = range.map(|i| (primitive.joint_indices[i], primitive.joint_weights[i]));
-                let moved = influences.filter(|(_, weight)| *weight != 0.0).map(|(joint, weight)| {
-                    let joint = usize::from(joint);
-                    let map = in_world(skin.joints[joint]) * skin.inverse_bind[joint].as_dmat4();
-                    map.transform_point3(at) * f64::from(weight)
-                });
-                out.push(moved.sum());
-            }
-        }
-    }
-    out
 }
 
 /// The values that usd-core reads from a file at some time codes, in metres with +Y up.
@@ -83,7 +42,7 @@ fn read_with_usd_core(python: &Path, path: &Path, codes: &[f64]) -> Value {
 /// The largest distance from a vertex of usd-core to the nearest vertex of the import, at a time code, and the number of vertices compared.
 fn farthest_vertex(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize) {
     let state = Evaluator::new(stage_playing_clip(asset)).at(Time::from_secs(secs)).unwrap().actors.remove(0);
-    let own = world_vertices(asset, &state);
+    let own = world_vertices(asset, &state).concat();
     let (metres, is_z) = (truth["metres"].as_f64().unwrap(), truth["up"] == "Z");
     let (mut worst, mut count) = (0.0f64, 0);
     for prim in truth["prims"].as_object().unwrap().values() {

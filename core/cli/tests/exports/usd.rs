@@ -4,9 +4,9 @@
 use crate::exported;
 
 use crate::common::*;
-use choreo_asset::{Projection, Topology};
+use choreo_asset::Projection;
 use choreo_motion::Time;
-use choreo_stage::{ActorState, Evaluator, Snapshot, Stage};
+use choreo_stage::{Evaluator, Snapshot, Stage};
 use exported::*;
 use glam::{DAffine3, DMat4, DVec3};
 use serde_json::Value;
@@ -118,7 +118,7 @@ fn joint_and_vertex_errors(exported: &Exported, read: &Value, times: &[Time]) ->
             }
             // Placements are instances of one mesh.
             if number + 1 == times.len() && !actor.asset.has_copies() {
-                let own = world_vertices(actor, state);
+                let own = world_vertices(&actor.asset, state);
                 let lists = found["points"].as_array().unwrap();
                 assert_eq!(own.len(), lists.len(), "meshes of {}", actor.name);
                 for (own, list) in own.iter().zip(lists) {
@@ -133,43 +133,6 @@ fn joint_and_vertex_errors(exported: &Exported, read: &Value, times: &[Time]) ->
         }
     }
     [joints, points]
-}
-
-/// World positions of the vertices of each primitive, in f64.
-fn world_vertices(actor: &choreo_stage::Actor, state: &ActorState) -> Vec<Vec<DVec3>> {
-    let asset = &actor.asset;
-    let in_world = |joint: u32| -> DMat4 { DMat4::from(state.world_from_joint(joint as usize).unwrap()) };
-    let mut out = Vec::new();
-    for (number, instance) in asset.instances.iter().enumerate() {
-        for primitive in &asset.meshes[instance.mesh as usize].primitives {
-            if primitive.indices.is_empty() || primitive.topology != Topology::Triangles {
-                continue;
-            }
-            let skin = instance.skin.filter(|_| primitive.influences > 0).map(|s| &asset.skins[s as usize]);
-            let weights = state.morph_weights.get(number);
-            let place = |vertex: usize| -> DVec3 {
-                let mut at = primitive.positions[vertex].as_dvec3();
-                for (morph, weight) in primitive.morphs.iter().zip(weights.into_iter().flatten()) {
-                    let offset = morph.positions.get(vertex).map_or(DVec3::ZERO, |o| o.as_dvec3());
-                    at += offset * f64::from(*weight);
-                }
-                let Some(skin) = skin else { return in_world(instance.joint).transform_point3(at) };
-                let range = vertex * primitive.influences..(vertex + 1) * primitive.influences;
-                let influences =
-                    primitive.joint_indices[range.clone()].iter().zip(&primitive.joint_weights[range]);
-                influences
-                    .filter(|(_, weight)| **weight != 0.0)
-                    .map(|(joint, weight)| {
-                        let index = usize::from(*joint);
-                        let map = in_world(skin.joints[index]) * skin.inverse_bind[index].as_dmat4();
-                        map.transform_point3(at) * f64::from(*weight)
-                    })
-                    .sum()
-            };
-            out.push((0..primitive.positions.len()).map(place).collect());
-        }
-    }
-    out
 }
 
 fn spread_frames(stage: &Stage, count: u64) -> Vec<Time> {

@@ -5,7 +5,7 @@
 use crate::common::*;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 
 /// 60 frames, all different.
 const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 2.0 });
@@ -54,14 +54,6 @@ fn join_segments(folder: &Path, more: &[&str]) -> Vec<u8> {
     let run = choreo(folder, &[&["join", "segments", "-o", "film.mp4", "--quiet"][..], more].concat());
     assert_eq!(run.code, 0, "{}", run.err);
     read_file(folder, "film.mp4")
-}
-
-fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !done() {
-        assert!(start.elapsed().as_secs() < 300, "no {what}");
-        std::thread::sleep(Duration::from_millis(10));
-    }
 }
 
 /// Waits until a segment in progress has finished frames: its journal has more than the header.

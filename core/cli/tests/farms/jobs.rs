@@ -212,7 +212,7 @@ fn a_preview_has_every_eighth_frame_at_half_the_size() {
     let run = run_result(submit_to_slurm(d, SBATCH));
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(
-        run.out.starts_with("preview render: job 41, 1 tasks; preview join: job 42\nrender: "),
+        run.out.starts_with("preview render: job 41, 1 task; preview join: job 42\nrender: "),
         "{}",
         run.out
     );

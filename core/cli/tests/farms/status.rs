@@ -3,7 +3,6 @@
 
 use crate::common::*;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 /// 60 frames.
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 30, length: 2.0 });
@@ -41,14 +40,6 @@ fn chunk_states(status: &serde_json::Value) -> Vec<(String, u64)> {
         (chunk["state"].as_str().unwrap().into(), chunk["done"].as_u64().unwrap())
     };
     status["chunks"].as_array().unwrap().iter().map(chunk).collect()
-}
-
-fn wait_for(what: &str, done: impl Fn() -> bool) {
-    let start = Instant::now();
-    while !done() {
-        assert!(start.elapsed().as_secs() < 300, "no {what}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
 }
 
 #[test]

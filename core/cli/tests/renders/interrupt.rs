@@ -6,7 +6,7 @@ use std::io::Read;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A folder with a model whose clip takes an hour.
 fn long_folder() -> tempfile::TempDir {
@@ -18,14 +18,6 @@ fn long_folder() -> tempfile::TempDir {
 fn start(folder: &Path, output: &str, more: &[&str]) -> Child {
     let args = ["render", "long.gltf", "-o", output, "--device", "cpu", "--size", "160x90", "--samples", "1"];
     command(folder, &[&args, more].concat()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-}
-
-fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !condition() {
-        assert!(start.elapsed() < Duration::from_secs(600), "no {what} after ten minutes");
-        std::thread::sleep(Duration::from_millis(5));
-    }
 }
 
 fn signal(child: &Child, name: &str) {

@@ -182,6 +182,11 @@ pub(crate) fn split_name_value<'a>(flag: &str, text: &'a str) -> Result<(&'a str
     }
 }
 
+/// The name in NAME=VALUE; the whole text if it has no `=`.
+pub(crate) fn name_of(text: &str) -> &str {
+    text.split('=').next().unwrap_or_default().trim()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

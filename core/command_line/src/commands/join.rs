@@ -15,12 +15,12 @@ use crate::output::target::{Target, export_failure};
 use crate::process::machine;
 use crate::scene::inputs::Inputs;
 use crate::terminal::{counted, progress::Progress};
-use choreo_files::PartFile;
+use choreo_files::{PartFile, containing_folder};
 use choreo_plugin::{Exporter, Registry, VideoInfo};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::{Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Time between two scans of the folder.
@@ -322,7 +322,7 @@ impl FilmJoin<'_> {
         self.inputs.check_output(&path)?;
         let shown = path.display().to_string();
         let failed = |e: std::io::Error| output_failure(&shown, &e);
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = containing_folder(&path);
         // The folder may not exist yet: the job of a farm starts with nothing but its segments.
         std::fs::create_dir_all(folder).map_err(failed)?;
         let part = PartFile::create_shared(&path, &machine::id()).map_err(|e| write_failure(&shown, e))?;

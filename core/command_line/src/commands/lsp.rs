@@ -6,6 +6,7 @@ use crate::commands::check;
 use crate::failure::Failure;
 use crate::project_file;
 use crate::scene;
+use choreo_files::containing_folder;
 use choreo_language_server::{Host, HostError, Project, SessionEnd, Task, serve};
 use choreo_script::{Diagnostic, Limits, Places};
 use choreo_stage::Stage;
@@ -86,10 +87,6 @@ impl Host for ProgramHost {
         }
         Ok(command)
     }
-}
-
-fn containing_folder(script: &Path) -> &Path {
-    script.parent().unwrap_or(Path::new("."))
 }
 
 fn failure_text(failure: &Failure) -> String {

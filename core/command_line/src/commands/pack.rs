@@ -5,7 +5,7 @@ use crate::args::PackArgs;
 use crate::failure::{Failure, output_failure, print_json, print_message, write_failure};
 use crate::scene::pack::{self, Manifest, PACK_EXTENSION, Unpacked};
 use crate::scene::{self, OpenedScene, opening::OpenOptions};
-use choreo_files::PartFile;
+use choreo_files::{PartFile, containing_folder};
 use choreo_plugin::Registry;
 use serde_json::json;
 use std::io::{Seek, SeekFrom};
@@ -61,7 +61,7 @@ pub(crate) fn write_pack_of_scene(
     if is_folder(&args.output) {
         // The folder is created under a temporary name beside its destination, so that it is never incomplete.
         let place = args.output.components().as_path();
-        let beside = place.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let beside = containing_folder(place);
         if place.symlink_metadata().is_ok() {
             return Err(Failure::Output(format!(
                 "{shown}: it exists already; name a new folder, or remove it"

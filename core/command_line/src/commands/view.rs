@@ -2,7 +2,7 @@
 //! toolkit takes longer to build than everything else together, and no other command needs it.
 
 use crate::App;
-use crate::args::ViewArgs;
+use crate::args::{ViewArgs, values};
 use crate::failure::{Failure, print_message};
 use crate::process::{interrupt, scratch};
 use crate::scene::pack::{self, Unpacked};
@@ -68,13 +68,12 @@ fn packed_scene_arguments(input: &Path, viewer_options: &[OsString]) -> Result<V
         .filter_map(|word| word.to_str()?.trim_start_matches("--set=").split_once('='))
         .map(|(name, _)| name)
         .collect();
-    let name = |text: &String| text.split('=').next().unwrap_or_default().trim().to_string();
     let mut words =
         vec![unpacked.unpacked_path(&manifest.input).into_os_string(), "--no-project-file".into()];
     let mut option = |flag: &str, value: OsString| words.extend([flag.into(), value]);
     manifest.search.iter().for_each(|folder| option("--search", unpacked.unpacked_path(folder).into()));
     manifest.plugins.iter().for_each(|folder| option("--plugins", unpacked.unpacked_path(folder).into()));
-    let set = manifest.set.iter().filter(|text| !given.contains(&name(text).as_str()));
+    let set = manifest.set.iter().filter(|text| !given.contains(&values::name_of(text)));
     set.for_each(|text| option("--set", text.into()));
     if !viewer_options.iter().any(|word| word == "--clip") {
         manifest.clip.iter().for_each(|clip| option("--clip", clip.into()));

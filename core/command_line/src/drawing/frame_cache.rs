@@ -3,6 +3,7 @@
 //! A frame is identified by its content: its plan, the scene resources, the effects and the device. The same content at another time, or in
 //! another version of the script, is not drawn again.
 
+use super::png_frame::{decode_png, encode_png};
 use choreo_plugin::{Effect, FloatFrame, Frame, FrameWish};
 use choreo_render::plan::frame_key::{Key, frame_key};
 use choreo_render::renderer::CreatedCounts;
@@ -143,7 +144,7 @@ impl Renderer for CachingRenderer {
             return Ok(frame);
         }
         shared.reused += 1;
-        let frame = shared.frames.get(&key).and_then(|known| decode_png(&known.png));
+        let frame = shared.frames.get(&key).and_then(|known| decode_png(&known.png, |_| true));
         frame.ok_or_else(|| RenderError::Usage("a cached frame was dropped before it was collected".into()))
     }
 
@@ -177,7 +178,8 @@ impl Renderer for CachingRenderer {
 
 impl SharedCache {
     fn cache_frame(&mut self, key: Key, frame: &Frame) {
-        let Some(png) = encode_png(frame) else { return };
+        // Speed matters more than size: the PNG never leaves this process.
+        let Ok(png) = encode_png(frame, png::Compression::Fastest) else { return };
         if self.bytes + png.len() > MAX_CACHED_BYTES {
             // Frames of earlier versions go first.
             let render_number = self.render_number;
@@ -192,24 +194,4 @@ impl SharedCache {
             self.frames.insert(key, CachedFrame { png, render_number: self.render_number });
         }
     }
-}
-
-/// Encodes a frame losslessly. Speed matters more than size: the PNG never leaves this process.
-fn encode_png(frame: &Frame) -> Option<Vec<u8>> {
-    let mut png = Vec::new();
-    let mut encoder = png::Encoder::new(&mut png, frame.width, frame.height);
-    encoder.set_color(png::ColorType::Rgba);
-    encoder.set_compression(png::Compression::Fastest);
-    let mut writer = encoder.write_header().ok()?;
-    writer.write_image_data(&frame.rgba).ok()?;
-    writer.finish().ok()?;
-    Some(png)
-}
-
-fn decode_png(png: &[u8]) -> Option<Frame> {
-    let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().ok()?;
-    let mut rgba = vec![0; reader.output_buffer_size()?];
-    let info = reader.next_frame(&mut rgba).ok()?;
-    rgba.truncate(info.buffer_size());
-    Some(Frame { width: info.width, height: info.height, rgba })
 }

@@ -3,3 +3,4 @@
 pub mod device;
 pub(crate) mod frame_cache;
 pub mod pipeline;
+pub(crate) mod png_frame;

@@ -103,7 +103,7 @@ pub fn with_time(provenance: &[(String, String)], time: Time) -> Vec<(String, St
 
 /// First half of a hash in hexadecimal digits: enough to tell any two inputs apart.
 fn short_hex(hash: &[u8; 32]) -> String {
-    hash[..16].iter().map(|b| format!("{b:02x}")).collect()
+    choreo_script::hex(&hash[..16])
 }
 
 fn format_fps(rate: FrameRate) -> String {

@@ -1,7 +1,7 @@
 //! The files that a scene was made from. No output may replace one of them.
 
 use crate::failure::Failure;
-use choreo_files::{Identity, part_name};
+use choreo_files::{Identity, containing_folder, part_name};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -23,8 +23,7 @@ impl Inputs {
 
     /// Adds the folder of `input`, the script or model: its content is not trusted, so symbolic links in it are checked.
     pub(crate) fn with_scene_folder(self, input: &Path) -> Inputs {
-        let folder = input.parent().map(|f| if f.as_os_str().is_empty() { Path::new(".") } else { f });
-        Inputs { scene_folder: folder.and_then(|f| f.canonicalize().ok()), ..self }
+        Inputs { scene_folder: containing_folder(input).canonicalize().ok(), ..self }
     }
 
     /// Refuses an output that is an input, whose temporary file is an input, or whose path leaves the scene's folder through a symbolic

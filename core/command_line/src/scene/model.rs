@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::scene::opening::OpenOptions;
 use crate::terminal::import_bar::ImportBar;
 use choreo_asset::Asset;
-use choreo_files::FileError;
+use choreo_files::{FileError, containing_folder};
 use choreo_plugin::Registry;
 use choreo_script::{ImportChoice, Imports, Limits, LoadError, Loader, RunDependencies, did_you_mean};
 pub use choreo_session::model::{is_built_in, list};
@@ -33,10 +33,6 @@ pub(crate) fn check_is_file(path: &Path) -> Result<(), Failure> {
         }
         Ok(_) => Ok(()),
     }
-}
-
-fn containing_folder(path: &Path) -> &Path {
-    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn missing_file_message(path: &Path) -> String {

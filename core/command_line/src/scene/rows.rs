@@ -1,6 +1,6 @@
 //! Tables of parameters for `--set-from rows.csv` or `rows.json`: each row holds the parameters of one film.
 
-use crate::args::SceneArgs;
+use crate::args::{SceneArgs, values};
 use crate::failure::Failure;
 use choreo_plugin::suggest::{did_you_mean, list};
 use serde_json::{Value, json};
@@ -26,9 +26,8 @@ impl ParameterRow {
     /// Arguments of a scene with these parameters, which override those of `--set`.
     pub fn scene_args(&self, args: &SceneArgs) -> SceneArgs {
         let own = self.values.iter().filter(|(name, _)| !name.starts_with(OUTPUT_ONLY_PREFIX));
-        let name = |text: &str| text.split('=').next().unwrap_or_default().trim().to_string();
         let mut set = args.set.clone();
-        set.retain(|text| !self.values.contains_key(&name(text)));
+        set.retain(|text| !self.values.contains_key(values::name_of(text)));
         set.extend(own.map(|(name, value)| format!("{name}={value}")));
         // A packed scene was packed with other parameters, so it is not compared.
         SceneArgs { set, packed_stage: None, ..args.clone() }

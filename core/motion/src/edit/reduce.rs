@@ -10,6 +10,7 @@
 use crate::clip::sample::Sample;
 use crate::clip::sample_f64::curve_at;
 use crate::clip::{Clip, Curve, Interpolation, Path};
+use crate::math::rotation::normalize_or_identity;
 use crate::math::transform::Transform;
 use crate::pose::Pose;
 use crate::skeleton::Skeleton;
@@ -418,12 +419,21 @@ impl ModelPose {
                 Path::Weights(_) => {}
             }
         }
-        self.matrices.clear();
-        for (local, parent) in self.locals.iter().zip(skeleton.parents()) {
-            let rotation = crate::math::rotation::normalize_or_identity(local.rotation);
-            let own = DAffine3::from_scale_rotation_translation(local.scale, rotation, local.translation);
-            self.matrices.push(parent.map_or(own, |p| self.matrices[p as usize] * own));
-        }
+        set_model_matrices(&mut self.matrices, skeleton, self.locals.iter().copied());
+    }
+}
+
+/// Replaces `matrices` by the matrices model-from-joint of a pose.
+fn set_model_matrices(
+    matrices: &mut Vec<DAffine3>,
+    skeleton: &Skeleton,
+    locals: impl Iterator<Item = JointTransform>,
+) {
+    matrices.clear();
+    for (local, parent) in locals.zip(skeleton.parents()) {
+        let rotation = normalize_or_identity(local.rotation);
+        let own = DAffine3::from_scale_rotation_translation(local.scale, rotation, local.translation);
+        matrices.push(parent.map_or(own, |p| matrices[p as usize] * own));
     }
 }
 
@@ -444,15 +454,7 @@ pub(crate) fn joint_errors(skeleton: &Skeleton, a: &Clip, b: &Clip, max_times: u
         }
         Sample { clip, time, pose: &mut pose }.run();
         let mut matrices: Vec<DAffine3> = Vec::with_capacity(skeleton.len());
-        for (joint, local) in pose.iter().enumerate() {
-            let (s, r, t) = (
-                local.scale.as_dvec3(),
-                crate::math::rotation::normalize_or_identity(local.rotation.as_dquat()),
-                local.translation.as_dvec3(),
-            );
-            let own = DAffine3::from_scale_rotation_translation(s, r, t);
-            matrices.push(skeleton.parents()[joint].map_or(own, |p| matrices[p as usize] * own));
-        }
+        set_model_matrices(&mut matrices, skeleton, pose.iter().map(|local| JointTransform::of(&local)));
         matrices
     };
     let rest = ModelRestPose::of(skeleton);

@@ -1,7 +1,7 @@
 //! Aligns the target skeleton with the source's rest pose.
 
 use super::SkeletonAnalysis;
-use crate::math::rotation::normalize_or_identity;
+use crate::math::rotation::{normalize_or_identity, rotation_between};
 use crate::retarget::joint_map::JointMap;
 use crate::skeleton::Skeleton;
 use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
@@ -85,12 +85,12 @@ pub(super) fn aligned_rest_rotations(
             None | Some(AlignmentRule::Trunk) => DQuat::IDENTITY,
             Some(AlignmentRule::Rigid) => parent,
             Some(AlignmentRule::Limb(tip)) => {
-                bone(*tip).map_or(parent, |(own, theirs)| shortest_rotation(parent * own, theirs) * parent)
+                bone(*tip).map_or(parent, |(own, theirs)| rotation_between(parent * own, theirs) * parent)
             }
             Some(AlignmentRule::Foot(tip)) => {
                 let flat = |v: DVec3| DVec3::new(v.x, 0.0, v.z);
                 let heading =
-                    tip.and_then(bone).map(|(own, theirs)| shortest_rotation(flat(own), flat(theirs)));
+                    tip.and_then(bone).map(|(own, theirs)| rotation_between(flat(own), flat(theirs)));
                 heading.unwrap_or(DQuat::IDENTITY)
             }
         };
@@ -101,14 +101,6 @@ pub(super) fn aligned_rest_rotations(
         .zip(&target.rest.rotations)
         .map(|(correction, rest)| normalize_or_identity(*correction * *rest))
         .collect()
-}
-
-/// The shortest rotation from one direction to another; the identity if one of them has no length.
-fn shortest_rotation(from: DVec3, to: DVec3) -> DQuat {
-    match (from.try_normalize(), to.try_normalize()) {
-        (Some(from), Some(to)) => DQuat::from_rotation_arc(from, to),
-        _ => DQuat::IDENTITY,
-    }
 }
 
 fn alignment_rules(

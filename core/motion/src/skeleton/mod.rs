@@ -9,6 +9,7 @@ pub(crate) mod symmetry;
 
 use crate::math::transform::Transform;
 use crate::skeleton::humanoid::{HumanBone, Humanoid, HumanoidError};
+use glam::Affine3A;
 use std::sync::Arc;
 
 /// Joints in parent-first order: `parents[i]` is `None` or smaller than `i`. Any number of roots and joints.
@@ -103,6 +104,15 @@ impl Skeleton {
     /// Local transform of each joint at rest.
     pub fn rest(&self) -> &[Transform] {
         &self.rest
+    }
+    /// Matrix model-from-joint of each joint at rest.
+    pub fn rest_model_from_joint(&self) -> Vec<Affine3A> {
+        let mut all: Vec<Affine3A> = Vec::with_capacity(self.len());
+        for (parent, rest) in self.parents.iter().zip(&self.rest) {
+            let local = rest.to_affine();
+            all.push(parent.map_or(local, |p| all[p as usize] * local));
+        }
+        all
     }
 
     /// (joint, parent) of all joints but roots, sorted by depth. Parents come before children, but neighbors are mostly

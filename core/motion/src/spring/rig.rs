@@ -2,7 +2,7 @@
 
 use super::{SpringBone, SpringCollider, SpringError, SpringJoint, Springs};
 use crate::skeleton::Skeleton;
-use glam::{Affine3A, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
 /// Steps per second of the update that VRM's parameters are tuned for.
 const VRM_STEPS_PER_SECOND: f64 = 60.0;
@@ -44,7 +44,7 @@ impl SpringRig {
     /// and there with its sine. At other rates the specification's motion changes; this does not.
     pub fn from_vrm(springs: &Springs, skeleton: &Skeleton) -> Result<SpringRig, SpringError> {
         springs.check(skeleton.len())?;
-        let rest = model_from_rest(skeleton);
+        let rest = skeleton.rest_model_from_joint();
         let mut rig = SpringRig { colliders: springs.colliders.clone(), ..SpringRig::default() };
         for chain in &springs.chains {
             for joint in &chain.joints {
@@ -183,15 +183,6 @@ fn spring_and_pull_of_vrm(joint: &SpringJoint, length: f64) -> (SpringBone, f64)
     (SpringBone { stiffness, damping }, f64::from(joint.gravity_power) * share)
 }
 
-fn model_from_rest(skeleton: &Skeleton) -> Vec<Affine3A> {
-    let mut all: Vec<Affine3A> = Vec::with_capacity(skeleton.len());
-    for (parent, rest) in skeleton.parents().iter().zip(skeleton.rest()) {
-        let local = rest.to_affine();
-        all.push(parent.map_or(local, |p| all[p as usize] * local));
-    }
-    all
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -233,10 +224,7 @@ mod tests {
         };
         let direction = DVec3::new(libm::sin(start), -libm::cos(start), 0.0);
         // The specification starts with no difference between two samples, half a step before no speed.
-        let mut state = BoneState { direction, ..spring.settled(&drive) };
-        let omega = spring.stiffness;
-        state.velocity = DVec3::ZERO;
-        let _ = omega;
+        let mut state = BoneState { direction, velocity: DVec3::ZERO, ..spring.settled(&drive) };
         let mut angles = Vec::new();
         for _ in 0..frames {
             spring.step(&mut state, &drive, 1.0 / rate);

@@ -241,14 +241,6 @@ fn rig_bone(joint: u32, spring: SpringBone) -> RigBone {
     }
 }
 
-fn rest_matrices(skeleton: &Skeleton) -> Vec<Affine3A> {
-    let mut all: Vec<Affine3A> = Vec::new();
-    for (parent, rest) in skeleton.parents().iter().zip(skeleton.rest()) {
-        all.push(parent.map_or(rest.to_affine(), |p| all[p as usize] * rest.to_affine()));
-    }
-    all
-}
-
 struct Simulation {
     skeleton: Skeleton,
     rig: SpringRig,
@@ -259,12 +251,12 @@ struct Simulation {
 
 impl Simulation {
     fn new((skeleton, rig): (Skeleton, SpringRig)) -> Simulation {
-        let out = rest_matrices(&skeleton);
+        let out = skeleton.rest_model_from_joint();
         Simulation { skeleton, rig, state: SpringState::default(), scratch: SpringScratch::default(), out }
     }
 
     fn step(&mut self, world_from_model: DAffine3, seconds: f64) {
-        self.out = rest_matrices(&self.skeleton);
+        self.out = self.skeleton.rest_model_from_joint();
         let mut step = SpringStep {
             rig: &self.rig,
             skeleton: &self.skeleton,
@@ -367,7 +359,7 @@ fn sticks_without_length_stay_as_animated() {
     for (bone, length) in rig.bones_mut().zip([0.0, 1e-9, 0.1, 0.1]) {
         bone.tail = Vec3::NEG_Y * length;
     }
-    let before = rest_matrices(&skeleton);
+    let before = skeleton.rest_model_from_joint();
     let mut run = Simulation::new((skeleton, rig));
     for frame in 0..20 {
         run.step(DAffine3::from_translation(DVec3::X * 0.1 * f64::from(frame)), 1.0 / 60.0);
@@ -505,7 +497,7 @@ fn check_names_the_invalid_field() {
         let mut rig = rig.clone();
         change(&mut rig);
         let (mut state, mut scratch, mut out) =
-            (SpringState::default(), SpringScratch::default(), rest_matrices(&skeleton));
+            (SpringState::default(), SpringScratch::default(), skeleton.rest_model_from_joint());
         let step = SpringStep {
             rig: &rig,
             skeleton: &skeleton,

@@ -3,6 +3,7 @@
 use super::CpuRenderer;
 use crate::affine::Affine3x4;
 use crate::effect_faults::EffectFaults;
+use crate::lanes::unit;
 use crate::plan::Plan;
 use choreo_plugin::{Effect, VertexSample};
 use glam::{Vec3, Vec4Swizzles};
@@ -81,8 +82,4 @@ fn shifted_vertex(vertex: &VertexSample, rows: &Affine3x4, direction: Vec3) -> V
         shifted.model += in_mesh_space * (NORMAL_STEP_METERS / determinant);
     }
     shifted
-}
-
-fn unit(v: Vec3) -> Vec3 {
-    v * (1.0 / v.dot(v).max(1e-20).sqrt())
 }

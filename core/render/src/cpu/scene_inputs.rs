@@ -5,8 +5,9 @@ use super::preskin::DeformedMeshes;
 use super::raster::{TILE_HEIGHT, TILE_WIDTH, rasterize};
 use super::setup::Triangle;
 use super::shadow::kept_texels;
-use super::tile::{Batch, BatchShading, TriangleId, tile_bounds};
+use super::tile::{Batch, BatchShading, TriangleId, triangles_by_band};
 use super::vertex::VertexStage;
+use crate::lanes::unit;
 use crate::plan::{Draw, Features, InputPass, Plan};
 use choreo_plugin::{EffectFrame, EffectImage, SceneImages};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
@@ -99,7 +100,7 @@ fn draw_inputs(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
     let [width, height] = plan.size.map(|s| s as usize);
     let mut surface = vec![SceneImages::NO_SURFACE; width * height];
     let mut motion_vectors = vec![Vec4::ZERO; if motion { width * height } else { 0 }];
-    let lists = triangles_by_band(copies, plan.size);
+    let lists = triangles_by_band(copies.iter().map(|copy| &copy.batch), plan.size);
     let band = width * TILE_HEIGHT as usize;
     // Each band gets an empty slice if there are no motion vectors.
     let mut motion_bands: Vec<&mut [Vec4]> = motion_vectors.chunks_mut(band).collect();
@@ -122,20 +123,6 @@ fn draw_inputs(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
         }
     });
     InputImages { surface, motion: motion_vectors }
-}
-
-/// The triangles in each band of tiles, in the order of the copies.
-fn triangles_by_band(copies: &[DrawnCopy], size: [u32; 2]) -> Vec<Vec<TriangleId>> {
-    let mut lists = vec![Vec::new(); size[1].div_ceil(TILE_HEIGHT as u32) as usize];
-    for (c, copy) in copies.iter().enumerate() {
-        for (t, triangle) in copy.batch.triangles.iter().enumerate() {
-            let [_, y0, _, y1] = tile_bounds(triangle, size);
-            lists[usize::from(y0)..usize::from(y1)]
-                .iter_mut()
-                .for_each(|list| list.push([c as u32, t as u32]));
-        }
-    }
-    lists
 }
 
 /// The nearest triangle of each pixel of a band, with its depth. `first`: its first row.
@@ -214,8 +201,4 @@ impl DrawnCopy<'_> {
         let size = Vec2::new(size[0] as f32, size[1] as f32);
         if before.w > 0.0 { at - (before.xy() / before.w * 0.5 + 0.5) * size } else { Vec2::ZERO }
     }
-}
-
-fn unit(v: Vec3) -> Vec3 {
-    v * (1.0 / v.dot(v).max(1e-20).sqrt())
 }

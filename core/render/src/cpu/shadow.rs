@@ -2,7 +2,7 @@
 
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, rasterize};
 use super::setup::Triangle;
-use super::tile::{Batch, BatchShading};
+use super::tile::{Batch, BatchShading, triangles_by_band};
 use crate::lanes::{ALL_LANES, F4, Mask, NO_LANES, V3, Weights, select};
 use crate::plan::map_key::MapKey;
 use crate::plan::shadow_maps::MAX_PENUMBRA;
@@ -297,17 +297,7 @@ fn block_depth_ranges(size: [u32; 2], depth: &[f32]) -> Vec<[f32; 2]> {
 /// The greatest depth of each texel: the surface nearest to the light.
 fn draw_depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
     let [width, height] = size.map(|s| s as usize);
-    let bands = height.div_ceil(TILE_HEIGHT as usize);
-    let mut lists: Vec<Vec<[u32; 2]>> = vec![Vec::new(); bands];
-    for (b, batch) in batches.iter().enumerate() {
-        for (t, triangle) in batch.triangles.iter().enumerate() {
-            let [_, y0, _, y1] = triangle.pixel_bounds();
-            let band = |y: i32| (y.clamp(0, height as i32) / TILE_HEIGHT) as usize;
-            for list in &mut lists[band(y0).min(bands)..(band(y1 - 1) + 1).min(bands)] {
-                list.push([b as u32, t as u32]);
-            }
-        }
-    }
+    let lists = triangles_by_band(batches.iter(), size);
     let mut out = vec![0.0; width * height];
     out.par_chunks_mut(width * TILE_HEIGHT as usize).zip(lists).enumerate().for_each(
         |(band, (rows, list))| {

@@ -62,12 +62,15 @@ fn to_panorama_space(sky: &PlanSky, direction: V3) -> V3 {
     V3 { x: direction.x * c - direction.z * s, y: direction.y, z: direction.x * s + direction.z * c }
 }
 
+/// Like [`to_panorama_space`], for one direction.
+fn to_panorama(sky: &PlanSky, direction: Vec3) -> Vec3 {
+    let [c, s] = sky.turn;
+    Vec3::new(c * direction.x - s * direction.z, direction.y, s * direction.x + c * direction.z)
+}
+
 /// Display color of the sky in a direction: the background of a surface.
 pub fn sky_behind(plan: &Plan, maps: &SkyMaps, sky: &PlanSky, direction: Vec3) -> Vec3 {
-    let [c, s] = sky.turn;
-    let direction =
-        Vec3::new(c * direction.x - s * direction.z, direction.y, s * direction.x + c * direction.z);
-    display_color(plan, maps.specular(direction, 0.0) * sky.strength)
+    display_color(plan, maps.specular(to_panorama(sky, direction), 0.0) * sky.strength)
 }
 
 fn evaluate_harmonics(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
@@ -100,10 +103,7 @@ impl<'a> SkyBackdrop<'a> {
         let size = Vec2::new(self.plan.size[0] as f32, self.plan.size[1] as f32);
         let at = (Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0;
         let [right, down, forward] = self.rays;
-        let direction = (right * at.x + down * at.y + forward).normalize();
-        let [c, s] = self.sky.turn;
-        let direction =
-            Vec3::new(c * direction.x - s * direction.z, direction.y, s * direction.x + c * direction.z);
+        let direction = to_panorama(self.sky, (right * at.x + down * at.y + forward).normalize());
         let [width, height] = self.background.size.map(|s| s as f32);
         let u = 0.5 + libm::atan2f(direction.x, -direction.z) / (2.0 * PI);
         let v = libm::acosf(direction.y.clamp(-1.0, 1.0)) / PI;

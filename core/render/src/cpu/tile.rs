@@ -452,6 +452,23 @@ pub(crate) fn tile_bounds(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
     ]
 }
 
+/// The triangles in each band of tiles, in the order of the batches.
+pub(crate) fn triangles_by_band<'a, 'b: 'a>(
+    batches: impl Iterator<Item = &'a Batch<'b>>,
+    size: [u32; 2],
+) -> Vec<Vec<TriangleId>> {
+    let mut lists = vec![Vec::new(); size[1].div_ceil(TILE_HEIGHT as u32) as usize];
+    for (b, batch) in batches.enumerate() {
+        for (t, triangle) in batch.triangles.iter().enumerate() {
+            let [_, y0, _, y1] = tile_bounds(triangle, size);
+            lists[usize::from(y0)..usize::from(y1)]
+                .iter_mut()
+                .for_each(|list| list.push([b as u32, t as u32]));
+        }
+    }
+    lists
+}
+
 /// Shaded quads of one batch to which the surface effects have not been applied yet.
 #[derive(Default)]
 struct PendingQuads {

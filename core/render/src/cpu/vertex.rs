@@ -3,7 +3,7 @@
 use super::displace::{self, Displacement};
 use super::shade::ShadeMaterial;
 use crate::affine::Affine3x4;
-use crate::lanes::F4;
+use crate::lanes::{F4, unit};
 use crate::plan::{ActiveMorph, Features, Instance, Plan};
 use crate::scene_resources::PrimitiveResource;
 use crate::scene_resources::material::TOON_SLOT;
@@ -305,8 +305,4 @@ fn rigid_transform(q: Vec4, d: Vec4) -> Affine3x4 {
         Vec4::new(v.x * y + w * z, 1.0 - (v.x * x + v.z * z), v.y * z - w * x, t.y),
         Vec4::new(v.x * z - w * y, v.y * z + w * x, 1.0 - (v.x * x + v.y * y), t.z),
     ])
-}
-
-fn unit(v: Vec3) -> Vec3 {
-    v * (1.0 / v.dot(v).max(1e-20).sqrt())
 }

@@ -1,6 +1,6 @@
 //! Loading of assets, and their contents: clips, joints, morph targets, expressions and cameras.
 
-use crate::call::{ApiError, Call, Reply, api, describe, one_of, unknown};
+use crate::call::{ApiError, Call, Reply, api, describe, int_or_float, one_of, unknown};
 use crate::limits::raise_hint;
 use crate::loader::ImportChoice;
 use crate::value::{AssetRef, ClipRef};
@@ -89,8 +89,7 @@ fn load(c: &mut Call) -> Reply {
 }
 
 fn compression_tolerance(value: &Dynamic) -> Result<f64, ApiError> {
-    let metres = value.as_float().or_else(|_| value.as_int().map(|n| n as f64));
-    metres.ok().filter(|m| (1e-6..=0.1).contains(m)).ok_or_else(|| {
+    int_or_float(value).filter(|m| (1e-6..=0.1).contains(m)).ok_or_else(|| {
         let got = describe(value);
         ApiError::new(format!("load: compress must be metres, from 0.000001 to 0.1, got {got}"))
             .focus("compress")

@@ -2,7 +2,7 @@
 
 use super::keys;
 use crate::build::check_limit;
-use crate::call::{ApiError, Call, Options, Reply, api, describe, unknown};
+use crate::call::{ApiError, Call, Options, Reply, api, describe, int_or_float, unknown};
 use crate::frame_callback;
 use crate::procedural::files;
 use crate::value::{ActorRef, CameraRef, EffectRef, ImageRef, JointRef};
@@ -234,10 +234,6 @@ fn set_sorted<T>(parameters: &mut Vec<(String, T)>, name: String, value: T) {
     parameters.retain(|(n, _)| *n != name);
     parameters.push((name, value));
     parameters.sort_by(|a, b| a.0.cmp(&b.0));
-}
-
-fn int_or_float(value: &Dynamic) -> Option<f64> {
-    value.as_float().or_else(|_| value.as_int().map(|n| n as f64)).ok()
 }
 
 /// The numbers that an effect receives for a value. A text becomes its index in the list of allowed texts, a curve its samples.

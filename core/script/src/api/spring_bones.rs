@@ -1,9 +1,8 @@
 //! Spring bones (secondary motion), their colliders, and wind.
 
-use super::joint_names::find_joint;
-use crate::call::{ApiError, Call, Reply, fields, text};
+use super::joint_names::{find_joint, joints_of_pattern};
+use crate::call::{ApiError, Call, Reply, fields, texts};
 use crate::frame_callback;
-use crate::suggest::list;
 use crate::value::ActorRef;
 use choreo_asset::Asset;
 use choreo_motion::Time;
@@ -117,63 +116,16 @@ pub fn wind(c: &mut Call) -> Reply {
 
 /// Indices of the joints that a text or an array of texts selects: a name, "Name.." with all below, or a pattern with `*`.
 fn matching_joints(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, ApiError> {
-    let patterns = match given.read_lock::<rhai::Array>() {
-        Some(array) => array.iter().map(|v| text(v, label)).collect::<Result<Vec<_>, _>>()?,
-        None => vec![text(given, label)?],
-    };
     let skeleton = &asset.skeleton;
     let mut hit = vec![false; skeleton.len()];
-    for pattern in patterns {
-        let (name, below) = pattern.strip_suffix("..").map_or((pattern.as_str(), false), |name| (name, true));
+    for pattern in texts(given, label)? {
+        let (joints, below) = joints_of_pattern(asset, &pattern)?;
         let mut now = vec![false; skeleton.len()];
-        if name.contains('*') {
-            let parts: Vec<String> = name.split('*').map(str::to_ascii_lowercase).collect();
-            for (joint, name) in skeleton.names().iter().enumerate() {
-                now[joint] = matches_wildcards(&name.to_ascii_lowercase(), &parts);
-            }
-            if !now.contains(&true) {
-                let error = format!("no joint of skeleton \"{}\" matches \"{pattern}\"", asset.name);
-                let names = list(skeleton.names().iter().map(String::as_str), 24);
-                return Err(ApiError::new(error).focus(pattern.clone()).hint(format!("joints: {names}")));
-            }
-        } else {
-            now[find_joint(asset, name).map_err(|e| e.focus(pattern.clone()))? as usize] = true;
-        }
+        joints.into_iter().for_each(|joint| now[joint as usize] = true);
         for joint in 0..skeleton.len() {
             now[joint] |= below && skeleton.parents()[joint].is_some_and(|p| now[p as usize]);
             hit[joint] |= now[joint];
         }
     }
     Ok((0..skeleton.len() as u32).filter(|j| hit[*j as usize]).collect())
-}
-
-/// Whether a text matches a pattern that was split at `*`.
-fn matches_wildcards(text: &str, parts: &[String]) -> bool {
-    let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return false };
-    let Some(mut rest) = text.strip_prefix(first.as_str()) else { return false };
-    for part in &parts[1..parts.len() - 1] {
-        let Some(at) = rest.find(part.as_str()) else { return false };
-        rest = &rest[at + part.len()..];
-    }
-    rest.len() >= last.len() && rest.ends_with(last.as_str())
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn wildcards_match_whole_names() {
-        let matches_wildcards = |text: &str, pattern: &str| {
-            super::matches_wildcards(text, &pattern.split('*').map(str::to_string).collect::<Vec<_>>())
-        };
-        assert!(
-            matches_wildcards("hair_front_1", "*hair*")
-                && matches_wildcards("hair", "hair*")
-                && matches_wildcards("tail3", "t*3")
-        );
-        assert!(
-            !matches_wildcards("head", "*hair*")
-                && !matches_wildcards("aba", "ab*ba")
-                && matches_wildcards("abba", "ab*ba")
-        );
-    }
 }

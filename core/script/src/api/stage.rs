@@ -77,8 +77,9 @@ fn stage(c: &mut Call) -> Reply {
             .hint("call it once, before other functions"));
     }
     let mut s = c.stage_draft().settings.clone();
-    if let Some(size) = o.get("size") {
-        s.size = read_size(c, &size)?;
+    if let Some(size) = o.read("size", read_size)? {
+        check_pixels(c, size)?;
+        s.size = size;
     }
     let length_in_frames = read_rate(c, &o, &mut s)?;
     if let Some(length) = length_in_frames.or(o.duration("length")?) {
@@ -113,18 +114,21 @@ fn stage(c: &mut Call) -> Reply {
     Ok(Dynamic::from(this))
 }
 
-fn read_size(c: &Call, size: &Dynamic) -> Result<[u32; 2], ApiError> {
+/// Reads the size of an image in pixels.
+pub fn read_size(size: &Dynamic, label: &str) -> Result<[u32; 2], ApiError> {
     let sides = numbers(size).filter(|n| n.len() == 2);
     let sides = sides.filter(|n| n.iter().all(|v| v.fract() == 0.0 && (1.0..=16384.0).contains(v)));
-    let sides =
-        sides.ok_or_else(|| wrong(size, "stage: size", "[width, height], whole numbers from 1 to 16384"))?;
-    let [width, height] = [sides[0] as u32, sides[1] as u32];
+    let sides = sides.ok_or_else(|| wrong(size, label, "[width, height], whole numbers from 1 to 16384"))?;
+    Ok([sides[0] as u32, sides[1] as u32])
+}
+
+fn check_pixels(c: &Call, [width, height]: [u32; 2]) -> Result<(), ApiError> {
     let most = c.context.limits.pixels;
     if u64::from(width) * u64::from(height) > most {
         let text = format!("stage: an image of {width} x {height} has too many pixels");
         return Err(ApiError::new(text).hint(raise_hint("pixels", most)));
     }
-    Ok([width, height])
+    Ok(())
 }
 
 /// Reads the frame rate. In `stage(#{ fps: 25, length: f(50) })` the frames are converted to seconds before the call,

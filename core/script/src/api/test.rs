@@ -1,7 +1,8 @@
 //! `test`, and what a test can use: other scripts, stages, render plans, golden images.
 
+use super::stage::read_size;
 use crate::build::{RunMode, ScriptContext, check_limit};
-use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers, unknown};
+use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, texts, unknown};
 use crate::compile::{compile, scope_with_constants};
 use crate::diagnostic::Severity;
 use crate::errors;
@@ -161,7 +162,7 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
         Ok(reason)
     };
     let mut skip = reason("skip")?;
-    for file in text_list(&o, "needs")? {
+    for file in o.read("needs", texts)?.unwrap_or_default() {
         let missing = c.context.loader.folders().find(None, &file).err();
         skip = skip.or(missing.map(|_| format!("needs {file}, which does not exist here")));
     }
@@ -174,17 +175,8 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
         end_line: test.function_ends.get(section.fn_name()).copied().unwrap_or(0).max(c.place.line),
         skip,
         fails: reason("fails")?,
-        tags: text_list(&o, "tags")?,
+        tags: o.read("tags", texts)?.unwrap_or_default(),
     })
-}
-
-/// Reads an option that is one text or an array of texts.
-fn text_list(o: &Options, name: &str) -> Result<Vec<String>, ApiError> {
-    let Some(given) = o.get(name) else { return Ok(Vec::new()) };
-    if let Some(array) = given.read_lock::<rhai::Array>() {
-        return array.iter().map(|v| crate::call::text(v, &o.label(name))).collect();
-    }
-    Ok(vec![crate::call::text(&given, &o.label(name))?])
 }
 
 fn scene(c: &mut Call) -> Reply {
@@ -345,6 +337,8 @@ fn stage_of(c: &mut Call) -> Reply {
         inner.diagnostics.into_iter().for_each(|d| stage_draft.add_diagnostic(d));
         stage_draft.diagnostics_beyond_limit += inner.diagnostics_beyond_limit;
         stage_draft.printed.extend(inner.printed);
+        stage_draft.printed_bytes += inner.printed_bytes;
+        stage_draft.lines_beyond_limit += inner.lines_beyond_limit;
     }
     {
         let mut test = c.context.test();
@@ -390,22 +384,8 @@ fn check_no_handles(value: &Dynamic) -> Result<(), ApiError> {
 
 fn plan(c: &mut Call) -> Reply {
     let o = c.options(0, &["size", "samples"])?;
-    let options = PlanOptions { size: size_option(&o)?, samples: samples_option(&o)? };
+    let options = PlanOptions { size: o.read("size", read_size)?, samples: samples_option(&o)? };
     Ok(Dynamic::from(PlanRef { options, dead: false }))
-}
-
-/// Reads the size in pixels, with the same range as in `stage`.
-fn size_option(o: &Options) -> Result<Option<[u32; 2]>, ApiError> {
-    let Some(size) = o.get("size") else { return Ok(None) };
-    let sides = numbers(&size).filter(|n| n.len() == 2);
-    let sides = sides.filter(|n| n.iter().all(|v| v.fract() == 0.0 && (1.0..=16384.0).contains(v)));
-    match sides {
-        Some(sides) => Ok(Some([sides[0] as u32, sides[1] as u32])),
-        None => {
-            let allowed = "[width, height], whole numbers from 1 to 16384";
-            Err(crate::call::wrong(&size, &o.label("size"), allowed))
-        }
-    }
 }
 
 fn samples_option(o: &Options) -> Result<Option<u32>, ApiError> {
@@ -447,7 +427,7 @@ fn expect_image(c: &mut Call) -> Reply {
     }
     let expectation = ImageExpectation {
         at: o.get("at").map(|v| crate::call::time(&v, &o.label("at"))).transpose()?.unwrap_or(Time::ZERO),
-        size: size_option(&o)?,
+        size: o.read("size", read_size)?,
         samples: samples_option(&o)?,
         device: o.one_of("device", &["cpu", "vulkan"])?.map(str::to_string),
         tolerance: tolerance.map_or(default.tolerance, |t| t as u8),

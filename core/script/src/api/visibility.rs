@@ -1,8 +1,8 @@
 //! The visibility of an actor: `actor.from(time)`, `actor.until(time)`, `actor.hide_parts(names)`.
 
-use super::cue::layer::matches;
+use super::joint_names::matches_wildcards;
 use super::keys;
-use crate::call::{ApiError, Call, Reply, api, unknown};
+use crate::call::{ApiError, Call, Reply, api, texts, unknown};
 use crate::suggest::list;
 use crate::value::ActorRef;
 use choreo_motion::{Interpolation, Time};
@@ -21,11 +21,7 @@ api! {
 
 fn hide_parts(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    let (value, label) = (c.value(0), c.label(0));
-    let patterns = match value.read_lock::<rhai::Array>() {
-        Some(array) => array.iter().map(|v| crate::call::text(v, &label)).collect::<Result<Vec<_>, _>>()?,
-        None => vec![crate::call::text(&value, &label)?],
-    };
+    let patterns = texts(&c.value(0), &c.label(0))?;
     let asset = &this.asset;
     let names: Vec<[&str; 2]> = (asset.instances.iter())
         .map(|instance| {
@@ -37,7 +33,7 @@ fn hide_parts(c: &mut Call) -> Reply {
     let mut hidden = Vec::new();
     for pattern in &patterns {
         let known = hidden.len();
-        let named = |names: &[&str; 2]| names.iter().any(|name| matches(pattern.as_bytes(), name.as_bytes()));
+        let named = |names: &[&str; 2]| names.iter().any(|name| matches_wildcards(pattern, name));
         hidden.extend((0..).zip(&names).filter(|(_, names)| named(names)).map(|(index, _)| index));
         if hidden.len() == known {
             return Err(unknown_part_error(pattern, &asset.name, &names));

@@ -5,8 +5,8 @@ mod read;
 
 use read::check_coordinates;
 pub(crate) use read::{
-    color, describe, duration, euler, number, number_in, numbers, one_of, point, radians, rgb, target, text,
-    time, wrong,
+    color, describe, duration, euler, int_or_float, number, number_in, numbers, one_of, point, radians, rgb,
+    target, text, texts, time, wrong,
 };
 
 pub(crate) use crate::api_error::{ApiError, Place};

@@ -79,13 +79,14 @@ pub fn describe(v: &Dynamic) -> String {
     }
 }
 
+/// The value of an int or float, which need not be finite; `None` for any other value.
+pub fn int_or_float(v: &Dynamic) -> Option<f64> {
+    v.as_int().map(|n| n as f64).or_else(|_| v.as_float()).ok()
+}
+
 /// Reads a finite int or float.
 pub fn number(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
-    let n = match (v.as_int(), v.as_float()) {
-        (Ok(n), _) => n as f64,
-        (_, Ok(n)) => n,
-        _ => return Err(wrong(v, label, "a number")),
-    };
+    let n = int_or_float(v).ok_or_else(|| wrong(v, label, "a number"))?;
     if n.is_finite() {
         Ok(n)
     } else {
@@ -107,7 +108,7 @@ const LONGEST_SECS: f64 = 1e6;
 
 /// Reads a time in seconds, within ±1 000 000 s.
 pub fn time(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
-    let secs = number(v, label).map_err(|e| match v.as_int().is_err() && v.as_float().is_err() {
+    let secs = number(v, label).map_err(|e| match int_or_float(v).is_none() {
         true => wrong(v, label, "a time: seconds, or f(frame)"),
         false => e,
     })?;
@@ -132,6 +133,14 @@ pub fn duration(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
 /// Reads a text.
 pub fn text(v: &Dynamic, label: &str) -> Result<String, ApiError> {
     v.clone().into_string().map_err(|_| wrong(v, label, "text"))
+}
+
+/// Reads one text or an array of texts.
+pub fn texts(v: &Dynamic, label: &str) -> Result<Vec<String>, ApiError> {
+    match v.read_lock::<rhai::Array>() {
+        Some(array) => array.iter().map(|v| text(v, label)).collect(),
+        None => Ok(vec![text(v, label)?]),
+    }
 }
 
 /// Reads an array of finite numbers; `None` for any other value.

@@ -1,11 +1,7 @@
 //! Converts arrays of a script to flat lists of numbers, from flat arrays, arrays of rows or blobs.
 
-use crate::call::{ApiError, Options, color, describe, wrong};
+use crate::call::{ApiError, Options, color, describe, int_or_float, wrong};
 use rhai::{Array, Blob, Dynamic};
-
-fn int_or_float(v: &Dynamic) -> Option<f64> {
-    v.as_int().map(|n| n as f64).or_else(|_| v.as_float()).ok()
-}
 
 /// The option `name` as a flat list of vectors of `width` numbers, from `[[x, y, z], …]`, `[x, y, z, x, …]` or a blob of
 /// little-endian f32. Empty without the option.

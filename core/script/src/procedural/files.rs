@@ -4,6 +4,7 @@ use super::image_sequence::combined_alpha_mode;
 use super::material::alpha_mode_of;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
+use crate::totals::texels;
 use crate::value::{ImageRef, ImageSequenceRef, decoding_error};
 use choreo_asset::{AlphaMode, Image, ImageSource, ImageSourceError, Sampler};
 use choreo_importer_kit::Problem;
@@ -145,8 +146,4 @@ pub(crate) fn decoded_image(c: &Call, what: &str, name: &str) -> Result<Arc<Imag
 
 fn decode_file(name: &str, bytes: &[u8]) -> Result<Arc<Image>, Problem> {
     Encoded::examine(name.into(), name.into(), bytes, Formats::All)?.decode()
-}
-
-fn texels(image: &Image) -> u64 {
-    u64::from(image.width) * u64::from(image.height)
 }

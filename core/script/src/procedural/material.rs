@@ -388,8 +388,9 @@ fn set_shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
 /// Sets the material layers of the glTF extensions (clearcoat, sheen, transmission and others).
 fn set_material_layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     // From `clearcoat` to `translucent_color`.
-    const LAYER_OPTIONS: std::ops::Range<usize> = 13..29;
-    let Some(first) = OPTIONS[LAYER_OPTIONS].iter().find(|name| o.get(name).is_some()) else { return Ok(()) };
+    let mut layers =
+        OPTIONS.iter().skip_while(|name| **name != "clearcoat").take_while(|name| **name != "name");
+    let Some(first) = layers.find(|name| o.get(name).is_some()) else { return Ok(()) };
     if material.shading != Shading::MetallicRoughness {
         let text =
             format!("{}: {first} is for surfaces with roughness, not with unlit or shininess", o.function);

@@ -1,6 +1,6 @@
 //! Images made from numbers: `image(width, height, pixels)`.
 
-use crate::call::{ApiError, Call, Options, color, describe, one_of};
+use crate::call::{ApiError, Call, Options, color, describe, int_or_float, one_of};
 use crate::limits::raise_hint;
 use crate::value::ImageRef;
 use choreo_asset::{Sampler, Wrap};
@@ -98,15 +98,12 @@ fn pixel_bytes(pixels: &Dynamic, count: u64) -> Result<Vec<u8>, ApiError> {
     };
     let has_colors = array.iter().any(|v| v.is_string() || v.is_array());
     if !has_colors {
-        let byte = |(at, v): (usize, &Dynamic)| {
-            let number = v.as_int().map(|n| n as f64).or_else(|_| v.as_float()).ok();
-            match number {
-                Some(n) if (0.0..=255.0).contains(&n) => Ok(libm::round(n) as u8),
-                _ => Err(ApiError::new(format!(
-                    "image: pixels[{at}] must be a number from 0 to 255, or a color, got {}",
-                    describe(v)
-                ))),
-            }
+        let byte = |(at, v): (usize, &Dynamic)| match int_or_float(v) {
+            Some(n) if (0.0..=255.0).contains(&n) => Ok(libm::round(n) as u8),
+            _ => Err(ApiError::new(format!(
+                "image: pixels[{at}] must be a number from 0 to 255, or a color, got {}",
+                describe(v)
+            ))),
         };
         return array.iter().enumerate().map(byte).collect();
     }

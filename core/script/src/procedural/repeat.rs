@@ -3,7 +3,7 @@
 use crate::call::{ApiError, Call, Reply, describe, euler, numbers, wrong};
 use crate::limits::raise_hint;
 use crate::value::AssetRef;
-use choreo_asset::Asset;
+use choreo_asset::{Asset, widen};
 use glam::{Affine3A, DAffine3, DQuat, DVec3};
 use rhai::{Array, Dynamic, Map};
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub fn repeat(c: &mut Call) -> Reply {
     }
     let model_from_place: Vec<DAffine3> =
         array.iter().enumerate().map(|(i, v)| read_place(v, i)).collect::<Result<_, _>>()?;
-    let own: Vec<DAffine3> = asset.first_placements(None).map(to_f64).collect();
+    let own: Vec<DAffine3> = asset.first_placements(None).map(|place| widen(&place)).collect();
     let places = model_from_place.iter().flat_map(|p| own.iter().map(move |own| to_f32(*p * *own)));
     let placements = places.collect();
     let asset = Asset { placements, derived: Default::default(), ..Asset::clone(asset) };
@@ -79,10 +79,6 @@ fn read_place(v: &Dynamic, i: usize) -> Result<DAffine3, ApiError> {
         return Err(ApiError::new(format!("{label} must be finite")));
     }
     Ok(placed)
-}
-
-fn to_f64(a: Affine3A) -> DAffine3 {
-    DAffine3::from_cols_array(&a.to_cols_array().map(f64::from))
 }
 
 fn to_f32(a: DAffine3) -> Affine3A {

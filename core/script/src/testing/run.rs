@@ -4,6 +4,7 @@ use super::file::Listing;
 use super::*;
 use crate::build::{RunMode, ScriptContext};
 use crate::compile::UnknownVariable;
+use crate::content::add_to_hash;
 use crate::resolve::resolve_test_stage;
 use crate::run::{Opened, begin, execute, on_script_thread, open};
 use choreo_plugin::Registry;
@@ -271,7 +272,7 @@ fn run_section_on_this_thread(
         // Judging a stage at many times takes longer than the script, which has its own limit.
         seconds: 3.0 * context.limits.seconds,
         timeout: context.timeout,
-        printed: std::mem::take(&mut stage_draft.printed),
+        printed: stage_draft.take_printed(context.limits.printed),
         files_used,
     }))
 }
@@ -325,10 +326,7 @@ fn expected_in_section(
 /// Hash of everything on which the outcome of a section depends, apart from program and device.
 fn hash_section(info: &SectionInfo, context: &ScriptContext, files: &[(PathBuf, [u8; 32])]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    let mut add = |bytes: &[u8]| {
-        hasher.update(&(bytes.len() as u64).to_le_bytes());
-        hasher.update(bytes);
-    };
+    let mut add = |bytes: &[u8]| add_to_hash(&mut hasher, bytes);
     add(info.name.as_bytes());
     for (name, value) in &context.set_parameters {
         add(name.as_bytes());

@@ -1,9 +1,9 @@
 //! Lines that add a new object to the stage, written as a person would write them.
 
 use super::casting::{free_label, free_name, numbered_name};
-use super::object::quoted;
 use super::times::EditTime;
 use super::values::format_number;
+use choreo_script::quoted;
 use glam::DVec3;
 
 /// Something that the user adds to a script.

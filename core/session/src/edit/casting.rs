@@ -1,10 +1,10 @@
 //! Lines that add a model to the stage.
 
-use super::object::{loads_of, quoted};
+use super::object::loads_of;
 use super::scan::{Call, Source};
 use super::values::format_number;
 use crate::model::is_built_in;
-use choreo_script::is_name;
+use choreo_script::{is_name, quoted};
 use glam::DVec3;
 use std::path::Path;
 

@@ -1,11 +1,12 @@
 //! Cues copied as text and pasted onto another row or into another script, like lines that a person moves.
 
 use super::indenting::indented;
-use super::object::{ScriptObject, loaded_as, quoted};
+use super::object::{ScriptObject, loaded_as};
 use super::scan::{Call, Source};
 use super::strips::{Strip, TIME_RANGE_CALLS, is_layer_call, shift_cue};
 use super::times::{EditTime, TimeLiteral};
 use super::{Edit, EditRefused};
+use choreo_script::quoted;
 
 /// Largest difference between a stated start and that of the bar, seconds: a stated time may be rounded to the millisecond.
 const TIME_TOLERANCE: f64 = 1e-3;

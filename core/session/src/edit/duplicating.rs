@@ -2,10 +2,11 @@
 
 use super::casting::first_free;
 use super::key_list::{arguments, leading_argument_count, split_at_commas};
-use super::object::{ScriptObject, quoted};
+use super::object::ScriptObject;
 use super::scan::{Call, Source};
 use super::values::{literals, rewritten};
 use super::{Edit, EditRefused, NamedBy};
+use choreo_script::quoted;
 use glam::DVec3;
 use std::ops::Range;
 

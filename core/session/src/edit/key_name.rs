@@ -1,8 +1,8 @@
 //! Names of keyed properties, and the calls that state their keys.
 
 use super::key_list::arguments;
-use super::object::quoted;
 use super::scan::{Call, Source};
+use choreo_script::quoted;
 use choreo_stage::Cue;
 
 /// Methods of a cue and of its layer that state keys.

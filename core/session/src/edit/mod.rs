@@ -44,7 +44,7 @@ pub use duplicating::{Duplicate, duplicate_object};
 pub use key_name::{are_keys, are_keys_of_cue};
 pub use key_tangents::{KeyShape, KeySide};
 pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
-pub use object::{ScriptObject, ScriptText, quoted, rotation_of, set_call, set_marker};
+pub use object::{ScriptObject, ScriptText, rotation_of, set_call, set_marker};
 pub use object_values::NewValueSyntax;
 pub use refused::EditRefused;
 pub use renaming::{NamedBy, Renaming};

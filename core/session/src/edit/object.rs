@@ -14,6 +14,7 @@ use super::values::{
     rewritten, set_option,
 };
 use super::{Edit, EditRefused, chain};
+use choreo_script::quoted;
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
@@ -461,11 +462,6 @@ pub fn set_marker(text: &str, name: &str, time: EditTime) -> Result<Edit, EditRe
     let line = text[..call.name.start].matches('\n').count() + 1;
     restated(text, &second, time)
         .ok_or_else(|| EditRefused::at(line, &format!("the time of \"{name}\" is computed; change it there")))
-}
-
-/// A string as a script literal, with quotes and escapes.
-pub fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
 fn call_text(name: &str, values: &[f64]) -> String {

@@ -1,10 +1,11 @@
 //! Values that the script states for an object or a cue: reads them as source text, writes them, and removes them so that the default applies.
 
-use super::object::{ScriptObject, quoted};
+use super::object::ScriptObject;
 use super::scan::Call;
 use super::times::{EditTime, restated};
 use super::values::{becomes_method, option_value, set_option};
 use super::{Edit, EditRefused};
+use choreo_script::quoted;
 use std::collections::BTreeMap;
 use std::ops::Range;
 

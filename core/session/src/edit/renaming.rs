@@ -1,9 +1,10 @@
 //! Names of objects: the displayed name, which the creating call states, and the variable that goes with it.
 
 use super::casting::identifier;
-use super::object::{ScriptObject, quoted};
+use super::object::ScriptObject;
 use super::values::{option_value, set_option};
 use super::{Edit, EditRefused};
+use choreo_script::quoted;
 use std::ops::Range;
 
 /// Syntax in which an object states its name.

@@ -1,6 +1,6 @@
 //! Calls, arguments and statements of a script, found in its tokens.
 
-use choreo_script::token_ranges;
+use choreo_script::{is_closing_bracket, is_opening_bracket, token_ranges};
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 
@@ -49,14 +49,6 @@ pub(super) struct Loop<'a> {
     pub values: Range<usize>,
     /// Bytes between the braces.
     pub body: Range<usize>,
-}
-
-fn is_opening_bracket(token: &str) -> bool {
-    matches!(token, "(" | "[" | "{" | "#{")
-}
-
-fn is_closing_bracket(token: &str) -> bool {
-    matches!(token, ")" | "]" | "}")
 }
 
 impl<'a> Source<'a> {

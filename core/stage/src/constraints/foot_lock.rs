@@ -147,21 +147,11 @@ pub(super) fn contact_on_ground(
     ground: &[Ground],
     raised: &mut f64,
 ) -> Contact {
-    let ContactSpan { span: (from, to), ends, highest } = *contact;
-    if !is_locked_contact(foot_lock, contact.span) {
-        let zero = DVec3::ZERO;
-        return Contact {
-            from,
-            to,
-            position: None,
-            first_offset: zero,
-            last_offset: zero,
-            roll_span: (from, to),
-            lowered: 0.0,
-            by_step: false,
-        };
+    let ContactSpan { span, ends, highest } = *contact;
+    if !is_locked_contact(foot_lock, span) {
+        return Contact::new(span, None, [DVec3::ZERO; 2]);
     }
-    let (first, last) = samples.samples_between((from, to));
+    let (first, last) = samples.samples_between(span);
     let mut at = reachable_position(samples, leg, (first, last), highest);
     let lowered = reachable_position(samples, leg, (first, last), f64::INFINITY).y - at.y;
     if !ground.is_empty() {
@@ -171,9 +161,7 @@ pub(super) fn contact_on_ground(
         *raised = heights.reduce(f64::max).unwrap_or(floor) - floor;
         at.y += *raised;
     }
-    let (first_offset, last_offset) = (at - ends[0], at - ends[1]);
-    let roll_span = (from, to);
-    Contact { from, to, position: Some(at), first_offset, last_offset, roll_span, lowered, by_step: false }
+    Contact { lowered, ..Contact::new(span, Some(at), ends.map(|end| at - end)) }
 }
 
 /// Inputs of [`extend_rolls`] for one leg.
@@ -301,6 +289,21 @@ pub(super) fn hip_drops(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64
 }
 
 impl Contact {
+    /// A contact that does not roll, is not lowered, and has no footsteps. `offsets`: `first_offset` and `last_offset`.
+    pub fn new(span: (Time, Time), position: Option<DVec3>, offsets: [DVec3; 2]) -> Contact {
+        let ((from, to), [first_offset, last_offset]) = (span, offsets);
+        Contact {
+            from,
+            to,
+            position,
+            first_offset,
+            last_offset,
+            roll_span: span,
+            lowered: 0.0,
+            by_step: false,
+        }
+    }
+
     /// Moves the contact to another world position.
     pub fn move_to(&mut self, at: DVec3) {
         let way = at - self.position.unwrap_or(at);

@@ -225,16 +225,8 @@ impl FadeSteps<'_> {
             carried.y += above;
         }
         let at = here + carried;
-        let walking = Contact {
-            from: walking_at,
-            to: walking_at,
-            position: Some(at),
-            first_offset: carried,
-            last_offset: carried,
-            roll_span: (walking_at, walking_at),
-            lowered: 0.0,
-            by_step: true,
-        };
+        let walking =
+            Contact { by_step: true, ..Contact::new((walking_at, walking_at), Some(at), [carried; 2]) };
         Ok(FootSides { walking, state: FootState { position: at, velocity, lands_secs }, standing })
     }
 
@@ -274,18 +266,9 @@ impl FadeSteps<'_> {
                 |(_, at, off)| at.unwrap_or_default() - *off,
             )
         };
-        let stand = |(from, to, at)| {
-            let (first_offset, last_offset) = (at - in_clip(from), at - in_clip(to));
-            Contact {
-                from,
-                to,
-                position: Some(at),
-                first_offset,
-                last_offset,
-                roll_span: (from, to),
-                lowered: 0.0,
-                by_step: true,
-            }
+        let stand = |(from, to, at): (Time, Time, DVec3)| {
+            let offsets = [at - in_clip(from), at - in_clip(to)];
+            Contact { by_step: true, ..Contact::new((from, to), Some(at), offsets) }
         };
         contacts.retain(|c| c.to < first.from || c.from > last.to);
         let place = contacts.partition_point(|c| c.from < first.from);

@@ -135,18 +135,7 @@ impl StandingSpan {
 
     /// The contact of a foot for the whole standing span.
     pub fn contact_at(&self, at: DVec3) -> Contact {
-        let (from, to) = (self.from, self.to);
-        let zero = DVec3::ZERO;
-        Contact {
-            from,
-            to,
-            position: Some(at),
-            first_offset: zero,
-            last_offset: zero,
-            roll_span: (from, to),
-            lowered: 0.0,
-            by_step: true,
-        }
+        Contact { by_step: true, ..Contact::new((self.from, self.to), Some(at), [DVec3::ZERO; 2]) }
     }
 }
 
@@ -208,15 +197,8 @@ impl HeldFoot<'_> {
                 ..after
             });
         }
-        let [first_offset, last_offset] = [from, to].map(|time| off(Some(self.position), time));
-        kept.push(Contact {
-            from,
-            to,
-            first_offset,
-            last_offset,
-            roll_span: (from, to),
-            ..stand.contact_at(self.position)
-        });
+        let offsets = [from, to].map(|time| off(Some(self.position), time));
+        kept.push(Contact { by_step: true, ..Contact::new((from, to), Some(self.position), offsets) });
         kept.extend(late);
         contacts.splice(first..first + count, kept);
     }

@@ -4,7 +4,7 @@ use crate::stage::channel::Channel;
 use crate::stage::clips::Layer;
 use crate::stage::constraint::Constraint;
 use crate::stage::described::{FieldType, described, fields};
-use crate::stage::fade::{apply_ease, elapsed_fraction};
+use crate::stage::fade::fades_at;
 use crate::stage::parenting::Parenting;
 use crate::stage::path::PathFollowing;
 use crate::stage::springs::ActorSprings;
@@ -12,7 +12,7 @@ use crate::stage::surfaces::SurfaceRule;
 use choreo_asset::Asset;
 use choreo_asset::hash::Writer;
 use choreo_motion::ik::Limit;
-use choreo_motion::{Ease, Skinning, Time};
+use choreo_motion::{Skinning, Time};
 use glam::{DQuat, DVec3, Vec4};
 use std::sync::Arc;
 
@@ -192,12 +192,7 @@ impl Actor {
 impl LookAt {
     /// Weight with fades, 0..=1; 0 outside `start..end`.
     pub(crate) fn weight_at(&self, time: Time) -> f32 {
-        if time < self.start || self.end.is_some_and(|end| time >= end) {
-            return 0.0;
-        }
-        let fade_in = apply_ease(Ease::Smooth, elapsed_fraction(time - self.start, self.fade));
-        let fade_out =
-            self.end.map_or(1.0, |end| apply_ease(Ease::Smooth, elapsed_fraction(end - time, self.fade)));
+        let Some([fade_in, fade_out]) = fades_at(time, self.start, self.end, self.fade) else { return 0.0 };
         (self.weight * fade_in * fade_out).clamp(0.0, 1.0)
     }
 }

@@ -1,10 +1,9 @@
 //! Constraints of an actor: foot lock, aim, reach, mirroring; see [`crate::constraints`] for their order.
 
-use crate::Ease;
 use crate::mirroring::Mirroring;
 use crate::stage::actor::Target;
 use crate::stage::described::{FieldType, fields};
-use crate::stage::fade::{apply_ease, elapsed_fraction};
+use crate::stage::fade::fades_at;
 use choreo_asset::hashed;
 use choreo_motion::Time;
 use glam::DVec3;
@@ -170,19 +169,11 @@ impl Constraint {
 
     /// Weight with fades, 0..=1; 0 outside `start..end`.
     pub(crate) fn weight_at(&self, time: Time) -> f64 {
-        if time < self.start || self.end.is_some_and(|end| time >= end) {
-            return 0.0;
-        }
+        let Some([fade_in, fade_out]) = fades_at(time, self.start, self.end, self.fade) else { return 0.0 };
         // Foot locks and mirroring that begin with the stage do not fade in.
         let is_on_from_start = self.start <= Time::ZERO
             && matches!(self.kind, ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_));
-        let fade_in = if is_on_from_start {
-            1.0
-        } else {
-            apply_ease(Ease::Smooth, elapsed_fraction(time - self.start, self.fade))
-        };
-        let fade_out =
-            self.end.map_or(1.0, |end| apply_ease(Ease::Smooth, elapsed_fraction(end - time, self.fade)));
+        let fade_in = if is_on_from_start { 1.0 } else { fade_in };
         f64::from((self.weight * fade_in * fade_out).clamp(0.0, 1.0))
     }
 

@@ -4,6 +4,7 @@ use super::judge_error::JudgeError;
 use super::snapshot_cache::SnapshotCache;
 use super::{Judgment, text_format};
 use choreo_motion::Time;
+use choreo_script::hex;
 use choreo_script::testing::{ComparedObject, ComparedWith, Expectation, When};
 use choreo_stage::{ActorState, Snapshot, Stage};
 
@@ -86,7 +87,7 @@ fn describe_stage_difference(a: &Stage, b: &Stage) -> String {
     if a.settings != b.settings {
         return "the stages have different settings".into();
     }
-    let hash = |s: &Stage| s.content_hash()[..4].iter().map(|b| format!("{b:02x}")).collect::<String>();
+    let hash = |s: &Stage| hex(&s.content_hash()[..4]);
     format!("the stages differ in content: hashes {} and {}", hash(a), hash(b))
 }
 

@@ -4,9 +4,9 @@ use super::judge_error::JudgeError;
 use super::snapshot_cache::SnapshotCache;
 use choreo_asset::{Asset, Topology};
 use choreo_motion::Time;
-use choreo_render::commands::{RecordOptions, record};
+use choreo_render::commands::{RecordOptions, Recording, record};
 use choreo_render::plan::motion_blur::plan_with;
-use choreo_render::{Plan, PlanOptions as RenderOptions};
+use choreo_render::{Plan, PlanOptions as RenderOptions, SceneResources};
 use choreo_script::testing::{Count, PlanCount, PlanOptions};
 use std::sync::Arc;
 
@@ -25,10 +25,15 @@ pub fn make_plan(
     let (_, mut plan) = plan_with(&resources, &stage, time, &options, at)?;
     // Counts refer to one image of one camera: sub-frames, earlier frames and dissolves are left out.
     (plan.subframes, plan.history, plan.dissolve) = (Vec::new(), Vec::new(), None);
-    let triangles = |primitive: u32| resources.primitives[primitive as usize].primitive().indices.len() / 3;
-    let recording = record(&plan, RecordOptions::default(), triangles);
+    let recording = record_plan(&plan, &resources);
     plan.left_out.extend(recording.preskinning_left_out(&plan));
     Ok(plan)
+}
+
+/// Records a plan with the index counts that the renderers use, also for lines and points.
+fn record_plan(plan: &Plan, resources: &SceneResources) -> Recording {
+    let thirds = |primitive: u32| resources.primitives[primitive as usize].primitive().indices.len() / 3;
+    record(plan, RecordOptions::default(), thirds)
 }
 
 pub fn count_in_plan(
@@ -46,7 +51,7 @@ pub fn count_in_plan(
             _ => 0,
         }
     };
-    let counts = || record(&plan, RecordOptions::default(), triangles).counts();
+    let counts = || record_plan(&plan, &resources).counts();
     Ok(match what {
         PlanCount::Passes => counts().passes + plan.post.len(),
         PlanCount::PostPasses => plan.post.len(),

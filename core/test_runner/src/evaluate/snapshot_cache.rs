@@ -1,6 +1,7 @@
 //! Evaluation of a stage at the times that its expectations need; each snapshot is made once.
 
 use super::judge_error::JudgeError;
+use choreo_asset::widen;
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::SceneResources;
@@ -8,7 +9,7 @@ use choreo_script::testing::{Expectation, Subject, Timeout, When};
 use choreo_stage::{
     ActorState, Attachment, CameraState, Channel, Cut, Evaluator, LightState, Property, Snapshot, Stage,
 };
-use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Vec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -222,11 +223,7 @@ fn check_count(count: i64) -> Result<(), JudgeError> {
 }
 
 fn model_from_joint(state: &ActorState, joint: u32) -> Option<DAffine3> {
-    state.model_from_joint.get(joint as usize).map(to_double_precision)
-}
-
-pub fn to_double_precision(a: &Affine3A) -> DAffine3 {
-    DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
+    state.model_from_joint.get(joint as usize).map(widen)
 }
 
 /// Rotation of a matrix that includes scale: keeps the +z axis, then +y as well as possible. For a mirrored matrix, x is flipped.

@@ -5,7 +5,8 @@ use crate::app::Viewer;
 use crate::geometry::picking;
 use crate::state::selection::{Selected, actor};
 use choreo_motion::HumanoidJoints;
-use choreo_session::edit::{ScriptObject, format_number, quoted};
+use choreo_script::quoted;
+use choreo_session::edit::{ScriptObject, format_number};
 use choreo_stage::{Actor, ActorState};
 use glam::DVec3;
 

@@ -37,7 +37,7 @@ use crate::app::Viewer;
 use crate::state::history::{AppliedEdit, Offer};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
-use choreo_files::{WriteError, write_whole};
+use choreo_files::{WriteError, containing_folder, write_whole};
 use choreo_script::{Place, Severity};
 use choreo_session::Problem;
 use choreo_session::edit::{
@@ -451,7 +451,7 @@ fn read_all(path: &Path) -> Result<String, EditError> {
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), EditError> {
     let failed = |source: WriteError| EditError::Write { path: path.to_path_buf(), source };
     let place = path.canonicalize().map_err(|e| failed(e.into()))?;
-    let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = containing_folder(path);
     if path.is_symlink() && folder.canonicalize().is_ok_and(|folder| !place.starts_with(folder)) {
         return Err(EditError::LinkOutside { path: path.to_path_buf(), target: place });
     }

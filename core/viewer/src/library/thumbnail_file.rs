@@ -3,6 +3,7 @@
 use super::thumbnails::{ClipEntry, Thumbnail};
 use choreo_files::write_whole_beneath;
 use choreo_plugin::Frame;
+use choreo_script::{content_of, hex};
 use serde_json::{Value, json};
 use std::fs::File;
 use std::io::Cursor;
@@ -18,10 +19,9 @@ pub const MAX_CACHE_BYTES: u64 = 64 << 20;
 
 /// Cache file of a thumbnail, named after the content of the displayed file, so that a changed file gets a new one.
 pub fn path(cache: &Path, shows: &Path, clip: Option<&str>) -> Option<PathBuf> {
-    let content = choreo_script::content_of(shows)?;
-    let name: String = content[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    let name = hex(&content_of(shows)?[..16]);
     // The name of a clip may contain characters that a file name must not.
-    let clip: String = clip.unwrap_or("").bytes().map(|byte| format!("{byte:02x}")).collect();
+    let clip = hex(clip.unwrap_or("").as_bytes());
     let version = env!("CARGO_PKG_VERSION");
     Some(cache.join("thumbnails").join(format!("{version}-{name}-{clip:.60}.png")))
 }

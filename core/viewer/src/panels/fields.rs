@@ -8,7 +8,8 @@ use crate::editing::{FieldChange, expression};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::{AlphaMode, Asset, Material};
 use choreo_motion::Repeat;
-use choreo_session::edit::{CueTime, NewValueSyntax, quoted};
+use choreo_script::quoted;
+use choreo_session::edit::{CueTime, NewValueSyntax};
 use choreo_stage::{
     Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Shadow, Stage,
     StageLight,

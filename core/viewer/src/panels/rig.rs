@@ -38,7 +38,7 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
     let title = format!("constraints and springs ({count})");
     egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
         for call in attached.into_iter().take(MAX_CALLS) {
-            let all = written::<ParentChange>(ParentChange::default(), viewer, &call);
+            let all = with_stated_literals::<ParentChange>(ParentChange::default(), viewer, &call);
             let change = section(ui, &call, |ui, form| fields(ui, form, &all));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }

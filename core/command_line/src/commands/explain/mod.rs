@@ -9,7 +9,7 @@ use crate::commands::compressed;
 use crate::failure::{Failure, print, print_json};
 use crate::output::svg;
 use crate::scene::{self, opening::OpenOptions};
-use crate::terminal::width::columns;
+use crate::terminal::{counted, width::columns};
 use choreo_bench::plots::{Cell, Table, byte_bars};
 use choreo_plugin::{FrameWish, Passes, Registry};
 use choreo_render::commands::{RecordOptions, record};
@@ -155,21 +155,10 @@ fn frame_facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) 
     })
 }
 
-/// Formats a number with its noun: "1 actor", "2 actors".
-fn counted_value(number: &Value, one: &str) -> String {
-    let plural = match (number.as_u64() == Some(1), one) {
-        (true, _) => one.to_string(),
-        (_, "vertex") => "vertices".to_string(),
-        (_, "joint matrix") => "joint matrices".to_string(),
-        (_, "copy") => "copies".to_string(),
-        _ => format!("{one}s"),
-    };
-    format!("{number} {plural}")
-}
-
 fn facts_text(f: &Value) -> String {
     let mut t = String::new();
     let (stage, shared, frame) = (&f["stage"], &f["shared"], &f["frame"]);
+    let counted_value = |number: &Value, noun: &str| counted(number.as_u64().unwrap_or_default(), noun);
     let _ = writeln!(t, "at {} s, {}×{}, {} samples", f["seconds"], f["size"][0], f["size"][1], f["samples"]);
     let _ = writeln!(
         t,

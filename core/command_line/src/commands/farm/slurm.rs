@@ -3,6 +3,7 @@
 
 use super::job::{FarmJob, Film, OUTPUT_FOLDER, ROWS_FILE, SCENE_FILE};
 use crate::failure::Failure;
+use crate::terminal::counted;
 use choreo_test_runner::collect::shell_quote;
 use std::path::Path;
 
@@ -91,8 +92,9 @@ fn submit_lines(array: &ArrayJob, tasks: usize, dependency: &str) -> String {
 # The name of the cluster may stand behind the number.
 render=${{render%%;*}}
 join=$(sbatch --parsable --dependency={dependency}:\"$render\" --kill-on-invalid-dep=yes \"$@\" {join})
-echo \"{name}render: job $render, {tasks} tasks; {name}join: job ${{join%%;*}}\"
-"
+echo \"{name}render: job $render, {}; {name}join: job ${{join%%;*}}\"
+",
+        counted(tasks as u64, "task")
     )
 }
 

@@ -4,9 +4,10 @@
 use super::chunks::Chunk;
 use super::job::{FarmJob, Film, JOB_FILE, OUTPUT_FOLDER};
 use crate::commands::render::sheet;
+use crate::drawing::png_frame::{decode_png, encode_png};
 use crate::failure::{Failure, print, print_json, write_failure};
 use crate::output::segment::{
-    PART_EXTENSION, SegmentState, WorkerReport, encode_png, parse_frame_range, report_name, segment_name,
+    PART_EXTENSION, SegmentState, WorkerReport, parse_frame_range, report_name, segment_name,
 };
 use crate::output::target::export_failure;
 use crate::output::video::is_being_made;
@@ -15,7 +16,6 @@ use choreo_files::{Folder, write_whole};
 use choreo_plugin::Frame;
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Cursor;
 use std::path::Path;
 
 /// Largest number of names read from one folder.
@@ -25,6 +25,8 @@ const MAX_REPORT_BYTES: u64 = 1 << 20;
 const MAX_JOB_BYTES: u64 = 64 << 20;
 /// Largest number of cells on the contact sheet; each shows one chunk of the job.
 const MAX_SHEET_CELLS: usize = 48;
+/// Longest side in pixels of a thumbnail on the contact sheet.
+const MAX_CELL_SIDE: u32 = 1024;
 /// Largest number of films that are listed one per line.
 const MAX_FILM_LINES: usize = 12;
 
@@ -267,8 +269,9 @@ fn write_sheet(file: &Path, chunks: &[ChunkStatus]) -> Result<(), Failure> {
     let shown = file.display().to_string();
     let count = chunks.len().min(MAX_SHEET_CELLS);
     let shown_chunks: Vec<&ChunkStatus> = (0..count).map(|i| &chunks[i * chunks.len() / count]).collect();
-    let images: Vec<Option<Frame>> =
-        shown_chunks.iter().map(|chunk| decode_thumbnail(&chunk.report.as_ref()?.thumbnail)).collect();
+    let is_small = |size: [u32; 2]| size.into_iter().all(|side| side <= MAX_CELL_SIDE);
+    let thumbnail = |chunk: &&ChunkStatus| decode_png(&chunk.report.as_ref()?.thumbnail, is_small);
+    let images: Vec<Option<Frame>> = shown_chunks.iter().map(thumbnail).collect();
     let cell =
         images.iter().flatten().fold([1, 1], |[w, h], image| [w.max(image.width), h.max(image.height)]);
     let [width, height] = if cell == [1, 1] { [192, 108] } else { cell };
@@ -276,7 +279,8 @@ fn write_sheet(file: &Path, chunks: &[ChunkStatus]) -> Result<(), Failure> {
         let (first, last) = chunk.frames;
         (format!("{first}-{last}: {}", chunk.state_name()), fit_into_cell(image, [width, height]))
     });
-    let sheet = encode_png(&sheet::compose(cells.collect())).map_err(|e| export_failure(&shown, e))?;
+    let sheet = encode_png(&sheet::compose(cells.collect()), png::Compression::Fast);
+    let sheet = sheet.map_err(|e| export_failure(&shown, e))?;
     write_whole(file, &sheet).map_err(|e| write_failure(&shown, e))
 }
 
@@ -290,19 +294,6 @@ fn fit_into_cell(image: Option<Frame>, [width, height]: [u32; 2]) -> Frame {
         cell.rgba[at..at + row_bytes].copy_from_slice(row);
     }
     cell
-}
-
-/// Decodes a thumbnail; `None` if choreo did not write it.
-fn decode_thumbnail(png: &[u8]) -> Option<Frame> {
-    let mut reader = png::Decoder::new(Cursor::new(png)).read_info().ok()?;
-    let info = reader.info();
-    let ours = (info.color_type, info.bit_depth) == (png::ColorType::Rgba, png::BitDepth::Eight);
-    if !ours || info.width.max(info.height) > 1024 {
-        return None;
-    }
-    let mut rgba = vec![0; reader.output_buffer_size()?];
-    let info = reader.next_frame(&mut rgba).ok()?;
-    Some(Frame { width: info.width, height: info.height, rgba })
 }
 
 #[cfg(test)]

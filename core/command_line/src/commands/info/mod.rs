@@ -11,7 +11,7 @@ use crate::plugins::plugin_files;
 use crate::process::memory;
 use crate::scene::model;
 use crate::scene::{self, opening::OpenOptions};
-use crate::terminal::page::Page;
+use crate::terminal::{counted, page::Page};
 use choreo_asset::{Asset, Light, Origin, Projection};
 use choreo_motion::{Clip, Facing, FacingEvidence};
 use choreo_plugin::{Registry, Source};
@@ -175,11 +175,11 @@ fn write_overview(page: &mut Page, asset: &Asset, facts: &AssetFacts, joints: bo
         _ => format!(" ({} joints)", skins.join(", ")),
     };
     let (nodes, skins) = (asset.skeleton.len(), skins.len());
-    let (nodes, skins) = (counted(nodes, "node", "nodes"), counted(skins, "skin", "skins"));
+    let (nodes, skins) = (counted(nodes as u64, "node"), counted(skins as u64, "skin"));
     page.line(format_args!("joints     {nodes}, {skins}{in_skins}"));
     for mesh in asset.meshes.iter().filter(|m| m.morph_targets > 0) {
         let names = model::list(mesh.morph_names.iter().map(String::as_str), 12);
-        let targets = counted(mesh.morph_targets, "target", "targets");
+        let targets = counted(mesh.morph_targets as u64, "target");
         page.line(format_args!("morphs     {}: {targets} {names}", mesh.name));
     }
     page.line(format_args!(
@@ -197,7 +197,7 @@ fn write_overview(page: &mut Page, asset: &Asset, facts: &AssetFacts, joints: bo
             "  {:<28} {:8.3} s, {}",
             clip.name,
             clip.duration.as_secs(),
-            counted(clip.curves().len() + clip.properties().len(), "curve", "curves")
+            counted((clip.curves().len() + clip.properties().len()) as u64, "curve")
         ));
     }
     character::write_character_lines(page, asset, joints);
@@ -222,9 +222,9 @@ fn write_mesh_summary(page: &mut Page, asset: &Asset, facts: &AssetFacts) {
     page.line(format_args!(
         "meshes     {} with {}, {}, {}",
         asset.meshes.len(),
-        counted(facts.primitives, "primitive", "primitives"),
-        counted(facts.vertices, "vertex", "vertices"),
-        counted(facts.triangles, "triangle", "triangles")
+        counted(facts.primitives as u64, "primitive"),
+        counted(facts.vertices as u64, "vertex"),
+        counted(facts.triangles as u64, "triangle")
     ));
     for mesh in mesh_lines(asset) {
         page.line(format_args!("  mesh     {mesh}"));
@@ -233,7 +233,7 @@ fn write_mesh_summary(page: &mut Page, asset: &Asset, facts: &AssetFacts) {
         asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| asset.times(i)).collect();
     if !copied.is_empty() {
         let copies: usize = copied.iter().sum();
-        let of = counted(copied.len(), "mesh", "meshes");
+        let of = counted(copied.len() as u64, "mesh");
         page.line(format_args!("copies     {copies}, of {of} drawn many times"));
     }
 }
@@ -259,11 +259,6 @@ fn mesh_lines(asset: &Asset) -> Vec<String> {
     lines.truncate(MAX_MESH_LINES);
     lines.extend((more > 0).then(|| format!("and {more} more; --json lists all")));
     lines
-}
-
-/// Formats a number with its noun in the singular or the plural.
-fn counted(number: usize, one: &str, many: &str) -> String {
-    format!("{number} {}", if number == 1 { one } else { many })
 }
 
 /// Formats the facing direction, as `+z (feet, eyes)`. If the evidence is contradictory, each part is listed with its direction.

@@ -8,7 +8,7 @@ use crate::commands::test;
 use crate::failure::{Failure, Problem, print, print_message};
 use crate::terminal::{counted, page::Page};
 use choreo_asset::Asset;
-use choreo_files::Folder;
+use choreo_files::{Folder, containing_folder};
 use choreo_motion::Transform;
 use choreo_plugin::{
     AssetBuilder, BuildError, Claim, ExportError, ExportedScene, Files, ImportError, ImportOptions,
@@ -144,7 +144,7 @@ fn test_importer(name: &str, folder: &Path, registry: &Registry) -> Result<Vec<S
             continue;
         }
         let shown = path.display().to_string();
-        let opened = Folder::open(path.parent().unwrap_or(Path::new(".")));
+        let opened = Folder::open(containing_folder(&path));
         let Ok(opened) = opened else { continue };
         let Ok(bytes) = opened.read(Path::new(&file), MAX_SAMPLE_BYTES) else { continue };
         let source = Source { name: shown, bytes: Arc::new(bytes) };

@@ -5,7 +5,7 @@ use crate::failure::{
     Failure, Problem, describe_error, output_failure, print, print_json, print_message, write_failure,
 };
 use crate::terminal::page::Page;
-use choreo_files::{FileError, Folder, WriteError};
+use choreo_files::{FileError, Folder, WriteError, containing_folder};
 use choreo_plugin::Registry;
 use choreo_plugin::suggest::{did_you_mean, list as format_list};
 use choreo_session::package::{DESCRIPTION, FILE_ENDINGS, MAX_DESCRIPTION_BYTES, Package, is_name};
@@ -38,9 +38,8 @@ pub fn open_package(path: &Path) -> Result<(PathBuf, Package), Failure> {
     }
     let folder = match path.is_dir() {
         true => path,
-        false => path.parent().unwrap_or(Path::new("")),
+        false => containing_folder(path),
     };
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let package = read_description(folder)?;
     let file = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let is_part = path.is_dir() || file == DESCRIPTION || package.plugins.iter().any(|p| p.file == file);

@@ -1,8 +1,9 @@
 //! Reports about the render of a segment, for `choreo farm --status`. Errors in writing a report are ignored: the segment is what matters.
 
 use crate::drawing::pipeline::Pixels;
+use crate::drawing::png_frame::encode_png;
 use crate::failure::Failure;
-use crate::output::segment::{SegmentState, WorkerReport, downscale_to_thumbnail, encode_png, report_name};
+use crate::output::segment::{SegmentState, WorkerReport, downscale_to_thumbnail, report_name};
 use crate::process::machine::host_name;
 use choreo_files::write_whole;
 use std::path::{Path, PathBuf};
@@ -65,7 +66,8 @@ pub(crate) fn count_frame(pixels: &Pixels) {
     if worker.report.thumbnail.is_empty()
         && let Pixels::Bytes(frame) = pixels
     {
-        worker.report.thumbnail = encode_png(&downscale_to_thumbnail(frame)).unwrap_or_default();
+        let thumbnail = encode_png(&downscale_to_thumbnail(frame), png::Compression::Fast);
+        worker.report.thumbnail = thumbnail.unwrap_or_default();
     }
     let first = worker.report.made == 1;
     if first || worker.written.is_none_or(|written| written.elapsed() >= REPORT_INTERVAL) {

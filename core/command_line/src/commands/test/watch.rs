@@ -5,13 +5,14 @@ use super::{TestJob, run_once};
 use crate::args::TestArgs;
 use crate::failure::{Failure, print, print_message};
 use crate::terminal::counted;
+use choreo_files::containing_folder;
 use choreo_plugin::Registry;
 use choreo_script::content_of;
 use choreo_session::plugin_files::Listing;
 use choreo_session::{Watch, WatchError, WatchEvent, WatchedPaths};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::SystemTime;
 
 /// Extension of test files.
@@ -80,8 +81,4 @@ pub fn run(args: &TestArgs, job: &TestJob, plugins: &Registry) -> Result<(), Fai
         let shown = changed.strip_prefix(&here).unwrap_or(&changed);
         print(&format!("\nchanged: {}\n", choreo_test_runner::collect::display_path(shown)))?;
     }
-}
-
-fn containing_folder(path: &Path) -> &Path {
-    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

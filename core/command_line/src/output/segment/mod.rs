@@ -20,8 +20,9 @@ pub(crate) use report::{
     PART_EXTENSION, SegmentState, WorkerReport, downscale_to_thumbnail, parse_frame_range, report_name,
     segment_name,
 };
-pub(crate) use write::{SegmentExporter, encode_png};
+pub(crate) use write::SegmentExporter;
 
+use crate::args::values;
 use crate::output::journal::Identity;
 use choreo_motion::FrameRate;
 use choreo_plugin::{ExportOptions, Manifest, VideoInfo};
@@ -99,7 +100,8 @@ impl Film {
     fn read(value: &Value) -> Option<Film> {
         let [width, height] = u32_pair(&value["size"])?;
         let [num, den] = u32_pair(&value["fps"])?;
-        let frames = value["frames"].as_u64().filter(|frames| (1..=MAX_FRAMES).contains(frames))?;
+        let frames =
+            value["frames"].as_u64().filter(|frames| (1..=values::MAX_FRAMES as u64).contains(frames))?;
         let size_is_valid = (1..=MAX_SIDE_PIXELS).contains(&width) && (1..=MAX_SIDE_PIXELS).contains(&height);
         if !size_is_valid || num == 0 || den == 0 {
             return None;
@@ -117,8 +119,7 @@ impl Film {
     }
 }
 
-/// Limits of the command line on frames, and on width and height in pixels.
-const MAX_FRAMES: u64 = 10_000_000;
+/// Limit of the command line on width and height in pixels.
 const MAX_SIDE_PIXELS: u32 = 16_384;
 
 fn u32_pair(value: &Value) -> Option<[u32; 2]> {

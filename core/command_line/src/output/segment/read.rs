@@ -1,11 +1,12 @@
 //! Reading a segment: every byte is compared with its hash, once when the segment is opened and once more when it is used.
 
 use super::{Film, MAGIC, Record, RecordKind, SegmentExporter, parse_line};
+use crate::drawing::png_frame::decode_png;
 use choreo_files::FileError;
 use choreo_plugin::{Frame, VideoInfo};
 use serde_json::Value;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// Size limit of a line in bytes. Lines of records have a few hundred bytes; the line of the film contains the parameters of the script.
@@ -109,21 +110,9 @@ impl Segment {
     /// Reads and decodes the pixels of an image.
     pub fn decode_frame(&self, place: &PlacedRecord) -> Result<Frame, SegmentError> {
         let bytes = self.read_bytes(place)?;
-        decode_png(&bytes, self.film.size)
+        decode_png(&bytes, |size| size == self.film.size)
             .ok_or(SegmentError::Damaged("an image is not 8-bit RGBA in the size of the film"))
     }
-}
-
-fn decode_png(png: &[u8], [width, height]: [u32; 2]) -> Option<Frame> {
-    let mut reader = png::Decoder::new(Cursor::new(png)).read_info().ok()?;
-    let info = reader.info();
-    let kind = (info.color_type, info.bit_depth);
-    if (info.width, info.height) != (width, height) || kind != (png::ColorType::Rgba, png::BitDepth::Eight) {
-        return None;
-    }
-    let mut rgba = vec![0; reader.output_buffer_size()?];
-    reader.next_frame(&mut rgba).ok()?;
-    Some(Frame { width, height, rgba })
 }
 
 /// A reader that counts the bytes that it has read.

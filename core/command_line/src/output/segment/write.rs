@@ -2,6 +2,7 @@
 
 use super::shared::SharedWriter;
 use super::{Film, MAGIC, Record, RecordKind, encode_line, segment_name};
+use crate::drawing::png_frame::encode_png;
 use crate::output::provenance;
 use choreo_plugin::{
     ExportError, ExportOptions, Exporter, FloatFrame, Frame, FrameSink, FrameWish, Manifest, Mark, VideoInfo,
@@ -163,7 +164,10 @@ impl SegmentSink {
         }
         let (kind, bytes) = match input {
             FrameInput::Repeat(_) if repeatable => (RecordKind::Repeat, Vec::new()),
-            FrameInput::Frame(frame) | FrameInput::Repeat(frame) => (RecordKind::Image, encode_png(frame)?),
+            // Speed matters more than size: the PNG is decoded once and then deleted.
+            FrameInput::Frame(frame) | FrameInput::Repeat(frame) => {
+                (RecordKind::Image, encode_png(frame, png::Compression::Fast)?)
+            }
             FrameInput::Float(_) | FrameInput::Kept(_) => {
                 return Err(ExportError::Format(
                     "a segment cannot store a frame of floats or a half-encoded frame as an image".into(),
@@ -248,21 +252,4 @@ impl FrameSink for SegmentSink {
         self.out.flush()?;
         Ok(Vec::new())
     }
-}
-
-/// Encodes a frame as PNG. Speed matters more than size: the PNG is decoded once and then deleted.
-pub(crate) fn encode_png(frame: &Frame) -> Result<Vec<u8>, ExportError> {
-    let failed = |error: png::EncodingError| match error {
-        png::EncodingError::IoError(error) => ExportError::Io(error),
-        other => ExportError::Format(format!("the image of a frame: {other}")),
-    };
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
-    encoder.set_color(png::ColorType::Rgba);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
-    let mut writer = encoder.write_header().map_err(failed)?;
-    writer.write_image_data(&frame.rgba).map_err(failed)?;
-    writer.finish().map_err(failed)?;
-    Ok(bytes)
 }

@@ -154,7 +154,6 @@ impl Unpacked {
     pub fn merge_arguments(&self, args: &mut SceneArgs) {
         let manifest = &self.manifest;
         let at = |place: &String| self.folder.path().join(place);
-        let name = |text: &str| text.split('=').next().unwrap_or_default().trim().to_string();
         args.packed_stage = (args.set.is_empty() && args.clip.is_none() && args.import.import.is_empty())
             .then(|| PackedStage {
                 software: manifest.software.clone(),
@@ -166,9 +165,9 @@ impl Unpacked {
         args.search.extend(manifest.search.iter().map(at));
         args.import.plugins.extend(manifest.plugins.iter().map(at));
         for (given, packed) in [(&mut args.set, &manifest.set), (&mut args.import.import, &manifest.import)] {
-            let names: Vec<String> = given.iter().map(|text| name(text)).collect();
-            let kept = packed.iter().filter(|text| !names.contains(&name(text)));
-            let kept: Vec<String> = kept.cloned().collect();
+            let names: Vec<String> = given.iter().map(|text| values::name_of(text).to_string()).collect();
+            let is_given = |text: &str| names.iter().any(|name| name == values::name_of(text));
+            let kept: Vec<String> = packed.iter().filter(|text| !is_given(text)).cloned().collect();
             given.splice(0..0, kept);
         }
         args.clip = args.clip.take().or_else(|| manifest.clip.clone());

@@ -4,7 +4,7 @@ use super::{MANIFEST_FILE, Manifest, PackedFile, hash_hex};
 use crate::args::SceneArgs;
 use crate::failure::Failure;
 use crate::scene::OpenedScene;
-use choreo_files::{WriteError, write_whole_beneath};
+use choreo_files::{WriteError, containing_folder, write_whole_beneath};
 use choreo_session::package::DESCRIPTION;
 use choreo_session::plugin_files;
 use std::collections::BTreeMap;
@@ -105,7 +105,7 @@ impl ReadableFolders {
             let what = format!("{}: it is built into choreo; there is nothing to pack", args.input.display());
             return Err(Failure::input(what));
         }
-        let folder = args.input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = containing_folder(&args.input);
         let plugins = plugin_files::named_folders(&args.import.plugins);
         let mut folders = Vec::new();
         for folder in std::iter::once(folder).chain(args.search.iter().chain(&plugins).map(PathBuf::as_path))

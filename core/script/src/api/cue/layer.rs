@@ -1,9 +1,9 @@
 //! Layers: mask, weight, priority and blend mode.
 
+use crate::api::joint_names::joints_of_pattern;
 use crate::api::keys;
 use crate::build::Chain;
 use crate::call::{ApiError, Call, Reply, describe};
-use crate::suggest::list;
 use crate::value::CueRef;
 use choreo_asset::Asset;
 use choreo_motion::{Clip, Interpolation, Time};
@@ -177,33 +177,14 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
         depths.push(parent.map_or(0, |p| depths[p as usize] + 1));
     }
     for (pattern, weight) in patterns {
-        let (name, includes_subtree) = match pattern.strip_suffix("..") {
-            Some(name) => (name, true),
-            None => (pattern.as_str(), false),
-        };
+        let (joints, includes_subtree) = joints_of_pattern(asset, pattern)?;
         let mut hit: Vec<Option<PatternSpecificity>> = vec![None; skeleton.len()];
-        if name.contains('*') {
-            for (joint, given) in skeleton.names().iter().enumerate() {
-                hit[joint] =
-                    matches(name.as_bytes(), given.as_bytes()).then_some(PatternSpecificity::Wildcard);
-            }
-            if hit.iter().all(Option::is_none) {
-                return Err(ApiError::new(format!(
-                    "no joint of skeleton \"{}\" matches \"{pattern}\"",
-                    asset.name
-                ))
-                .focus(pattern.clone())
-                .hint(format!("joints: {}", list(skeleton.names().iter().map(String::as_str), 24))));
-            }
-        } else {
-            let joint =
-                crate::api::joint_names::find_joint(asset, name).map_err(|e| e.focus(pattern.clone()))?;
-            let specificity = if includes_subtree {
-                PatternSpecificity::Subtree(depths[joint as usize])
-            } else {
-                PatternSpecificity::Name
-            };
-            hit[joint as usize] = Some(specificity);
+        for joint in joints {
+            hit[joint as usize] = Some(match includes_subtree {
+                _ if pattern.contains('*') => PatternSpecificity::Wildcard,
+                true => PatternSpecificity::Subtree(depths[joint as usize]),
+                false => PatternSpecificity::Name,
+            });
         }
         if includes_subtree {
             for joint in 0..skeleton.len() {
@@ -248,31 +229,9 @@ fn soften(asset: &Asset, mask: &mut [f32], soft: f64) {
     }
 }
 
-/// Whether a pattern of `*` (any characters) and plain letters matches the whole text, ignoring ASCII case. Greedy with
-/// backtracking to the last `*`, so the time is at most the product of the lengths.
-pub fn matches(pattern: &[u8], text: &[u8]) -> bool {
-    let (mut p, mut t, mut star) = (0, 0, None);
-    while t < text.len() {
-        if p < pattern.len() && pattern[p] == b'*' {
-            star = Some((p, t));
-            p += 1;
-        } else if p < pattern.len() && pattern[p].eq_ignore_ascii_case(&text[t]) {
-            p += 1;
-            t += 1;
-        } else if let Some((at, from)) = star {
-            star = Some((at, from + 1));
-            p = at + 1;
-            t = from + 1;
-        } else {
-            return false;
-        }
-    }
-    pattern[p..].iter().all(|c| *c == b'*')
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{mask_problem, matches};
+    use super::mask_problem;
     use choreo_asset::Asset;
     use choreo_motion::{Skeleton, Transform};
     use std::sync::Arc;
@@ -303,14 +262,5 @@ mod tests {
             assert_eq!(mask_problem(&asset, written).as_deref(), Some(why));
         }
         assert!(mask_problem(&asset, "3").unwrap().starts_with("on must be text like \"Spine..\""));
-    }
-
-    #[test]
-    fn patterns_match_the_whole_name_in_any_case() {
-        assert!(matches(b"*Arm*", b"LeftForeArm"));
-        assert!(matches(b"left*", b"LeftForeArm"));
-        assert!(!matches(b"*Arm", b"LeftArmTwist"));
-        assert!(matches(b"*", b""));
-        assert!(!matches(b"a*b*c", b"abbd"));
     }
 }
