@@ -114,7 +114,7 @@ fn path_row(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, root: &Path
     });
     let search = egui::TextEdit::singleline(&mut browser.search).hint_text("search files");
     let search = ui.add(search.desired_width(f32::INFINITY));
-    super::values::named(search, egui::WidgetType::TextEdit, "search files");
+    super::values::set_widget_name(search, egui::WidgetType::TextEdit, "search files");
 }
 
 fn show_tiles(
@@ -302,15 +302,15 @@ fn show_clips(
             let button = egui::Button::selectable(is_chosen, text).sense(Sense::click_and_drag()).truncate();
             let response = ui.add(button);
             response.dnd_set_drag_payload(ClipDrag {
-                of: ClipSource::File(file.to_path_buf()),
+                source: ClipSource::File(file.to_path_buf()),
                 clip: clip.name.clone(),
             });
             if response.clicked() {
                 browser.clip = Some(clip.name.clone());
             }
             if let Some(name) = on.filter(|_| add.clicked() || response.double_clicked()) {
-                let of = ClipSource::File(file.to_path_buf());
-                viewer.edit(|v| v.add_clip_to_layer(name, &of, &clip.name, None, 0));
+                let source = ClipSource::File(file.to_path_buf());
+                viewer.edit(|v| v.add_clip_to_layer(name, &source, &clip.name, None, 0));
             }
         });
     }

@@ -84,7 +84,7 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
     }
     response.context_menu(|ui| {
         let chosen = entries(ui, viewer, |command| command.suits_bar(bar));
-        act = chosen.map(Act::Run).or(act.take());
+        act = chosen.map(Act::RunCommand).or(act.take());
     });
     act
 }

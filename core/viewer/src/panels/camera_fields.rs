@@ -70,15 +70,17 @@ fn fixed_camera_fields(
                    now: DVec3,
                    key: Option<&'static str>,
                    is_keyed: bool| {
-        wanted = fields::label(ui, stated, name, about).or(wanted.take());
+        wanted = fields::name_label(ui, stated, name, about).or(wanted.take());
         ui.horizontal(|ui| {
             for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
                 let label = format!("camera {name} {letter}");
-                let Some(to) = values::number(ui, &label, now[axis], 0.01, -1e9..=1e9) else { continue };
+                let Some(to) = values::number_field(ui, &label, now[axis], 0.01, -1e9..=1e9) else {
+                    continue;
+                };
                 let mut all = now;
                 all[axis] = to;
                 wanted = Some(match key.filter(|_| is_keyed) {
-                    Some(key) => FieldChange::KeyedPoint(key, all, values::typed(ui, to)),
+                    Some(key) => FieldChange::KeyedPoint(key, all, values::typed_number(ui, to)),
                     None => {
                         let written = stated.get(name).map(String::as_str);
                         let text = values::number_list_text(ui, written, &now.to_array(), axis, to);
@@ -124,14 +126,14 @@ fn rig_option_fields(
 ) -> Option<FieldChange> {
     let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
     for RigOption { name, unit, default, range: [low, high] } in all {
-        wanted = fields::label(ui, &call.written, name, "").or(wanted);
+        wanted = fields::name_label(ui, &call.written, name, "").or(wanted);
         let written = call.written.get(*name);
         let now = written.map_or(Some(*default), |text| expression::value(text, fps));
         ui.horizontal(|ui| {
             match now {
                 Some(now) => {
                     let name_shown = format!("camera {name}");
-                    let set = values::written(ui, &name_shown, now, 0.05, *low..=*high, written);
+                    let set = values::number_source_field(ui, &name_shown, now, 0.05, *low..=*high, written);
                     let change = |to| FieldChange::Value(name, to, NewValueSyntax::Option);
                     wanted = set.map(change).or(wanted.take());
                 }
@@ -166,7 +168,7 @@ fn target_field(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target
     ui.horizontal(|ui| {
         ui.monospace(&scene.stage.actors[actor].name);
         let joints = (0..skeleton.names().len()).map(|joint| skeleton.short_name(joint));
-        let chosen = fields::choice(ui, "joint", now, std::iter::once(WHOLE).chain(joints));
+        let chosen = fields::combo_box(ui, "joint", now, std::iter::once(WHOLE).chain(joints));
         let variable = first.split(".joint(").next().unwrap_or(first);
         wanted = chosen.map(|name| match name == WHOLE {
             true => FieldChange::Argument(0, variable.to_string()),
@@ -183,7 +185,9 @@ fn point_field(ui: &mut Ui, [label, name]: [&str; 2], now: DVec3, stated: Option
     ui.label(label);
     ui.horizontal(|ui| {
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
-            if let Some(to) = values::number(ui, &format!("{name} {letter}"), now[axis], 0.01, -1e9..=1e9) {
+            if let Some(to) =
+                values::number_field(ui, &format!("{name} {letter}"), now[axis], 0.01, -1e9..=1e9)
+            {
                 wanted =
                     Some(format!("[{}]", values::number_list_text(ui, stated, &now.to_array(), axis, to)));
             }

@@ -3,7 +3,7 @@
 use super::bars::{
     DISABLED_OPACITY, ERROR_BAR_COLOR, WARNING_BAR_COLOR, disabled_text_color, outline_colors,
 };
-use super::sequencer::{COLORS, color_of};
+use super::sequencer::{BAR_COLORS, bar_color};
 use super::set_colors;
 use egui::{Color32, Theme, Visuals};
 
@@ -84,7 +84,7 @@ fn both_themes_meet_wcag_aa_contrast() {
         }
     }
     // Names of bars are white; those of disabled bars are drawn on the panel, two thirds of which show through.
-    let bars = (0..2 * COLORS.len()).map(color_of);
+    let bars = (0..2 * BAR_COLORS.len()).map(bar_color);
     for ground in bars.chain([ERROR_BAR_COLOR, WARNING_BAR_COLOR]) {
         let ratio = self::ratio(Color32::WHITE, ground);
         if ratio < 4.5 {
@@ -112,7 +112,7 @@ fn outlines_stand_out_from_bars_and_rows() {
         let visuals = context.style_of(theme).visuals.clone();
         let rows = [visuals.panel_fill, visuals.panel_fill.blend(visuals.faint_bg_color)];
         let bars: Vec<Color32> =
-            (0..2 * COLORS.len()).map(color_of).chain([ERROR_BAR_COLOR, WARNING_BAR_COLOR]).collect();
+            (0..2 * BAR_COLORS.len()).map(bar_color).chain([ERROR_BAR_COLOR, WARNING_BAR_COLOR]).collect();
         let off = bars.iter().map(|bar| rows[0].blend(bar.gamma_multiply(DISABLED_OPACITY)));
         let [outer, inner] = outline_colors(&visuals);
         for row in rows {

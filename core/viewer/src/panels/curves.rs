@@ -8,7 +8,7 @@ use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
 use super::overlay::{X, Y, Z};
-use super::sequencer::{LABELS_WIDTH, RULER_HEIGHT, draw_beats_and_playhead, scrub};
+use super::sequencer::{LABELS_WIDTH, RULER_HEIGHT, draw_beats_and_playhead, show_ruler};
 use super::tangents;
 use super::toolbar::Toolbar;
 use crate::app::Viewer;
@@ -66,12 +66,12 @@ impl Plot {
     }
 
     /// Difference in value per pixel of the screen.
-    pub fn value_of_pixel(&self, ui: &Ui) -> f64 {
-        self.value_of(1.0 / ui.ctx().pixels_per_point())
+    pub fn value_per_pixel(&self, ui: &Ui) -> f64 {
+        self.value_difference(1.0 / ui.ctx().pixels_per_point())
     }
 
     /// Difference in value for a height in points.
-    pub fn value_of(&self, points: f32) -> f64 {
+    pub fn value_difference(&self, points: f32) -> f64 {
         f64::from(points / self.rect.height().max(1.0)) * (self.values.to - self.values.from)
     }
 
@@ -88,7 +88,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         );
         return;
     };
-    toolbar(ui, viewer, &what, &all);
+    show_toolbar(ui, viewer, &what, &all);
     let area = ui.available_rect_before_wrap();
     let ruler = Rect::from_min_max(
         pos2(area.left() + LABELS_WIDTH, area.top()),
@@ -105,7 +105,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         fit_when_first_shown(viewer, &all);
     }
     zoom_and_pan_with_wheel(ui, viewer, rect);
-    scrub(ui, viewer, (ruler, viewer.curves.time), "time of the curves");
+    show_ruler(ui, viewer, (ruler, viewer.curves.time), "time of the curves");
     let plot = Plot { rect, time: viewer.curves.time, values: viewer.curves.values };
     draw_grid(ui, viewer, &plot, &all);
     show_property_names(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), area.bottom())), &all);
@@ -115,7 +115,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let mut act = None;
     for (index, property) in all.iter().enumerate() {
-        act = bezier_ease_handles(ui, viewer, &plot, property, index).or(act);
+        act = show_bezier_ease_handles(ui, viewer, &plot, property, index).or(act);
         let shaped = tangents::show(ui, viewer, &plot, property, index);
         act = shaped.map(|(key, shape)| Act::Key(KeyAct::Shape(key, shape, None))).or(act);
         act = show_keys(ui, viewer, &plot, property, index).or(act);
@@ -174,7 +174,7 @@ fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
     }
 }
 
-fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProperty]) {
+fn show_toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProperty]) {
     ui.horizontal(|ui| {
         let mut bar = Toolbar::new("curves");
         let name = match what {
@@ -222,7 +222,7 @@ fn fit_view(viewer: &mut Viewer, all: &[KeyedProperty]) {
         viewer.curves.time = Span::whole(viewer.playhead.length().as_secs());
         return;
     };
-    viewer.curves.time = with_margin(first, last);
+    viewer.curves.time = span_with_margin(first, last);
     viewer.curves.fit_values(all, Time::ZERO, Some((first, last)));
 }
 
@@ -233,12 +233,12 @@ fn fit_when_first_shown(viewer: &mut Viewer, all: &[KeyedProperty]) {
     let (Some(first), Some(last)) = (keys().min(), keys().max()) else { return };
     let shown = viewer.curves.time;
     if first.as_secs() < shown.from || last.as_secs() > shown.to {
-        viewer.curves.time = with_margin(*first, *last);
+        viewer.curves.time = span_with_margin(*first, *last);
     }
 }
 
 /// A time span with a margin.
-fn with_margin(first: Time, last: Time) -> Span {
+fn span_with_margin(first: Time, last: Time) -> Span {
     let margin = ((last - first).as_secs() * 0.06).max(0.2);
     Span { from: first.as_secs() - margin, to: last.as_secs() + margin }
 }
@@ -447,7 +447,7 @@ fn handle_background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected,
             let mut parts =
                 shown.iter().enumerate().filter(|(part, _)| viewer.curves.is_shown(property, *part));
             if parts.any(|(_, value)| area.contains(pos2(plot.x(*key), plot.y(*value)))) {
-                keys.push(key_of(property, *key));
+                keys.push(key_ref(property, *key));
             }
         }
     }
@@ -457,7 +457,7 @@ fn handle_background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected,
     viewer.select_keys(keys);
 }
 
-pub(super) fn key_of(property: &KeyedProperty, at: Time) -> KeyRef {
+pub(super) fn key_ref(property: &KeyedProperty, at: Time) -> KeyRef {
     KeyRef { what: property.what.clone(), property: property.name.clone(), at }
 }
 
@@ -506,7 +506,7 @@ fn show_keys(
         if !plot.rect.expand(KEY_HALF_WIDTH).x_range().contains(x) {
             continue;
         }
-        let key = key_of(property, *at);
+        let key = key_ref(property, *at);
         let selected = viewer.is_key_selected(&key);
         let values = viewer.curves.displayed_values(property, *at, scale);
         let parts =
@@ -606,9 +606,10 @@ fn drag_key(
     };
     let (_, divide) = viewer.curves.scale(property);
     let fixed = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.is_plain();
-    let value = if fixed { 0.0 } else { -plot.value_of(by.y) * divide };
+    let value = if fixed { 0.0 } else { -plot.value_difference(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
-    let value = if fixed { 0.0 } else { round_to_pixel(now + value, plot.value_of_pixel(ui) * divide) - now };
+    let value =
+        if fixed { 0.0 } else { round_to_pixel(now + value, plot.value_per_pixel(ui) * divide) - now };
     let drag = KeyDrag { key: key.clone(), part, by: secs, value };
     let time = viewer.shown_time(key.at + Time::from_secs(secs));
     let unit = property.unit;
@@ -624,7 +625,7 @@ fn drag_key(
 }
 
 /// Draws the control points of Bézier easings at selected keys, which can be dragged.
-fn bezier_ease_handles(
+fn show_bezier_ease_handles(
     ui: &Ui,
     viewer: &Viewer,
     plot: &Plot,
@@ -635,7 +636,7 @@ fn bezier_ease_handles(
     let (mut act, scale) = (None, viewer.curves.scale(property));
     for number in 1..property.keys.len().min(MAX_KEYS) {
         let (before, at) = (property.keys[number - 1], property.keys[number]);
-        let near = [before, at].map(|at| viewer.is_key_selected(&key_of(property, at)));
+        let near = [before, at].map(|at| viewer.is_key_selected(&key_ref(property, at)));
         let ease = written.keys.get(number).and_then(|key| key.shape.as_ref()?.ease.as_deref());
         let ease = ease.and_then(parse_bezier);
         let Some(ease) = ease.filter(|_| near.contains(&true)) else { continue };
@@ -647,8 +648,8 @@ fn bezier_ease_handles(
             for side in 0..2 {
                 let id = ui.id().with(("ease", &property.name, part, number, side));
                 let color = curve_color(ui, property, index, part);
-                if let Some(points) = bezier_ease_handle(ui, plot, id, ends, ease, side, color) {
-                    act = Some(Act::Ease(key_of(property, at), points));
+                if let Some(points) = show_bezier_ease_handle(ui, plot, id, ends, ease, side, color) {
+                    act = Some(Act::Ease(key_ref(property, at), points));
                 }
             }
         }
@@ -657,7 +658,7 @@ fn bezier_ease_handles(
 }
 
 /// One of the two control points of an easing between two keys. At the end of a drag, returns the new control points.
-fn bezier_ease_handle(
+fn show_bezier_ease_handle(
     ui: &Ui,
     plot: &Plot,
     id: egui::Id,
@@ -702,7 +703,7 @@ mod tests {
     use super::{X, Y, Z, theme_color};
 
     #[test]
-    fn rotations_have_other_colors_than_places() {
+    fn rotation_curves_have_other_colors_than_position_curves() {
         for dark_mode in [true, false] {
             for axis in [X, Y, Z] {
                 let [place, rotation] = [false, true].map(|is| theme_color(axis, is, dark_mode));

@@ -10,7 +10,7 @@ use crate::state::selection::{Selected, actor};
 use egui::{Color32, Painter, Rect, Stroke, StrokeKind, Ui, vec2};
 use glam::{DAffine3, DVec2};
 
-const COLORS: [Color32; 3] = [X, Y, Z];
+const AXIS_COLORS: [Color32; 3] = [X, Y, Z];
 
 /// Draws the gizmo and handles the mouse. Returns whether the mouse is over it or drags it.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
@@ -80,7 +80,7 @@ fn draw(painter: &Painter, tool: Tool, world_from_model: &DAffine3, hot: Option<
     let center = world_from_model.translation;
     let length = ARM_LENGTH * lens.metres_per_point(center);
     let Some(middle) = lens.point(center) else { return };
-    for (axis, color) in COLORS.into_iter().enumerate() {
+    for (axis, color) in AXIS_COLORS.into_iter().enumerate() {
         let is_hot = hot == Some(Handle::Axis(axis));
         let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { color };
         let stroke = Stroke::new(if is_hot { 3.5 } else { 2.5 }, color);

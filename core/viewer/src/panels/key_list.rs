@@ -152,7 +152,7 @@ fn key_row(ui: &mut Ui, choosing: &mut Option<String>, keyed: &KeyedAction, view
         (false, false) => keys.as_str(),
     };
     let button = ui.add(egui::Button::selectable(is_chosen, RichText::new(face).monospace()));
-    if values::named(button, WidgetType::Button, &name).clicked() {
+    if values::set_widget_name(button, WidgetType::Button, &name).clicked() {
         *choosing = Some(id.clone()).filter(|_| !is_chosen);
     }
     let name = format!("usual key of {title}");

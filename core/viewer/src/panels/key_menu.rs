@@ -149,8 +149,8 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
     ui.horizontal(|ui| {
         ui.label(property.title());
         let secs = key.at.as_secs();
-        let time = values::time(ui, &format!("time of {}", property.name), secs, 0.01, 0.0..=1e6);
-        act = time.map(|secs| KeyAct::Time(key.clone(), values::typed(ui, secs)));
+        let time = values::time_field(ui, &format!("time of {}", property.name), secs, 0.01, 0.0..=1e6);
+        act = time.map(|secs| KeyAct::Time(key.clone(), values::typed_number(ui, secs)));
         ui.weak("s");
         let now = property.at(key.at);
         for (part, number) in now.iter().enumerate().filter(|_| property.is_plain()) {
@@ -158,10 +158,10 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
             let name = format!("{} {part_name} of the key", property.name);
             let [low, high] = property.range;
             ui.weak(part_name);
-            if let Some(to) = values::number(ui, &name, *number, 0.01, low..=high) {
+            if let Some(to) = values::number_field(ui, &name, *number, 0.01, low..=high) {
                 let mut all = now.clone();
                 all[part] = to;
-                act = Some(KeyAct::Value(key.clone(), all, values::typed(ui, to)));
+                act = Some(KeyAct::Value(key.clone(), all, values::typed_number(ui, to)));
             }
         }
         ui.weak(property.unit);

@@ -2,7 +2,7 @@
 
 use super::Panels;
 use super::actions::{self, Context};
-use super::bars::Drag;
+use super::bars::MoveKind;
 use super::key_list;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
@@ -55,7 +55,7 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
         return;
     }
     viewer.edit(|v| match part {
-        CueTime::Start => v.move_bar(&bar, secs, Drag::Alone),
+        CueTime::Start => v.move_bar(&bar, secs, MoveKind::Alone),
         part => v.change_time(&bar, part, secs, false),
     });
 }

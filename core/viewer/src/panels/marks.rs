@@ -5,7 +5,7 @@ use super::foot_contacts::FootContacts;
 use super::gesture;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
-use super::sequencer::{COLORS, FOOT_STRIP_HEIGHT};
+use super::sequencer::{BAR_COLORS, FOOT_STRIP_HEIGHT};
 use crate::app::Viewer;
 use crate::editing::file_name;
 use crate::state::events::{Event, EventKind};
@@ -182,7 +182,7 @@ pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Op
     let painter = ui.painter_at(lane);
     let high = FOOT_STRIP_HEIGHT / found.len() as f32;
     for (foot, part) in found.iter().enumerate() {
-        let [r, g, b] = COLORS[foot % COLORS.len()];
+        let [r, g, b] = BAR_COLORS[foot % BAR_COLORS.len()];
         let top = lane.bottom() - FOOT_STRIP_HEIGHT + foot as f32 * high;
         for (from, to) in &part.spans {
             let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());

@@ -228,7 +228,7 @@ impl Panels {
             self.applied = Some((self.light, self.scale));
         }
         hint::track_pointer(ui.ctx());
-        values::set_rate(ui, viewer.playhead.fps().as_fps());
+        values::set_frame_rate(ui, viewer.playhead.fps().as_fps());
         drop::take_dropped_files(&mut self.waiting, ui, viewer);
         // A slow frame may contain both the release of the mouse button and Ctrl+Z: the drag is completed before it is undone.
         let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
@@ -277,7 +277,7 @@ impl Panels {
             keys::handle(self, ui, viewer, now);
         }
         if values::take_refused_flag(ui) {
-            viewer.edit(|_| Err(EditError::refused(values::NO_TIME)));
+            viewer.edit(|_| Err(EditError::refused(values::NOT_A_TIME)));
         }
         refusal::show(&mut self.refusals, ui, viewer);
         hovering(ui, viewer);

@@ -109,7 +109,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
         ui.set_width(560.0);
         let field = TextEdit::singleline(&mut palette.text).hint_text("action, panel, actor, clip or line");
         let field = ui.add(field.desired_width(f32::INFINITY));
-        let field = super::values::named(field, egui::WidgetType::TextEdit, "find a command");
+        let field = super::values::set_widget_name(field, egui::WidgetType::TextEdit, "find a command");
         if std::mem::take(&mut palette.fresh) {
             field.request_focus();
         }

@@ -2,7 +2,7 @@
 
 use super::hint::Hint;
 use super::icons;
-use super::values::named;
+use super::values::set_widget_name;
 use crate::app::Viewer;
 use crate::commands::queue::{Job, JobState};
 use crate::commands::{Format, OutputKind};
@@ -75,7 +75,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
             ui.selectable_value(&mut form.format, index, name(one)).hint(&one.about);
         }
     });
-    named(combo.response, WidgetType::ComboBox, "format");
+    set_widget_name(combo.response, WidgetType::ComboBox, "format");
     ui.end_row();
 
     let label = ui.label("output");
@@ -102,7 +102,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
             Range::Chosen => {
                 form.chosen.iter_mut().zip(["first frame", "last frame"]).for_each(|(at, name)| {
                     let value = ui.add(DragValue::new(at).range(0..=scene.frames - 1));
-                    named(value, WidgetType::DragValue, name).hint(name);
+                    set_widget_name(value, WidgetType::DragValue, name).hint(name);
                 })
             }
             _ => drop(ui.add(Label::new(format!("{first} to {last}")).extend())),
@@ -141,7 +141,7 @@ fn image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
         match form.size {
             Size::Chosen => form.chosen_size.iter_mut().zip(["width", "height"]).for_each(|(side, name)| {
                 let value = ui.add(DragValue::new(side).range(IMAGE_SIDE_RANGE));
-                named(value, WidgetType::DragValue, name).hint(name);
+                set_widget_name(value, WidgetType::DragValue, name).hint(name);
             }),
             Size::Scaled(..) => drop(ui.add(Label::new(format!("{}×{}", pixels[0], pixels[1])).extend())),
         }

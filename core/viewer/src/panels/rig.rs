@@ -1,7 +1,7 @@
 //! Inspector fields of an actor's attachments, constraints and spring bones, for each call in the script that states one. Values are those of the
 //! stage if it has them, else those in the script.
 
-use super::fields::{Form, described};
+use super::fields::{Form, described_field};
 use super::hint::Hint;
 use crate::app::Viewer;
 use crate::editing::{FieldChange, StatedCall, expression};
@@ -93,7 +93,7 @@ fn section(
 fn fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange> {
     let mut wanted = None;
     for field in T::FIELDS {
-        wanted = described(ui, form, of, field).or(wanted);
+        wanted = described_field(ui, form, of, field).or(wanted);
     }
     wanted
 }

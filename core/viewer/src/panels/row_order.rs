@@ -1,6 +1,6 @@
 //! Reordering of the sequencer's rows by dragging their names.
 
-use super::sequencer::row_places;
+use super::sequencer::visible_row_rects;
 use crate::app::Viewer;
 use choreo_session::edit::RowSide;
 use egui::{Id, LayerId, Order, Rect, Response, Stroke, Ui};
@@ -11,7 +11,7 @@ pub fn drag(ui: &Ui, viewer: &Viewer, row: usize, response: &Response) -> Option
         return None;
     }
     let pointer = response.interact_pointer_pos()?;
-    let places = row_places(ui, viewer);
+    let places = visible_row_rects(ui, viewer);
     let &(to, rect) = places.iter().find(|(_, rect)| rect.y_range().contains(pointer.y))?;
     let rows = viewer.rows_of_target(row, to);
     let of_target = |index: &usize| rows.as_ref().is_some_and(|rows| rows.contains(index));

@@ -2,7 +2,7 @@
 
 use super::fields::{self, StatedValues};
 use super::hint::Hint;
-use super::values::{self, Number};
+use super::values::{self, NumberField};
 use crate::app::Viewer;
 use crate::editing::{Ambient, FieldChange, expression};
 use crate::state::selection::Selected;
@@ -43,17 +43,17 @@ fn light(ui: &mut Ui, viewer: &mut Viewer) {
         };
         ui.label("ambient").hint(hint);
         ui.horizontal(|ui| {
-            let up = values::color(ui, "ambient above", now.up);
-            let down = values::color(ui, "ambient below", now.down);
+            let up = values::color_field(ui, "ambient above", now.up);
+            let down = values::color_field(ui, "ambient below", now.down);
             let (name, value) = ("ambient strength", now.strength.value);
             let number =
-                Number { name, value, speed: 0.01, range: 0.0..=1000.0, default: None, is_time: false };
+                NumberField { name, value, speed: 0.01, range: 0.0..=1000.0, default: None, is_time: false };
             let strength = number.show_stated(ui, Some(&now.strength.text));
             if up.is_some() || down.is_some() || strength.is_some() {
                 wanted = Some(Ambient {
                     up: up.unwrap_or(now.up),
                     down: down.unwrap_or(now.down),
-                    strength: strength.map_or(now.strength, |to| values::typed(ui, to)),
+                    strength: strength.map_or(now.strength, |to| values::typed_number(ui, to)),
                 });
             }
         });
@@ -76,7 +76,7 @@ fn rows(ui: &mut Ui, stated: &StatedValues, settings: &Settings) -> Option<Field
     let mut wanted = None;
     let mut row =
         |ui: &mut Ui, name: &'static str, about: &str, field: &mut dyn FnMut(&mut Ui) -> Option<String>| {
-            wanted = fields::label(ui, stated, name, about).or(wanted.take());
+            wanted = fields::name_label(ui, stated, name, about).or(wanted.take());
             let set = ui.horizontal(field).inner;
             wanted =
                 set.map(|value| FieldChange::Value(name, value, NewValueSyntax::Option)).or(wanted.take());
@@ -84,7 +84,7 @@ fn rows(ui: &mut Ui, stated: &StatedValues, settings: &Settings) -> Option<Field
         };
     row(ui, "length", "seconds", &mut |ui| {
         let (value, stated) = (settings.length.as_secs(), stated.get("length").map(String::as_str));
-        let number = Number {
+        let number = NumberField {
             name: "stage length",
             value,
             speed: 0.05,
@@ -95,18 +95,25 @@ fn rows(ui: &mut Ui, stated: &StatedValues, settings: &Settings) -> Option<Field
         let set = number.show_stated(ui, stated)?;
         // A length typed as frames is written in seconds, since the same call states the frame rate, unless the script already counts frames.
         let in_frames = stated.is_some_and(expression::counts_frames);
-        Some(values::text(ui, set))
+        Some(values::source_text(ui, set))
             .filter(|text| in_frames || !expression::counts_frames(text))
             .or(Some(format_number(set)))
     });
     row(ui, "fps", "frames a second", &mut |ui| {
-        values::written(ui, "stage fps", settings.fps.as_fps(), 0.2, 0.001..=1000.0, stated.get("fps"))
+        values::number_source_field(
+            ui,
+            "stage fps",
+            settings.fps.as_fps(),
+            0.2,
+            0.001..=1000.0,
+            stated.get("fps"),
+        )
     });
     row(ui, "size", "width and height in pixels", &mut |ui| {
         let mut size = settings.size;
         let mut changed = false;
         for (axis, name) in ["stage width", "stage height"].into_iter().enumerate() {
-            if let Some(to) = values::number(ui, name, f64::from(size[axis]), 1.0, 1.0..=16384.0) {
+            if let Some(to) = values::number_field(ui, name, f64::from(size[axis]), 1.0, 1.0..=16384.0) {
                 (size[axis], changed) = (to.round() as u32, true);
             }
         }
@@ -115,7 +122,7 @@ fn rows(ui: &mut Ui, stated: &StatedValues, settings: &Settings) -> Option<Field
     row(ui, "background", "above and below", &mut |ui| background(ui, &settings.background));
     row(ui, "exposure", "stops: 1 doubles the light", &mut |ui| {
         let now = f64::from(settings.exposure);
-        values::written(ui, "stage exposure", now, 0.02, -20.0..=20.0, stated.get("exposure"))
+        values::number_source_field(ui, "stage exposure", now, 0.02, -20.0..=20.0, stated.get("exposure"))
     });
     row(ui, "view", "tone mapping: from light to the colors of a display", &mut |ui| {
         let mut set = None;
@@ -128,7 +135,7 @@ fn rows(ui: &mut Ui, stated: &StatedValues, settings: &Settings) -> Option<Field
                 }
             }
         });
-        values::named(combo.response, egui::WidgetType::ComboBox, "stage view");
+        values::set_widget_name(combo.response, egui::WidgetType::ComboBox, "stage view");
         set
     });
     wanted
@@ -142,7 +149,10 @@ fn background(ui: &mut Ui, background: &Background) -> Option<String> {
         Background::Color(color) => [srgb(color.truncate()); 2],
         Background::Gradient { top, bottom } => [srgb(*top), srgb(*bottom)],
     };
-    let set = [values::color(ui, "background above", top), values::color(ui, "background below", bottom)];
+    let set = [
+        values::color_field(ui, "background above", top),
+        values::color_field(ui, "background below", bottom),
+    ];
     if set.iter().all(Option::is_none) {
         return None;
     }

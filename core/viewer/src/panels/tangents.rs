@@ -1,6 +1,6 @@
 //! Tangent handles of selected keys in the curve editor: drawn, dragged, chosen from a menu, or edited as numbers.
 
-use super::curves::{MAX_KEYS, Plot, curve_color, key_of};
+use super::curves::{MAX_KEYS, Plot, curve_color, key_ref};
 use super::gesture;
 use super::hint::Hint;
 use super::key_menu::KeyAct;
@@ -40,7 +40,7 @@ pub fn show(
     }
     let (mut done, scale) = (None, viewer.curves.scale(property));
     for (key, at) in property.keys.iter().enumerate().take(MAX_KEYS) {
-        if !viewer.is_key_selected(&key_of(property, *at)) {
+        if !viewer.is_key_selected(&key_ref(property, *at)) {
             continue;
         }
         let handles = property.handles(key);
@@ -50,7 +50,7 @@ pub fn show(
                 let color = curve_color(ui, property, index, part);
                 let place = HandlePlace { property, key, part, side, color, scale };
                 let shape = place.handle(ui, viewer, plot, handle);
-                done = shape.map(|shape| (key_of(property, *at), shape)).or(done);
+                done = shape.map(|shape| (key_ref(property, *at), shape)).or(done);
             }
         }
     }
@@ -128,13 +128,13 @@ impl HandlePlace<'_> {
         // The handle moves as far as the pointer, independent of where it was grabbed.
         let by = at - from;
         let secs = self.sign() * weight * span + plot.secs(by.x) - plot.secs(0.0);
-        let change = self.sign() * weight * span * tangent - plot.value_of(by.y) * self.scale.1;
+        let change = self.sign() * weight * span * tangent - plot.value_difference(by.y) * self.scale.1;
         let length = (self.sign() * secs / span).clamp(MIN_HANDLE_LENGTH, 1.0);
         let slope = change / (self.sign() * length * span);
         let modifiers = gesture::modifiers(ui);
         let weight = modifiers.command.then_some((length * 100.0).round() / 100.0);
         let (side, part) = (self.side, self.part);
-        let pixel = plot.value_of_pixel(ui) * self.scale.1 / (length * span);
+        let pixel = plot.value_per_pixel(ui) * self.scale.1 / (length * span);
         Some(HandleDrag { side, part, tangent: round_to_pixel(slope, pixel), weight, breaks: modifiers.alt })
     }
 
@@ -193,15 +193,15 @@ pub fn numbers(ui: &mut Ui, property: &KeyedProperty, key: usize) -> Option<KeyA
                 let breaks = property.shape(key).is_some_and(|shape| shape.broken);
                 let drag = |tangent, weight| HandleDrag { side, part, tangent, weight, breaks };
                 let name = format!("tangent {way} {part_name} of {}", property.name);
-                let typed = values::number(ui, &name, *tangent, 0.05, -1e15..=1e15);
+                let typed = values::number_field(ui, &name, *tangent, 0.05, -1e15..=1e15);
                 let name = format!("length {way} {part_name} of {}", property.name);
-                let length = values::number(ui, &name, handle.weight[part], 0.01, 0.0..=1.0);
+                let length = values::number_field(ui, &name, handle.weight[part], 0.01, 0.0..=1.0);
                 let (number, drag) = match (typed, length) {
                     (Some(tangent), _) => (tangent, drag(tangent, None)),
                     (None, Some(length)) => (length, drag(*tangent, Some(length))),
                     (None, None) => continue,
                 };
-                let number = values::typed(ui, number);
+                let number = values::typed_number(ui, number);
                 let what = KeyRef {
                     what: property.what.clone(),
                     property: property.name.clone(),

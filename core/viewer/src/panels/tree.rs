@@ -24,7 +24,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.horizontal(|ui| {
         super::add_menu::menu(ui, viewer);
         let field = egui::TextEdit::singleline(&mut search).hint_text("search").desired_width(f32::INFINITY);
-        let field = super::values::named(ui.add(field), egui::WidgetType::TextEdit, "search the stage");
+        let field =
+            super::values::set_widget_name(ui.add(field), egui::WidgetType::TextEdit, "search the stage");
         if field.changed() {
             ui.data_mut(|d| d.insert_temp(id, search.clone()));
         }

@@ -48,7 +48,7 @@ pub fn screenshot(viewer: &mut Viewer) {
 }
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<TextureId>) {
-    toolbar(ui, viewer, index);
+    show_toolbar(ui, viewer, index);
     let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = if index == 0 { "picture".to_string() } else { format!("image {}", index + 1) };
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, name.clone()));
@@ -110,7 +110,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     handle_mouse(ui, viewer, index, &response, place.height());
 }
 
-fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+fn show_toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     ui.horizontal(|ui| {
         let mut bar = Toolbar::new(("viewport", index));
         let free = matches!(viewer.views[index].camera, ViewCamera::Free(_) | ViewCamera::Follow { .. });
