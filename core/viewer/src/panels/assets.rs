@@ -185,7 +185,7 @@ fn show_tile(
         let stroke = egui::Stroke::new(1.5, ui.visuals().selection.bg_fill);
         ui.painter().rect_stroke(image, 3.0, stroke, egui::StrokeKind::Outside);
     }
-    let name = super::elided(ui.painter(), &entry.name, 11.5, color, TILE_WIDTH);
+    let name = super::truncated_text(ui.painter(), &entry.name, 11.5, color, TILE_WIDTH);
     ui.painter().galley(egui::pos2(place.left(), image.bottom() + 2.0), name, color);
 }
 

@@ -34,10 +34,12 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             bar.menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
             bar.stays_open();
             bar.menu("Appearance", "", |ui, window| appearance_entries(ui, window.panels));
-            bar.toggle(panels.key_list.open, "Shortcuts", "", |window| window.panels.key_list.open ^= true);
+            bar.toggle(panels.shortcut_list.open, "Shortcuts", "", |window| {
+                window.panels.shortcut_list.open ^= true
+            });
             // The name follows the menus, so that its length does not move them.
             let name = viewer.name.clone();
-            bar.widget("name", true, move |ui, _| elided_label(ui, RichText::new(&name).strong(), &name));
+            bar.widget("name", true, move |ui, _| truncated_label(ui, RichText::new(&name).strong(), &name));
             preview_entries(&mut bar, viewer);
             add_status(&mut bar, ui, viewer);
             // Texts at the end of the bar, from right to left. If there is no room, they move into the menu of the toolbar.
@@ -106,8 +108,8 @@ fn edit_entries(ui: &mut Ui, window: &mut Window) {
         ("select_all", "Select all clips"),
     ];
     for (id, name) in ENTRIES {
-        let Some(action) = actions::action(id) else { continue };
-        let keys = actions::keys_of(window.viewer, id);
+        let Some(action) = actions::find_action(id) else { continue };
+        let keys = actions::shortcut_text(window.viewer, id);
         let button = ui.add(egui::Button::new(name).shortcut_text(keys));
         if button.hint(action.title).clicked() {
             let Window { panels, viewer, now } = window;
@@ -118,7 +120,7 @@ fn edit_entries(ui: &mut Ui, window: &mut Window) {
 }
 
 /// A name that is truncated to leave room for the buttons next to it. `whole`: text of the tooltip.
-fn elided_label(ui: &mut Ui, name: RichText, whole: &str) {
+fn truncated_label(ui: &mut Ui, name: RichText, whole: &str) {
     let room = (ui.ctx().content_rect().width() / 4.0).min(260.0);
     ui.scope(|ui| {
         ui.set_max_width(room);
@@ -137,7 +139,7 @@ fn preview_entries(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
     let all: Vec<String> = viewer.previewed_files.iter().map(|file| file.display().to_string()).collect();
     bar.separator();
     bar.widget("previewed files", true, move |ui, _| {
-        elided_label(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
+        truncated_label(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
     });
     if viewer.path.is_some() {
         bar.button("Add to script", "", |window| window.viewer.edit(|v| v.add_previewed_files()));
@@ -194,7 +196,7 @@ fn add_status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
         let label = ui.add(egui::Label::new(text).extend().sense(egui::Sense::click()));
         let label = label.hint(RichText::new(all.join("\n\n")).monospace());
         if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
-            window.panels.bring(Tab::Messages);
+            window.panels.bring_to_front(Tab::Messages);
         }
     });
 }
@@ -231,7 +233,7 @@ fn show_note(ui: &mut Ui, viewer: &mut Viewer) {
 pub fn show_offer(ui: &Ui, viewer: &mut Viewer) {
     let Some(offer) = &viewer.offer else { return };
     let mut agreed = None;
-    let is_left = dialog::show(ui, "Change the script?", |ui| {
+    let is_dismissed = dialog::show(ui, "Change the script?", |ui| {
         ui.set_max_width(640.0);
         ui.label(&offer.why);
         if let Some(line) = viewer.message_line
@@ -265,7 +267,7 @@ pub fn show_offer(ui: &Ui, viewer: &mut Viewer) {
             });
         }
     });
-    match agreed.or(is_left.then_some(OfferAnswer::None)) {
+    match agreed.or(is_dismissed.then_some(OfferAnswer::None)) {
         Some(OfferAnswer::First) => viewer.edit(|v| v.accept_offer()),
         Some(OfferAnswer::Other) => {
             if let Some(offer) = &mut viewer.offer

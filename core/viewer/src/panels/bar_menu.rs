@@ -93,7 +93,7 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
 pub fn entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) -> Option<Command> {
     let mut chosen = None;
     for (command, name, key) in COMMANDS.into_iter().filter(|(command, ..)| suits(*command)) {
-        if ui.add(Button::new(name).shortcut_text(super::actions::keys_of(viewer, key))).clicked() {
+        if ui.add(Button::new(name).shortcut_text(super::actions::shortcut_text(viewer, key))).clicked() {
             chosen = Some(command);
             ui.close();
         }

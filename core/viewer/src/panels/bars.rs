@@ -550,7 +550,7 @@ fn bar_hint(viewer: &Viewer, bar: &Bar) -> String {
         }
     }
     if bar.place.line > 0 {
-        text += &format!("\n{}", marks::report(&bar.place));
+        text += &format!("\n{}", marks::file_and_line(&bar.place));
     }
     text
 }

@@ -332,7 +332,7 @@ fn show_property_names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[Keye
                     }
                 };
                 let text = if shown { ui.visuals().text_color() } else { ui.visuals().weak_text_color() };
-                let galley = super::elided(ui.painter(), &name, 12.0, text, row.width() - 78.0);
+                let galley = super::truncated_text(ui.painter(), &name, 12.0, text, row.width() - 78.0);
                 ui.painter().galley(
                     pos2(row.left() + 24.0, row.center().y - galley.size().y / 2.0),
                     galley,

@@ -81,7 +81,7 @@ fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
         Purpose::Lesson(_) => ("Open a copy of the lesson".to_string(), "Create"),
         Purpose::SaveAs => ("Save as".to_string(), "Save"),
     };
-    let is_left = dialog::show(ui, &title, |ui| {
+    let is_dismissed = dialog::show(ui, &title, |ui| {
         ui.set_width(560.0);
         ui.horizontal(|ui| {
             let above = dialog.folder.parent().map(std::path::Path::to_path_buf);
@@ -141,7 +141,7 @@ fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
             }
         });
     });
-    if is_left { Answer::Cancel } else { answer }
+    if is_dismissed { Answer::Cancel } else { answer }
 }
 
 /// Offers to create a missing script.
@@ -153,7 +153,7 @@ fn show_missing_file(ui: &Ui, viewer: &mut Viewer) {
         return;
     }
     let mut made = None;
-    let is_left = dialog::show(ui, "There is no such file", |ui| {
+    let is_dismissed = dialog::show(ui, "There is no such file", |ui| {
         ui.label(RichText::new(path.display().to_string()).monospace());
         ui.label("Create it from:");
         ui.horizontal(|ui| {
@@ -174,7 +174,7 @@ fn show_missing_file(ui: &Ui, viewer: &mut Viewer) {
             }
         });
     });
-    if is_left {
+    if is_dismissed {
         viewer.documents.missing = None;
     }
     if let Some(template) = made {

@@ -79,7 +79,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.label(RichText::new(title).heading());
     if let Some(line) = line {
         let place = Place { file: scene.places.main.clone(), line, ..Place::default() };
-        let text = RichText::new(super::marks::report(&place)).weak().monospace();
+        let text = RichText::new(super::marks::file_and_line(&place)).weak().monospace();
         let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
         if label.hint("click to go to this line").clicked() {
             viewer.go_to = Some(line);
@@ -633,7 +633,7 @@ fn callback_origin(scene: &Scene) -> String {
     let is_here = all.iter().all(|place| place.file == scene.places.main);
     let named = |place: &&Place| match is_here {
         true => place.line.to_string(),
-        false => super::marks::report(place),
+        false => super::marks::file_and_line(place),
     };
     let names: Vec<String> = all.iter().take(MAX_LINES).map(named).collect();
     let listed = match (all.len().saturating_sub(MAX_LINES), names.as_slice()) {

@@ -133,7 +133,7 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     });
     ui.separator();
     for (command, name, key) in COMMANDS {
-        if ui.add(Button::new(name).shortcut_text(super::actions::keys_of(viewer, key))).clicked() {
+        if ui.add(Button::new(name).shortcut_text(super::actions::shortcut_text(viewer, key))).clicked() {
             act = Some(KeyAct::Run(command));
         }
     }

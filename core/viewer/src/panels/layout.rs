@@ -43,14 +43,14 @@ impl SplitFractions {
         }
     }
 
-    /// Records fractions that the user has changed in a frame. `before`: fractions before the frame; `acts`: whether a button or key is down.
-    pub fn keep(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], acts: bool) {
+    /// Records fractions that the user has changed in a frame. `before`: fractions before the frame; `has_input`: whether a button or key is down.
+    pub fn keep(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], has_input: bool) {
         let now = SplitFractions::of(dock);
         let same_nodes = self.chosen.len() == now.len()
             && self.chosen.iter().zip(&now).all(|(chosen, now)| chosen.is_some() == now.is_some());
         if !same_nodes {
             self.chosen = now;
-        } else if acts {
+        } else if has_input {
             for ((chosen, before), now) in self.chosen.iter_mut().zip(before).zip(now) {
                 if *before != now {
                     *chosen = now;
@@ -168,7 +168,7 @@ mod tests {
         let mut panels = Panels::default();
         panels.set_open(Tab::Explain, false);
         panels.set_open(Tab::Viewport(1), true);
-        panels.bring(Tab::Messages);
+        panels.bring_to_front(Tab::Messages);
         let written = write(&panels.dock);
         let again = read(&written).unwrap();
         assert_eq!(write(&again), written);

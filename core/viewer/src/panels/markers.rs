@@ -29,7 +29,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         // The line begins below the ruler, so that its numbers stay readable.
         painter.vline(x, ruler.bottom()..=lanes.bottom(), Stroke::new(1.0, color));
         // A name near the right end is placed before its line.
-        let galley = super::elided(&painter, name, SIZE, color, MAX_NAME_WIDTH.min(lanes.width()));
+        let galley = super::truncated_text(&painter, name, SIZE, color, MAX_NAME_WIDTH.min(lanes.width()));
         let size = galley.size();
         let left = (x + 3.0).min(lanes.right() - size.x - 2.0);
         let level = ends.iter().position(|end| *end + 4.0 < left).unwrap_or(0);

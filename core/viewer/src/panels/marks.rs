@@ -27,7 +27,7 @@ pub(super) const SELECTED: Color32 = Color32::from_rgb(0xff, 0x8a, 0x2a);
 const MAX_MARKS: usize = 400;
 
 /// File name and line of a position: `dance.rhai:12`.
-pub fn report(place: &Place) -> String {
+pub fn file_and_line(place: &Place) -> String {
     format!("{}:{}", file_name(&place.file), place.line)
 }
 
@@ -143,7 +143,7 @@ fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
 fn event_hint(viewer: &Viewer, event: &Event) -> String {
     let mut text = format!("{}\n{}", event.label, viewer.shown_time(event.at));
     if event.place.line > 0 {
-        text += &format!("\n{}", report(&event.place));
+        text += &format!("\n{}", file_and_line(&event.place));
     }
     text
 }

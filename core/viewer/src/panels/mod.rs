@@ -25,9 +25,8 @@ mod hint;
 mod icons;
 mod inspected;
 mod inspector;
-mod key_list;
 mod key_menu;
-mod keys;
+mod keyboard;
 mod layout;
 mod markers;
 mod marks;
@@ -46,6 +45,7 @@ mod row_order;
 mod scene_icons;
 mod script;
 mod sequencer;
+mod shortcut_list;
 mod stage_fields;
 mod start;
 mod tangents;
@@ -56,7 +56,7 @@ mod tree;
 mod values;
 mod viewport;
 
-pub(crate) use actions::problem as shortcut_problem;
+pub(crate) use actions::shortcuts_problem;
 
 pub use sequencer::color_of_clip;
 
@@ -162,8 +162,8 @@ pub fn set_colors(context: &egui::Context, light: bool) {
 pub struct Panels {
     dock: DockState<Tab>,
     splits: layout::SplitFractions,
-    key_list: key_list::KeyList,
-    waiting: drop::PendingDrop,
+    shortcut_list: shortcut_list::ShortcutList,
+    pending_drop: drop::PendingDrop,
     pictures: pictures::Pictures,
     browser: assets::Browser,
     palette: palette::Palette,
@@ -175,7 +175,7 @@ pub struct Panels {
     /// Overlays of the first viewport, which new viewports inherit.
     overlays: Overlays,
     /// Theme and scale that were last set in egui's context.
-    applied: Option<(bool, f32)>,
+    applied_theme_and_scale: Option<(bool, f32)>,
 }
 
 impl Default for Panels {
@@ -183,8 +183,8 @@ impl Default for Panels {
         Panels {
             dock: presets::Preset::General.dock(),
             splits: Default::default(),
-            key_list: Default::default(),
-            waiting: Default::default(),
+            shortcut_list: Default::default(),
+            pending_drop: Default::default(),
             pictures: Default::default(),
             browser: Default::default(),
             palette: Default::default(),
@@ -193,7 +193,7 @@ impl Default for Panels {
             light: false,
             scale: 1.0,
             overlays: Overlays::default(),
-            applied: None,
+            applied_theme_and_scale: None,
         }
     }
 }
@@ -210,7 +210,7 @@ impl Panels {
 
     /// Sets the theme and scale again, since a new context has neither.
     pub(crate) fn forget_context(&mut self) {
-        self.applied = None;
+        self.applied_theme_and_scale = None;
         self.pictures = Default::default();
     }
 
@@ -222,32 +222,32 @@ impl Panels {
 
     /// Draws all panels. `pictures`: texture with the displayed frame of each view; `now`: clock, seconds.
     pub fn show(&mut self, ui: &mut Ui, viewer: &mut Viewer, pictures: &[Option<TextureId>], now: f64) {
-        if self.applied != Some((self.light, self.scale)) {
+        if self.applied_theme_and_scale != Some((self.light, self.scale)) {
             set_colors(ui.ctx(), self.light);
             ui.ctx().set_zoom_factor(self.scale);
-            self.applied = Some((self.light, self.scale));
+            self.applied_theme_and_scale = Some((self.light, self.scale));
         }
         hint::track_pointer(ui.ctx());
         values::set_frame_rate(ui, viewer.playhead.fps().as_fps());
-        drop::take_dropped_files(&mut self.waiting, ui, viewer);
+        drop::take_dropped_files(&mut self.pending_drop, ui, viewer);
         // A slow frame may contain both the release of the mouse button and Ctrl+Z: the drag is completed before it is undone.
         let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
         if !after_drag {
-            keys::handle(self, ui, viewer, now);
+            keyboard::handle_keyboard(self, ui, viewer, now);
         }
         bar::show(self, ui, viewer, now);
         bar::show_offer(ui, viewer);
         files::dialogs(ui, viewer);
         palette::show(self, ui, viewer, now);
-        if self.is_asking(viewer) {
+        if self.has_open_dialog(viewer) {
             // The mouse wheel must not scroll panels below the dialog.
             ui.input_mut(|i| i.smooth_scroll_delta = egui::Vec2::ZERO);
         }
-        if self.key_list.open {
-            key_list::show(ui, &mut self.key_list, viewer);
+        if self.shortcut_list.open {
+            shortcut_list::show(ui, &mut self.shortcut_list, viewer);
         }
         if viewer.go_to.is_some() {
-            self.bring(Tab::Script);
+            self.bring_to_front(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.is_visible = false);
         viewer.script_has_input = false;
@@ -269,22 +269,23 @@ impl Panels {
             .show_leaf_collapse_buttons(false)
             .show_leaf_close_all_buttons(false)
             .show_inside(ui, &mut tabs);
-        let acts = ui.input(|i| i.pointer.any_down() || i.pointer.any_released() || !i.keys_down.is_empty());
-        self.splits.keep(&self.dock, &before, acts);
+        let has_input =
+            ui.input(|i| i.pointer.any_down() || i.pointer.any_released() || !i.keys_down.is_empty());
+        self.splits.keep(&self.dock, &before, has_input);
         key_menu::popup(ui, viewer);
         rename::show(&mut self.name_field, ui, viewer);
         if after_drag {
-            keys::handle(self, ui, viewer, now);
+            keyboard::handle_keyboard(self, ui, viewer, now);
         }
         if values::take_refused_flag(ui) {
             viewer.edit(|_| Err(EditError::refused(values::NOT_A_TIME)));
         }
         refusal::show(&mut self.refusals, ui, viewer);
-        hovering(ui, viewer);
+        show_drop_hint(ui, viewer);
     }
 
     /// Whether a dialog or the command palette has the keyboard.
-    fn is_asking(&self, viewer: &Viewer) -> bool {
+    fn has_open_dialog(&self, viewer: &Viewer) -> bool {
         self.palette.is_open() || viewer.documents.dialog.is_some() || viewer.offer.is_some()
     }
 
@@ -296,7 +297,7 @@ impl Panels {
     fn set_open(&mut self, tab: Tab, open: bool) {
         match (self.dock.find_tab(&tab), open) {
             (Some(place), false) => drop(self.dock.remove_tab(place)),
-            (None, true) => match self.beside(tab) {
+            (None, true) => match self.viewport_split(tab) {
                 Some((node, split)) => {
                     self.dock.main_surface_mut().split_tabs(node, split, 0.5, vec![tab]);
                 }
@@ -307,7 +308,7 @@ impl Panels {
     }
 
     /// Position of a new viewport, so that four are arranged two by two: the node of another viewport, and the side.
-    fn beside(&self, tab: Tab) -> Option<(NodeIndex, Split)> {
+    fn viewport_split(&self, tab: Tab) -> Option<(NodeIndex, Split)> {
         let Tab::Viewport(number) = tab else { return None };
         let (right, below) = (Split::Right, Split::Below);
         let places: &[(u8, Split)] = match number {
@@ -323,7 +324,7 @@ impl Panels {
     }
 
     /// Opens a panel if it is closed, and brings it to the front.
-    fn bring(&mut self, tab: Tab) {
+    fn bring_to_front(&mut self, tab: Tab) {
         self.set_open(tab, true);
         if let Some(place) = self.dock.find_tab(&tab) {
             // The panel was found just before.
@@ -334,7 +335,7 @@ impl Panels {
 }
 
 /// Hint about the effect of a drop, while files are dragged over the window.
-fn hovering(ui: &Ui, viewer: &Viewer) {
+fn show_drop_hint(ui: &Ui, viewer: &Viewer) {
     let files = ui.input(|i| i.raw.hovered_files.clone());
     if files.is_empty() {
         return;
@@ -437,7 +438,7 @@ fn fixed_digits(value: f64, digits: usize) -> String {
 }
 
 /// A line of text that is truncated with … if it is too wide.
-fn elided(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) -> Arc<Galley> {
+fn truncated_text(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) -> Arc<Galley> {
     let mut job = LayoutJob::simple_singleline(text.to_string(), FontId::proportional(size), color);
     job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
     painter.layout_job(job)

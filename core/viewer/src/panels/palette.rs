@@ -36,10 +36,10 @@ enum Target {
 
 impl Target {
     /// Additional words to find the entry by.
-    fn other_words(&self) -> &'static str {
+    fn synonyms(&self) -> &'static str {
         match self {
-            Target::Action(id) => actions::other_words(id),
-            Target::Panel(tab) => actions::other_words(&actions::panel_id(*tab)),
+            Target::Action(id) => actions::synonyms(id),
+            Target::Panel(tab) => actions::synonyms(&actions::panel_id(*tab)),
             _ => "",
         }
     }
@@ -57,10 +57,10 @@ struct Entry {
 pub struct Palette {
     open: bool,
     /// Whether the text field gets the keyboard focus.
-    fresh: bool,
+    needs_focus: bool,
     text: String,
     /// Index of the entry that Enter chooses.
-    at: usize,
+    highlighted: usize,
     all: Vec<Entry>,
 }
 
@@ -70,7 +70,7 @@ impl Palette {
     }
 
     pub(crate) fn toggle(&mut self) {
-        *self = Palette { open: !self.open, fresh: true, ..Palette::default() };
+        *self = Palette { open: !self.open, needs_focus: true, ..Palette::default() };
     }
 
     /// Entries that match the text, the best first.
@@ -79,8 +79,8 @@ impl Palette {
         let words: Vec<&str> = text.split_whitespace().collect();
         let mut found: Vec<(usize, usize, &Entry)> = Vec::new();
         for (number, entry) in self.all.iter().enumerate() {
-            let other_words = entry.target.other_words();
-            let searched = format!("{} {} {other_words}", entry.text, entry.note).to_lowercase();
+            let synonyms = entry.target.synonyms();
+            let searched = format!("{} {} {synonyms}", entry.text, entry.note).to_lowercase();
             if words.iter().all(|word| searched.contains(word)) {
                 let first = words.first().and_then(|word| searched.find(word)).unwrap_or(0);
                 found.push((usize::from(first > 0), number, entry));
@@ -96,8 +96,8 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     if !panels.palette.open {
         return;
     }
-    if panels.palette.fresh {
-        panels.palette.all = entries(viewer);
+    if panels.palette.needs_focus {
+        panels.palette.all = all_entries(viewer);
     }
     // Keys of the list are handled before the text field.
     let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
@@ -110,29 +110,29 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
         let field = TextEdit::singleline(&mut palette.text).hint_text("action, panel, actor, clip or line");
         let field = ui.add(field.desired_width(f32::INFINITY));
         let field = super::values::set_widget_name(field, egui::WidgetType::TextEdit, "find a command");
-        if std::mem::take(&mut palette.fresh) {
+        if std::mem::take(&mut palette.needs_focus) {
             field.request_focus();
         }
         if field.changed() {
-            palette.at = 0;
+            palette.highlighted = 0;
         }
         let found = palette.matching_entries();
         let last = found.len().saturating_sub(1);
-        palette.at = match (down, up) {
-            (true, false) => (palette.at + 1).min(last),
-            (false, true) => palette.at.saturating_sub(1),
-            _ => palette.at.min(last),
+        palette.highlighted = match (down, up) {
+            (true, false) => (palette.highlighted + 1).min(last),
+            (false, true) => palette.highlighted.saturating_sub(1),
+            _ => palette.highlighted.min(last),
         };
         ui.separator();
         // The list grows again after a search with few results.
         let list = ScrollArea::vertical().max_height(MAX_LIST_HEIGHT).min_scrolled_height(MAX_LIST_HEIGHT);
         list.auto_shrink([false, true]).show(ui, |ui| {
             for (number, entry) in found.iter().enumerate() {
-                let is_at = number == palette.at;
-                let button = egui::Button::selectable(is_at, &entry.text).truncate();
+                let is_highlighted = number == palette.highlighted;
+                let button = egui::Button::selectable(is_highlighted, &entry.text).truncate();
                 let button = button.right_text(RichText::new(&entry.note).weak().monospace());
                 let response = ui.add_sized([ui.available_width(), 20.0], button);
-                if is_at && (down || up) {
+                if is_highlighted && (down || up) {
                     response.scroll_to_me(None);
                 }
                 if response.clicked() {
@@ -144,26 +144,26 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
             }
         });
         if enter {
-            chosen = found.get(palette.at).map(|entry| entry.target.clone());
+            chosen = found.get(palette.highlighted).map(|entry| entry.target.clone());
         }
     });
-    let is_left = escape || shown.backdrop_response.clicked();
-    if is_left || chosen.is_some() {
+    let is_dismissed = escape || shown.backdrop_response.clicked();
+    if is_dismissed || chosen.is_some() {
         panels.palette = Palette::default();
     }
     if let Some(target) = chosen {
-        run(&mut Context { panels, ui, viewer, now }, target);
+        run_target(&mut Context { panels, ui, viewer, now }, target);
     }
 }
 
-fn run(c: &mut Context, target: Target) {
+fn run_target(c: &mut Context, target: Target) {
     match target {
         Target::Action(id) => {
-            if let Some(action) = actions::action(id) {
+            if let Some(action) = actions::find_action(id) {
                 (action.run)(c);
             }
         }
-        Target::Panel(tab) => c.panels.bring(tab),
+        Target::Panel(tab) => c.panels.bring_to_front(tab),
         Target::New(number) => {
             let shown = c.viewer.path.clone();
             c.viewer.documents.ask(Purpose::New(TEMPLATES[number]), shown.as_deref());
@@ -187,18 +187,19 @@ fn run(c: &mut Context, target: Target) {
 }
 
 /// All entries that can be found.
-fn entries(viewer: &Viewer) -> Vec<Entry> {
+fn all_entries(viewer: &Viewer) -> Vec<Entry> {
     let entry = |text: String, note: String, target: Target| Entry { text, note, target };
     let mut all: Vec<Entry> = ACTIONS
         .iter()
         .filter(|action| action.id != "palette")
         .map(|action| {
-            let keys = viewer.shortcuts.text(action.id, action.keys);
+            let keys = viewer.shortcuts.text(action.id, action.default_shortcuts);
             entry(action.title.to_string(), keys, Target::Action(action.id))
         })
         .collect();
     for tab in Tab::ALL {
-        let keys: Vec<String> = actions::panel_keys(viewer, tab).iter().map(ToString::to_string).collect();
+        let keys: Vec<String> =
+            actions::panel_shortcuts(viewer, tab).iter().map(ToString::to_string).collect();
         all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::Panel(tab)));
     }
     if viewer.path.is_some() && viewer.previewed_files.is_empty() {
@@ -213,7 +214,7 @@ fn entries(viewer: &Viewer) -> Vec<Entry> {
     for file in &viewer.documents.recent {
         all.push(entry(format!("open {}", file.display()), "recent".into(), Target::Open(file.clone())));
     }
-    objects(viewer, &mut all);
+    add_object_entries(viewer, &mut all);
     let places = viewer.scene.as_ref().map(|scene| &scene.places);
     let text = places.and_then(|places| places.sources.get(&places.main).cloned()).unwrap_or_default();
     for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
@@ -223,7 +224,7 @@ fn entries(viewer: &Viewer) -> Vec<Entry> {
 }
 
 /// Entries for objects of the stage, clips on the timeline, and clips that the selected actor could play.
-fn objects(viewer: &Viewer, all: &mut Vec<Entry>) {
+fn add_object_entries(viewer: &Viewer, all: &mut Vec<Entry>) {
     let Some(scene) = &viewer.scene else { return };
     let stage = &scene.stage;
     let mut select = |text: String, note: &str, what: Selected, at: Option<Time>| {

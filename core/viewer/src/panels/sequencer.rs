@@ -1,6 +1,6 @@
 //! Sequencer: rows of bars over time for cues and active cameras, the playhead, and its controls.
 
-use super::actions::hint_of;
+use super::actions::hint_with_shortcut;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks::MarkAct;
@@ -119,14 +119,14 @@ fn show_transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         bar.text(&text, "", egui::TextStyle::Monospace);
         bar.separator();
         let units = if viewer.in_seconds { "seconds" } else { "frames" };
-        let hint = hint_of(viewer, "seconds", "times as seconds or as frames");
+        let hint = hint_with_shortcut(viewer, "seconds", "times as seconds or as frames");
         bar.button(units, &hint, |viewer| {
             viewer.in_seconds = !viewer.in_seconds;
         });
         bar.other_faces(["seconds", "frames"].into_iter());
-        let hint = hint_of(viewer, "previous_event", "go to the previous start, end or event");
+        let hint = hint_with_shortcut(viewer, "previous_event", "go to the previous start, end or event");
         bar.icon(icons::ARROW_LINE_LEFT, "Previous event", &hint, |viewer| viewer.seek_to_next(true));
-        let hint = hint_of(viewer, "next_event", "go to the next start, end or event");
+        let hint = hint_with_shortcut(viewer, "next_event", "go to the next start, end or event");
         bar.icon(icons::ARROW_LINE_RIGHT, "Next event", &hint, |viewer| viewer.seek_to_next(false));
         let hint = "show the whole scene";
         bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
@@ -161,7 +161,7 @@ fn tempo_fields(ui: &mut Ui, viewer: &mut Viewer) {
 /// Buttons that move the playhead and control playback.
 fn add_playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     let playhead = &viewer.playhead;
-    let keys = |id| hint_of(viewer, id, "");
+    let keys = |id| hint_with_shortcut(viewer, id, "");
     bar.icon(icons::SKIP_BACK, "First frame", &keys("first_frame"), |viewer| {
         viewer.playhead.step(i64::MIN / 2);
     });
@@ -178,7 +178,7 @@ fn add_playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64
     bar.icon(icons::SKIP_FORWARD, "Last frame", &keys("last_frame"), |viewer| {
         viewer.playhead.step(i64::MAX / 2);
     });
-    let hint = hint_of(viewer, "loop", "play again and again, or once");
+    let hint = hint_with_shortcut(viewer, "loop", "play again and again, or once");
     bar.icon_toggle(icons::REPEAT, playhead.looping, "Loop", &hint, |viewer| viewer.playhead.looping ^= true);
     let text = |from: Time, to: Time| format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
     let length = playhead.length();
@@ -484,7 +484,8 @@ pub(super) fn draw_row_name(ui: &Ui, name: &str, place: Rect, color: Color32) {
     };
     let layer = painter.layout_no_wrap(layer, FontId::proportional(12.0), color);
     let left = place.left() + 6.0;
-    let name = super::elided(&painter, name, 12.0, color, place.right() - 4.0 - layer.size().x - left);
+    let name =
+        super::truncated_text(&painter, name, 12.0, color, place.right() - 4.0 - layer.size().x - left);
     let at = |x: f32, height: f32| pos2(x, place.center().y - height / 2.0);
     let (width, height) = (name.size().x, name.size().y);
     painter.galley(at(left, height), name, color);
@@ -613,7 +614,7 @@ fn show_problem_count(ui: &Ui, viewer: &mut Viewer, place: Rect) {
         egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("problems: {text}"))
     });
     let painter = ui.painter_at(place);
-    let galley = super::elided(&painter, &text, 11.5, color, place.width() - 12.0);
+    let galley = super::truncated_text(&painter, &text, 11.5, color, place.width() - 12.0);
     painter.galley(place.left_center() + vec2(6.0, -galley.size().y / 2.0), galley, color);
     let line = first.line;
     if response.hint(format!("{text}\n{}", first.message)).clicked() && line > 0 {

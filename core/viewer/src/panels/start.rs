@@ -103,7 +103,7 @@ fn tiles(
                 let stroke = egui::Stroke::new(2.0, ui.visuals().selection.bg_fill);
                 ui.painter().rect_stroke(image, 3.0, stroke, egui::StrokeKind::Outside);
             }
-            let name = super::elided(ui.painter(), title, 13.0, color, TILE_WIDTH);
+            let name = super::truncated_text(ui.painter(), title, 13.0, color, TILE_WIDTH);
             ui.painter().galley(egui::pos2(place.left(), image.bottom() + 4.0), name, color);
             let mut hint = file.display().to_string();
             if let ThumbnailState::Failed(why) = made {

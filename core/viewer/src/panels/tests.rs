@@ -82,7 +82,7 @@ fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, c
     let font = egui::TextStyle::Button.resolve(ui.style());
     let end = ui.painter().layout_no_wrap(taken.clone(), font.clone(), color).size().x;
     let room = ui.available_width() - INDENT - end;
-    let shown = super::elided(ui.painter(), &format!("{sign} {name}"), font.size, color, room);
+    let shown = super::truncated_text(ui.painter(), &format!("{sign} {name}"), font.size, color, room);
     let is_cut = shown.elided;
     let text: String = shown.rows.iter().map(|row| row.text()).collect();
     let title = RichText::new(format!("{text}{taken}")).color(color);

@@ -283,7 +283,7 @@ fn draw_quality_note(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     let painter = ui.painter_at(place);
     // The axes are to the right of the text.
     let right = axes::axes_rect(viewer, index, place).map_or(place.right(), |axes| axes.left());
-    let galley = super::elided(&painter, &text, 11.5, Color32::WHITE, right - place.left() - 12.0);
+    let galley = super::truncated_text(&painter, &text, 11.5, Color32::WHITE, right - place.left() - 12.0);
     if galley.elided {
         response.hint(text);
     }
@@ -332,7 +332,7 @@ fn handle_mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Res
     let step = DVec3::new(held(Key::D, Key::A), held(Key::E, Key::Q), held(Key::W, Key::S));
     // If letters are shortcuts, they walk only while the right button is held.
     let command = ui.input(|i| i.modifiers.command)
-        || super::actions::takes_walking_keys(viewer) && !ui.input(|i| i.pointer.secondary_down());
+        || super::actions::uses_walking_keys(viewer) && !ui.input(|i| i.pointer.secondary_down());
     if step != DVec3::ZERO && !command && !ui.ctx().egui_wants_keyboard_input() {
         let secs = ui.input(|i| f64::from(i.stable_dt.min(0.1)));
         let pace = if shift { WALKING_SPEED * 4.0 } else { WALKING_SPEED };
