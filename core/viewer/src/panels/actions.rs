@@ -84,14 +84,12 @@ pub(crate) const ACTIONS: &[Action] = &[
     unfocused("play", "play, pause", "Space", |c| c.viewer.playhead.toggle(c.now)),
     unfocused("previous_frame", "one frame back", "Left", |c| c.viewer.playhead.step(-1)),
     unfocused("next_frame", "one frame forward", "Right", |c| c.viewer.playhead.step(1)),
-    unfocused("first_frame", "first frame; with the pointer over curves: show all keys", "Home", |c| match c
-        .viewer
-        .curves
-        .hovered
-    {
-        true => c.viewer.curves.fit = true,
-        false => c.viewer.playhead.step(i64::MIN / 2),
-    }),
+    unfocused(
+        "first_frame",
+        "first frame; with the pointer over curves: show all keys",
+        "Home",
+        go_to_first_frame_or_fit_curves,
+    ),
     unfocused("last_frame", "last frame", "End", |c| c.viewer.playhead.step(i64::MAX / 2)),
     unfocused("previous_event", "go to the previous start, end or event", "Up", |c| {
         c.viewer.seek_to_next(true)
@@ -134,7 +132,7 @@ pub(crate) const ACTIONS: &[Action] = &[
         keyboard::nudge_bars(c.viewer, CueTime::End, 1);
     }),
     outside_text("rename", "rename the selected actor, camera, light or title", "F2", |c| {
-        rename::ask(c.viewer)
+        rename::start_rename(c.viewer)
     }),
     outside_text("row_up", "move the row of the selected actor or light up", "Ctrl+Shift+Up", |c| {
         run_bar_command(c, bar_menu::Command::RowUp);
@@ -196,8 +194,8 @@ pub(crate) const ACTIONS: &[Action] = &[
     unfocused("camera", "switch between the script's camera and a free one", "C", |c| {
         viewport::toggle_camera(c.viewer)
     }),
-    unfocused("focus", "frame the selection: look at it", "F", |c| viewport::focus(c.viewer)),
-    unfocused("screenshot", "save the image", "P", |c| viewport::screenshot(c.viewer)),
+    unfocused("focus", "frame the selection: look at it", "F", |c| viewport::focus_selection(c.viewer)),
+    unfocused("screenshot", "save the image", "P", |c| viewport::request_screenshot(c.viewer)),
     outside_text("undo", "undo the last change of the script", "Ctrl+Z", |c| c.viewer.edit(|v| v.undo())),
     outside_text("redo", "redo the change that was undone", "Ctrl+Shift+Z, Ctrl+Y", |c| {
         c.viewer.edit(|v| v.redo())
@@ -327,6 +325,13 @@ pub(crate) fn actions_with_shortcuts(viewer: &Viewer) -> Vec<ActionWithShortcuts
         ActionWithShortcuts { id, title, chords: panel_shortcuts(viewer, tab) }
     });
     actions.chain(panels).collect()
+}
+
+fn go_to_first_frame_or_fit_curves(c: &mut Context) {
+    match c.viewer.curves.hovered {
+        true => c.viewer.curves.fit = true,
+        false => c.viewer.playhead.step(i64::MIN / 2),
+    }
 }
 
 fn run_bar_command(c: &mut Context, command: bar_menu::Command) {

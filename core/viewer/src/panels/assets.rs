@@ -4,7 +4,7 @@
 use super::hint::Hint;
 use super::icons;
 use super::inspector::ClipDrag;
-use super::pictures::{self, Pictures};
+use super::thumbnail_textures::{ThumbnailTextures, thumbnail_height};
 use crate::app::Viewer;
 use crate::editing::ClipSource;
 use crate::library::folder::{Entry, FileKind, list};
@@ -69,7 +69,7 @@ impl Browser {
     }
 }
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mut Pictures) {
+pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, thumbnails: &mut ThumbnailTextures) {
     let root = viewer.path.as_ref().and_then(|path| path.canonicalize().ok());
     let Some(root) = root.as_deref().and_then(Path::parent) else {
         ui.label("no script is open; this panel lists the models in the script's folder");
@@ -84,11 +84,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &
     let below = if browser.chosen.is_some() { 190.0_f32.min(ui.available_height() / 2.0) } else { 0.0 };
     let height = (ui.available_height() - below).max(60.0);
     ScrollArea::vertical().id_salt("files").max_height(height).auto_shrink([false, false]).show(ui, |ui| {
-        show_tiles(ui, viewer, browser, pictures, &models);
+        show_tiles(ui, viewer, browser, thumbnails, &models);
     });
     if let Some(file) = browser.chosen.clone() {
         ui.separator();
-        show_chosen_file(ui, viewer, browser, pictures, &file);
+        show_chosen_file(ui, viewer, browser, thumbnails, &file);
     }
 }
 
@@ -96,15 +96,16 @@ fn path_row(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, root: &Path
     ui.horizontal(|ui| {
         let inside = browser.folder.strip_prefix(root).unwrap_or(Path::new("")).to_path_buf();
         let is_below = !inside.as_os_str().is_empty();
-        let up =
-            ui.add_enabled_ui(is_below, |ui| icons::small(ui, icons::ARROW_UP, "Up", "to the folder above"));
+        let up = ui.add_enabled_ui(is_below, |ui| {
+            icons::small_button(ui, icons::ARROW_UP, "Up", "to the folder above")
+        });
         if up.inner.clicked()
             && let Some(above) = browser.folder.parent().map(Path::to_path_buf)
         {
             browser.go(above, models);
         }
         let hint = "reads the folder and its images again";
-        if icons::small(ui, icons::ARROWS_CLOCKWISE, "Refresh", hint).clicked() {
+        if icons::small_button(ui, icons::ARROWS_CLOCKWISE, "Refresh", hint).clicked() {
             viewer.documents.thumbnails.forget();
             browser.read(models);
         }
@@ -121,7 +122,7 @@ fn show_tiles(
     ui: &mut Ui,
     viewer: &mut Viewer,
     browser: &mut Browser,
-    pictures: &mut Pictures,
+    thumbnails: &mut ThumbnailTextures,
     models: &[String],
 ) {
     let wanted = browser.search.to_lowercase();
@@ -135,7 +136,7 @@ fn show_tiles(
     }
     ui.horizontal_wrapped(|ui| {
         for entry in entries {
-            let size = vec2(TILE_WIDTH, pictures::height(TILE_WIDTH) + 18.0);
+            let size = vec2(TILE_WIDTH, thumbnail_height(TILE_WIDTH) + 18.0);
             let (place, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
             let is_chosen = browser.chosen.as_ref() == Some(&entry.path);
             let label = entry.name.clone();
@@ -143,7 +144,7 @@ fn show_tiles(
                 egui::WidgetInfo::selected(egui::WidgetType::Button, true, is_chosen, label.clone())
             });
             if ui.is_rect_visible(place) {
-                show_tile(ui, viewer, pictures, &entry, place, is_chosen || response.hovered());
+                show_tile(ui, viewer, thumbnails, &entry, place, is_chosen || response.hovered());
             }
             if entry.kind == FileKind::Folder {
                 if response.clicked() {
@@ -166,12 +167,12 @@ fn show_tiles(
 fn show_tile(
     ui: &Ui,
     viewer: &mut Viewer,
-    pictures: &mut Pictures,
+    thumbnails: &mut ThumbnailTextures,
     entry: &Entry,
     place: Rect,
     strong: bool,
 ) {
-    let image = Rect::from_min_size(place.min, vec2(TILE_WIDTH, pictures::height(TILE_WIDTH)));
+    let image = Rect::from_min_size(place.min, vec2(TILE_WIDTH, thumbnail_height(TILE_WIDTH)));
     let color = if strong { ui.visuals().strong_text_color() } else { ui.visuals().text_color() };
     match entry.kind {
         FileKind::Folder => {
@@ -179,7 +180,7 @@ fn show_tile(
             let (font, color) = (FontId::proportional(36.0), ui.visuals().weak_text_color());
             ui.painter().text(image.center(), Align2::CENTER_CENTER, icons::FOLDER, font, color);
         }
-        _ => drop(pictures.show(ui, viewer, &Subject::file(entry.path.clone()), None, image)),
+        _ => drop(thumbnails.show(ui, viewer, &Subject::file(entry.path.clone()), None, image)),
     }
     if strong {
         let stroke = egui::Stroke::new(1.5, ui.visuals().selection.bg_fill);
@@ -201,7 +202,7 @@ fn show_chosen_file(
     ui: &mut Ui,
     viewer: &mut Viewer,
     browser: &mut Browser,
-    pictures: &mut Pictures,
+    thumbnails: &mut ThumbnailTextures,
     file: &Path,
 ) {
     let made = viewer.documents.thumbnails.get(&Subject::file(file.to_path_buf()), None, || {
@@ -221,7 +222,7 @@ fn show_chosen_file(
         // Text below the image is not wider than it, so that the clips do not move.
         ui.vertical(|ui| {
             ui.set_width(width);
-            show_preview(ui, viewer, browser, pictures, file, width);
+            show_preview(ui, viewer, browser, thumbnails, file, width);
         });
         // A scroll area inherits the surrounding layout; without a column the clips would be side by side.
         ui.vertical(|ui| {
@@ -243,11 +244,11 @@ fn show_preview(
     ui: &mut Ui,
     viewer: &mut Viewer,
     browser: &Browser,
-    pictures: &mut Pictures,
+    thumbnails: &mut ThumbnailTextures,
     file: &Path,
     width: f32,
 ) {
-    let (place, response) = ui.allocate_exact_size(vec2(width, pictures::height(width)), Sense::hover());
+    let (place, response) = ui.allocate_exact_size(vec2(width, thumbnail_height(width)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "preview"));
     let number = viewer.scene.as_ref().map_or(0, |scene| scene.number);
     let (subject, asset, title) = match (&browser.clip, target_character(viewer)) {
@@ -261,7 +262,7 @@ fn show_preview(
             (subject, None, clip.clone().unwrap_or_default())
         }
     };
-    let made = pictures.show(ui, viewer, &subject, asset.as_ref(), place);
+    let made = thumbnails.show(ui, viewer, &subject, asset.as_ref(), place);
     ui.add(egui::Label::new(RichText::new(title).small()).truncate());
     match made {
         ThumbnailState::Failed(why) => {
@@ -295,8 +296,9 @@ fn show_clips(
                 None => "select a character first".to_string(),
             };
             let label = format!("play {} of the file", clip.name);
-            let add =
-                ui.add_enabled_ui(on.is_some(), |ui| icons::small(ui, icons::PLUS, &label, &hint)).inner;
+            let add = ui
+                .add_enabled_ui(on.is_some(), |ui| icons::small_button(ui, icons::PLUS, &label, &hint))
+                .inner;
             let is_chosen = browser.clip.as_ref() == Some(&clip.name);
             let text = format!("{}  {:.2} s", clip.name, clip.secs);
             let button = egui::Button::selectable(is_chosen, text).sense(Sense::click_and_drag()).truncate();

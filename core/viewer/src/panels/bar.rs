@@ -27,19 +27,21 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal(|ui| {
             let mut bar = Toolbar::new("top");
-            bar.menu("File", "", |ui, window: &mut Window| super::files::entries(ui, window.viewer));
-            bar.menu("Edit", "", edit_entries);
-            bar.menu("Add", "", |ui, window| super::add_menu::entries(ui, window.viewer));
-            bar.enabled(super::add_menu::is_possible(viewer));
-            bar.menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
-            bar.stays_open();
-            bar.menu("Appearance", "", |ui, window| appearance_entries(ui, window.panels));
-            bar.toggle(panels.shortcut_list.open, "Shortcuts", "", |window| {
+            bar.add_menu("File", "", |ui, window: &mut Window| super::files::entries(ui, window.viewer));
+            bar.add_menu("Edit", "", edit_entries);
+            bar.add_menu("Add", "", |ui, window| super::add_menu::entries(ui, window.viewer));
+            bar.set_enabled(super::add_menu::is_possible(viewer));
+            bar.add_menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
+            bar.keep_menu_open();
+            bar.add_menu("Appearance", "", |ui, window| appearance_entries(ui, window.panels));
+            bar.add_toggle(panels.shortcut_list.open, "Shortcuts", "", |window| {
                 window.panels.shortcut_list.open ^= true
             });
             // The name follows the menus, so that its length does not move them.
             let name = viewer.name.clone();
-            bar.widget("name", true, move |ui, _| truncated_label(ui, RichText::new(&name).strong(), &name));
+            bar.add_widget("name", true, move |ui, _| {
+                truncated_label(ui, RichText::new(&name).strong(), &name)
+            });
             preview_entries(&mut bar, viewer);
             add_status(&mut bar, ui, viewer);
             // Texts at the end of the bar, from right to left. If there is no room, they move into the menu of the toolbar.
@@ -51,7 +53,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             let reserved = if has_note { NOTE_WIDTH } else { 0.0 };
             let fits = bar.width(ui) + widths.sum::<f32>() + reserved <= ui.available_width();
             for (text, hint) in figures.iter().filter(|_| !fits) {
-                bar.text(text, hint, TextStyle::Body);
+                bar.add_text(text, hint, TextStyle::Body);
             }
             bar.show(ui, &mut Window { panels, viewer, now }, reserved);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
@@ -137,14 +139,14 @@ fn preview_entries(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
         more => format!("{name} and {} more", more - 1),
     };
     let all: Vec<String> = viewer.previewed_files.iter().map(|file| file.display().to_string()).collect();
-    bar.separator();
-    bar.widget("previewed files", true, move |ui, _| {
+    bar.add_separator();
+    bar.add_widget("previewed files", true, move |ui, _| {
         truncated_label(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
     });
     if viewer.path.is_some() {
-        bar.button("Add to script", "", |window| window.viewer.edit(|v| v.add_previewed_files()));
+        bar.add_button("Add to script", "", |window| window.viewer.edit(|v| v.add_previewed_files()));
     }
-    bar.button("Back to the script", "", |window| window.viewer.close_preview = true);
+    bar.add_button("Back to the script", "", |window| window.viewer.close_preview = true);
 }
 
 /// The first problem, in one line; a click goes to its line.
@@ -192,7 +194,7 @@ fn add_status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
     };
     let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.renderer_problems.iter().cloned());
     let all: Vec<String> = all.take(MAX_LISTED_PROBLEMS).collect();
-    bar.widget("status", false, move |ui, window| {
+    bar.add_widget("status", false, move |ui, window| {
         let label = ui.add(egui::Label::new(text).extend().sense(egui::Sense::click()));
         let label = label.hint(RichText::new(all.join("\n\n")).monospace());
         if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {

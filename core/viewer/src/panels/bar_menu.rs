@@ -172,7 +172,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
             let copied = viewer.copied_clips.clone();
             paste(viewer, &copied);
         }
-        Command::Rename => rename::ask(viewer),
+        Command::Rename => rename::start_rename(viewer),
         Command::RowUp | Command::RowDown => {
             let is_selected = |row: &Row| row.what.is_some() && row.what == viewer.selection;
             let row = viewer.timeline.rows.iter().position(is_selected);

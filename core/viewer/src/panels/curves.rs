@@ -7,7 +7,7 @@ use super::headers;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
-use super::overlay::{X, Y, Z};
+use super::overlay::{X_COLOR, Y_COLOR, Z_COLOR};
 use super::sequencer::{LABELS_WIDTH, RULER_HEIGHT, draw_beats_and_playhead, show_ruler};
 use super::tangents;
 use super::toolbar::Toolbar;
@@ -186,26 +186,26 @@ fn show_toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedP
             Selected::Sky => "sky".to_string(),
         };
         let hint = "show all keys, or those that are selected (Home)";
-        bar.button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fit = true);
+        bar.add_button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fit = true);
         let hint = "show the change of each value per second instead of the value";
-        bar.toggle(viewer.curves.speed, "Speed", hint, |viewer| {
+        bar.add_toggle(viewer.curves.speed, "Speed", hint, |viewer| {
             viewer.curves.speed ^= true;
             viewer.curves.fit_values(all, Time::ZERO, None);
         });
         let hint = "scale each property to the full height, whatever its unit";
-        bar.toggle(viewer.curves.normalized, "Normalize", hint, |viewer| {
+        bar.add_toggle(viewer.curves.normalized, "Normalize", hint, |viewer| {
             viewer.curves.normalized ^= true;
             viewer.curves.fit_values(all, Time::ZERO, None);
         });
         let hint = "dragged times snap to whole frames (N)";
-        bar.toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
+        bar.add_toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
         let hint = "set keys of the visible curves at the playhead (K)";
-        bar.button("Set key", hint, key_menu::set_keys);
+        bar.add_button("Set key", hint, key_menu::set_keys);
         // The name follows the buttons, so that its length does not move them.
-        bar.widget("name", true, move |ui, _| drop(ui.strong(name)));
+        bar.add_widget("name", true, move |ui, _| drop(ui.strong(name)));
         let frame = viewer.playhead.frame();
         let time = format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs());
-        bar.text(&time, "", egui::TextStyle::Monospace);
+        bar.add_text(&time, "", egui::TextStyle::Monospace);
         bar.show(ui, viewer, 0.0);
     });
 }
@@ -379,11 +379,11 @@ fn show_property_names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[Keye
 pub(super) fn curve_color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize) -> Color32 {
     let color = match (property.width(), part) {
         // A single angle is about y.
-        (1, _) if property.kind == ValueKind::Rotation => Y,
+        (1, _) if property.kind == ValueKind::Rotation => Y_COLOR,
         (1, _) => SINGLE_COMPONENT_COLORS[index % SINGLE_COMPONENT_COLORS.len()],
-        (_, 0) => X,
-        (_, 1) => Y,
-        (_, 2) => Z,
+        (_, 0) => X_COLOR,
+        (_, 1) => Y_COLOR,
+        (_, 2) => Z_COLOR,
         _ => Color32::GRAY,
     };
     theme_color(color, property.kind == ValueKind::Rotation, ui.visuals().dark_mode)
@@ -700,12 +700,12 @@ fn parse_bezier(ease: &str) -> Option<[f64; 4]> {
 
 #[cfg(test)]
 mod tests {
-    use super::{X, Y, Z, theme_color};
+    use super::{X_COLOR, Y_COLOR, Z_COLOR, theme_color};
 
     #[test]
     fn rotation_curves_have_other_colors_than_position_curves() {
         for dark_mode in [true, false] {
-            for axis in [X, Y, Z] {
+            for axis in [X_COLOR, Y_COLOR, Z_COLOR] {
                 let [place, rotation] = [false, true].map(|is| theme_color(axis, is, dark_mode));
                 let apart = |of: fn(&egui::Color32) -> u8| of(&place).abs_diff(of(&rotation));
                 let apart = u32::from(apart(egui::Color32::r))

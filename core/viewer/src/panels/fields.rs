@@ -272,7 +272,7 @@ pub(super) fn source_field(ui: &mut Ui, name: &'static str, now: &str, hint: &st
     let response = ui.add(field.font(egui::TextStyle::Monospace));
     let shown = format!("{name} field");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, shown.clone()));
-    super::inspected::hold(ui, &response);
+    super::inspected::record_focus(ui, &response);
     if response.has_focus() {
         ui.data_mut(|d| d.insert_temp(id, text));
         return None;
@@ -538,7 +538,7 @@ fn title_fields(
         let field = egui::TextEdit::multiline(&mut now).desired_rows(2).desired_width(f32::INFINITY);
         let response = ui.add(field);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, "words"));
-        super::inspected::hold(ui, &response);
+        super::inspected::record_focus(ui, &response);
         if response.has_focus() {
             ui.data_mut(|d| d.insert_temp(id, now));
         } else {

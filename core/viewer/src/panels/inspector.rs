@@ -733,7 +733,7 @@ fn show_clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option
         for clip in asset.clips.iter().take(MAX_CLIPS) {
             ui.horizontal(|ui| {
                 let (label, hint) = (format!("play {}", clip.name), "from the playhead on");
-                if icons::small(ui, icons::PLUS, &label, hint).clicked() {
+                if icons::small_button(ui, icons::PLUS, &label, hint).clicked() {
                     edit = Some(InspectorEdit::AddClip(clip.name.clone(), viewer.playhead.time().as_secs()));
                 }
                 let id = ui.id().with(("clip", &clip.name));

@@ -34,7 +34,6 @@ mod messages;
 mod overlay;
 mod palette;
 mod performance;
-mod pictures;
 mod presets;
 mod property_row;
 mod refusal;
@@ -50,6 +49,7 @@ mod stage_fields;
 mod start;
 mod tangents;
 mod tests;
+mod thumbnail_textures;
 mod toolbar;
 mod trails;
 mod tree;
@@ -164,7 +164,7 @@ pub struct Panels {
     splits: layout::SplitFractions,
     shortcut_list: shortcut_list::ShortcutList,
     pending_drop: drop::PendingDrop,
-    pictures: pictures::Pictures,
+    thumbnails: thumbnail_textures::ThumbnailTextures,
     browser: assets::Browser,
     palette: palette::Palette,
     refusals: refusal::Refusals,
@@ -185,7 +185,7 @@ impl Default for Panels {
             splits: Default::default(),
             shortcut_list: Default::default(),
             pending_drop: Default::default(),
-            pictures: Default::default(),
+            thumbnails: Default::default(),
             browser: Default::default(),
             palette: Default::default(),
             refusals: Default::default(),
@@ -211,7 +211,7 @@ impl Panels {
     /// Sets the theme and scale again, since a new context has neither.
     pub(crate) fn forget_context(&mut self) {
         self.applied_theme_and_scale = None;
-        self.pictures = Default::default();
+        self.thumbnails = Default::default();
     }
 
     pub fn settings(&self) -> Settings {
@@ -220,8 +220,8 @@ impl Panels {
         Settings { light, scale, layout, overlays, ..Settings::default() }
     }
 
-    /// Draws all panels. `pictures`: texture with the displayed frame of each view; `now`: clock, seconds.
-    pub fn show(&mut self, ui: &mut Ui, viewer: &mut Viewer, pictures: &[Option<TextureId>], now: f64) {
+    /// Draws all panels. `view_textures`: texture with the displayed frame of each view; `now`: clock, seconds.
+    pub fn show(&mut self, ui: &mut Ui, viewer: &mut Viewer, view_textures: &[Option<TextureId>], now: f64) {
         if self.applied_theme_and_scale != Some((self.light, self.scale)) {
             set_colors(ui.ctx(), self.light);
             ui.ctx().set_zoom_factor(self.scale);
@@ -260,8 +260,8 @@ impl Panels {
         // Fills the gaps at the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());
-        let (own_pictures, browser) = (&mut self.pictures, &mut self.browser);
-        let mut tabs = Tabs { viewer, pictures, own_pictures, browser, now };
+        let (thumbnails, browser) = (&mut self.thumbnails, &mut self.browser);
+        let mut tabs = Tabs { viewer, view_textures, thumbnails, browser, now };
         self.splits.restore(&mut self.dock, ui.available_size());
         let before = layout::SplitFractions::of(&self.dock);
         DockArea::new(&mut self.dock)
@@ -366,9 +366,9 @@ fn show_drop_hint(ui: &Ui, viewer: &Viewer) {
 
 struct Tabs<'a> {
     viewer: &'a mut Viewer,
-    pictures: &'a [Option<TextureId>],
+    view_textures: &'a [Option<TextureId>],
     /// Thumbnail textures.
-    own_pictures: &'a mut pictures::Pictures,
+    thumbnails: &'a mut thumbnail_textures::ThumbnailTextures,
     browser: &'a mut assets::Browser,
     now: f64,
 }
@@ -402,8 +402,8 @@ impl TabViewer for Tabs<'_> {
                     let overlays = self.viewer.views[0].overlays;
                     self.viewer.views.push(View { is_visible: false, overlays, ..View::default() });
                 }
-                let picture = self.pictures.get(view).copied().flatten();
-                viewport::show(ui, self.viewer, view, picture);
+                let frame_texture = self.view_textures.get(view).copied().flatten();
+                viewport::show(ui, self.viewer, view, frame_texture);
             }
             Tab::Sequencer => sequencer::show(ui, self.viewer, self.now),
             Tab::Tree => tree::show(ui, self.viewer),
@@ -413,7 +413,7 @@ impl TabViewer for Tabs<'_> {
             Tab::Explain => explain::show(ui, self.viewer),
             Tab::Performance => performance::show(ui, self.viewer),
             Tab::Curves => curves::show(ui, self.viewer),
-            Tab::Assets => assets::show(ui, self.viewer, self.browser, self.own_pictures),
+            Tab::Assets => assets::show(ui, self.viewer, self.browser, self.thumbnails),
             Tab::Render => render::show(ui, self.viewer),
             Tab::Tests => tests::show(ui, self.viewer),
         }

@@ -10,16 +10,16 @@ use egui::{
 /// Largest width, points.
 const MAX_WIDTH: f32 = 420.0;
 
-/// Position of the displayed refusal, and number of refusals seen so far.
+/// Position of the displayed refusal, and number of refusals shown so far.
 #[derive(Default)]
 pub struct Refusals {
-    seen: u64,
+    shown_count: u64,
     at: Option<Pos2>,
 }
 
 pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
-    if refusals.seen != viewer.refusals {
-        refusals.seen = viewer.refusals;
+    if refusals.shown_count != viewer.refusals {
+        refusals.shown_count = viewer.refusals;
         let pointer = ui.input(|i| i.pointer.latest_pos());
         refusals.at = Some(pointer.unwrap_or_else(|| ui.ctx().content_rect().center()));
     }
@@ -67,8 +67,8 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
             refusals.at = None;
         }
     }
-    let elsewhere = ui.input(|i| i.pointer.any_pressed()) && !pressed_link;
-    if elsewhere || ui.input(|i| i.key_pressed(Key::Escape)) {
+    let pressed_elsewhere = ui.input(|i| i.pointer.any_pressed()) && !pressed_link;
+    if pressed_elsewhere || ui.input(|i| i.key_pressed(Key::Escape)) {
         refusals.at = None;
     }
 }

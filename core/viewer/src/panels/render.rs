@@ -187,7 +187,7 @@ fn show_queue(ui: &mut Ui, viewer: &Viewer) {
             ui.horizontal(|ui| {
                 let ends = matches!(job.state, JobState::Running { .. } | JobState::Waiting);
                 let (icon, name) = if ends { (icons::X, "Cancel") } else { (icons::TRASH, "Remove") };
-                if icons::small(ui, icon, name, "").clicked() {
+                if icons::small_button(ui, icon, name, "").clicked() {
                     viewer.renders.cancel(job.number);
                 }
                 let name = shown_name(&job.output);

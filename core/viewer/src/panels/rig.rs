@@ -38,30 +38,30 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
     let title = format!("constraints and springs ({count})");
     egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
         for call in attached.into_iter().take(MAX_CALLS) {
-            let all = written::<ParentChange>(ParentChange::default(), viewer, &call);
-            let change = section(ui, &call, |ui, form| fields(ui, form, &all));
+            let all = stated_values::<ParentChange>(ParentChange::default(), viewer, &call);
+            let change = show_call_section(ui, &call, |ui, form| described_fields(ui, form, &all));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
         for (number, look) in actor.look_at.iter().enumerate().take(MAX_CALLS) {
             let call = shown(&places.looks, number, "look_at");
-            let change = section(ui, &call, |ui, form| fields(ui, form, look));
+            let change = show_call_section(ui, &call, |ui, form| described_fields(ui, form, look));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
         for (number, constraint) in actor.constraints.iter().enumerate().take(MAX_CALLS) {
             let call = shown(&places.constraints, number, constraint.kind.name());
-            let change = section(ui, &call, |ui, form| {
+            let change = show_call_section(ui, &call, |ui, form| {
                 let own = match &constraint.kind {
-                    ConstraintKind::Reach(reach) => fields(ui, form, reach),
-                    ConstraintKind::Aim(aim) => fields(ui, form, aim),
+                    ConstraintKind::Reach(reach) => described_fields(ui, form, reach),
+                    ConstraintKind::Aim(aim) => described_fields(ui, form, aim),
                     ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,
                 };
-                fields(ui, form, constraint).or(own)
+                described_fields(ui, form, constraint).or(own)
             });
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
         for call in springs.into_iter().take(MAX_CALLS) {
-            let all = written(SpringParameters::default(), viewer, &call);
-            let change = section(ui, &call, |ui, form| fields(ui, form, &all));
+            let all = stated_values(SpringParameters::default(), viewer, &call);
+            let change = show_call_section(ui, &call, |ui, form| described_fields(ui, form, &all));
             wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
         }
     });
@@ -69,7 +69,7 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
 }
 
 /// A call with its name and arguments, followed by its fields.
-fn section(
+fn show_call_section(
     ui: &mut Ui,
     call: &StatedCall,
     show: impl FnOnce(&mut Ui, &Form) -> Option<FieldChange>,
@@ -90,7 +90,7 @@ fn section(
     wanted
 }
 
-fn fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange> {
+fn described_fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange> {
     let mut wanted = None;
     for field in T::FIELDS {
         wanted = described_field(ui, form, of, field).or(wanted);
@@ -99,16 +99,16 @@ fn fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange>
 }
 
 /// Values that a call states as literals; others have their defaults.
-fn written<T: Described>(mut of: T, viewer: &Viewer, call: &StatedCall) -> T {
+fn stated_values<T: Described>(mut of: T, viewer: &Viewer, call: &StatedCall) -> T {
     let fps = viewer.playhead.fps().as_fps();
     for field in T::FIELDS {
-        let value = call.written.get(field.name).and_then(|text| value(field, text, fps));
+        let value = call.written.get(field.name).and_then(|text| parse_field_value(field, text, fps));
         value.into_iter().for_each(|value| (field.set)(&mut of, value));
     }
     of
 }
 
-fn value<T: Described>(field: &Field<T>, text: &str, fps: f64) -> Option<FieldValue> {
+fn parse_field_value<T: Described>(field: &Field<T>, text: &str, fps: f64) -> Option<FieldValue> {
     match field.of_type {
         FieldType::Number(..) => expression::value(text, fps).map(FieldValue::Number),
         FieldType::Time | FieldType::Duration => {

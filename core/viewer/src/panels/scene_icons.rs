@@ -1,7 +1,7 @@
 //! Icons of lights, cameras and IK targets over the image: a click selects an object, a drag moves it in the script.
 
 use super::canvas::Canvas;
-use super::overlay::{line, point};
+use super::overlay::{draw_line, to_pos2};
 use crate::app::Viewer;
 use crate::geometry::gizmo::distance_to_segment;
 use crate::geometry::projection::Lens;
@@ -94,17 +94,17 @@ fn reach_targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
 }
 
 /// Parts of an icon that the mouse picks: its disc, and the cone of a spot light.
-struct Handle {
+struct PickArea {
     disc: Option<DVec2>,
     lines: Vec<[DVec2; 2]>,
 }
 
-impl Handle {
-    fn of(viewer: &Viewer, icon: &SceneIcon, lens: &Lens) -> Handle {
-        let chosen = viewer.selection == Some(icon.what.selected());
-        let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
+impl PickArea {
+    fn of(viewer: &Viewer, icon: &SceneIcon, lens: &Lens) -> PickArea {
+        let is_selected = viewer.selection == Some(icon.what.selected());
+        let lines = icon.beam(is_selected).map(|beam| beam.cone()).unwrap_or_default();
         let lines = lines.into_iter().filter_map(|[a, b]| lens.line(a, b));
-        Handle { disc: lens.point(icon.at), lines: lines.collect() }
+        PickArea { disc: lens.point(icon.at), lines: lines.collect() }
     }
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
@@ -117,9 +117,9 @@ impl Handle {
 
 impl SceneIcon {
     /// The cone of a spot light, as drawn.
-    fn beam(&self, chosen: bool) -> Option<Beam> {
+    fn beam(&self, is_selected: bool) -> Option<Beam> {
         let IconKind::Spot(along, angle) = self.kind else { return None };
-        Some(Beam { at: self.at, along, angle, length: if chosen { 1.0 } else { 0.4 } })
+        Some(Beam { at: self.at, along, angle, length: if is_selected { 1.0 } else { 0.4 } })
     }
 }
 
@@ -136,29 +136,31 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     if let Some(dragged) = &viewer.dragged_icon {
         icons.iter_mut().filter(|icon| icon.what == dragged.what).for_each(|icon| icon.at = dragged.to);
     }
-    let handles: Vec<Handle> = icons.iter().map(|icon| Handle::of(viewer, icon, lens)).collect();
+    let pick_areas: Vec<PickArea> = icons.iter().map(|icon| PickArea::of(viewer, icon, lens)).collect();
     let near = |at: DVec2| {
-        let reached =
-            icons.iter().zip(&handles).filter_map(|(icon, handle)| Some((icon, handle.distance(at)?)));
+        let reached = icons
+            .iter()
+            .zip(&pick_areas)
+            .filter_map(|(icon, pick_area)| Some((icon, pick_area.distance(at)?)));
         reached.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(icon, _)| icon.clone())
     };
-    let hot = canvas.hovered().and_then(near);
+    let hovered = canvas.hover_position().and_then(near);
     for icon in &icons {
-        let chosen = viewer.selection == Some(icon.what.selected());
-        let is_hot = hot.as_ref().is_some_and(|hot| hot.what == icon.what);
-        draw(&canvas.painter(ui), icon, chosen, is_hot, lens);
+        let is_selected = viewer.selection == Some(icon.what.selected());
+        let is_hovered = hovered.as_ref().is_some_and(|hovered| hovered.what == icon.what);
+        draw_icon(&canvas.painter(ui), icon, is_selected, is_hovered, lens);
     }
-    if let Some(hot) = &hot {
-        canvas.response.clone().on_hover_text_at_pointer(name(&hot.what));
+    if let Some(hovered) = &hovered {
+        canvas.response.clone().on_hover_text_at_pointer(icon_hint(&hovered.what));
         if response.clicked() {
-            viewer.selection = Some(hot.what.selected());
+            viewer.selection = Some(hovered.what.selected());
         }
     }
-    drag(ui, viewer, canvas, &scene, near) || hot.is_some()
+    drag_icon(ui, viewer, canvas, &scene, near) || hovered.is_some()
 }
 
 /// Drags an icon in the plane of the image, at its own depth. Returns whether one is being dragged.
-fn drag(
+fn drag_icon(
     ui: &Ui,
     viewer: &mut Viewer,
     canvas: &Canvas,
@@ -166,7 +168,7 @@ fn drag(
     near: impl Fn(DVec2) -> Option<SceneIcon>,
 ) -> bool {
     let Canvas { index, response, lens, .. } = canvas;
-    let start = canvas.drag_start(ui);
+    let start = canvas.drag_start_position(ui);
     if let Some((icon, start)) = start.and_then(|start| Some((near(start)?, start))) {
         let (what, from) = (icon.what, icon.at);
         let taken_at = point_at_depth_of(lens, from, start).unwrap_or(from);
@@ -177,7 +179,7 @@ fn drag(
     let Some(dragged) = viewer.dragged_icon.as_mut().filter(|dragged| dragged.view == *index) else {
         return false;
     };
-    let pointer = canvas.pointer().filter(|_| response.dragged());
+    let pointer = canvas.pointer_position().filter(|_| response.dragged());
     if let Some(at) = pointer.and_then(|at| point_at_depth_of(lens, dragged.from, at)) {
         dragged.to = dragged.from + (at - dragged.taken_at);
     }
@@ -229,7 +231,7 @@ fn write_position(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at:
     }
 }
 
-fn name(what: &IconObject) -> String {
+fn icon_hint(what: &IconObject) -> String {
     match what {
         IconObject::Light(index) => format!("light {}: drag to move it", index + 1),
         IconObject::Camera(name) => format!("camera {name}: drag to move it"),
@@ -237,9 +239,9 @@ fn name(what: &IconObject) -> String {
     }
 }
 
-fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Lens) {
-    let Some(at) = lens.point(icon.at).map(point) else { return };
-    let color = match (chosen, hot) {
+fn draw_icon(painter: &Painter, icon: &SceneIcon, is_selected: bool, hovered: bool, lens: &Lens) {
+    let Some(at) = lens.point(icon.at).map(to_pos2) else { return };
+    let color = match (is_selected, hovered) {
         (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
         (_, true) => Color32::from_rgb(0xff, 0xe0, 0x70),
         _ => Color32::from_gray(225),
@@ -257,7 +259,7 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
         IconKind::Sun(on) => {
             painter.circle_filled(at, 3.5, color);
             (0..8).for_each(|i| ray(turn * i as f32 / 8.0, 5.5, 8.0));
-            line(painter, lens, icon.at, *on, thin);
+            draw_line(painter, lens, icon.at, *on, thin);
         }
         IconKind::Point => {
             painter.circle_stroke(at, 4.0, stroke);
@@ -266,13 +268,13 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
         }
         IconKind::Spot(..) => {
             painter.circle_filled(at, 3.0, color);
-            let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
-            lines.into_iter().for_each(|[a, b]| line(painter, lens, a, b, stroke));
+            let lines = icon.beam(is_selected).map(|beam| beam.cone()).unwrap_or_default();
+            lines.into_iter().for_each(|[a, b]| draw_line(painter, lens, a, b, stroke));
         }
         IconKind::Reach(joint) => {
             painter.circle_stroke(at, 6.0, stroke);
             (0..4).for_each(|i| ray(turn * i as f32 / 4.0, 2.0, 9.0));
-            line(painter, lens, icon.at, *joint, thin);
+            draw_line(painter, lens, icon.at, *joint, thin);
         }
         IconKind::Camera(target, angle) => {
             let body = Rect::from_center_size(at, egui::vec2(9.0, 7.0));
@@ -280,8 +282,8 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
             let beak = [at + egui::vec2(4.5, 0.0), at + egui::vec2(8.0, -3.5), at + egui::vec2(8.0, 3.5)];
             painter.add(egui::Shape::convex_polygon(beak.to_vec(), color, Stroke::NONE));
             let toward = (*target - icon.at).normalize_or(DVec3::NEG_Z);
-            let length = if chosen { 1.0 } else { 0.5 };
-            frame(painter, lens, &Beam { at: icon.at, along: toward, angle: *angle, length }, thin);
+            let length = if is_selected { 1.0 } else { 0.5 };
+            draw_frustum(painter, lens, &Beam { at: icon.at, along: toward, angle: *angle, length }, thin);
         }
     }
 }
@@ -320,15 +322,15 @@ impl Beam {
 }
 
 /// Draws the view frustum of a camera, with an aspect ratio of 16:9.
-fn frame(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
+fn draw_frustum(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
     let Beam { at, along, angle, length } = *beam;
     let [right, up] = perpendicular_axes(along);
-    let high = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
-    let wide = high * 16.0 / 9.0;
+    let half_height = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
+    let half_width = half_height * 16.0 / 9.0;
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-        .map(|(x, y)| at + along * length + right * (x * wide) + up * (y * high));
+        .map(|(x, y)| at + along * length + right * (x * half_width) + up * (y * half_height));
     for i in 0..4 {
-        line(painter, lens, at, corners[i], stroke);
-        line(painter, lens, corners[i], corners[(i + 1) % 4], stroke);
+        draw_line(painter, lens, at, corners[i], stroke);
+        draw_line(painter, lens, corners[i], corners[(i + 1) % 4], stroke);
     }
 }

@@ -99,10 +99,10 @@ fn show_transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     ui.horizontal(|ui| {
         let mut bar = Toolbar::new("timeline");
         add_playhead_buttons(&mut bar, viewer, now);
-        bar.separator();
+        bar.add_separator();
         let playhead = &viewer.playhead;
         let (time, last) = (playhead.time().as_secs(), playhead.length().as_secs());
-        bar.widget("time of the playhead", false, move |ui, viewer| {
+        bar.add_widget("time of the playhead", false, move |ui, viewer| {
             if let Some(to) = values::time_field(ui, "time of the playhead", time, 0.01, 0.0..=last) {
                 let playhead = &mut viewer.playhead;
                 playhead.seek(Time::from_secs(nearest_frame_secs(playhead.fps().as_fps(), to)));
@@ -116,20 +116,20 @@ fn show_transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             playhead.frames(),
             playhead.fps().as_fps()
         );
-        bar.text(&text, "", egui::TextStyle::Monospace);
-        bar.separator();
+        bar.add_text(&text, "", egui::TextStyle::Monospace);
+        bar.add_separator();
         let units = if viewer.in_seconds { "seconds" } else { "frames" };
         let hint = hint_with_shortcut(viewer, "seconds", "times as seconds or as frames");
-        bar.button(units, &hint, |viewer| {
+        bar.add_button(units, &hint, |viewer| {
             viewer.in_seconds = !viewer.in_seconds;
         });
-        bar.other_faces(["seconds", "frames"].into_iter());
+        bar.reserve_width_for(["seconds", "frames"].into_iter());
         let hint = hint_with_shortcut(viewer, "previous_event", "go to the previous start, end or event");
-        bar.icon(icons::ARROW_LINE_LEFT, "Previous event", &hint, |viewer| viewer.seek_to_next(true));
+        bar.add_icon(icons::ARROW_LINE_LEFT, "Previous event", &hint, |viewer| viewer.seek_to_next(true));
         let hint = hint_with_shortcut(viewer, "next_event", "go to the next start, end or event");
-        bar.icon(icons::ARROW_LINE_RIGHT, "Next event", &hint, |viewer| viewer.seek_to_next(false));
+        bar.add_icon(icons::ARROW_LINE_RIGHT, "Next event", &hint, |viewer| viewer.seek_to_next(false));
         let hint = "show the whole scene";
-        bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
+        bar.add_icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
         });
         add_speed_menu(&mut bar, viewer.playhead.speed());
@@ -162,24 +162,26 @@ fn tempo_fields(ui: &mut Ui, viewer: &mut Viewer) {
 fn add_playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     let playhead = &viewer.playhead;
     let keys = |id| hint_with_shortcut(viewer, id, "");
-    bar.icon(icons::SKIP_BACK, "First frame", &keys("first_frame"), |viewer| {
+    bar.add_icon(icons::SKIP_BACK, "First frame", &keys("first_frame"), |viewer| {
         viewer.playhead.step(i64::MIN / 2);
     });
     let hint = keys("previous_frame");
-    bar.icon(icons::CARET_LEFT, "One frame back", &hint, |viewer| viewer.playhead.step(-1));
+    bar.add_icon(icons::CARET_LEFT, "One frame back", &hint, |viewer| viewer.playhead.step(-1));
     let (icon, name) = match playhead.is_playing() {
         true => (icons::PAUSE, "Pause"),
         false => (icons::PLAY, "Play"),
     };
-    bar.icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle(now));
-    bar.other_faces([icons::PAUSE, icons::PLAY].into_iter());
+    bar.add_icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle(now));
+    bar.reserve_width_for([icons::PAUSE, icons::PLAY].into_iter());
     let hint = keys("next_frame");
-    bar.icon(icons::CARET_RIGHT, "One frame forward", &hint, |viewer| viewer.playhead.step(1));
-    bar.icon(icons::SKIP_FORWARD, "Last frame", &keys("last_frame"), |viewer| {
+    bar.add_icon(icons::CARET_RIGHT, "One frame forward", &hint, |viewer| viewer.playhead.step(1));
+    bar.add_icon(icons::SKIP_FORWARD, "Last frame", &keys("last_frame"), |viewer| {
         viewer.playhead.step(i64::MAX / 2);
     });
     let hint = hint_with_shortcut(viewer, "loop", "play again and again, or once");
-    bar.icon_toggle(icons::REPEAT, playhead.looping, "Loop", &hint, |viewer| viewer.playhead.looping ^= true);
+    bar.add_icon_toggle(icons::REPEAT, playhead.looping, "Loop", &hint, |viewer| {
+        viewer.playhead.looping ^= true
+    });
     let text = |from: Time, to: Time| format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
     let length = playhead.length();
     let (from, to) = playhead.range().unwrap_or((Time::ZERO, length));
@@ -187,27 +189,27 @@ fn add_playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64
         Some(_) => "the range that is played; click to play everything",
         None => "everything is played; Shift drag on the ruler to play a range",
     };
-    bar.button(&text(from, to), hint, |viewer| viewer.playhead.set_range(None));
-    bar.enabled(playhead.range().is_some());
+    bar.add_button(&text(from, to), hint, |viewer| viewer.playhead.set_range(None));
+    bar.set_enabled(playhead.range().is_some());
     // The button is as wide as its longest text, so that the entries after it do not move.
     let widest = text(length, length).replace(|c: char| c.is_ascii_digit(), "8");
-    bar.other_faces([widest.as_str()].into_iter());
+    bar.reserve_width_for([widest.as_str()].into_iter());
     let hint = "dragged times snap to whole frames (N)";
-    bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
-    bar.widget("tempo", true, tempo_fields);
+    bar.add_icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
+    bar.add_widget("tempo", true, tempo_fields);
 }
 
 /// Menu of the playback speed.
 fn add_speed_menu(bar: &mut Toolbar<Viewer>, now: f64) {
     let label = |speed: f64| format!("{speed}×");
-    bar.menu(&label(now), "speed of playback; the script stays as it is", move |ui, viewer| {
+    bar.add_menu(&label(now), "speed of playback; the script stays as it is", move |ui, viewer| {
         for speed in SPEEDS {
             if ui.selectable_label(speed == now, label(speed)).clicked() {
                 viewer.playhead.set_speed(speed);
             }
         }
     });
-    bar.other_faces(SPEEDS.map(label).iter().map(String::as_str));
+    bar.reserve_width_for(SPEEDS.map(label).iter().map(String::as_str));
 }
 
 /// Time of the frame nearest to a time, seconds.
@@ -312,7 +314,7 @@ fn show_row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let toggled = headers::buttons(ui, viewer, index, label);
     draw_row_name(ui, &row.label, headers::name_place(&viewer.timeline, index, label), color);
     let response = response.hint(&row.label);
-    let reordered = row_order::drag(ui, viewer, index, &response);
+    let reordered = row_order::drag_row(ui, viewer, index, &response);
     let lane_of = bars::Lane { rect: lane, row: index };
     let locked =
         row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.toggles.locked.contains(a));

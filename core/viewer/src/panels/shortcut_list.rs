@@ -162,7 +162,7 @@ fn shortcut_row(
     }
     let name = format!("usual key of {title}");
     let is_own = viewer.shortcuts.own.contains_key(id);
-    if is_own && icons::small(ui, icons::ARROWS_CLOCKWISE, &name, "").clicked() {
+    if is_own && icons::small_button(ui, icons::ARROWS_CLOCKWISE, &name, "").clicked() {
         viewer.shortcuts.set(id, None);
     }
 }

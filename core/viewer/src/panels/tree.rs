@@ -130,7 +130,7 @@ fn toggle(
     let on = set.contains(name);
     let icon = if on { on_icon } else { off };
     let hint = format!("{word}: {about}");
-    if icons::small_toggle(ui, icon, on, &format!("{word} {name}"), &hint).clicked() {
+    if icons::small_toggle_button(ui, icon, on, &format!("{word} {name}"), &hint).clicked() {
         match on {
             true => drop(set.remove(name)),
             false => drop(set.insert(name.to_string())),

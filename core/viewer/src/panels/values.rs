@@ -141,7 +141,7 @@ fn finish_edit(
     let held: Option<f64> = ui.data(|d| d.get_temp(id));
     let mut now = held.unwrap_or(value);
     let response = add(ui, &mut now);
-    super::inspected::hold(ui, &response);
+    super::inspected::record_focus(ui, &response);
     if response.lost_focus() {
         let is_refused = ui.data_mut(|d| d.remove_temp(refused_id(id))).unwrap_or(false);
         if is_refused && !ui.input(|i| i.key_pressed(Key::Escape)) {
@@ -380,7 +380,7 @@ fn hex_field(ui: &mut Ui, name: &str, [r, g, b]: [u8; 3]) -> Option<[u8; 3]> {
     // A grid column may be narrower than the digits.
     let response = ui.add_sized([66.0, ui.spacing().interact_size.y], field);
     let response = set_widget_name(response, WidgetType::TextEdit, &format!("{name} hex"));
-    super::inspected::hold(ui, &response);
+    super::inspected::record_focus(ui, &response);
     if response.has_focus() {
         ui.data_mut(|d| d.insert_temp(id, text));
         return None;
