@@ -53,19 +53,19 @@ impl Browser {
             (self.folder, self.chosen, self.clip) = (root.to_path_buf(), None, None);
         }
         (self.root, self.version) = (root.to_path_buf(), version);
-        self.read(models);
+        self.read_folder(models);
     }
 
-    fn read(&mut self, models: &[String]) {
+    fn read_folder(&mut self, models: &[String]) {
         match list(&self.folder, models) {
             Ok(entries) => (self.entries, self.problem) = (entries, None),
             Err(error) => (self.entries, self.problem) = (Vec::new(), Some(error.to_string())),
         }
     }
 
-    fn go(&mut self, folder: PathBuf, models: &[String]) {
+    fn open_folder(&mut self, folder: PathBuf, models: &[String]) {
         self.folder = folder;
-        self.read(models);
+        self.read_folder(models);
     }
 }
 
@@ -77,12 +77,13 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, thumbnails:
     };
     let models = viewer.documents.models.clone();
     browser.refresh(root, viewer.scene.as_ref().map(|scene| scene.number), &models);
-    path_row(ui, viewer, browser, root, &models);
+    show_path_row(ui, viewer, browser, root, &models);
     if let Some(problem) = &browser.problem {
         ui.label(RichText::new(problem).color(ui.visuals().error_fg_color));
     }
-    let below = if browser.chosen.is_some() { 190.0_f32.min(ui.available_height() / 2.0) } else { 0.0 };
-    let height = (ui.available_height() - below).max(60.0);
+    let preview_height =
+        if browser.chosen.is_some() { 190.0_f32.min(ui.available_height() / 2.0) } else { 0.0 };
+    let height = (ui.available_height() - preview_height).max(60.0);
     ScrollArea::vertical().id_salt("files").max_height(height).auto_shrink([false, false]).show(ui, |ui| {
         show_tiles(ui, viewer, browser, thumbnails, &models);
     });
@@ -92,25 +93,25 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, thumbnails:
     }
 }
 
-fn path_row(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, root: &Path, models: &[String]) {
+fn show_path_row(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, root: &Path, models: &[String]) {
     ui.horizontal(|ui| {
         let inside = browser.folder.strip_prefix(root).unwrap_or(Path::new("")).to_path_buf();
-        let is_below = !inside.as_os_str().is_empty();
-        let up = ui.add_enabled_ui(is_below, |ui| {
+        let is_subfolder = !inside.as_os_str().is_empty();
+        let up = ui.add_enabled_ui(is_subfolder, |ui| {
             icons::small_button(ui, icons::ARROW_UP, "Up", "to the folder above")
         });
         if up.inner.clicked()
             && let Some(above) = browser.folder.parent().map(Path::to_path_buf)
         {
-            browser.go(above, models);
+            browser.open_folder(above, models);
         }
         let hint = "reads the folder and its images again";
         if icons::small_button(ui, icons::ARROWS_CLOCKWISE, "Refresh", hint).clicked() {
             viewer.documents.thumbnails.forget();
-            browser.read(models);
+            browser.read_folder(models);
         }
         let name = root.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let shown = if is_below { format!("{name}/{}", inside.display()) } else { name };
+        let shown = if is_subfolder { format!("{name}/{}", inside.display()) } else { name };
         ui.add(egui::Label::new(RichText::new(shown).monospace().small()).truncate());
     });
     let search = egui::TextEdit::singleline(&mut browser.search).hint_text("search files");
@@ -125,9 +126,9 @@ fn show_tiles(
     thumbnails: &mut ThumbnailTextures,
     models: &[String],
 ) {
-    let wanted = browser.search.to_lowercase();
+    let search_text = browser.search.to_lowercase();
     let matches =
-        |entry: &&Entry| entry.kind != FileKind::Script && entry.name.to_lowercase().contains(&wanted);
+        |entry: &&Entry| entry.kind != FileKind::Script && entry.name.to_lowercase().contains(&search_text);
     // Built-in assets are listed in the folder of the script.
     let built_in = viewer.documents.built_in.iter().filter(|_| browser.folder == browser.root);
     let entries: Vec<Entry> = built_in.chain(&browser.entries).filter(matches).cloned().collect();
@@ -148,7 +149,7 @@ fn show_tiles(
             }
             if entry.kind == FileKind::Folder {
                 if response.clicked() {
-                    browser.go(entry.path, models);
+                    browser.open_folder(entry.path, models);
                 }
                 continue;
             }
@@ -170,10 +171,10 @@ fn show_tile(
     thumbnails: &mut ThumbnailTextures,
     entry: &Entry,
     place: Rect,
-    strong: bool,
+    is_highlighted: bool,
 ) {
     let image = Rect::from_min_size(place.min, vec2(TILE_WIDTH, thumbnail_height(TILE_WIDTH)));
-    let color = if strong { ui.visuals().strong_text_color() } else { ui.visuals().text_color() };
+    let color = if is_highlighted { ui.visuals().strong_text_color() } else { ui.visuals().text_color() };
     match entry.kind {
         FileKind::Folder => {
             ui.painter().rect_filled(image, 3.0, ui.visuals().faint_bg_color);
@@ -182,7 +183,7 @@ fn show_tile(
         }
         _ => drop(thumbnails.show(ui, viewer, &Subject::file(entry.path.clone()), None, image)),
     }
-    if strong {
+    if is_highlighted {
         let stroke = egui::Stroke::new(1.5, ui.visuals().selection.bg_fill);
         ui.painter().rect_stroke(image, 3.0, stroke, egui::StrokeKind::Outside);
     }
@@ -216,7 +217,7 @@ fn show_chosen_file(
             return drop(ui.label(RichText::new(why).color(ui.visuals().error_fg_color)));
         }
     };
-    let on = target_character(viewer);
+    let target = target_character(viewer);
     ui.horizontal_top(|ui| {
         let width = (ui.available_width() * 0.5).clamp(100.0, 224.0);
         // Text below the image is not wider than it, so that the clips do not move.
@@ -233,7 +234,7 @@ fn show_chosen_file(
                     browser,
                     file,
                     &thumbnail.clips,
-                    on.as_ref().map(|(name, _)| name.as_str()),
+                    target.as_ref().map(|(name, _)| name.as_str()),
                 );
             });
         });
@@ -284,20 +285,20 @@ fn show_clips(
     browser: &mut Browser,
     file: &Path,
     all: &[ClipEntry],
-    on: Option<&str>,
+    target: Option<&str>,
 ) {
     if all.is_empty() {
         ui.weak("no clips");
     }
     for clip in all.iter().take(MAX_CLIPS) {
         ui.horizontal(|ui| {
-            let hint = match on {
+            let hint = match target {
                 Some(name) => format!("{name} plays it after its last clip"),
                 None => "select a character first".to_string(),
             };
             let label = format!("play {} of the file", clip.name);
             let add = ui
-                .add_enabled_ui(on.is_some(), |ui| icons::small_button(ui, icons::PLUS, &label, &hint))
+                .add_enabled_ui(target.is_some(), |ui| icons::small_button(ui, icons::PLUS, &label, &hint))
                 .inner;
             let is_chosen = browser.clip.as_ref() == Some(&clip.name);
             let text = format!("{}  {:.2} s", clip.name, clip.secs);
@@ -310,7 +311,7 @@ fn show_clips(
             if response.clicked() {
                 browser.clip = Some(clip.name.clone());
             }
-            if let Some(name) = on.filter(|_| add.clicked() || response.double_clicked()) {
+            if let Some(name) = target.filter(|_| add.clicked() || response.double_clicked()) {
                 let source = ClipSource::File(file.to_path_buf());
                 viewer.edit(|v| v.add_clip_to_layer(name, &source, &clip.name, None, 0));
             }

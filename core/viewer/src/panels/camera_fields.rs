@@ -26,9 +26,9 @@ pub fn show(
     camera: &Camera,
     mut key_button: impl FnMut(&mut Ui, &'static str),
 ) -> Option<CameraChange> {
-    let mut wanted = None;
+    let mut edit = None;
     Grid::new("camera").num_columns(2).show(ui, |ui| {
-        wanted = match &camera.rig {
+        edit = match &camera.rig {
             Rig::Fixed { position, look_at, .. } => {
                 let moved =
                     fixed_camera_fields(ui, viewer, stated, camera, (*position, look_at), &mut key_button);
@@ -50,7 +50,7 @@ pub fn show(
             Rig::File { .. } => None,
         };
     });
-    wanted
+    edit
 }
 
 /// Position and target of a camera that no rig moves; at the playhead if they have keys.
@@ -63,14 +63,14 @@ fn fixed_camera_fields(
     key_button: &mut impl FnMut(&mut Ui, &'static str),
 ) -> Option<FieldChange> {
     let keys = |property| camera.channels.iter().find(|channel| channel.property == property);
-    let mut wanted = None;
+    let mut edit = None;
     let mut row = |ui: &mut Ui,
                    name: &'static str,
                    about: &str,
                    now: DVec3,
                    key: Option<&'static str>,
                    is_keyed: bool| {
-        wanted = fields::name_label(ui, stated, name, about).or(wanted.take());
+        edit = fields::name_label(ui, stated, name, about).or(edit.take());
         ui.horizontal(|ui| {
             for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
                 let label = format!("camera {name} {letter}");
@@ -79,7 +79,7 @@ fn fixed_camera_fields(
                 };
                 let mut all = now;
                 all[axis] = to;
-                wanted = Some(match key.filter(|_| is_keyed) {
+                edit = Some(match key.filter(|_| is_keyed) {
                     Some(key) => FieldChange::KeyedPoint(key, all, values::typed_number(ui, to)),
                     None => {
                         let written = stated.get(name).map(String::as_str);
@@ -101,7 +101,7 @@ fn fixed_camera_fields(
     if let (Some(Target::Point(point)), None) = (look_at, keys(Property::Rotation)) {
         row(ui, "look_at", "a point in world space, metres", *point, None, false);
     }
-    wanted
+    edit
 }
 
 /// Fields of the call that moves a camera.
@@ -124,9 +124,9 @@ fn rig_option_fields(
     call: &StatedCall,
     all: &[RigOption],
 ) -> Option<FieldChange> {
-    let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
+    let (fps, mut edit) = (viewer.playhead.fps().as_fps(), None);
     for RigOption { name, unit, default, range: [low, high] } in all {
-        wanted = fields::name_label(ui, &call.written, name, "").or(wanted);
+        edit = fields::name_label(ui, &call.written, name, "").or(edit);
         let written = call.written.get(*name);
         let now = written.map_or(Some(*default), |text| expression::value(text, fps));
         ui.horizontal(|ui| {
@@ -135,7 +135,7 @@ fn rig_option_fields(
                     let name_shown = format!("camera {name}");
                     let set = values::number_source_field(ui, &name_shown, now, 0.05, *low..=*high, written);
                     let change = |to| FieldChange::Value(name, to, NewValueSyntax::Option);
-                    wanted = set.map(change).or(wanted.take());
+                    edit = set.map(change).or(edit.take());
                 }
                 // The script computes the value, so its source text is displayed.
                 None => drop(ui.monospace(written.map_or("", String::as_str))),
@@ -144,7 +144,7 @@ fn rig_option_fields(
         });
         ui.end_row();
     }
-    wanted
+    edit
 }
 
 /// Target of a camera: a point in world space, a whole actor, or one of its joints.
@@ -164,36 +164,35 @@ fn target_field(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target
     let now = joint.map_or(WHOLE, |joint| skeleton.short_name(joint));
     let first = call.arguments[0].as_deref()?;
     ui.label("target").hint("the whole actor, or one of its joints");
-    let mut wanted = None;
+    let mut edit = None;
     ui.horizontal(|ui| {
         ui.monospace(&scene.stage.actors[actor].name);
         let joints = (0..skeleton.names().len()).map(|joint| skeleton.short_name(joint));
         let chosen = fields::combo_box(ui, "joint", now, std::iter::once(WHOLE).chain(joints));
         let variable = first.split(".joint(").next().unwrap_or(first);
-        wanted = chosen.map(|name| match name == WHOLE {
+        edit = chosen.map(|name| match name == WHOLE {
             true => FieldChange::Argument(0, variable.to_string()),
             false => FieldChange::Argument(0, format!("{variable}.joint({})", quoted(&name))),
         });
     });
     ui.end_row();
-    wanted
+    edit
 }
 
 /// Three number fields in a row, which return the source text of a point. `stated`: the present source text.
 fn point_field(ui: &mut Ui, [label, name]: [&str; 2], now: DVec3, stated: Option<&str>) -> Option<String> {
-    let mut wanted = None;
+    let mut edit = None;
     ui.label(label);
     ui.horizontal(|ui| {
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
             if let Some(to) =
                 values::number_field(ui, &format!("{name} {letter}"), now[axis], 0.01, -1e9..=1e9)
             {
-                wanted =
-                    Some(format!("[{}]", values::number_list_text(ui, stated, &now.to_array(), axis, to)));
+                edit = Some(format!("[{}]", values::number_list_text(ui, stated, &now.to_array(), axis, to)));
             }
         }
         ui.weak("m");
     });
     ui.end_row();
-    wanted
+    edit
 }

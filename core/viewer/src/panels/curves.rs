@@ -6,7 +6,7 @@ use super::gesture;
 use super::headers;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
-use super::marks::SELECTED;
+use super::marks::SELECTED_COLOR;
 use super::overlay::{X_COLOR, Y_COLOR, Z_COLOR};
 use super::sequencer::{LABELS_WIDTH, RULER_HEIGHT, draw_beats_and_playhead, show_ruler};
 use super::tangents;
@@ -530,7 +530,9 @@ fn show_keys(
             if response.clicked() {
                 act = Some(Act::Click(key.clone(), gesture::adds_to_selection(ui)));
             }
-            act = key_menu::show(&response, viewer, std::slice::from_ref(&key)).map(Act::Key).or(act);
+            act = key_menu::open_on_right_click(&response, viewer, std::slice::from_ref(&key))
+                .map(Act::Key)
+                .or(act);
             let number = fixed_digits(property.at(*at).get(part).copied().unwrap_or_default(), 3);
             response.hint(format!("{name} {number} {}\n{}", property.unit, viewer.shown_time(*at)));
         }
@@ -543,7 +545,8 @@ fn show_key(ui: &Ui, plot: &Plot, at: Pos2, color: Color32, strong: bool) {
     let around = |half: f32| {
         vec![at + vec2(0.0, -half), at + vec2(half, 0.0), at + vec2(0.0, half), at + vec2(-half, 0.0)]
     };
-    let (fill, half) = if strong { (SELECTED, KEY_HALF_WIDTH + 1.5) } else { (color, KEY_HALF_WIDTH + 0.5) };
+    let (fill, half) =
+        if strong { (SELECTED_COLOR, KEY_HALF_WIDTH + 1.5) } else { (color, KEY_HALF_WIDTH + 0.5) };
     let line = Stroke::new(1.0, ui.visuals().extreme_bg_color);
     painter.add(Shape::convex_polygon(around(half + 1.0), fill, line));
 }

@@ -172,7 +172,7 @@ fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: KeyableProperties, name: &s
     let property = keyable.iter().find(|property| property.name == name)?;
     let here = property.key_at(viewer.playhead.time(), viewer.playhead.fps()).is_some();
     let color = match (here, property.has_keys()) {
-        (true, _) => super::marks::SELECTED,
+        (true, _) => super::marks::SELECTED_COLOR,
         (_, true) => ui.visuals().strong_text_color(),
         _ => ui.visuals().weak_text_color(),
     };

@@ -58,7 +58,7 @@ const COMMANDS: [(KeyCommand, &str, &str); 6] = [
 const DEFAULT_BEZIER: &str = "[0.42, 0.0, 0.58, 1.0]";
 
 /// Opens the menu of a mark that holds keys.
-pub fn show(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
+pub fn open_on_right_click(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     if !response.secondary_clicked() {
         return None;
     }
@@ -81,16 +81,16 @@ fn menu_id() -> Id {
 }
 
 /// Shows the open menu, which stays until something else is clicked, a command is chosen or Escape is pressed.
-pub fn popup(ui: &Ui, viewer: &mut Viewer) {
+pub fn show_open_menu(ui: &Ui, viewer: &mut Viewer) {
     let Some(mut menu) = ui.data(|d| d.get_temp::<OpenMenu>(menu_id())) else { return };
-    menu.keys.iter_mut().for_each(|key| find_again(viewer, key));
+    menu.keys.iter_mut().for_each(|key| update_key_time(viewer, key));
     let popup = Popup::new(menu_id(), ui.ctx().clone(), PopupAnchor::Position(menu.at), ui.layer_id())
         .kind(PopupKind::Menu)
         .layout(Layout::top_down_justified(Align::Min))
         .style(menu_style)
         .open_memory(None)
         .close_behavior(PopupCloseBehavior::CloseOnClickOutside);
-    let Some(shown) = popup.show(|ui| entries(ui, viewer, &menu.keys)) else {
+    let Some(shown) = popup.show(|ui| show_entries(ui, viewer, &menu.keys)) else {
         return ui.data_mut(|d| d.remove::<OpenMenu>(menu_id()));
     };
     let act = shown.inner;
@@ -106,30 +106,30 @@ pub fn popup(ui: &Ui, viewer: &mut Viewer) {
 }
 
 /// Finds a key again after it was moved: the script has fewer digits, so its time on stage may differ slightly.
-fn find_again(viewer: &Viewer, key: &mut KeyRef) {
+fn update_key_time(viewer: &Viewer, key: &mut KeyRef) {
     let near = viewer.playhead.fps().time_of(1).0 / 4;
     let property = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
     let at = property.and_then(|p| p.keys.into_iter().find(|at| (*at - key.at).0.abs() <= near));
     key.at = at.unwrap_or(key.at);
 }
 
-fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
+fn show_entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     let (mut act, mut typed) = (None, None);
     for key in keys.iter().take(4) {
         let found = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
         if let Some(property) = found {
-            typed = numbers(ui, &property, key).or(typed);
+            typed = show_number_fields(ui, &property, key).or(typed);
         }
     }
     ui.separator();
-    act = tangents::menu(ui).or(act);
+    act = tangents::show_menu(ui).or(act);
     ui.menu_button("Easing into the key", |ui| {
-        act = choice(ui, "default: like all keys", &easing_names()).map(KeyAct::Ease).or(act.take());
+        act = show_choices(ui, "default: like all keys", &easing_names()).map(KeyAct::Ease).or(act.take());
     });
     ui.menu_button("Between all keys", |ui| {
         let mut all: Vec<String> = KEY_INTERPOLATIONS.iter().map(ToString::to_string).collect();
         all.extend(easing_names().into_iter().filter(|name| name.contains('_')));
-        act = choice(ui, "default: linear", &all).map(KeyAct::Interpolation).or(act.take());
+        act = show_choices(ui, "default: linear", &all).map(KeyAct::Interpolation).or(act.take());
     });
     ui.separator();
     for (command, name, key) in COMMANDS {
@@ -144,7 +144,7 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
 }
 
 /// Number fields for the time and value of a key.
-fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct> {
+fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct> {
     let mut act = None;
     ui.horizontal(|ui| {
         ui.label(property.title());
@@ -167,16 +167,16 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
         ui.weak(property.unit);
     });
     let index = property.keys.iter().position(|at| *at == key.at);
-    index.and_then(|index| tangents::numbers(ui, property, index)).or(act)
+    index.and_then(|index| tangents::show_number_fields(ui, property, index)).or(act)
 }
 
 /// List of names with an entry for none. Easings are in one column for each direction, so that all are visible at once.
-fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
+fn show_choices(ui: &mut Ui, default_label: &str, names: &[String]) -> Option<Option<String>> {
     const EASING_PREFIXES: [&str; 3] = ["in_out_", "in_", "out_"];
-    let way_of = |name: &str| EASING_PREFIXES.iter().position(|way| name.starts_with(way));
-    let mut chosen = ui.button(none).clicked().then_some(None);
-    let mut column = |ui: &mut Ui, way: Option<usize>| {
-        for name in names.iter().filter(|name| way_of(name) == way) {
+    let prefix_index = |name: &str| EASING_PREFIXES.iter().position(|prefix| name.starts_with(prefix));
+    let mut chosen = ui.button(default_label).clicked().then_some(None);
+    let mut column = |ui: &mut Ui, prefix: Option<usize>| {
+        for name in names.iter().filter(|name| prefix_index(name) == prefix) {
             if ui.button(name).clicked() {
                 chosen = Some(Some(format!("\"{name}\"")));
             }
@@ -184,7 +184,7 @@ fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
     };
     column(ui, None);
     ui.horizontal_top(|ui| {
-        (0..EASING_PREFIXES.len()).for_each(|way| drop(ui.vertical(|ui| column(ui, Some(way)))));
+        (0..EASING_PREFIXES.len()).for_each(|prefix| drop(ui.vertical(|ui| column(ui, Some(prefix)))));
     });
     if ui.button("Bézier curve, with handles").clicked() {
         chosen = Some(Some(DEFAULT_BEZIER.to_string()));
@@ -193,11 +193,11 @@ fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
 }
 
 /// Handles copy and cut events if only keys are selected.
-pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
+pub fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
     if !viewer.has_only_keys_selected() {
         return;
     }
-    let mut asked = Vec::new();
+    let mut commands = Vec::new();
     ui.input_mut(|i| {
         i.events.retain(|event| {
             let command = match event {
@@ -205,17 +205,17 @@ pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
                 Event::Cut => KeyCommand::Cut,
                 _ => return true,
             };
-            asked.push(command);
+            commands.push(command);
             false
         });
     });
-    asked.into_iter().for_each(|command| run(ui, viewer, KeyAct::Run(command)));
+    commands.into_iter().for_each(|command| run(ui, viewer, KeyAct::Run(command)));
 }
 
 /// Performs an action.
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
-    let keeps = matches!(act, KeyAct::Select(_) | KeyAct::Run(KeyCommand::Copy | KeyCommand::GoToLine));
-    if !keeps && headers::refuses_locked(viewer) {
+    let is_read_only = matches!(act, KeyAct::Select(_) | KeyAct::Run(KeyCommand::Copy | KeyCommand::GoToLine));
+    if !is_read_only && headers::refuses_locked(viewer) {
         return;
     }
     let keys = viewer.selected_keys().to_vec();
@@ -247,7 +247,7 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
         },
         KeyCommand::Paste => {
             let copied = viewer.copied_clips.clone();
-            paste(viewer, &copied);
+            paste_keys(viewer, &copied);
         }
         KeyCommand::Delete => viewer.edit(|v| v.delete_keys(keys)),
         KeyCommand::GoToLine => {
@@ -269,7 +269,7 @@ pub fn set_keys(viewer: &mut Viewer) {
 }
 
 /// Adds copied keys to the selection, at the playhead.
-pub(crate) fn paste(viewer: &mut Viewer, text: &str) {
+pub(crate) fn paste_keys(viewer: &mut Viewer, text: &str) {
     if headers::refuses_locked(viewer) {
         return;
     }

@@ -21,7 +21,7 @@ pub fn handle_keyboard(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f
     }
     let pastes = |event: &egui::Event| matches!(event, egui::Event::Cut | egui::Event::Paste(_));
     if !(ui.input(|i| i.events.iter().any(pastes)) && super::script::refuses_keys(viewer)) {
-        super::bar_menu::clipboard(ui, viewer);
+        super::bar_menu::handle_clipboard_events(ui, viewer);
     }
     // Escape first closes an open menu or the question about a missing file.
     let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing.is_some();

@@ -202,7 +202,7 @@ impl Panels {
     pub fn new(settings: &Settings) -> Panels {
         let Settings { light, scale, overlays, .. } = *settings;
         let mut panels = Panels { light, scale, overlays, ..Panels::default() };
-        if let Some(dock) = settings.layout.as_ref().and_then(layout::read) {
+        if let Some(dock) = settings.layout.as_ref().and_then(layout::parse_layout) {
             panels.dock = dock;
         }
         panels
@@ -215,7 +215,7 @@ impl Panels {
     }
 
     pub fn settings(&self) -> Settings {
-        let layout = Some(self.splits.write(&self.dock));
+        let layout = Some(self.splits.to_json(&self.dock));
         let Panels { light, scale, overlays, .. } = *self;
         Settings { light, scale, layout, overlays, ..Settings::default() }
     }
@@ -237,7 +237,7 @@ impl Panels {
         }
         bar::show(self, ui, viewer, now);
         bar::show_offer(ui, viewer);
-        files::dialogs(ui, viewer);
+        files::show_dialogs(ui, viewer);
         palette::show(self, ui, viewer, now);
         if self.has_open_dialog(viewer) {
             // The mouse wheel must not scroll panels below the dialog.
@@ -272,7 +272,7 @@ impl Panels {
         let has_input =
             ui.input(|i| i.pointer.any_down() || i.pointer.any_released() || !i.keys_down.is_empty());
         self.splits.keep(&self.dock, &before, has_input);
-        key_menu::popup(ui, viewer);
+        key_menu::show_open_menu(ui, viewer);
         rename::show(&mut self.name_field, ui, viewer);
         if after_drag {
             keyboard::handle_keyboard(self, ui, viewer, now);

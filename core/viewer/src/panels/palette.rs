@@ -105,7 +105,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     let (enter, escape) = (pressed(Key::Enter), pressed(Key::Escape));
     let palette = &mut panels.palette;
     let mut chosen = None;
-    let shown = dialog::modal(ui, "Commands", (Align2::CENTER_TOP, vec2(0.0, 60.0)), |ui| {
+    let shown = dialog::show_modal(ui, "Commands", (Align2::CENTER_TOP, vec2(0.0, 60.0)), |ui| {
         ui.set_width(560.0);
         let field = TextEdit::singleline(&mut palette.text).hint_text("action, panel, actor, clip or line");
         let field = ui.add(field.desired_width(f32::INFINITY));
@@ -176,7 +176,7 @@ fn run_target(c: &mut Context, target: Target) {
             }
             c.viewer.selection = Some(what);
         }
-        Target::Add(what) => super::add_menu::add(c.viewer, what.as_ref()),
+        Target::Add(what) => super::add_menu::add_object(c.viewer, what.as_ref()),
         Target::Constrain(new) => c.viewer.edit(|v| v.add_constraint(&new)),
         Target::Play(actor, clip) => {
             let secs = c.viewer.playhead.time().as_secs();
@@ -203,9 +203,9 @@ fn all_entries(viewer: &Viewer) -> Vec<Entry> {
         all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::Panel(tab)));
     }
     if viewer.path.is_some() && viewer.previewed_files.is_empty() {
-        let additions = super::add_menu::commands(viewer).into_iter();
+        let additions = super::add_menu::palette_additions(viewer).into_iter();
         all.extend(additions.map(|(text, what)| entry(text, "new".into(), Target::Add(what))));
-        let constraints = super::add_menu::constraints(viewer).into_iter();
+        let constraints = super::add_menu::palette_constraints(viewer).into_iter();
         all.extend(constraints.map(|(text, new)| entry(text, "constraint".into(), Target::Constrain(new))));
     }
     for (number, template) in TEMPLATES.iter().enumerate() {

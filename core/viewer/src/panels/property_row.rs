@@ -25,7 +25,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, number: RowNumber, ruler: Rect) {
         .hint(format!("{row_name}\na click selects its keys"))
         .clicked()
         .then(|| row.events.iter().flat_map(Event::key_refs).collect());
-    let mark_act = marks::events(ui, viewer, row, number, lane);
+    let mark_act = marks::show_events(ui, viewer, row, number, lane);
     add_dropped_clip(ui, viewer, number, lane);
     if let Some(MarkAct::Click(event, _)) = &mark_act {
         viewer.playhead.seek(event.at);

@@ -34,7 +34,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let form = &mut viewer.render_form;
     form.format = form.format.min(formats.len().saturating_sub(1));
     if let Some(format) = formats.get(form.format) {
-        Grid::new("render").num_columns(2).show(ui, |ui| fields(ui, form, &scene, &formats));
+        Grid::new("render").num_columns(2).show(ui, |ui| show_fields(ui, form, &scene, &formats));
         let request = form.request(&scene, format);
         let jobs = viewer.renders.jobs();
         let writer = jobs.iter().find(|job| job.is_to_write(&request.output));
@@ -43,7 +43,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             let add = ui.add_enabled(writer.is_none(), Button::new(RichText::new(what).strong()));
             let add = add.hint(request.about.clone());
             if let Some(writer) = writer {
-                ui.colored_label(ui.visuals().warn_fg_color, is_written(writer));
+                ui.colored_label(ui.visuals().warn_fg_color, busy_output_message(writer));
                 let is_taken = |path: &Path| jobs.iter().any(|job| job.is_to_write(path));
                 let free = free_output(&request.output, is_taken);
                 if ui
@@ -67,12 +67,12 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     show_queue(ui, viewer);
 }
 
-fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Format]) {
+fn show_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Format]) {
     let format = &formats[form.format];
     ui.label("format");
-    let combo = ComboBox::from_id_salt("format").selected_text(name(format)).show_ui(ui, |ui| {
+    let combo = ComboBox::from_id_salt("format").selected_text(format_name(format)).show_ui(ui, |ui| {
         for (index, one) in formats.iter().enumerate() {
-            ui.selectable_value(&mut form.format, index, name(one)).hint(&one.about);
+            ui.selectable_value(&mut form.format, index, format_name(one)).hint(&one.about);
         }
     });
     set_widget_name(combo.response, WidgetType::ComboBox, "format");
@@ -110,7 +110,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     });
     ui.end_row();
     if format.kind != OutputKind::Scene {
-        image_fields(ui, form, scene);
+        show_image_fields(ui, form, scene);
     }
 
     let label = ui.label("options");
@@ -126,7 +126,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     ui.end_row();
 }
 
-fn image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
+fn show_image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
     ui.label("size");
     ui.horizontal_wrapped(|ui| {
         let scales = [(1, 4, "¼"), (1, 2, "½"), (1, 1, "as written"), (2, 1, "double")];
@@ -158,7 +158,7 @@ fn image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
     ui.end_row();
 }
 
-fn name(format: &Format) -> String {
+fn format_name(format: &Format) -> String {
     let what = match format.kind {
         OutputKind::Film => "film",
         OutputKind::Images => "images",
@@ -168,7 +168,7 @@ fn name(format: &Format) -> String {
 }
 
 /// Message that another job already writes to the output.
-fn is_written(job: &Job) -> String {
+fn busy_output_message(job: &Job) -> String {
     let name = shown_name(&job.output);
     match job.state {
         JobState::Waiting => format!("{name} will be written by a waiting {}", job.command),
@@ -185,8 +185,9 @@ fn show_queue(ui: &mut Ui, viewer: &Viewer) {
     for job in jobs {
         ui.push_id(job.number, |ui| {
             ui.horizontal(|ui| {
-                let ends = matches!(job.state, JobState::Running { .. } | JobState::Waiting);
-                let (icon, name) = if ends { (icons::X, "Cancel") } else { (icons::TRASH, "Remove") };
+                let is_cancelable = matches!(job.state, JobState::Running { .. } | JobState::Waiting);
+                let (icon, name) =
+                    if is_cancelable { (icons::X, "Cancel") } else { (icons::TRASH, "Remove") };
                 if icons::small_button(ui, icon, name, "").clicked() {
                     viewer.renders.cancel(job.number);
                 }

@@ -34,18 +34,18 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
     if count == 0 {
         return None;
     }
-    let mut wanted = None;
+    let mut edit = None;
     let title = format!("constraints and springs ({count})");
     egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
         for call in attached.into_iter().take(MAX_CALLS) {
             let all = stated_values::<ParentChange>(ParentChange::default(), viewer, &call);
             let change = show_call_section(ui, &call, |ui, form| described_fields(ui, form, &all));
-            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+            edit = change.map(|change| CallChange(call, change)).or(edit.take());
         }
         for (number, look) in actor.look_at.iter().enumerate().take(MAX_CALLS) {
             let call = shown(&places.looks, number, "look_at");
             let change = show_call_section(ui, &call, |ui, form| described_fields(ui, form, look));
-            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+            edit = change.map(|change| CallChange(call, change)).or(edit.take());
         }
         for (number, constraint) in actor.constraints.iter().enumerate().take(MAX_CALLS) {
             let call = shown(&places.constraints, number, constraint.kind.name());
@@ -57,15 +57,15 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
                 };
                 described_fields(ui, form, constraint).or(own)
             });
-            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+            edit = change.map(|change| CallChange(call, change)).or(edit.take());
         }
         for call in springs.into_iter().take(MAX_CALLS) {
             let all = stated_values(SpringParameters::default(), viewer, &call);
             let change = show_call_section(ui, &call, |ui, form| described_fields(ui, form, &all));
-            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+            edit = change.map(|change| CallChange(call, change)).or(edit.take());
         }
     });
-    wanted
+    edit
 }
 
 /// A call with its name and arguments, followed by its fields.
@@ -77,7 +77,7 @@ fn show_call_section(
     let name = call.title.split_whitespace().next().unwrap_or_default();
     let owner = format!("{name} ");
     let form = Form { stated: &call.written, owner: &owner, is_cue: false, end: None };
-    let mut wanted = None;
+    let mut edit = None;
     ui.push_id((call.place.line, call.place.column, &call.title), |ui| {
         let line = format!("line {}", call.place.line);
         ui.label(RichText::new(&call.title).monospace()).hint(line);
@@ -85,17 +85,17 @@ fn show_call_section(
             ui.weak("of the character itself");
             return;
         }
-        Grid::new("call").num_columns(2).show(ui, |ui| wanted = show(ui, &form));
+        Grid::new("call").num_columns(2).show(ui, |ui| edit = show(ui, &form));
     });
-    wanted
+    edit
 }
 
 fn described_fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange> {
-    let mut wanted = None;
+    let mut edit = None;
     for field in T::FIELDS {
-        wanted = described_field(ui, form, of, field).or(wanted);
+        edit = described_field(ui, form, of, field).or(edit);
     }
-    wanted
+    edit
 }
 
 /// Values that a call states as literals; others have their defaults.

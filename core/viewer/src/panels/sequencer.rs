@@ -309,17 +309,17 @@ fn show_row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         _ if selected_actor => visuals.strong_text_color(),
         _ => visuals.text_color(),
     };
-    let command = row.what.as_ref().and_then(|what| headers::menu(&response, viewer, what));
+    let command = row.what.as_ref().and_then(|what| headers::show_menu(&response, viewer, what));
     let command = command.zip(row.what.clone());
-    let toggled = headers::buttons(ui, viewer, index, label);
-    draw_row_name(ui, &row.label, headers::name_place(&viewer.timeline, index, label), color);
+    let toggled = headers::show_buttons(ui, viewer, index, label);
+    draw_row_name(ui, &row.label, headers::name_rect(&viewer.timeline, index, label), color);
     let response = response.hint(&row.label);
     let reordered = row_order::drag_row(ui, viewer, index, &response);
     let lane_of = bars::Lane { rect: lane, row: index };
     let locked =
         row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.toggles.locked.contains(a));
     let act = bars::show(ui, viewer, &row.bars, &row.label, &lane_of, locked);
-    let mark_act = marks::events(ui, viewer, row, number, lane);
+    let mark_act = marks::show_events(ui, viewer, row, number, lane);
     if let Some(MarkAct::Click(event, _)) = &mark_act {
         seek_time = Some(event.at);
         let is_other = |what: &Selected| viewer.selection.as_ref() != Some(what);
@@ -327,7 +327,7 @@ fn show_row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     }
     add_dropped_clip(ui, viewer, number, lane);
     if let Some(toggle) = toggled {
-        headers::toggle(viewer, toggle);
+        headers::apply_toggle(viewer, toggle);
     }
     if let Some((to, side)) = reordered {
         viewer.edit(|v| v.move_row(index, to, side));
@@ -352,7 +352,7 @@ fn show_row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
 /// Performs a command of a row's menu.
 fn run_command(ui: &Ui, viewer: &mut Viewer, index: usize, command: bar_menu::Command, what: Selected) {
     viewer.selection = Some(what);
-    match command.side() {
+    match command.row_side() {
         Some(side) => viewer.edit(|v| v.shift_row(index, side)),
         None => bar_menu::run(ui, viewer, command),
     }
@@ -372,7 +372,7 @@ fn show_free_place_menu(ui: &Ui, viewer: &mut Viewer, response: &Response, rows:
     let row: Option<usize> = ui.data(|d| d.get_temp(id)).flatten();
     let what = row.and_then(|row| Some((row, viewer.timeline.rows.get(row)?.what.clone()?)));
     let Some((row, what)) = what else { return };
-    if let Some(command) = headers::menu(response, viewer, &what) {
+    if let Some(command) = headers::show_menu(response, viewer, &what) {
         run_command(ui, viewer, row, command, what);
     }
 }

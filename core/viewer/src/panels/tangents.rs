@@ -49,7 +49,7 @@ pub fn show(
                 let Some(handle) = handle else { continue };
                 let color = curve_color(ui, property, index, part);
                 let place = HandlePlace { property, key, part, side, color, scale };
-                let shape = place.handle(ui, viewer, plot, handle);
+                let shape = place.show_handle(ui, viewer, plot, handle);
                 done = shape.map(|shape| (key_ref(property, *at), shape)).or(done);
             }
         }
@@ -70,15 +70,15 @@ impl HandlePlace<'_> {
         pos2(plot.x_at(at.as_secs() + secs), plot.y((value + add) / divide))
     }
 
-    fn tip(&self, plot: &Plot, tangent: f64, weight: f64, span: f64) -> Pos2 {
+    fn tip_position(&self, plot: &Plot, tangent: f64, weight: f64, span: f64) -> Pos2 {
         let secs = self.sign() * weight * span;
         self.point(plot, self.key, secs, secs * tangent)
     }
 
-    fn handle(&self, ui: &Ui, viewer: &Viewer, plot: &Plot, handle: &KeyHandle) -> Option<KeyShape> {
+    fn show_handle(&self, ui: &Ui, viewer: &Viewer, plot: &Plot, handle: &KeyHandle) -> Option<KeyShape> {
         let (part, span) = (self.part, handle.span);
         let (tangent, weight) = (*handle.tangent.get(part)?, *handle.weight.get(part)?);
-        let tip = self.tip(plot, tangent, weight, span);
+        let tip = self.tip_position(plot, tangent, weight, span);
         let hit = Rect::from_center_size(tip, vec2(11.0, 11.0)).intersect(plot.rect);
         let id = ui.id().with(("tangent", &self.property.name, part, self.key, self.side));
         let response = ui.interact(hit, id, Sense::drag()).on_hover_cursor(CursorIcon::Grab);
@@ -87,17 +87,17 @@ impl HandlePlace<'_> {
         let way = ["into", "out of"][self.side];
         let label = format!("tangent of {} {way} {frame}", name.trim_end());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
-        let drag = self.drag(ui, plot, &response, [tangent, weight, span]);
+        let drag = self.drag_handle(ui, plot, &response, [tangent, weight, span]);
         let (now, length) = drag.map_or((tangent, weight), |d| (d.tangent, d.weight.unwrap_or(weight)));
         let painter = ui.painter_at(plot.rect);
-        let (from, tip) = (self.point(plot, self.key, 0.0, 0.0), self.tip(plot, now, length, span));
+        let (from, tip) = (self.point(plot, self.key, 0.0, 0.0), self.tip_position(plot, now, length, span));
         painter.line_segment([from, tip], Stroke::new(1.0, self.color));
         let fill =
             if response.hovered() || drag.is_some() { self.color } else { ui.visuals().extreme_bg_color };
         painter.circle(tip, 4.0, fill, Stroke::new(1.5, self.color));
         let shape = drag.and_then(|drag| self.property.dragged_handle(self.key, &drag));
         if let Some(shape) = &shape {
-            self.preview(ui, plot, shape);
+            self.draw_preview(ui, plot, shape);
             let text = format!("{now:.3} {}/s   {length:.2} of the span", self.property.unit);
             super::bars::draw_text_at_pointer(ui, response.interact_pointer_pos().unwrap_or(tip), &text);
         }
@@ -110,7 +110,7 @@ impl HandlePlace<'_> {
     }
 
     /// The drag of a handle. With Ctrl its length changes, too; with Alt the other side stays.
-    fn drag(
+    fn drag_handle(
         &self,
         ui: &Ui,
         plot: &Plot,
@@ -139,23 +139,23 @@ impl HandlePlace<'_> {
     }
 
     /// Draws the spans next to the key as they will be.
-    fn preview(&self, ui: &Ui, plot: &Plot, shape: &KeyShape) {
+    fn draw_preview(&self, ui: &Ui, plot: &Plot, shape: &KeyShape) {
         let handles = self.property.handles(self.key);
         let sides = [(&shape.incoming, self.key.checked_sub(1)), (&shape.outgoing, Some(self.key + 1))];
         for (side, (new, other)) in sides.into_iter().enumerate() {
             let (Some(other), Some(own)) = (other, &handles[side]) else { continue };
             let there = self.property.handles(other.min(self.property.keys.len() - 1));
             let Some(there) = &there[1 - side] else { continue };
-            let one = |all: &Option<Vec<f64>>, else_: &[f64]| {
-                let all = all.as_deref().unwrap_or(else_);
+            let component = |all: &Option<Vec<f64>>, fallback: &[f64]| {
+                let all = all.as_deref().unwrap_or(fallback);
                 all.get(self.part).or(all.first()).copied().unwrap_or_default()
             };
             let sign = if side == 0 { -1.0 } else { 1.0 };
-            let near = sign * own.span * one(&new.weight, &own.weight);
+            let near = sign * own.span * component(&new.weight, &own.weight);
             let far = -sign * own.span * there.weight[self.part];
             let points = [
                 self.point(plot, self.key, 0.0, 0.0),
-                self.point(plot, self.key, near, near * one(&new.tangent, &own.tangent)),
+                self.point(plot, self.key, near, near * component(&new.tangent, &own.tangent)),
                 self.point(plot, other, far, far * there.tangent[self.part]),
                 self.point(plot, other, 0.0, 0.0),
             ];
@@ -167,7 +167,7 @@ impl HandlePlace<'_> {
 }
 
 /// Menu of tangent choices for the selected keys.
-pub fn menu(ui: &mut Ui) -> Option<KeyAct> {
+pub fn show_menu(ui: &mut Ui) -> Option<KeyAct> {
     let mut act = None;
     ui.menu_button("Tangents", |ui| {
         for (choice, name) in TangentChoice::ALL {
@@ -180,7 +180,7 @@ pub fn menu(ui: &mut Ui) -> Option<KeyAct> {
 }
 
 /// Number fields for the tangents of a key.
-pub fn numbers(ui: &mut Ui, property: &KeyedProperty, key: usize) -> Option<KeyAct> {
+pub fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: usize) -> Option<KeyAct> {
     let mut act = None;
     for (side, handle) in property.handles(key).iter().enumerate() {
         let Some(handle) = handle else { continue };

@@ -39,7 +39,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let sections = viewer.tests.sections();
     if !sections.is_empty() {
-        ui.label(counts(&sections));
+        ui.label(count_text(&sections));
     }
     let run = viewer.tests.runs();
     for section in sections.iter().filter(|s| s.is_bad()).chain(sections.iter().filter(|s| !s.is_bad())) {
@@ -55,15 +55,15 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-fn counts(sections: &[Section]) -> String {
-    let of = |status: Status| sections.iter().filter(|s| s.status == status).count();
+fn count_text(sections: &[Section]) -> String {
+    let count_of = |status: Status| sections.iter().filter(|s| s.status == status).count();
     let all = [
         (Status::Failed, "failed"),
         (Status::Error, "with errors"),
         (Status::Passed, "passed"),
         (Status::Skipped, "skipped"),
     ];
-    let parts = all.iter().map(|(status, name)| (of(*status), name)).filter(|(count, _)| *count > 0);
+    let parts = all.iter().map(|(status, name)| (count_of(*status), name)).filter(|(count, _)| *count > 0);
     parts.map(|(count, name)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
 }
 
@@ -78,20 +78,20 @@ fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, c
     let name = if section.name.is_empty() { &section.file } else { &section.name };
     let reused = if section.reused { ", reused" } else { "" };
     // The duration stays visible for long names, and nothing is wider than the panel.
-    let taken = format!(" ({:.1} s{reused})", section.seconds);
+    let duration = format!(" ({:.1} s{reused})", section.seconds);
     let font = egui::TextStyle::Button.resolve(ui.style());
-    let end = ui.painter().layout_no_wrap(taken.clone(), font.clone(), color).size().x;
+    let end = ui.painter().layout_no_wrap(duration.clone(), font.clone(), color).size().x;
     let room = ui.available_width() - INDENT - end;
     let shown = super::truncated_text(ui.painter(), &format!("{sign} {name}"), font.size, color, room);
     let is_cut = shown.elided;
     let text: String = shown.rows.iter().map(|row| row.text()).collect();
-    let title = RichText::new(format!("{text}{taken}")).color(color);
+    let title = RichText::new(format!("{text}{duration}")).color(color);
     let header = CollapsingHeader::new(title).id_salt((&section.file, &section.name));
     let header = header.default_open(section.is_bad());
     let shown = header.show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
             if ui.link(format!("{}:{}", section.file, section.line)).clicked() {
-                go_to(viewer, section, section.line);
+                go_to_test_line(viewer, section, section.line);
             }
             if ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Run again").small()).clicked() {
                 *choice = Some(Choice::Section(section.clone()));
@@ -102,7 +102,7 @@ fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, c
         }
         let checks = section.checks.iter();
         for (index, check) in checks.enumerate().filter(|(_, c)| !c.passed || c.images.is_some()) {
-            ui.push_id(index, |ui| section_row(ui, viewer, section, check, run, choice));
+            ui.push_id(index, |ui| show_check(ui, viewer, section, check, run, choice));
         }
     });
     if is_cut {
@@ -111,7 +111,7 @@ fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, c
 }
 
 /// Goes to a line of the open script; a line of another file opens in the external editor.
-fn go_to(viewer: &mut Viewer, section: &Section, line: usize) {
+fn go_to_test_line(viewer: &mut Viewer, section: &Section, line: usize) {
     let shown = viewer.path.as_ref().and_then(|path| path.canonicalize().ok());
     if shown.is_some() && Path::new(&section.file).canonicalize().ok() == shown {
         viewer.go_to = Some(line);
@@ -120,7 +120,7 @@ fn go_to(viewer: &mut Viewer, section: &Section, line: usize) {
     }
 }
 
-fn section_row(
+fn show_check(
     ui: &mut Ui,
     viewer: &mut Viewer,
     section: &Section,
@@ -132,7 +132,7 @@ fn section_row(
     let title = RichText::new(format!("line {}: {}", check.line, check.title)).color(color);
     let label = ui.add(egui::Label::new(title).sense(egui::Sense::click()));
     if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
-        go_to(viewer, section, check.line);
+        go_to_test_line(viewer, section, check.line);
     }
     let texts =
         [("expected", &check.expected), ("got", &check.got), ("off by", &check.by), ("hint", &check.hint)];
@@ -167,7 +167,7 @@ fn draw_comparison(ui: &mut Ui, images: &Images, run: u64) {
             let Some(file) = file else { continue };
             ui.vertical(|ui| {
                 ui.label(name);
-                match texture(ui, file, run) {
+                match load_texture(ui, file, run) {
                     Some(texture) => {
                         let size = texture.size_vec2();
                         let scale = side / size.max_elem().max(1.0);
@@ -194,7 +194,7 @@ struct TestImages {
     textures: BTreeMap<PathBuf, Option<TextureHandle>>,
 }
 
-fn texture(ui: &Ui, file: &Path, run: u64) -> Option<TextureHandle> {
+fn load_texture(ui: &Ui, file: &Path, run: u64) -> Option<TextureHandle> {
     let id = egui::Id::new("images of tests");
     let mut read: Arc<TestImages> =
         ui.data_mut(|data| data.get_temp_mut_or_default::<Arc<TestImages>>(id).clone());

@@ -352,8 +352,8 @@ struct EntryLayout {
     is_separator: bool,
 }
 
-/// Whether each entry is in the line. If there is no room for all, those with `moves_to_menu_first` leave first, then the others, from the last to the first, until
-/// the rest fits next to the menu button, which is `menu_button_width` wide. Separators without neighbors leave, too.
+/// Whether each entry is in the line. If there is no room for all, those with `moves_to_menu_first` leave first, then the others, from the last to
+/// the first, until the rest fits next to the menu button, which is `menu_button_width` wide. Separators without neighbors leave, too.
 fn entries_on_line(parts: &[EntryLayout], spacing: f32, room: f32, menu_button_width: f32) -> Vec<bool> {
     let mut on_line = vec![true; parts.len()];
     let used_width = |on_line: &[bool]| {
