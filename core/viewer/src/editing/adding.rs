@@ -1,9 +1,9 @@
 //! New lines for dropped files and clips: clips of an actor's own file or of another actor's, models under the pointer, and previewed files.
 
+use super::idle_clip::idle_clip_name;
 use super::next_clip::CROSSFADE_SECS;
 use super::room::{self, Footprint};
-use super::standing_clip::standing_clip;
-use super::{EditError, difference, read};
+use super::{EditError, difference, read_script};
 use crate::app::Viewer;
 use crate::geometry::picking;
 use crate::state::dropped_models::DroppedModels;
@@ -28,7 +28,7 @@ struct Framing {
     /// Variable that holds the actor.
     variable: String,
     /// The edit that declares the variable if there is none, and the position of the actor's call.
-    declares: Option<(Place, Edit)>,
+    declaration: Option<(Place, Edit)>,
     /// Distance at which all of the actor is in the image, metres.
     distance: f64,
     /// Unit vector in world space from the actor to the camera: in front of it, a little to the side and from above.
@@ -54,7 +54,7 @@ impl Viewer {
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_clip(&mut self, name: &str, of: &str, clip: &str, secs: f64) -> Result<(), EditError> {
-        let secs = Some(secs).filter(|secs| !self.begins_at(name, *secs));
+        let secs = Some(secs).filter(|secs| !self.clip_begins_at(name, *secs));
         self.add_clip_to_layer(name, &ClipSource::Actor(of.to_string()), clip, secs, 0)
     }
 
@@ -71,7 +71,7 @@ impl Viewer {
         layer: usize,
     ) -> Result<(), EditError> {
         self.check_unlocked(name)?;
-        let secs = secs.unwrap_or_else(|| self.after_last_clip(name));
+        let secs = secs.unwrap_or_else(|| self.start_after_last_clip(name));
         let (place, _) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
         if Time::from_secs(secs) >= self.timeline.length {
             let [begins, ends] =
@@ -82,18 +82,18 @@ impl Viewer {
             );
             return Err(EditError::refused_at(&place, &why));
         }
-        let takes_over = self.overlap_note(name, clip, secs, layer);
+        let overlap_note = self.overlap_note(name, clip, secs, layer);
         let follow = match of {
             ClipSource::Actor(of) => self.add_clip_of_actor(name, of, clip, secs)?,
             ClipSource::File(file) => self.add_clip_of_file(name, file, clip, secs).map(|()| None)?,
         };
-        let notes: Vec<String> = follow.into_iter().chain(takes_over).collect();
+        let notes: Vec<String> = follow.into_iter().chain(overlap_note).collect();
         self.note = (!notes.is_empty()).then(|| notes.join("; "));
         Ok(())
     }
 
     /// Options of a clip that follows others.
-    fn options_of_next(&self, name: &str) -> String {
+    fn options_of_next_clip(&self, name: &str) -> String {
         if self.has_base_clip(name) { format!(", #{{ fade: {CROSSFADE_SECS} }}") } else { String::new() }
     }
 
@@ -115,7 +115,7 @@ impl Viewer {
             return Err(EditError::refused_at(&place, &format!("no joint of {name} follows {clip} of {of}")));
         }
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
-        let (options, time) = (self.options_of_next(name), self.edit_time(secs));
+        let (options, time) = (self.options_of_next_clip(name), self.edit_time(secs));
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match index == source {
@@ -142,7 +142,7 @@ impl Viewer {
         })?;
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
-        let (options, time) = (self.options_of_next(name), self.edit_time(secs));
+        let (options, time) = (self.options_of_next_clip(name), self.edit_time(secs));
         self.change(&place, siblings, |text| {
             ScriptObject::at(text, place.line, place.column)?.play_file(&inside, clip, time, &options)
         })
@@ -152,7 +152,7 @@ impl Viewer {
     ///
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
-    pub fn add(&mut self, what: &Addition) -> Result<(), EditError> {
+    pub fn add_object(&mut self, what: &Addition) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let stage = &scene.stage;
         let is_there = || scene.places.ambient.is_some() || self.stage_written().contains_key("ambient");
@@ -161,18 +161,18 @@ impl Viewer {
             self.note = Some("the stage already has ambient light; its colors are in the inspector".into());
             return Ok(());
         }
-        let text = super::read(&self.path.clone().ok_or(EditError::NoScript)?)?;
+        let text = super::read_script(&self.path.clone().ok_or(EditError::NoScript)?)?;
         let now = self.playhead.time();
         let framing = match what {
-            Addition::Orbit(Some(name)) | Addition::Follow(name) => Some(self.framing(name)?),
+            Addition::Orbit(Some(name)) | Addition::Follow(name) => Some(self.framing_of(name)?),
             _ => None,
         };
-        let taken = room::footprints(stage, now);
+        let occupied = room::footprints(stage, now);
         let own = Footprint::around(0.3);
         // Positions to the left and to the right of the center in turn.
         let beside = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
         let mut places = beside.take(64).map(|x| DVec3::new(x, 0.0, 0.0));
-        let place = places.find(|at| room::is_free(&taken, own.moved(*at))).unwrap_or_default();
+        let place = places.find(|at| room::is_free(&occupied, own.moved(*at))).unwrap_or_default();
         let [from, end] = [now.as_secs(), self.playhead.length().as_secs()];
         let at = AddedAt {
             // Lights and cameras are placed at the center.
@@ -186,7 +186,7 @@ impl Viewer {
             }),
         };
         let (lines, name) = added_lines(&text, what, at);
-        match framing.and_then(|framing| framing.declares) {
+        match framing.and_then(|framing| framing.declaration) {
             // The same edit declares a variable for the actor.
             Some((place, edit)) => self.change(&place, 1, |text| {
                 Ok(Edit::between(text, &format!("{}\n{lines}", edit.apply(text).trim_end())))
@@ -204,7 +204,7 @@ impl Viewer {
         Ok(())
     }
 
-    fn framing(&self, name: &str) -> Result<Framing, EditError> {
+    fn framing_of(&self, name: &str) -> Result<Framing, EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let stage = &scene.stage;
         let index = actor(stage, name).ok_or(EditError::Gone)?;
@@ -214,7 +214,7 @@ impl Viewer {
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let object = ScriptObject::at(&known, place.line, place.column);
         let declared = object.ok().and_then(|object| object.with_variable(name));
-        let (variable, declares) = declared.ok_or_else(|| {
+        let (variable, declaration) = declared.ok_or_else(|| {
             EditError::refused_at(&place, "a camera needs its name in the script; write let NAME = cast(…)")
         })?;
         let line = known.lines().nth(place.line.saturating_sub(1)).unwrap_or_default();
@@ -238,7 +238,7 @@ impl Viewer {
         let front = DVec3::new(front.x, 0.0, front.z).normalize_or(DVec3::Z);
         let side = DVec3::Y.cross(front);
         let direction = (front + side * 0.4 + DVec3::Y * 0.15).normalize();
-        Ok(Framing { variable, declares: declares.map(|edit| (place, edit)), distance, direction })
+        Ok(Framing { variable, declaration: declaration.map(|edit| (place, edit)), distance, direction })
     }
 
     /// Adds a camera at the view's position, active from the playhead on.
@@ -269,22 +269,23 @@ impl Viewer {
         Some((coverage.followed(), coverage.moved))
     }
 
-    /// Adds models where they were dropped, else at the nearest free places, in a row along x, each with its idle clip. `read`: the stage on which
+    /// Adds models where they were dropped, else at the nearest free places, in a row along x, each with its idle clip. `loaded`: the stage on which
     /// the models were read. The last one is selected. Files from outside the script's folder are copied into `assets/` if the user agrees.
     ///
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
-    pub fn add_models(&mut self, dropped: &DroppedModels, read: &SceneVersion) -> Result<(), EditError> {
+    pub fn add_models(&mut self, dropped: &DroppedModels, loaded: &SceneVersion) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let problems = || read.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
-        let scene = read.scene.as_ref().ok_or_else(|| EditError::refused(problems()))?;
+        let problems = || loaded.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
+        let scene = loaded.scene.as_ref().ok_or_else(|| EditError::refused(problems()))?;
         let folder = folder_of(&path);
-        let text = super::read(&path)?;
+        let text = super::read_script(&path)?;
         let (mut lines, mut copies, mut refused) = (String::new(), Vec::new(), Vec::new());
         let mut selects = None;
         let mut shown = scene.stage.actors.iter().peekable();
         let now = self.playhead.time();
-        let mut taken = self.scene.as_ref().map(|own| room::footprints(&own.stage, now)).unwrap_or_default();
+        let mut occupied =
+            self.scene.as_ref().map(|own| room::footprints(&own.stage, now)).unwrap_or_default();
         for file in &dropped.files {
             let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
             let Some(actor) = shown.next_if(is_it) else {
@@ -293,18 +294,18 @@ impl Viewer {
             };
             let file = file.canonicalize().unwrap_or_else(|_| file.clone());
             let name = load_path_within(&file, &folder)
-                .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &read.read, &mut copies)));
+                .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &loaded.read, &mut copies)));
             let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             let own =
                 room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::around(0.5).moved(along_x));
             let own = own.moved(-along_x);
             let at = match dropped.beside {
-                true => room::nearest_free(&taken, own, dropped.at),
+                true => room::nearest_free(&occupied, own, dropped.at),
                 false => dropped.at + along_x,
             };
-            taken.push(own.moved(at));
+            occupied.push(own.moved(at));
             let at = at.map(|v| (v * 100.0).round() / 100.0);
-            let clip = standing_clip(&actor.asset);
+            let clip = idle_clip_name(&actor.asset);
             let (own, name) = cast_lines(&format!("{text}{lines}"), &name, at, clip);
             lines += &own;
             selects = Some(Selected::Actor(name));
@@ -339,7 +340,7 @@ impl Viewer {
     pub fn add_previewed_files(&mut self) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let folder = folder_of(&path);
-        let mut text = read(&path)?;
+        let mut text = read_script(&path)?;
         let (before, begins) = (text.clone(), text.len());
         if !text.is_empty() && !text.ends_with('\n') {
             text.push('\n');
@@ -424,7 +425,7 @@ fn asset_destination(
 }
 
 /// Copies a file, unless the destination already has the same content.
-pub(super) fn copy(from: &Path, to: &Path) -> Result<(), EditError> {
+pub(super) fn copy_file(from: &Path, to: &Path) -> Result<(), EditError> {
     let failed = |source| EditError::Copy { path: to.to_path_buf(), source };
     let bytes = std::fs::read(from).map_err(|source| EditError::Copy { path: from.to_path_buf(), source })?;
     if std::fs::read(to).is_ok_and(|there| there == bytes) {

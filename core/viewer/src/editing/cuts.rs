@@ -51,7 +51,7 @@ impl Viewer {
     pub fn set_cut(&mut self, index: usize, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let step = self.cut_step(&scene, index, secs)?;
-        self.change_all(vec![step])
+        self.apply_steps(vec![step])
     }
 
     /// Moves a cut, and all later cuts by the same time.
@@ -63,7 +63,7 @@ impl Viewer {
         let by = secs - first.as_secs();
         let steps = later.map(|other| self.cut_step(&scene, other, cuts[other].at.as_secs() + by));
         let steps = steps.collect::<Result<_, _>>()?;
-        self.change_all(steps)
+        self.apply_steps(steps)
     }
 
     /// Moves the end of a camera's bar, which is the next cut.

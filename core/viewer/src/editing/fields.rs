@@ -36,7 +36,7 @@ pub enum FieldChange {
     /// An option of the shape or the built-in character that an actor is cast from.
     Material(&'static str, Option<String>),
     /// A value in the map of an option, such as `size` in `shadow`. `None` removes it.
-    Within(&'static str, &'static str, Option<String>),
+    ValueInOption(&'static str, &'static str, Option<String>),
     /// An argument of the creating call, counted from 0, as source text.
     Argument(usize, String),
     /// A key of a point at the playhead: property name, new value, and the component that the user typed.
@@ -68,7 +68,7 @@ impl Viewer {
     pub(crate) fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         let done = self.change_field_once(what, change);
         let (what, change) = (what.clone(), change.clone());
-        self.or_after_unroll(done, move |viewer| viewer.change_field(&what, &change))
+        self.retry_after_unroll(done, move |viewer| viewer.change_field(&what, &change))
     }
 
     fn change_field_once(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
@@ -84,12 +84,12 @@ impl Viewer {
                     time.keep_time(text, made, when.fps)
                 })
             }
-            FieldChange::Time(part, time) => self.set_typed_cue(what, *part, time),
+            FieldChange::Time(part, time) => self.set_typed_cue_time(what, *part, time),
             FieldChange::FocalLength(length, text) => self.set_focal_length(what, *length, text),
             FieldChange::KeyedPoint(name, point, typed) => {
-                let keyed = self.keyed(what, name)?;
+                let keyed = self.keyed_property(what, name)?;
                 let step = self.value_step(&keyed, self.playhead.time(), &point.to_array())?;
-                self.change_all(vec![step.keeping(typed)])
+                self.apply_steps(vec![step.keeping(typed)])
             }
             FieldChange::Trim(trim, typed) => {
                 let fps = self.playhead.fps().as_fps();
@@ -100,15 +100,16 @@ impl Viewer {
             }
             change => {
                 let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-                if let Some(why) = self.problem_of_mask(what, change).or_else(|| problem_of_speed(change)) {
+                if let Some(why) = self.mask_refusal(what, change).or_else(|| speed_refusal(change)) {
                     return Err(EditError::refused_at(&place, &why));
                 }
-                if let Some(shared) = self.offer_of_layer(what, change) {
+                if let Some(shared) = self.offer_layer_edit(what, change) {
                     return Err(shared);
                 }
                 if matches!(change, FieldChange::Material(..))
-                    && let Some(shared) = self
-                        .offer_of_asset(what, &place, |object, text| field_change_edit(object, text, change))
+                    && let Some(shared) = self.offer_asset_edit(what, &place, |object, text| {
+                        field_change_edit(object, text, change)
+                    })
                 {
                     return Err(shared);
                 }
@@ -131,7 +132,7 @@ impl Viewer {
     }
 
     /// Reason why the mask in a change does not fit the joints of the actor, if it does not.
-    fn problem_of_mask(&self, what: &Selected, change: &FieldChange) -> Option<String> {
+    fn mask_refusal(&self, what: &Selected, change: &FieldChange) -> Option<String> {
         let FieldChange::Text("on", mask, _) = change else { return None };
         let stage = &self.scene.as_ref()?.stage;
         let asset = &stage.actors[actor(stage, what.actor()?)?].asset;
@@ -151,7 +152,7 @@ impl Viewer {
                 let object = ScriptObject::at(text, place.line, place.column)?;
                 match change {
                     FieldChange::Value("length", length, syntax) => {
-                        let in_frames = stage_length(&object, text, length, fps);
+                        let in_frames = stage_length_edit(&object, text, length, fps);
                         in_frames.unwrap_or_else(|| object.set_value("length", length, *syntax))
                     }
                     change => field_change_edit(&object, text, change),
@@ -160,7 +161,7 @@ impl Viewer {
         }
         let FieldChange::Value(name, value, _) = change else { return Ok(()) };
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let text = super::read(&path)?;
+        let text = super::read_script(&path)?;
         let comments = text.split_inclusive('\n').take_while(|line| line.starts_with("//"));
         let at = comments.map(str::len).sum();
         let edit = Edit { range: at..at, text: format!("stage(#{{ {name}: {value} }});\n") };
@@ -171,7 +172,7 @@ impl Viewer {
     pub fn stage_written(&self) -> BTreeMap<String, String> {
         let all = || {
             let place = &self.scene.as_ref()?.places.settings;
-            Some(self.text()?.object(place.line, place.column).ok()?.all_written())
+            Some(self.script_text()?.object(place.line, place.column).ok()?.all_written())
         };
         all().unwrap_or_default()
     }
@@ -228,7 +229,7 @@ impl Viewer {
     }
 
     /// Source text of the values in the map of an option, by name.
-    pub fn written_within(&self, what: &Selected, option: &str) -> BTreeMap<String, String> {
+    pub fn values_in_option(&self, what: &Selected, option: &str) -> BTreeMap<String, String> {
         self.read_selected(what, |object| Some(object.within_option(option)?.all_written()))
             .unwrap_or_default()
     }
@@ -263,7 +264,7 @@ impl Viewer {
         read: impl FnOnce(&ScriptObject) -> Option<R>,
     ) -> Option<R> {
         self.check_place(place, siblings).ok()?;
-        read(&self.text()?.object(place.line, place.column).ok()?)
+        read(&self.script_text()?.object(place.line, place.column).ok()?)
     }
 
     /// Reads the call that creates an object.
@@ -303,14 +304,14 @@ impl Viewer {
 }
 
 /// Reason why a clip cannot have the speed in a change, if it cannot.
-fn problem_of_speed(change: &FieldChange) -> Option<String> {
+fn speed_refusal(change: &FieldChange) -> Option<String> {
     let FieldChange::Value("speed", speed, _) = change else { return None };
     let stands = expression::value(speed, 1.0)?.abs() < 1e-3;
     stands.then(|| format!("a clip has a speed of at least 0.001, or at most -0.001 backwards, not {speed}"))
 }
 
 /// The edit that rounds the length of the stage to a whole frame. `None` if the script does not count the length in frames.
-fn stage_length(
+fn stage_length_edit(
     object: &ScriptObject,
     text: &str,
     length: &str,
@@ -374,7 +375,7 @@ pub(super) fn field_change_edit(
                 ScriptObject::at(text, line, column)?.set_value("repeat", &value, NewValueSyntax::Option)
             })
         }
-        FieldChange::Within(option, name, value) => match value {
+        FieldChange::ValueInOption(option, name, value) => match value {
             Some(value) => object.set_value_in_option(option, name, value),
             None => Ok(object.remove_value_in_option(option, name)),
         },

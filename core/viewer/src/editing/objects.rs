@@ -17,7 +17,7 @@ impl Viewer {
     pub fn duplicate_object(&mut self, what: &Selected) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-        let (by, offset) = (self.named_by(what), self.copy_offset(what));
+        let (by, offset) = (self.name_syntax(what), self.copy_offset(what));
         let (mut name, mut line, mut left, mut stays) = (None, 0, Vec::new(), None);
         self.change(&place, siblings, |text| {
             let made = duplicate_object(text, (place.line, place.column), by, offset)?;
@@ -27,16 +27,16 @@ impl Viewer {
         })?;
         let left: Vec<String> = left.iter().map(usize::to_string).collect();
         let lines = if left.len() == 1 { "line" } else { "lines" };
-        let lacks = (!left.is_empty()).then(|| {
+        let lacks_note = (!left.is_empty()).then(|| {
             format!("the copy lacks the effect of other statements, in {lines} {}", left.join(", "))
         });
         let stays = stays.map(|line| {
             format!("the copy is at the same place as the original: line {line} computes its place")
         });
-        let carried = self.attached_to(what).map(|parent| {
+        let attached_note = self.parent_name(what).map(|parent| {
             format!("the copy is at the same place as the original: both are attached to {parent}")
         });
-        let notes: Vec<String> = lacks.into_iter().chain(stays).chain(carried).collect();
+        let notes: Vec<String> = lacks_note.into_iter().chain(stays).chain(attached_note).collect();
         self.note = (!notes.is_empty()).then(|| notes.join("; "));
         let before = |places: &[Place]| places.iter().filter(|place| place.line <= line).count();
         self.selection = match (what, name) {
@@ -51,7 +51,7 @@ impl Viewer {
     }
 
     /// Name of the actor that an actor is attached to.
-    fn attached_to(&self, what: &Selected) -> Option<String> {
+    fn parent_name(&self, what: &Selected) -> Option<String> {
         let Selected::Actor(name) = what else { return None };
         let stage = &self.scene.as_ref()?.stage;
         let parents = &stage.actors[actor(stage, name)?].parents;

@@ -15,7 +15,7 @@ use glam::DVec3;
 
 impl Viewer {
     /// The placement that a dragged icon gives to its object.
-    pub(crate) fn place_of_icon(
+    pub(crate) fn icon_placement(
         &self,
         stage: &Stage,
         DraggedIcon { what, to, .. }: &DraggedIcon,

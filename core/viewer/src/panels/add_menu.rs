@@ -144,7 +144,7 @@ fn show_constraint_menu(ui: &mut Ui, viewer: &Viewer) -> Option<NewConstraint> {
 /// Adds an object to the script. `None`: a camera at the view.
 pub fn add_object(viewer: &mut Viewer, what: Option<&Addition>) {
     viewer.edit(|v| match what {
-        Some(what) => v.add(what),
+        Some(what) => v.add_object(what),
         None => v.add_camera_of_view(),
     });
 }

@@ -165,7 +165,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
         Act::Stretch(what, end) => viewer.edit(|v| v.stretch_cue(&what, end)),
         Act::SetWeight(what, weight) => viewer.edit(|v| v.set_weight(&what, weight)),
         Act::RefuseLocked(bar) => {
-            let why = headers::is_locked(bar.what.actor().unwrap_or_default());
+            let why = headers::locked_row_message(bar.what.actor().unwrap_or_default());
             viewer.edit(|_| Err(EditError::refused(why)));
         }
         Act::RunCommand(command) => bar_menu::run(ui, viewer, command),
@@ -183,7 +183,7 @@ impl Viewer {
                 Err("a layer of an actor is made by .on(…): set the joints in the inspector".into())
             }
             Some(Selected::Actor(name)) if self.toggles.locked.contains(name) => {
-                Err(headers::is_locked(name).into())
+                Err(headers::locked_row_message(name).into())
             }
             Some(Selected::Actor(name)) => Ok(name),
             _ => Err("only actors play clips: drop it on the row of an actor".into()),
@@ -214,7 +214,7 @@ impl Viewer {
             (Some(cut), _) => self.set_cut(cut, secs),
             (None, CueTime::Start) if keeps_content && bar.strip.is_some() => self.trim_cue(&bar.what, secs),
             (None, CueTime::End) => self.set_end(bar, secs),
-            (None, part) => self.set_cue(&bar.what, part, secs),
+            (None, part) => self.set_cue_time(&bar.what, part, secs),
         }
     }
 
@@ -314,7 +314,7 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
     let by = start - bar.start.as_secs();
     let all = viewer.selected_bars();
     let all = if kind == MoveKind::Alone && all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
-    let end = viewer.moved_end(&bar.what, &all, by).filter(|_| by != 0.0 && kind != MoveKind::Overlap);
+    let end = viewer.moved_end_note(&bar.what, &all, by).filter(|_| by != 0.0 && kind != MoveKind::Overlap);
     if let Some(end) = end {
         draw_text_at_pointer(ui, response.interact_pointer_pos()?, &end);
     }
@@ -422,7 +422,8 @@ fn show_time_handle(
             (true, Repeat::Once) => "trims the start; the content stays in place",
             (true, _) => "moves the cut; the loop starts again at the cut",
         };
-        let end = viewer.moved_end(&bar.what, &[], secs - bar.start.as_secs()).filter(|_| !keeps_content);
+        let end =
+            viewer.moved_end_note(&bar.what, &[], secs - bar.start.as_secs()).filter(|_| !keeps_content);
         let text = end.map_or_else(|| text.to_string(), |end| format!("{text}\n{end}"));
         draw_text_at_pointer(ui, pos2(lane.x(viewer, secs), rect.top()), &text);
     }

@@ -163,7 +163,7 @@ fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
         Act::Click(key, false) => viewer.select_keys(vec![key]),
         Act::Drop(KeyDrag { key, part, by, value }) => {
             let keys = viewer.selected_keys().to_vec();
-            let value = ValueDrag { property: key.property.clone(), part, by: value };
+            let value = ValueDrag { property: key.property.clone(), part, offset: value };
             viewer.edit(|v| v.drag_keys(&keys, by, Some(&value)));
         }
         Act::Ease(key, points) => {

@@ -505,18 +505,22 @@ fn shadow_fields(
         ui.end_row();
         let Some(shadow) = light.shadow else { return };
         let shadow = Shadow { softness: shadow.softness.or(Some(Shadow::LAMP_SOFTNESS)), ..shadow };
-        let inner = viewer.written_within(what, "shadow");
+        let inner = viewer.values_in_option(what, "shadow");
         let form = Form { stated: &inner, owner: "shadow ", is_cue: false, end: None };
         for field in Shadow::FIELDS {
             let set = match described_field(ui, &form, &shadow, field) {
                 Some(FieldChange::Value(name, value, _)) if name == "size" => {
                     // The number of texels is whole.
-                    Some(FieldChange::Within("shadow", name, value.split('.').next().map(str::to_string)))
+                    Some(FieldChange::ValueInOption(
+                        "shadow",
+                        name,
+                        value.split('.').next().map(str::to_string),
+                    ))
                 }
                 Some(FieldChange::Value(name, value, _)) => {
-                    Some(FieldChange::Within("shadow", name, Some(value)))
+                    Some(FieldChange::ValueInOption("shadow", name, Some(value)))
                 }
-                Some(FieldChange::Reset(_)) => Some(FieldChange::Within("shadow", field.name, None)),
+                Some(FieldChange::Reset(_)) => Some(FieldChange::ValueInOption("shadow", field.name, None)),
                 other => other,
             };
             edit = set.or(edit.take());

@@ -5,7 +5,7 @@ use super::hint::Hint;
 use super::icons;
 use crate::app::Viewer;
 use crate::editing::EditError;
-pub(super) use crate::editing::is_locked;
+pub(super) use crate::editing::locked_row_message;
 use crate::state::selection::Selected;
 use crate::state::timeline::Timeline;
 use egui::{Align2, FontId, Rect, Response, Sense, Ui, pos2, vec2};
@@ -37,7 +37,7 @@ pub fn show_menu(response: &Response, viewer: &Viewer, what: &Selected) -> Optio
 
 /// Refuses an edit of the selection if its row is locked. Returns whether it is.
 pub(super) fn refuses_locked(viewer: &mut Viewer) -> bool {
-    let why = viewer.locked_selection().map(is_locked);
+    let why = viewer.locked_selection().map(locked_row_message);
     let is_refused = why.is_some();
     if let Some(why) = why {
         viewer.edit(|_| Err(EditError::refused(why)));

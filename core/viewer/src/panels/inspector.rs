@@ -137,7 +137,7 @@ fn apply_edit(viewer: &mut Viewer, selection: Selected, edit: InspectorEdit, kno
     let locked = selection.actor().filter(|name| viewer.toggles.locked.contains(*name));
     // The lock protects the row, but not its name.
     if let Some(name) = locked.filter(|_| !matches!(edit, InspectorEdit::Rename(_))) {
-        return viewer.report(Err(EditError::refused(headers::is_locked(name))));
+        return viewer.report(Err(EditError::refused(headers::locked_row_message(name))));
     }
     let change = match edit {
         InspectorEdit::Field(change) => viewer.change_field(&selection, &change),

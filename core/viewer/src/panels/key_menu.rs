@@ -214,7 +214,8 @@ pub fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
 
 /// Performs an action.
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
-    let is_read_only = matches!(act, KeyAct::Select(_) | KeyAct::Run(KeyCommand::Copy | KeyCommand::GoToLine));
+    let is_read_only =
+        matches!(act, KeyAct::Select(_) | KeyAct::Run(KeyCommand::Copy | KeyCommand::GoToLine));
     if !is_read_only && headers::refuses_locked(viewer) {
         return;
     }

@@ -212,7 +212,7 @@ fn write_position(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at:
         format!("[{x:?}, {y:?}, {z:?}]")
     };
     // The object stays at its new position until the reload shows it.
-    viewer.placement_override = viewer.place_of_icon(&scene.stage, dragged);
+    viewer.placement_override = viewer.icon_placement(&scene.stage, dragged);
     match &dragged.what {
         IconObject::Light(number) => {
             let light = scene.stage.lights.get(*number);

@@ -2,7 +2,7 @@
 
 use super::hint::Hint;
 use crate::app::Viewer;
-use crate::editing::{EditError, read};
+use crate::editing::{EditError, read_script};
 use crate::state::selection::Selected;
 use choreo_script::Severity;
 use egui::{Color32, CursorIcon, FontId, RichText, ScrollArea, Sense, TextStyle, Ui, Visuals};
@@ -13,7 +13,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let places = viewer.scene.as_ref().map(|s| s.places.clone());
     let shown = places.as_ref().and_then(|p| p.sources.get(&p.main).cloned());
     // The messages of a faulty version refer to its own text.
-    let newest = viewer.faulty.then(|| viewer.path.as_ref().and_then(|p| read(p).ok())).flatten();
+    let newest = viewer.faulty.then(|| viewer.path.as_ref().and_then(|p| read_script(p).ok())).flatten();
     let Some(text) = newest.map(Arc::<str>::from).or(shown) else {
         ui.label("there is no script");
         return;

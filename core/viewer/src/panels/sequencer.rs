@@ -393,7 +393,7 @@ pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
             }
             let locked =
                 keys.iter().filter_map(|key| key.what.actor()).find(|a| viewer.toggles.locked.contains(*a));
-            if let Some(why) = locked.map(headers::is_locked) {
+            if let Some(why) = locked.map(headers::locked_row_message) {
                 return viewer.edit(|_| Err(EditError::refused(why)));
             }
             // If only some keys of a diamond are selected, all of its keys are moved.

@@ -63,7 +63,7 @@ fn show_light_fields(ui: &mut Ui, viewer: &mut Viewer) {
         if sky && ui.button("select the sky").clicked() {
             viewer.selection = Some(Selected::Sky);
         } else if !sky && ui.button("add the studio").hint("a room with soft boxes").clicked() {
-            viewer.edit(|v| v.add(&Addition::StudioSky));
+            viewer.edit(|v| v.add_object(&Addition::StudioSky));
         }
         ui.end_row();
     });

@@ -446,7 +446,7 @@ fn upper_layers_are_edited_like_the_base_layer() {
     assert_eq!((bars[1].fade_in, bars[1].fade_out), (Time::from_secs(0.6), Time::ZERO));
     assert_eq!(bars[0].end, Time::from_secs(3.0), "it is seen until the other one has faded in");
     // A fade that is written as a method.
-    desk.state_mut().viewer.set_cue(&cue(1, 0), choreo_session::edit::CueTime::FadeIn, 0.5).unwrap();
+    desk.state_mut().viewer.set_cue_time(&cue(1, 0), choreo_session::edit::CueTime::FadeIn, 0.5).unwrap();
     assert!(desk.state().text().contains(".fade(0.5)\n"), "{}", desk.state().text());
     for (layer, row, label) in [(0, 1, "Run"), (1, 2, "Wave")] {
         back(&mut desk);

@@ -353,7 +353,7 @@ fn a_clip_follows_the_one_before_it_in_its_chain() {
         let mut place = Place::new(script);
         let starts: Vec<Time> = place.viewer.timeline.rows[1].bars.iter().map(|bar| bar.start).collect();
         assert_eq!(starts, [0.0, 1.0, 2.0].map(Time::from_secs));
-        place.viewer.set_cue(&wave, choreo_session::edit::CueTime::Start, 1.8).unwrap();
+        place.viewer.set_cue_time(&wave, choreo_session::edit::CueTime::Start, 1.8).unwrap();
         assert_eq!(place.text(), script.replace("until(2.0)", "until(1.8)"));
         place.reload_with(script);
         for moves_bars in [false, true] {

@@ -6,7 +6,7 @@ use choreo_asset::Asset;
 const IDLE_WORDS: [&str; 3] = ["idle", "stand", "rest"];
 
 /// Name of the idle clip, else of the first clip.
-pub(super) fn standing_clip(asset: &Asset) -> Option<&str> {
+pub(super) fn idle_clip_name(asset: &Asset) -> Option<&str> {
     best_idle_name(asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
