@@ -125,7 +125,7 @@ pub struct Viewer {
     pub tool: Tool,
     pub dragging: Option<Dragging>,
     pub dragged_icon: Option<DraggedIcon>,
-    /// Cache of [`Viewer::sunlit()`] for the scene.
+    /// Cache of [`Viewer::sun_target()`] for the scene.
     pub(crate) sunlit: Cell<Option<DVec3>>,
     /// Placement of a dragged icon after its release, used until the next version has it.
     pub(crate) placement_override: Option<PlacementOverride>,

@@ -72,7 +72,7 @@ impl Viewer {
     ) -> Result<(), EditError> {
         self.check_unlocked(name)?;
         let secs = secs.unwrap_or_else(|| self.start_after_last_clip(name));
-        let (place, _) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
+        let (place, _) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::ObjectGone)?;
         if Time::from_secs(secs) >= self.timeline.length {
             let [begins, ends] =
                 [Time::from_secs(secs), self.timeline.length].map(|time| self.shown_time(time));
@@ -106,7 +106,7 @@ impl Viewer {
         secs: f64,
     ) -> Result<Option<String>, EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let found = |name: &str| actor(&scene.stage, name).ok_or(EditError::Gone);
+        let found = |name: &str| actor(&scene.stage, name).ok_or(EditError::ObjectGone);
         let (index, source) = (found(name)?, found(of)?);
         let place = |index: usize| scene.places.actors.get(index).cloned().unwrap_or_default();
         let (place, of_place) = (place(index), place(source));
@@ -135,7 +135,7 @@ impl Viewer {
     fn add_clip_of_file(&mut self, name: &str, file: &Path, clip: &str, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::ObjectGone)?;
         let inside = load_path_within(file, &folder_of(&path)).ok_or_else(|| {
             let why = "it is outside the script's folder, and load(…) reads only inside; copy it into that folder first";
             EditError::refused(format!("{}: {why}", file.display()))
@@ -155,7 +155,8 @@ impl Viewer {
     pub fn add_object(&mut self, what: &Addition) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let stage = &scene.stage;
-        let is_there = || scene.places.ambient.is_some() || self.stage_written().contains_key("ambient");
+        let is_there =
+            || scene.places.ambient.is_some() || self.written_stage_values().contains_key("ambient");
         if matches!(what, Addition::Ambient) && is_there() {
             self.selection = None;
             self.note = Some("the stage already has ambient light; its colors are in the inspector".into());
@@ -207,9 +208,9 @@ impl Viewer {
     fn framing_of(&self, name: &str) -> Result<Framing, EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let stage = &scene.stage;
-        let index = actor(stage, name).ok_or(EditError::Gone)?;
+        let index = actor(stage, name).ok_or(EditError::ObjectGone)?;
         let what = Selected::Actor(name.to_string());
-        let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(&what).ok_or(EditError::ObjectGone)?;
         self.check_place(&place, siblings)?;
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let object = ScriptObject::at(&known, place.line, place.column);
@@ -230,7 +231,9 @@ impl Viewer {
         let radius = posed.map_or_else(rest, |(low, high)| (high - low).length()) / 2.0;
         // The bounding sphere fits into the smaller field of view, with a margin.
         let [width, height] = stage.settings.size.map(f64::from);
-        let Projection::Perspective { yfov, .. } = Projection::default() else { return Err(EditError::Gone) };
+        let Projection::Perspective { yfov, .. } = Projection::default() else {
+            return Err(EditError::ObjectGone);
+        };
         let half = f64::from(yfov) / 2.0;
         let narrow = libm::atan(libm::tan(half) * (width / height).min(1.0));
         let distance = 1.1 * radius / libm::sin(narrow);

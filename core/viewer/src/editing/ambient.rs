@@ -35,7 +35,7 @@ impl Viewer {
         let place = self.scene.as_ref()?.places.ambient.clone();
         match place {
             Some(place) => self.read_object(&place, 1, |object| Some(object.inside().to_string())),
-            None => self.stage_written().remove("ambient"),
+            None => self.written_stage_values().remove("ambient"),
         }
     }
 
@@ -116,7 +116,7 @@ mod tests {
     use super::parse_strength;
 
     #[test]
-    fn the_strength_is_read_in_each_form() {
+    fn the_ambient_strength_is_read_in_each_syntax() {
         for (written, strength) in [
             ("", 1.0),
             ("\"white\"", 1.0),

@@ -75,9 +75,9 @@ impl Viewer {
         let name = self.selection.as_ref().and_then(Selected::actor).map(str::to_string);
         let name = name.ok_or_else(|| EditError::refused("first select the actor for the constraint"))?;
         self.check_unlocked(&name)?;
-        let index = actor(&scene.stage, &name).ok_or(EditError::Gone)?;
+        let index = actor(&scene.stage, &name).ok_or(EditError::ObjectGone)?;
         let found = &scene.stage.actors[index];
-        let (place, siblings) = self.place_of(&Selected::Actor(name.clone())).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(&Selected::Actor(name.clone())).ok_or(EditError::ObjectGone)?;
         let default_joint = HumanoidJoints::of(&found.asset.skeleton).joint(new.call.default_bone());
         let selected = self.joint.as_ref().filter(|joint| joint.actor == name).map(|joint| joint.joint);
         let joint = selected.or(default_joint.map(|joint| joint as usize)).ok_or_else(|| {
@@ -89,7 +89,7 @@ impl Viewer {
         let of = match &new.target {
             Some(target) => {
                 let (of, siblings) =
-                    self.place_of(&Selected::Actor(target.clone())).ok_or(EditError::Gone)?;
+                    self.place_of(&Selected::Actor(target.clone())).ok_or(EditError::ObjectGone)?;
                 self.check_place(&of, siblings)?;
                 Some(of)
             }

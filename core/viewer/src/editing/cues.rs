@@ -20,7 +20,7 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn move_cue(&mut self, what: &Selected, secs: f64, ripple: bool) -> Result<(), EditError> {
         let layer = self.layer_bars(what);
-        let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
+        let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::ObjectGone)?;
         let by = secs.max(0.0) - layer[at].start.as_secs();
         self.check_start(&layer[at].place, &layer[at].label, secs)?;
         let steps = self.move_steps(&layer, &|index| index == at || ripple && index > at, by)?;
@@ -172,7 +172,7 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn overlap_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
         let layer = self.layer_bars(what);
-        let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
+        let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::ObjectGone)?;
         let before = at.checked_sub(1).map(|before| &layer[before]);
         let overlap = before.map_or(0.0, |before| before.end.as_secs() - secs);
         if !before.is_some_and(|before| overlap > 0.0 && secs > before.start.as_secs()) {
@@ -188,7 +188,7 @@ impl Viewer {
         // A fade on an upper layer also sets the fade-out, so the former fade-out is stated.
         let hands_over = layer.get(at + 1).is_some_and(|next| next.start <= bar.end);
         let is_upper = matches!(what, Selected::Cue { layer: 1.., .. });
-        if is_upper && !hands_over && self.written(what, "fade_out").is_none() {
+        if is_upper && !hands_over && self.written_value(what, "fade_out").is_none() {
             let fade_out = bar.fade_out.as_secs();
             steps.push(self.bar_step(bar, move |text, line, column| {
                 set_number(text, line, column, "fade_out", fade_out)
@@ -262,7 +262,7 @@ impl Viewer {
     }
 
     pub(super) fn find_bar(&self, what: &Selected) -> Result<Bar, EditError> {
-        self.bars().find(|bar| bar.what == *what).cloned().ok_or(EditError::Gone)
+        self.bars().find(|bar| bar.what == *what).cloned().ok_or(EditError::ObjectGone)
     }
 
     /// A step that edits the call of a bar.

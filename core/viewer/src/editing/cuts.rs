@@ -58,7 +58,7 @@ impl Viewer {
     pub fn ripple_cuts(&mut self, index: usize, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let cuts = &scene.stage.cuts;
-        let first = cuts.get(index).ok_or(EditError::Gone)?.at;
+        let first = cuts.get(index).ok_or(EditError::ObjectGone)?.at;
         let later = (0..cuts.len()).filter(|other| *other == index || cuts[*other].at > first);
         let by = secs - first.as_secs();
         let steps = later.map(|other| self.cut_step(&scene, other, cuts[other].at.as_secs() + by));
@@ -84,7 +84,7 @@ impl Viewer {
     }
 
     fn cut_step(&self, scene: &Scene, index: usize, secs: f64) -> Result<Step<'static>, EditError> {
-        let place = scene.places.cuts.get(index).ok_or(EditError::Gone)?.clone();
+        let place = scene.places.cuts.get(index).ok_or(EditError::ObjectGone)?.clone();
         let siblings = scene.places.cuts.iter().filter(|p| **p == place).count();
         let time = self.edit_time(secs);
         Ok(Step::new(place, siblings, move |text, line, column| set_call(text, line, column, time)))

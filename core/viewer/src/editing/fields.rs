@@ -21,7 +21,7 @@ pub enum FieldChange {
     /// A value as source text. Computed values are not overwritten.
     Value(&'static str, String, NewValueSyntax),
     /// A value as source text that also overwrites a computed one.
-    Text(&'static str, String, NewValueSyntax),
+    Overwrite(&'static str, String, NewValueSyntax),
     /// Removes these values.
     Reset(Vec<&'static str>),
     /// Trimmed part of a clip, clip seconds, and the end of it that the user typed.
@@ -30,11 +30,11 @@ pub enum FieldChange {
     Repeat(&'static str),
     Clip(String),
     /// Words of a title.
-    Words(String),
+    TitleText(String),
     /// Focal length in millimetres, and its source text.
     FocalLength(f64, String),
     /// An option of the shape or the built-in character that an actor is cast from.
-    Material(&'static str, Option<String>),
+    AssetOption(&'static str, Option<String>),
     /// A value in the map of an option, such as `size` in `shadow`. `None` removes it.
     ValueInOption(&'static str, &'static str, Option<String>),
     /// An argument of the creating call, counted from 0, as source text.
@@ -54,7 +54,7 @@ pub struct StatedCall {
     /// Source text of the first two arguments: the target of a camera and the offset from it.
     pub arguments: [Option<String>; 2],
     /// Source text of the options and methods of the call, by name.
-    pub written: BTreeMap<String, String>,
+    pub values: BTreeMap<String, String>,
 }
 
 /// Methods that set how a clip repeats.
@@ -74,7 +74,7 @@ impl Viewer {
     fn change_field_once(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         match change {
             FieldChange::Time(CueTime::FadeIn, time) if matches!(what, Selected::Cue { .. }) => {
-                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+                let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
                 let when = self.edit_time(time.value);
                 self.change(&place, siblings, |text| {
                     let (line, column) = (place.line, place.column);
@@ -93,20 +93,20 @@ impl Viewer {
             }
             FieldChange::Trim(trim, typed) => {
                 let fps = self.playhead.fps().as_fps();
-                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+                let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
                 self.change(&place, siblings, |text| {
                     typed.keep_time(text, set_trim(text, place.line, place.column, *trim, fps), fps)
                 })
             }
             change => {
-                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+                let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
                 if let Some(why) = self.mask_refusal(what, change).or_else(|| speed_refusal(change)) {
                     return Err(EditError::refused_at(&place, &why));
                 }
                 if let Some(shared) = self.offer_layer_edit(what, change) {
                     return Err(shared);
                 }
-                if matches!(change, FieldChange::Material(..))
+                if matches!(change, FieldChange::AssetOption(..))
                     && let Some(shared) = self.offer_asset_edit(what, &place, |object, text| {
                         field_change_edit(object, text, change)
                     })
@@ -125,7 +125,7 @@ impl Viewer {
     /// # Errors
     /// Fails as [`Viewer::change_field`] does.
     pub(crate) fn remove_parameter(&mut self, what: &Selected, name: &str) -> Result<(), EditError> {
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
         self.change(&place, siblings, |text| {
             Ok(ScriptObject::at(text, place.line, place.column)?.remove_values(&[name]))
         })
@@ -133,7 +133,7 @@ impl Viewer {
 
     /// Reason why the mask in a change does not fit the joints of the actor, if it does not.
     fn mask_refusal(&self, what: &Selected, change: &FieldChange) -> Option<String> {
-        let FieldChange::Text("on", mask, _) = change else { return None };
+        let FieldChange::Overwrite("on", mask, _) = change else { return None };
         let stage = &self.scene.as_ref()?.stage;
         let asset = &stage.actors[actor(stage, what.actor()?)?].asset;
         mask_problem(asset, mask)
@@ -169,7 +169,7 @@ impl Viewer {
     }
 
     /// Source text of the settings of the stage that the script states, by name.
-    pub fn stage_written(&self) -> BTreeMap<String, String> {
+    pub fn written_stage_values(&self) -> BTreeMap<String, String> {
         let all = || {
             let place = &self.scene.as_ref()?.places.settings;
             Some(self.script_text()?.object(place.line, place.column).ok()?.all_written())
@@ -216,9 +216,9 @@ impl Viewer {
 
     /// The call at a position. `name`: its title if the text cannot be edited.
     pub fn stated_call(&self, place: &Place, siblings: usize, name: &str) -> StatedCall {
-        let call = |title: String, arguments, written| {
+        let call = |title: String, arguments, values| {
             let place = place.clone();
-            StatedCall { place, siblings, title, arguments, written }
+            StatedCall { place, siblings, title, arguments, values }
         };
         let read = self.read_object(place, siblings, |object| {
             let title = format!("{} {}", object.creating_function(), object.arguments());
@@ -235,12 +235,12 @@ impl Viewer {
     }
 
     /// Source text of a method's arguments or of an option. `None` if the script creates the object together with others.
-    pub fn written(&self, what: &Selected, name: &str) -> Option<String> {
+    pub fn written_value(&self, what: &Selected, name: &str) -> Option<String> {
         self.read_selected(what, |object| object.written(name).map(str::to_string))
     }
 
     /// Source text of all options and methods of an object, by name. Empty if the script creates the object together with others.
-    pub fn all_written(&self, what: &Selected) -> BTreeMap<String, String> {
+    pub fn written_values(&self, what: &Selected) -> BTreeMap<String, String> {
         self.read_selected(what, |object| Some(object.all_written())).unwrap_or_default()
     }
 
@@ -281,10 +281,11 @@ impl Viewer {
     fn set_focal_length(&mut self, what: &Selected, length: f64, length_text: &str) -> Result<(), EditError> {
         let Selected::Camera(name) = what else { return Err(EditError::refused("only cameras have a lens")) };
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let camera = scene.stage.cameras.iter().find(|c| c.name == *name).ok_or(EditError::Gone)?;
+        let camera = scene.stage.cameras.iter().find(|c| c.name == *name).ok_or(EditError::ObjectGone)?;
         let keyed = |property| camera.channels.iter().any(|c| c.property == property);
         let in_degrees = keyed(Property::FieldOfView)
-            || self.written(what, "fov").is_some() && self.written(what, "focal_length").is_none();
+            || self.written_value(what, "fov").is_some()
+                && self.written_value(what, "focal_length").is_none();
         if in_degrees {
             let degrees = Camera::yfov(length).to_degrees();
             let is_meant = |read: f64| is_as_shown(Camera::focal_length(read.to_radians()), length);
@@ -292,7 +293,7 @@ impl Viewer {
         }
         let when = self.edit_time(self.playhead.time().as_secs());
         let is_keyed = keyed(Property::FocalLength);
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match is_keyed {
@@ -364,10 +365,10 @@ pub(super) fn field_change_edit(
             })
         }
         FieldChange::Value(name, value, syntax) => object.set_value(name, value, *syntax),
-        FieldChange::Text(name, value, syntax) => object.overwrite_value(name, value, *syntax),
+        FieldChange::Overwrite(name, value, syntax) => object.overwrite_value(name, value, *syntax),
         FieldChange::Reset(names) => Ok(object.remove_values(names)),
         FieldChange::Clip(name) => object.set_clip(name),
-        FieldChange::Words(words) => object.set_words(words),
+        FieldChange::TitleText(words) => object.set_words(words),
         FieldChange::Repeat(how) => {
             let (line, column) = object.place();
             let value = format!("\"{how}\"");
@@ -379,7 +380,7 @@ pub(super) fn field_change_edit(
             Some(value) => object.set_value_in_option(option, name, value),
             None => Ok(object.remove_value_in_option(option, name)),
         },
-        FieldChange::Material(name, value) => {
+        FieldChange::AssetOption(name, value) => {
             let asset = object.asset_object()?;
             match value {
                 Some(value) => asset.set_value(name, value, NewValueSyntax::Option),

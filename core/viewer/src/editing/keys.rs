@@ -59,7 +59,7 @@ impl Viewer {
             for key in keys.iter().filter(|key| key.property == value.property) {
                 let keyed = self.keyed_property(&key.what, &key.property)?;
                 let mut numbers = keyed.at(key.at);
-                let number = numbers.get_mut(value.part).ok_or(EditError::Gone)?;
+                let number = numbers.get_mut(value.part).ok_or(EditError::ObjectGone)?;
                 *number = (*number + value.offset).clamp(keyed.range[0], keyed.range[1]);
                 steps.push(self.value_step(&keyed, key.at, &numbers)?);
             }
@@ -161,7 +161,7 @@ impl Viewer {
         let mut shapes = Vec::new();
         for key in keys {
             let keyed = self.keyed_property(&key.what, &key.property)?;
-            let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::Gone)?;
+            let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::ObjectGone)?;
             let shape = keyed.shape_of_choice(index, choice).ok_or_else(|| {
                 let why = format!("keys of its {} cannot have tangents", keyed.name);
                 let place = self.place_of(&key.what).map(|(place, _)| place).unwrap_or_default();
@@ -219,7 +219,7 @@ impl Viewer {
         let known = self.script_text().ok_or(EditError::NothingShown)?;
         let mut lines = Vec::new();
         for ((what, property), at) in group_by_property(keys) {
-            let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+            let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
             self.check_place(&place, siblings)?;
             let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
             let object = known.object(place.line, place.column);
@@ -259,7 +259,7 @@ impl Viewer {
         let first = read.iter().map(|(.., start)| *start).fold(f64::INFINITY, f64::min);
         let mut steps = Vec::new();
         for (what, property, copied, _) in read {
-            let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
+            let (place, siblings) = self.place_of(&what).ok_or(EditError::ObjectGone)?;
             let by = self.edit_time(secs - first);
             let make = move |text: &str, line, column| {
                 ScriptObject::at(text, line, column)?.allow_shared_edits().paste_keys(&copied, by)
@@ -407,7 +407,7 @@ impl Viewer {
         at: Time,
         value: ValueText,
     ) -> Result<Step<'static>, EditError> {
-        let (place, siblings) = self.place_of(&keyed.what).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(&keyed.what).ok_or(EditError::ObjectGone)?;
         let (when, property) = (self.edit_time(at.as_secs()), &keyed.name);
         let has_keys = keyed.has_keys();
         let mut stated = self.keys_to_state(keyed, &|time| Some(time));
@@ -445,14 +445,19 @@ impl Viewer {
         else {
             return step;
         };
-        let shared = Some(Place { line, column, ..step.place.clone() });
+        let shared_keys_place = Some(Place { line, column, ..step.place.clone() });
         match step.siblings {
             1 if uses > 1 => {
                 let stated: Vec<(EditTime, KeyValue)> =
                     stated.iter().map(|(time, text)| (*time, text.value())).collect();
-                Step { siblings: uses, alone: object.all_keys_line(property, &stated), shared, ..step }
+                Step {
+                    siblings: uses,
+                    separate_line: object.all_keys_line(property, &stated),
+                    shared_keys_place,
+                    ..step
+                }
             }
-            _ => Step { shared, ..step },
+            _ => Step { shared_keys_place, ..step },
         }
     }
 
@@ -466,7 +471,7 @@ impl Viewer {
         let change: std::rc::Rc<Change<'c>> = std::rc::Rc::new(change);
         let mut steps = Vec::new();
         for ((what, property), at) in group_by_property(keys) {
-            let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+            let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
             let keyed = self.keyed_properties(what).into_iter().find(|keyed| keyed.name == *property);
             let then = |time: Time| if at.contains(&time) { after(time) } else { Some(time) };
             let stated = keyed.map_or(Vec::new(), |keyed| self.keys_to_state(&keyed, &then));

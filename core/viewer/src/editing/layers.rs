@@ -15,9 +15,9 @@ impl Viewer {
     /// Offers two edits for a value of a clip's layer: for the clip alone, taken out of its chain, or for the whole chain. Returns the reason why
     /// neither is made at once. `None` if the value concerns this clip alone, or the clip already states it.
     pub(super) fn offer_layer_edit(&mut self, what: &Selected, change: &FieldChange) -> Option<EditError> {
-        let (FieldChange::Value(name, ..) | FieldChange::Text(name, ..)) = change else { return None };
+        let (FieldChange::Value(name, ..) | FieldChange::Overwrite(name, ..)) = change else { return None };
         let (place, siblings) = self.place_of(what).filter(|_| is_layer_call(name))?;
-        self.check_place(&place, siblings).ok().filter(|()| self.written(what, name).is_none())?;
+        self.check_place(&place, siblings).ok().filter(|()| self.written_value(what, name).is_none())?;
         let (known, path) = (self.displayed_text()?, self.path.clone()?);
         let text = read_script(&path).ok().filter(|text| **text == *known && !self.faulty)?;
         let layer = self.layer_bars(what);

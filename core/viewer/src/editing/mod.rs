@@ -55,9 +55,9 @@ pub(crate) struct Step<'m> {
     pub siblings: usize,
     pub make: MakeEdit<'m>,
     /// Position of keys in a script function, which all siblings share, if it differs from `place`.
-    pub shared: Option<Place>,
+    pub shared_keys_place: Option<Place>,
     /// A line that makes the change for this object alone.
-    pub alone: Option<Edit>,
+    pub separate_line: Option<Edit>,
 }
 
 impl<'m> Step<'m> {
@@ -66,7 +66,7 @@ impl<'m> Step<'m> {
         siblings: usize,
         make: impl Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm,
     ) -> Step<'m> {
-        Step { place, siblings, make: Box::new(make), shared: None, alone: None }
+        Step { place, siblings, make: Box::new(make), shared_keys_place: None, separate_line: None }
     }
 
     /// The same step that keeps a number as it was typed.
@@ -84,7 +84,7 @@ impl<'m> Step<'m> {
     }
 
     fn shared_place(&self) -> &Place {
-        self.shared.as_ref().unwrap_or(&self.place)
+        self.shared_keys_place.as_ref().unwrap_or(&self.place)
     }
 }
 
@@ -204,7 +204,7 @@ impl Viewer {
                 let label = "Write both".into();
                 self.offer = Some(Offer { why, label, difference, edit, text, ..Offer::default() });
             }
-            return Err(if self.faulty { EditError::Faulty } else { EditError::ChangedOnDisk });
+            return Err(if self.faulty { EditError::FaultyScript } else { EditError::ChangedOnDisk });
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
@@ -224,7 +224,7 @@ impl Viewer {
     pub(crate) fn apply_steps(&mut self, mut steps: Vec<Step>) -> Result<(), EditError> {
         // Edits go from the end of the text to its start, so that none moves a call that is still to be edited.
         steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
-        let first = steps.first().ok_or(EditError::Gone)?.place.clone();
+        let first = steps.first().ok_or(EditError::ObjectGone)?.place.clone();
         let shared = steps.iter().find_map(|step| {
             let place = step.shared_place();
             Some((self.check_place(place, step.siblings).err()?, place.clone()))
@@ -232,7 +232,7 @@ impl Viewer {
         if let Some((error, place)) = shared {
             let is_shared = matches!(error, EditError::SharedLine { .. });
             let made = self.displayed_text().filter(|_| is_shared).map(|known| combine_steps(&steps, &known));
-            let alone = if let [step] = &mut steps[..] { step.alone.take() } else { None };
+            let alone = if let [step] = &mut steps[..] { step.separate_line.take() } else { None };
             return Err(self.offer_shared_edit(error, &place, made, alone));
         }
         self.change(&first, 1, |text| combine_steps(&steps, text))
@@ -244,7 +244,7 @@ impl Viewer {
         let (file, line) = (file_name(&place.file).to_string(), place.line);
         match place.line {
             0 => Err(EditError::NotFromScript),
-            _ if place.file != *main => Err(EditError::InModule { file, line }),
+            _ if place.file != *main => Err(EditError::CreatedInModule { file, line }),
             _ if siblings > 1 => Err(EditError::SharedLine { file, line, objects: siblings }),
             _ => Ok(()),
         }
@@ -289,13 +289,13 @@ impl Viewer {
     /// Makes the offered edit.
     pub(crate) fn accept_offer(&mut self) -> Result<(), EditError> {
         let offer =
-            self.offer.take().ok_or(EditError::Overtaken("there is no suggested change to accept"))?;
+            self.offer.take().ok_or(EditError::TextChanged("there is no suggested change to accept"))?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let now = read_script(&path)?;
         let edit =
             if now == offer.text { Some(offer.edit) } else { offer.edit.carried_over(&offer.text, &now) };
         let edit =
-            edit.ok_or(EditError::Overtaken("the file has changed once more; try again when it is shown"))?;
+            edit.ok_or(EditError::TextChanged("the file has changed once more; try again when it is shown"))?;
         for (from, to) in &offer.copies {
             adding::copy_file(from, to)?;
         }
@@ -371,7 +371,7 @@ impl Viewer {
         let now = read_script(&path)?;
         let inverse = if now == from { Some(inverse.clone()) } else { inverse.carried_over(from, &now) };
         let inverse =
-            inverse.ok_or(EditError::Overtaken("the line has changed since; undo it in the editor"))?;
+            inverse.ok_or(EditError::TextChanged("the line has changed since; undo it in the editor"))?;
         let after = inverse.apply(&now);
         write_script(&path, &after)?;
         Ok(AppliedEdit { inverse: inverse.inverse(&now), text: after, keys: self.selection_and_keys() })

@@ -16,7 +16,7 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn duplicate_object(&mut self, what: &Selected) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
         let (by, offset) = (self.name_syntax(what), self.copy_offset(what));
         let (mut name, mut line, mut left, mut stays) = (None, 0, Vec::new(), None);
         self.change(&place, siblings, |text| {
@@ -78,7 +78,7 @@ impl Viewer {
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn delete_object(&mut self, what: &Selected) -> Result<(), EditError> {
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
         self.change(&place, siblings, |text| delete_object(text, place.line, place.column))?;
         self.selection = None;
         Ok(())

@@ -21,7 +21,7 @@ use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
 /// Transform of an actor in the space of its parent at a time, including keys but not callbacks, root motion or paths.
-pub fn placement(actor: &Actor, time: Time) -> Placement {
+pub fn placement_at(actor: &Actor, time: Time) -> Placement {
     let mut placement = actor.transform;
     for channel in &actor.channels {
         let Some([x, y, z, w]) = channel.at(time) else { continue };
@@ -88,7 +88,7 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::ObjectGone)?;
         let in_parent = self.change_in_parent_space(&scene.stage.actors[index], index, change)?;
         let (done, name) = (self.place_actor(name, in_parent, None), name.to_string());
         self.retry_after_unroll(done, move |viewer| viewer.change_actor(&name, change))
@@ -126,7 +126,7 @@ impl Viewer {
         let index = actor(stage, name)?;
         let found = &stage.actors[index];
         let change = self.change_in_parent_space(found, index, *change).ok()?;
-        let (to, property) = apply_change(placement(found, self.playhead.time()), change);
+        let (to, property) = apply_change(placement_at(found, self.playhead.time()), change);
         Some(PlacementOverride::Actor { actor: index, property, to })
     }
 
@@ -138,12 +138,12 @@ impl Viewer {
         typed: Option<&TypedNumber>,
     ) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::ObjectGone)?;
         let found = &scene.stage.actors[index];
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let time = self.playhead.time();
-        let old = placement(found, time);
+        let old = placement_at(found, time);
         let (to, property) = apply_change(old, change);
         let (at, rotation) = (to.translation, to.rotation);
         let faces = found.face.is_some() && property == Property::Rotation;
@@ -194,7 +194,7 @@ impl Viewer {
     /// The camera with this name.
     pub(super) fn script_camera(&self, name: &str) -> Result<ScriptCamera, EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
-        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::ObjectGone)?;
         let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
         Ok(ScriptCamera { camera: scene.stage.cameras[index].clone(), place, siblings })
@@ -358,7 +358,7 @@ impl Viewer {
         let Some((scene, index)) = scene.and_then(|s| Some((s, actor(&s.stage, &expected.actor)?))) else {
             return;
         };
-        let now = placement(&scene.stage.actors[index], expected.time);
+        let now = placement_at(&scene.stage.actors[index], expected.time);
         // Edits write 3 decimal places.
         let is_as_expected = (now.translation - expected.at).length() < 0.01
             && now.rotation.dot(expected.rotation).abs() > 0.9999;

@@ -51,10 +51,10 @@ impl Viewer {
             return Ok(());
         }
         if matches!(what, Selected::Title(index) if self.title_words(*index).is_some()) {
-            return self.change_field(what, &FieldChange::Words(to.to_string()));
+            return self.change_field(what, &FieldChange::TitleText(to.to_string()));
         }
         let by = self.name_syntax(what);
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
         self.change(&place, siblings, |text| rename_edit(text, &place, by, to))?;
         self.update_name(what, to);
         Ok(())

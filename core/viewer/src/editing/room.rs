@@ -1,6 +1,6 @@
 //! Free places on the ground for new objects, found with bounding rectangles.
 
-use super::placing::placement;
+use super::placing::placement_at;
 use crate::geometry::picking;
 use choreo_motion::Time;
 use choreo_stage::{Actor, ActorState, Stage};
@@ -49,7 +49,7 @@ pub(super) fn footprint(actor: &Actor, state: Option<&ActorState>, time: Time) -
     let posed = state.filter(|state| state.visible).and_then(|state| picking::bounds(&actor.asset, state));
     let (low, high) = posed.or_else(|| {
         let rest = actor.asset.rest_bounds();
-        let placed = placement(actor, time);
+        let placed = placement_at(actor, time);
         let world_from_model =
             DAffine3::from_scale_rotation_translation(placed.scale, placed.rotation, placed.translation);
         let corners = rest.corners().map(|corner| world_from_model.transform_point3(corner.as_dvec3()));

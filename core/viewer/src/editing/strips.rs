@@ -56,7 +56,7 @@ impl Viewer {
             false => strip.length(),
         };
         let layer = self.layer_bars(what);
-        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
+        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::ObjectGone)?;
         let begins = if ends { bar.until.as_secs() } else { bar.start.as_secs() + length };
         self.check_start(&bar.place, &bar.label, begins)?;
         let until = ends.then(|| self.edit_time(bar.until.as_secs() + length));
@@ -86,7 +86,8 @@ impl Viewer {
 
     /// Moves clips to another actor, all by the same time, like cutting and pasting. If the skeletons differ, the clips are retargeted.
     pub fn move_cues_to(&mut self, all: &[Selected], name: &str, by: f64) -> Result<(), EditError> {
-        let (place, siblings) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
+        let (place, siblings) =
+            self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::ObjectGone)?;
         let (mut steps, mut note) = (self.cue_delete_steps(all)?, None);
         let mut bars: Vec<Bar> = Vec::new();
         for what in all {
@@ -132,7 +133,8 @@ impl Viewer {
     /// Pastes copied clips on an actor, the first one at a time.
     pub fn paste_cues(&mut self, name: &str, copied: &str, secs: f64) -> Result<(), EditError> {
         self.check_unlocked(name)?;
-        let (place, siblings) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
+        let (place, siblings) =
+            self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::ObjectGone)?;
         let fps = self.playhead.fps().as_fps();
         let cues: Vec<String> = copied_cues(copied).into_iter().map(str::to_string).collect();
         let starts: Vec<f64> = cues.iter().map(|cue| copied_start(cue, fps).unwrap_or(0.0)).collect();

@@ -21,7 +21,7 @@ impl Viewer {
         let (bar, strip) = self.find_strip(what)?;
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let layer = self.layer_bars(what);
-        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
+        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::ObjectGone)?;
         let followed = self.followed_bars(&layer)[at];
         let is_chained = followed.is_some();
         let before = followed.or(at.checked_sub(1)).map(|before| &layer[before]);
@@ -50,7 +50,7 @@ impl Viewer {
     }
 
     /// Moves the end of a bar. The end of a clip cannot move beyond the start of a clip that takes over, where it would not be visible.
-    pub(crate) fn set_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
+    pub(crate) fn set_bar_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let layer = self.layer_bars(&bar.what);
         let at = layer.iter().position(|other| other.what == bar.what);
         let next =

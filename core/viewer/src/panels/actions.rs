@@ -358,7 +358,7 @@ fn run_clipboard_command(c: &mut Context, command: bar_menu::Command) {
 
 fn duplicate_selection(c: &mut Context) {
     match c.viewer.has_only_keys_selected() {
-        true => key_menu::run(c.ui, c.viewer, KeyAct::Run(KeyCommand::Duplicate)),
+        true => key_menu::run(c.ui, c.viewer, KeyAct::RunCommand(KeyCommand::Duplicate)),
         false => run_bar_command(c, bar_menu::Command::Duplicate),
     }
 }

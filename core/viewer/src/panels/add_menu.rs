@@ -61,12 +61,12 @@ fn camera_subjects(viewer: &Viewer) -> Vec<String> {
 
 /// Entries for cameras that show the selected actor, else menus of all actors.
 fn show_camera_entries(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
-    const FOLLOWING: &str = "moves along with it; active from the playhead on";
-    const AROUND: &str = "circles it; active from the playhead on";
+    const FOLLOW_HINT: &str = "moves along with it; active from the playhead on";
+    const ORBIT_HINT: &str = "circles it; active from the playhead on";
     type CameraAddition = (&'static str, &'static str, fn(String) -> Addition);
     let kinds: [CameraAddition; 2] = [
-        ("Camera following", FOLLOWING, Addition::Follow),
-        ("Camera around", AROUND, |name| Addition::Orbit(Some(name))),
+        ("Camera following", FOLLOW_HINT, Addition::Follow),
+        ("Camera around", ORBIT_HINT, |name| Addition::Orbit(Some(name))),
     ];
     let (all, mut choice) = (camera_subjects(viewer), None);
     let is_selected = viewer.selection.as_ref().and_then(Selected::actor).is_some();

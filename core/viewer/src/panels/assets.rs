@@ -36,23 +36,24 @@ pub struct Browser {
     entries: Vec<Entry>,
     problem: Option<String>,
     search: String,
-    chosen: Option<PathBuf>,
-    clip: Option<String>,
+    chosen_file: Option<PathBuf>,
+    chosen_clip: Option<String>,
     /// Version of the scene when `entries` were read.
-    version: Option<u64>,
+    scene_number: Option<u64>,
 }
 
 impl Browser {
     /// Reads the folder again if it differs from the one read before, or if the scene has changed.
-    fn refresh(&mut self, root: &Path, version: Option<u64>, models: &[String]) {
-        let is_same = self.root == root && self.version == version && !self.folder.as_os_str().is_empty();
+    fn refresh(&mut self, root: &Path, scene_number: Option<u64>, models: &[String]) {
+        let is_same =
+            self.root == root && self.scene_number == scene_number && !self.folder.as_os_str().is_empty();
         if is_same {
             return;
         }
         if self.root != root {
-            (self.folder, self.chosen, self.clip) = (root.to_path_buf(), None, None);
+            (self.folder, self.chosen_file, self.chosen_clip) = (root.to_path_buf(), None, None);
         }
-        (self.root, self.version) = (root.to_path_buf(), version);
+        (self.root, self.scene_number) = (root.to_path_buf(), scene_number);
         self.read_folder(models);
     }
 
@@ -82,12 +83,12 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, thumbnails:
         ui.label(RichText::new(problem).color(ui.visuals().error_fg_color));
     }
     let preview_height =
-        if browser.chosen.is_some() { 190.0_f32.min(ui.available_height() / 2.0) } else { 0.0 };
+        if browser.chosen_file.is_some() { 190.0_f32.min(ui.available_height() / 2.0) } else { 0.0 };
     let height = (ui.available_height() - preview_height).max(60.0);
     ScrollArea::vertical().id_salt("files").max_height(height).auto_shrink([false, false]).show(ui, |ui| {
         show_tiles(ui, viewer, browser, thumbnails, &models);
     });
-    if let Some(file) = browser.chosen.clone() {
+    if let Some(file) = browser.chosen_file.clone() {
         ui.separator();
         show_chosen_file(ui, viewer, browser, thumbnails, &file);
     }
@@ -139,7 +140,7 @@ fn show_tiles(
         for entry in entries {
             let size = vec2(TILE_WIDTH, thumbnail_height(TILE_WIDTH) + 18.0);
             let (place, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
-            let is_chosen = browser.chosen.as_ref() == Some(&entry.path);
+            let is_chosen = browser.chosen_file.as_ref() == Some(&entry.path);
             let label = entry.name.clone();
             response.widget_info(|| {
                 egui::WidgetInfo::selected(egui::WidgetType::Button, true, is_chosen, label.clone())
@@ -157,7 +158,7 @@ fn show_tiles(
             if response.double_clicked() {
                 add_model(viewer, &entry.path);
             } else if response.clicked() {
-                (browser.chosen, browser.clip) = (Some(entry.path.clone()), None);
+                (browser.chosen_file, browser.chosen_clip) = (Some(entry.path.clone()), None);
             }
             response
                 .hint(format!("{}\ndrag it onto the image, or click twice, to put it on stage", entry.name));
@@ -252,7 +253,7 @@ fn show_preview(
     let (place, response) = ui.allocate_exact_size(vec2(width, thumbnail_height(width)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "preview"));
     let number = viewer.scene.as_ref().map_or(0, |scene| scene.number);
-    let (subject, asset, title) = match (&browser.clip, target_character(viewer)) {
+    let (subject, asset, title) = match (&browser.chosen_clip, target_character(viewer)) {
         (Some(clip), Some((name, asset))) => {
             let title = format!("{clip} on {name}");
             let (file, clip) = (file.to_path_buf(), Some(clip.clone()));
@@ -300,7 +301,7 @@ fn show_clips(
             let add = ui
                 .add_enabled_ui(target.is_some(), |ui| icons::small_button(ui, icons::PLUS, &label, &hint))
                 .inner;
-            let is_chosen = browser.clip.as_ref() == Some(&clip.name);
+            let is_chosen = browser.chosen_clip.as_ref() == Some(&clip.name);
             let text = format!("{}  {:.2} s", clip.name, clip.secs);
             let button = egui::Button::selectable(is_chosen, text).sense(Sense::click_and_drag()).truncate();
             let response = ui.add(button);
@@ -309,7 +310,7 @@ fn show_clips(
                 clip: clip.name.clone(),
             });
             if response.clicked() {
-                browser.clip = Some(clip.name.clone());
+                browser.chosen_clip = Some(clip.name.clone());
             }
             if let Some(name) = target.filter(|_| add.clicked() || response.double_clicked()) {
                 let source = ClipSource::File(file.to_path_buf());

@@ -105,8 +105,8 @@ pub fn show_entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> boo
 pub fn run_clipboard(ui: &Ui, viewer: &mut Viewer, command: Command) {
     let are_keys = viewer.has_only_keys_selected();
     match command {
-        Command::Copy if are_keys => key_menu::run(ui, viewer, KeyAct::Run(KeyCommand::Copy)),
-        Command::Cut if are_keys => key_menu::run(ui, viewer, KeyAct::Run(KeyCommand::Cut)),
+        Command::Copy if are_keys => key_menu::run(ui, viewer, KeyAct::RunCommand(KeyCommand::Copy)),
+        Command::Cut if are_keys => key_menu::run(ui, viewer, KeyAct::RunCommand(KeyCommand::Cut)),
         _ => run(ui, viewer, command),
     }
 }

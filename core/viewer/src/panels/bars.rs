@@ -213,7 +213,7 @@ impl Viewer {
             (_, CueTime::End) if matches!(bar.what, Selected::Camera(_)) => self.set_camera_end(bar, secs),
             (Some(cut), _) => self.set_cut(cut, secs),
             (None, CueTime::Start) if keeps_content && bar.strip.is_some() => self.trim_cue(&bar.what, secs),
-            (None, CueTime::End) => self.set_end(bar, secs),
+            (None, CueTime::End) => self.set_bar_end(bar, secs),
             (None, part) => self.set_cue_time(&bar.what, part, secs),
         }
     }

@@ -126,8 +126,8 @@ fn rig_option_fields(
 ) -> Option<FieldChange> {
     let (fps, mut edit) = (viewer.playhead.fps().as_fps(), None);
     for RigOption { name, unit, default, range: [low, high] } in all {
-        edit = fields::name_label(ui, &call.written, name, "").or(edit);
-        let written = call.written.get(*name);
+        edit = fields::name_label(ui, &call.values, name, "").or(edit);
+        let written = call.values.get(*name);
         let now = written.map_or(Some(*default), |text| expression::value(text, fps));
         ui.horizontal(|ui| {
             match now {
@@ -150,7 +150,7 @@ fn rig_option_fields(
 /// Target of a camera: a point in world space, a whole actor, or one of its joints.
 fn target_field(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> Option<FieldChange> {
     /// Label of the choice of a whole actor.
-    const WHOLE: &str = "whole actor";
+    const WHOLE_ACTOR_LABEL: &str = "whole actor";
     let (actor, joint) = match target {
         Target::Point(at) => {
             let to = point_field(ui, ["center", "camera center"], *at, call.arguments[0].as_deref());
@@ -161,16 +161,16 @@ fn target_field(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target
     };
     let scene = viewer.scene.as_ref()?;
     let skeleton = &scene.stage.actors.get(actor)?.asset.skeleton;
-    let now = joint.map_or(WHOLE, |joint| skeleton.short_name(joint));
+    let now = joint.map_or(WHOLE_ACTOR_LABEL, |joint| skeleton.short_name(joint));
     let first = call.arguments[0].as_deref()?;
     ui.label("target").hint("the whole actor, or one of its joints");
     let mut edit = None;
     ui.horizontal(|ui| {
         ui.monospace(&scene.stage.actors[actor].name);
         let joints = (0..skeleton.names().len()).map(|joint| skeleton.short_name(joint));
-        let chosen = fields::combo_box(ui, "joint", now, std::iter::once(WHOLE).chain(joints));
+        let chosen = fields::combo_box(ui, "joint", now, std::iter::once(WHOLE_ACTOR_LABEL).chain(joints));
         let variable = first.split(".joint(").next().unwrap_or(first);
-        edit = chosen.map(|name| match name == WHOLE {
+        edit = chosen.map(|name| match name == WHOLE_ACTOR_LABEL {
             true => FieldChange::Argument(0, variable.to_string()),
             false => FieldChange::Argument(0, format!("{variable}.joint({})", quoted(&name))),
         });

@@ -9,14 +9,14 @@ pub(super) struct Canvas<'a> {
     pub index: usize,
     pub response: &'a Response,
     /// Rectangle of the image in the window, points.
-    pub place: Rect,
+    pub image_rect: Rect,
     /// Projection of the displayed camera.
     pub lens: Lens,
 }
 
 impl Canvas<'_> {
     pub fn painter(&self, ui: &Ui) -> Painter {
-        ui.painter_at(self.place)
+        ui.painter_at(self.image_rect)
     }
 
     /// Position of the pointer, hovering or dragging, in points of the window.
@@ -27,13 +27,13 @@ impl Canvas<'_> {
     /// Position of the pointer over the image while nothing is dragged.
     pub fn hover_position(&self) -> Option<DVec2> {
         let still = self.response.hover_pos().filter(|_| !self.response.dragged());
-        still.filter(|at| self.place.contains(*at)).map(to_dvec2)
+        still.filter(|at| self.image_rect.contains(*at)).map(to_dvec2)
     }
 
     /// Position of a click on the image.
     pub fn click_position(&self) -> Option<DVec2> {
         let at = self.response.interact_pointer_pos().filter(|_| self.response.clicked());
-        at.filter(|at| self.place.contains(*at)).map(to_dvec2)
+        at.filter(|at| self.image_rect.contains(*at)).map(to_dvec2)
     }
 
     /// Position at which a drag with the primary button begins in this frame.

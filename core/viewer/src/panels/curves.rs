@@ -47,8 +47,8 @@ const SINGLE_COMPONENT_COLORS: [Color32; 6] = [
 /// The area in which curves are drawn.
 pub(super) struct Plot {
     pub rect: Rect,
-    time: Span,
-    values: Span,
+    time_span: Span,
+    value_span: Span,
 }
 
 impl Plot {
@@ -57,11 +57,11 @@ impl Plot {
     }
 
     pub fn x_at(&self, secs: f64) -> f32 {
-        self.rect.left() + self.time.x_of(secs, self.rect.width())
+        self.rect.left() + self.time_span.x_of(secs, self.rect.width())
     }
 
     pub fn y(&self, value: f64) -> f32 {
-        let part = (value - self.values.from) / (self.values.to - self.values.from);
+        let part = (value - self.value_span.from) / (self.value_span.to - self.value_span.from);
         self.rect.bottom() - (part.clamp(-1e4, 1e4) * f64::from(self.rect.height())) as f32
     }
 
@@ -72,11 +72,11 @@ impl Plot {
 
     /// Difference in value for a height in points.
     pub fn value_difference(&self, points: f32) -> f64 {
-        f64::from(points / self.rect.height().max(1.0)) * (self.values.to - self.values.from)
+        f64::from(points / self.rect.height().max(1.0)) * (self.value_span.to - self.value_span.from)
     }
 
     pub fn secs(&self, x: f32) -> f64 {
-        self.time.secs_at(x - self.rect.left(), self.rect.width())
+        self.time_span.secs_at(x - self.rect.left(), self.rect.width())
     }
 }
 
@@ -106,7 +106,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     zoom_and_pan_with_wheel(ui, viewer, rect);
     show_ruler(ui, viewer, (ruler, viewer.curves.time), "time of the curves");
-    let plot = Plot { rect, time: viewer.curves.time, values: viewer.curves.values };
+    let plot = Plot { rect, time_span: viewer.curves.time, value_span: viewer.curves.values };
     draw_grid(ui, viewer, &plot, &all);
     show_property_names(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), area.bottom())), &all);
     handle_background(ui, viewer, &plot, &what, &all);
@@ -117,7 +117,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     for (index, property) in all.iter().enumerate() {
         act = show_bezier_ease_handles(ui, viewer, &plot, property, index).or(act);
         let shaped = tangents::show(ui, viewer, &plot, property, index);
-        act = shaped.map(|(key, shape)| Act::Key(KeyAct::Shape(key, shape, None))).or(act);
+        act = shaped.map(|(key, shape)| Act::Key(KeyAct::SetShape(key, shape, None))).or(act);
         act = show_keys(ui, viewer, &plot, property, index).or(act);
     }
     draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.curves.time));
@@ -148,25 +148,25 @@ fn displayed_properties(viewer: &mut Viewer) -> Option<(Selected, Arc<Vec<KeyedP
 enum Act {
     Key(KeyAct),
     Click(KeyRef, bool),
-    Drop(KeyDrag),
+    FinishDrag(KeyDrag),
     /// Sets the Bézier easing of the span before a key: its control points.
-    Ease(KeyRef, [f64; 4]),
+    SetEase(KeyRef, [f64; 4]),
 }
 
 fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
-    if matches!(act, Act::Drop(_) | Act::Ease(..)) && headers::refuses_locked(viewer) {
+    if matches!(act, Act::FinishDrag(_) | Act::SetEase(..)) && headers::refuses_locked(viewer) {
         return;
     }
     match act {
         Act::Key(act) => key_menu::run(ui, viewer, act),
         Act::Click(key, true) => viewer.select_more_keys(&[key]),
         Act::Click(key, false) => viewer.select_keys(vec![key]),
-        Act::Drop(KeyDrag { key, part, by, value }) => {
+        Act::FinishDrag(KeyDrag { key, part, by, value }) => {
             let keys = viewer.selected_keys().to_vec();
             let value = ValueDrag { property: key.property.clone(), part, offset: value };
             viewer.edit(|v| v.drag_keys(&keys, by, Some(&value)));
         }
-        Act::Ease(key, points) => {
+        Act::SetEase(key, points) => {
             let [x1, y1, x2, y2] = points.map(choreo_session::edit::format_number);
             let ease = format!("[{x1}, {y1}, {x2}, {y2}]");
             viewer.edit(|v| v.set_key_ease(&[key], Some(&ease)));
@@ -276,11 +276,11 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         _ => String::new(),
     };
     let unit = if viewer.curves.speed { format!("{unit}/s") } else { unit };
-    let step = plot.values.ruler(plot.rect.height(), 28.0);
+    let step = plot.value_span.ruler(plot.rect.height(), 28.0);
     let digits = (-libm::log10(step)).ceil().clamp(0.0, 6.0) as usize;
     let line = visuals.weak_text_color().gamma_multiply(0.25);
-    let mut value = (plot.values.from / step).ceil() * step;
-    while value <= plot.values.to {
+    let mut value = (plot.value_span.from / step).ceil() * step;
+    while value <= plot.value_span.to {
         let y = plot.y(value);
         let strong = if value.abs() < step * 1e-6 { 2.5 } else { 1.0 };
         painter.hline(plot.rect.x_range(), y, Stroke::new(1.0, line.gamma_multiply(strong)));
@@ -298,9 +298,9 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         }
         value += step;
     }
-    let step = plot.time.ruler(plot.rect.width(), 56.0);
-    let mut secs = (plot.time.from / step).ceil() * step;
-    while secs <= plot.time.to {
+    let step = plot.time_span.ruler(plot.rect.width(), 56.0);
+    let mut secs = (plot.time_span.from / step).ceil() * step;
+    while secs <= plot.time_span.to {
         painter.vline(plot.x(Time::from_secs(secs)), plot.rect.y_range(), Stroke::new(1.0, line));
         secs += step;
     }
@@ -479,8 +479,9 @@ fn curve_at<'p>(
 /// Draws the curves of one property, sampled from the stage.
 fn draw_curve_lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) {
     let painter = ui.painter_at(plot.rect);
-    let from = Time::from_secs(plot.time.from.max(0.0));
-    let to = Time::from_secs(plot.time.to.min(viewer.playhead.length().as_secs()).max(plot.time.from));
+    let from = Time::from_secs(plot.time_span.from.max(0.0));
+    let to =
+        Time::from_secs(plot.time_span.to.min(viewer.playhead.length().as_secs()).max(plot.time_span.from));
     let count = (plot.rect.width() / SAMPLE_DISTANCE) as usize;
     let samples = viewer.curves.samples(property, from, to, count);
     for part in (0..property.width()).filter(|part| viewer.curves.is_shown(property, *part)) {
@@ -621,7 +622,7 @@ fn drag_key(
     if response.drag_stopped() {
         viewer.curves.drag = None;
         ui.data_mut(|d| d.remove::<Pos2>(id));
-        return (secs != 0.0 || value != 0.0).then_some(Act::Drop(drag));
+        return (secs != 0.0 || value != 0.0).then_some(Act::FinishDrag(drag));
     }
     viewer.curves.drag = Some(drag);
     None
@@ -652,7 +653,7 @@ fn show_bezier_ease_handles(
                 let id = ui.id().with(("ease", &property.name, part, number, side));
                 let color = curve_color(ui, property, index, part);
                 if let Some(points) = show_bezier_ease_handle(ui, plot, id, ends, ease, side, color) {
-                    act = Some(Act::Ease(key_ref(property, at), points));
+                    act = Some(Act::SetEase(key_ref(property, at), points));
                 }
             }
         }

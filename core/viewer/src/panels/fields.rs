@@ -31,7 +31,7 @@ pub type StatedValues = BTreeMap<String, String>;
 pub struct Form<'f> {
     pub stated: &'f StatedValues,
     /// Prefix of the names of its fields, to distinguish them from fields with the same name.
-    pub owner: &'f str,
+    pub name_prefix: &'f str,
     pub is_cue: bool,
     /// End of the object if the script states none, seconds.
     pub end: Option<f64>,
@@ -39,7 +39,7 @@ pub struct Form<'f> {
 
 impl Form<'_> {
     fn of<'f>(stated: &'f StatedValues, what: &Selected) -> Form<'f> {
-        Form { stated, owner: "", is_cue: matches!(what, Selected::Cue { .. }), end: None }
+        Form { stated, name_prefix: "", is_cue: matches!(what, Selected::Cue { .. }), end: None }
     }
 
     /// The same form with the end of the object's bar.
@@ -125,7 +125,7 @@ pub fn described_field<T: Described>(
     field: &'static Field<T>,
 ) -> Option<FieldChange> {
     let name = field.name;
-    let shown = format!("{}{name}", form.owner);
+    let shown = format!("{}{name}", form.name_prefix);
     let mut edit = name_label(ui, form.stated, name, &field.about());
     let set = match ((field.get)(of), field.of_type) {
         (FieldValue::Number(n), FieldType::Number(low, high, unit)) => {
@@ -200,9 +200,9 @@ fn flag_checkbox(ui: &mut Ui, name: &'static str, shown: &str, on: bool) -> Opti
     });
     response.changed().then(|| match now {
         // The default of `keep` is not always `false`.
-        now if name == "keep" => FieldChange::Text(name, now.to_string(), NewValueSyntax::Option),
+        now if name == "keep" => FieldChange::Overwrite(name, now.to_string(), NewValueSyntax::Option),
         // A method without an argument switches the flag on.
-        true => FieldChange::Text(name, String::new(), NewValueSyntax::Method),
+        true => FieldChange::Overwrite(name, String::new(), NewValueSyntax::Method),
         false => FieldChange::Reset(vec![name]),
     })
 }
@@ -219,7 +219,7 @@ fn number_source_field(
     let row = |ui: &mut Ui| {
         let is_time = unit == "s";
         let number = NumberField { name: &name, value, speed: 0.01, range, default: None, is_time };
-        let set = number.show_written(ui, stated.map(String::as_str));
+        let set = number.show_source(ui, stated.map(String::as_str));
         ui.weak(unit);
         set
     };
@@ -382,7 +382,7 @@ fn ease_field(ui: &mut Ui, stated: &StatedValues) -> Option<FieldChange> {
     let names = choreo_script::easing_names();
     let chosen = combo_box(ui, "ease", written.trim_matches('"'), names.iter().map(String::as_str));
     edit = chosen
-        .map(|name| FieldChange::Text("ease", format!("\"{name}\""), NewValueSyntax::LikeOthers))
+        .map(|name| FieldChange::Overwrite("ease", format!("\"{name}\""), NewValueSyntax::LikeOthers))
         .or(edit);
     ui.end_row();
     edit
@@ -404,7 +404,7 @@ fn mask_field(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
     let set = set.inner.filter(|text| !text.is_empty())?;
     let is_written = set.starts_with(['"', '[', '#', '`']) || !(is_text || branches.contains(&set));
     let text = if is_written { set } else { quoted(&set) };
-    Some(FieldChange::Text("on", text, NewValueSyntax::Method))
+    Some(FieldChange::Overwrite("on", text, NewValueSyntax::Method))
 }
 
 /// Fields for mask, priority and weight of a layer, on the clip that states them.
@@ -423,7 +423,7 @@ fn layer_fields(ui: &mut Ui, stated: &StatedValues, asset: &Asset) -> Option<Fie
         }
         edit = name_label(ui, stated, name, hint).or(edit);
         let set = source_field(ui, name, now, hint);
-        edit = set.map(|text| FieldChange::Text(name, text, NewValueSyntax::Method)).or(edit);
+        edit = set.map(|text| FieldChange::Overwrite(name, text, NewValueSyntax::Method)).or(edit);
         ui.end_row();
     }
     edit
@@ -498,7 +498,9 @@ fn shadow_fields(
         let reset = name_label(ui, stated, "shadow", "lit objects cast shadows");
         let set = flag_checkbox(ui, "shadow", "shadow", light.shadow.is_some());
         edit = set.map(|change| match change {
-            FieldChange::Text(name, ..) => FieldChange::Text(name, "true".into(), NewValueSyntax::Option),
+            FieldChange::Overwrite(name, ..) => {
+                FieldChange::Overwrite(name, "true".into(), NewValueSyntax::Option)
+            }
             other => other,
         });
         edit = edit.take().or(reset);
@@ -506,7 +508,7 @@ fn shadow_fields(
         let Some(shadow) = light.shadow else { return };
         let shadow = Shadow { softness: shadow.softness.or(Some(Shadow::LAMP_SOFTNESS)), ..shadow };
         let inner = viewer.values_in_option(what, "shadow");
-        let form = Form { stated: &inner, owner: "shadow ", is_cue: false, end: None };
+        let form = Form { stated: &inner, name_prefix: "shadow ", is_cue: false, end: None };
         for field in Shadow::FIELDS {
             let set = match described_field(ui, &form, &shadow, field) {
                 Some(FieldChange::Value(name, value, _)) if name == "size" => {
@@ -547,7 +549,7 @@ fn title_fields(
             ui.data_mut(|d| d.insert_temp(id, now));
         } else {
             ui.data_mut(|d| d.remove::<String>(id));
-            edit = (response.lost_focus() && now != *words).then_some(FieldChange::Words(now));
+            edit = (response.lost_focus() && now != *words).then_some(FieldChange::TitleText(now));
         }
     }
     Grid::new("title").num_columns(2).show(ui, |ui| {
@@ -636,7 +638,7 @@ fn option_label(ui: &mut Ui, written: &StatedValues, name: &'static str) -> Opti
         &response.hint("belongs to the asset; if other actors share it, you choose which of them change"),
         &[name],
     )
-    .map(|_| FieldChange::Material(name, None))
+    .map(|_| FieldChange::AssetOption(name, None))
 }
 
 /// Fields for the size of a shape along its axes, metres. `kind`: source text with quotes.
@@ -659,7 +661,7 @@ fn size_fields(ui: &mut Ui, written: &StatedValues, kind: &str, asset: &Asset) -
             let range = size_range(kind, *axis, &now);
             let Some(to) = values::number_field(ui, &name, now[index], 0.01, range) else { continue };
             let all = values::number_list_text(ui, written.get("size").map(String::as_str), &now, index, to);
-            edit = Some(FieldChange::Material("size", Some(format!("[{all}]"))));
+            edit = Some(FieldChange::AssetOption("size", Some(format!("[{all}]"))));
         }
         ui.weak("m");
     });
@@ -692,7 +694,7 @@ fn asset_color_row(
     let set = values::color_field(ui, &format!("asset {name}"), shown);
     ui.end_row();
     let text = |[r, g, b]: [u8; 3]| format!("\"#{r:02x}{g:02x}{b:02x}\"");
-    set.map(|color| FieldChange::Material(name, Some(text(color)))).or(edit)
+    set.map(|color| FieldChange::AssetOption(name, Some(text(color)))).or(edit)
 }
 
 /// Fields of a shape's material. Options that exclude each other or require another one are only offered where the script accepts them.
@@ -708,7 +710,7 @@ fn material_fields(
         let value = written.get(name).and_then(|text| expression::value(text, fps)).unwrap_or(default_value);
         let set = number_field(ui, name, value, low..=high, "");
         ui.end_row();
-        let set = set.map(|to| FieldChange::Material(name, Some(values::source_text(ui, to))));
+        let set = set.map(|to| FieldChange::AssetOption(name, Some(values::source_text(ui, to))));
         (set.or(label), value)
     };
     // Blinn–Phong materials have neither.
@@ -730,5 +732,5 @@ fn material_fields(
     };
     let set = combo_box(ui, "alpha", now, ["opaque", "mask", "blend"].into_iter());
     ui.end_row();
-    set.map(|mode| FieldChange::Material("alpha", Some(quoted(&mode)))).or(edit)
+    set.map(|mode| FieldChange::AssetOption("alpha", Some(quoted(&mode)))).or(edit)
 }

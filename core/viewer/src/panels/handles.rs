@@ -43,7 +43,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     }
     let text = change_text(&dragging.change);
     // The text about reduced quality is above.
-    let corner = canvas.place.left_top() + vec2(8.0, 8.0 + super::viewport::QUALITY_NOTE_HEIGHT);
+    let corner = canvas.image_rect.left_top() + vec2(8.0, 8.0 + super::viewport::QUALITY_NOTE_HEIGHT);
     painter.text(corner, egui::Align2::LEFT_TOP, text, egui::FontId::monospace(13.0), Color32::WHITE);
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
         viewer.dragging = None;

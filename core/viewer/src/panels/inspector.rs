@@ -5,7 +5,7 @@ use super::hint::Hint;
 use super::rig::CallChange;
 use super::{fields, headers, icons, rig, values};
 use crate::app::Viewer;
-use crate::editing::placing::{light_at, placement};
+use crate::editing::placing::{light_at, placement_at};
 use crate::editing::{ClipSource, EditError, FieldChange, expression};
 use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
@@ -85,7 +85,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             viewer.go_to = Some(line);
         }
     }
-    let written = viewer.all_written(&selection);
+    let written = viewer.written_values(&selection);
     let mut edit = None;
     let name = viewer.name_of(&selection).filter(|_| !matches!(selection, Selected::Title(_)));
     let name = name.and_then(|name| {
@@ -234,7 +234,7 @@ fn transform_fields(
     (name, written): (&str, &fields::StatedValues),
     keyable: KeyableProperties,
 ) -> Option<InspectorEdit> {
-    let placed = placement(stage.actors.get(actor(stage, name)?)?, viewer.playhead.time());
+    let placed = placement_at(stage.actors.get(actor(stage, name)?)?, viewer.playhead.time());
     let mut edit = None;
     Grid::new("transform").num_columns(5).show(ui, |ui| {
         edit = name_with_menu(ui, written, ["placed at", ""], &["at", "move_by"]);
@@ -664,7 +664,8 @@ fn parameter_field(
         OptionKind::Number { .. } | OptionKind::Integer { .. } => {
             let (value, default_value) = (f64::from(value[0]), f64::from(default_value[0]));
             let reset = values::reset_menu(label, default_value).filter(|to| *to != value);
-            let set = number_with_default(&option.name, value, 0.01, min..=max, default_value).slider(ui);
+            let set =
+                number_with_default(&option.name, value, 0.01, min..=max, default_value).show_slider(ui);
             let is_whole = matches!(option.kind, OptionKind::Integer { .. });
             let to = reset.or(set).map(|to| if is_whole { to.round() } else { to });
             edit = to.map(|to| (option.name.clone(), values::source_text(ui, to)));

@@ -18,19 +18,19 @@ use egui::{
 #[derive(Clone, Debug, PartialEq)]
 pub enum KeyAct {
     Select(Vec<KeyRef>),
-    Run(KeyCommand),
+    RunCommand(KeyCommand),
     /// Sets the easing of the spans before the selected keys, as source text.
-    Ease(Option<String>),
+    SetEase(Option<String>),
     /// Sets the interpolation of all keys of their properties, as source text.
-    Interpolation(Option<String>),
+    SetInterpolation(Option<String>),
     /// Moves a key to a time in seconds.
-    Time(KeyRef, TypedNumber),
+    SetTime(KeyRef, TypedNumber),
     /// Sets all components of a key's value; the last field is the one that was typed.
-    Value(KeyRef, Vec<f64>, TypedNumber),
+    SetValue(KeyRef, Vec<f64>, TypedNumber),
     /// Sets the tangents of the selected keys.
-    Tangents(TangentChoice),
+    SetTangents(TangentChoice),
     /// Sets easing and tangents of a key; the last field is the number that was typed.
-    Shape(KeyRef, KeyShape, Option<TypedNumber>),
+    SetShape(KeyRef, KeyShape, Option<TypedNumber>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +63,7 @@ pub fn open_on_right_click(response: &Response, viewer: &Viewer, keys: &[KeyRef]
         return None;
     }
     let at = response.interact_pointer_pos().unwrap_or(response.rect.center());
-    response.ctx.data_mut(|d| d.insert_temp(menu_id(), OpenMenu { keys: keys.to_vec(), at }));
+    response.ctx.data_mut(|d| d.insert_temp(menu_id(), OpenMenu { keys: keys.to_vec(), position: at }));
     Popup::open_id(&response.ctx, menu_id());
     let is_selected = keys.iter().any(|key| viewer.is_key_selected(key));
     (!is_selected).then(|| KeyAct::Select(keys.to_vec()))
@@ -73,7 +73,7 @@ pub fn open_on_right_click(response: &Response, viewer: &Viewer, keys: &[KeyRef]
 #[derive(Clone)]
 struct OpenMenu {
     keys: Vec<KeyRef>,
-    at: Pos2,
+    position: Pos2,
 }
 
 fn menu_id() -> Id {
@@ -84,7 +84,7 @@ fn menu_id() -> Id {
 pub fn show_open_menu(ui: &Ui, viewer: &mut Viewer) {
     let Some(mut menu) = ui.data(|d| d.get_temp::<OpenMenu>(menu_id())) else { return };
     menu.keys.iter_mut().for_each(|key| update_key_time(viewer, key));
-    let popup = Popup::new(menu_id(), ui.ctx().clone(), PopupAnchor::Position(menu.at), ui.layer_id())
+    let popup = Popup::new(menu_id(), ui.ctx().clone(), PopupAnchor::Position(menu.position), ui.layer_id())
         .kind(PopupKind::Menu)
         .layout(Layout::top_down_justified(Align::Min))
         .style(menu_style)
@@ -94,7 +94,7 @@ pub fn show_open_menu(ui: &Ui, viewer: &mut Viewer) {
         return ui.data_mut(|d| d.remove::<OpenMenu>(menu_id()));
     };
     let act = shown.inner;
-    if let Some(KeyAct::Time(moved, time)) = &act {
+    if let Some(KeyAct::SetTime(moved, time)) = &act {
         for key in menu.keys.iter_mut().filter(|key| *key == moved) {
             key.at = Time::from_secs(time.value);
         }
@@ -124,17 +124,17 @@ fn show_entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct>
     ui.separator();
     act = tangents::show_menu(ui).or(act);
     ui.menu_button("Easing into the key", |ui| {
-        act = show_choices(ui, "default: like all keys", &easing_names()).map(KeyAct::Ease).or(act.take());
+        act = show_choices(ui, "default: like all keys", &easing_names()).map(KeyAct::SetEase).or(act.take());
     });
     ui.menu_button("Between all keys", |ui| {
         let mut all: Vec<String> = KEY_INTERPOLATIONS.iter().map(ToString::to_string).collect();
         all.extend(easing_names().into_iter().filter(|name| name.contains('_')));
-        act = show_choices(ui, "default: linear", &all).map(KeyAct::Interpolation).or(act.take());
+        act = show_choices(ui, "default: linear", &all).map(KeyAct::SetInterpolation).or(act.take());
     });
     ui.separator();
     for (command, name, key) in COMMANDS {
         if ui.add(Button::new(name).shortcut_text(super::actions::shortcut_text(viewer, key))).clicked() {
-            act = Some(KeyAct::Run(command));
+            act = Some(KeyAct::RunCommand(command));
         }
     }
     if act.is_some() {
@@ -150,7 +150,7 @@ fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Op
         ui.label(property.title());
         let secs = key.at.as_secs();
         let time = values::time_field(ui, &format!("time of {}", property.name), secs, 0.01, 0.0..=1e6);
-        act = time.map(|secs| KeyAct::Time(key.clone(), values::typed_number(ui, secs)));
+        act = time.map(|secs| KeyAct::SetTime(key.clone(), values::typed_number(ui, secs)));
         ui.weak("s");
         let now = property.at(key.at);
         for (part, number) in now.iter().enumerate().filter(|_| property.is_plain()) {
@@ -161,7 +161,7 @@ fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Op
             if let Some(to) = values::number_field(ui, &name, *number, 0.01, low..=high) {
                 let mut all = now.clone();
                 all[part] = to;
-                act = Some(KeyAct::Value(key.clone(), all, values::typed_number(ui, to)));
+                act = Some(KeyAct::SetValue(key.clone(), all, values::typed_number(ui, to)));
             }
         }
         ui.weak(property.unit);
@@ -209,26 +209,26 @@ pub fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
             false
         });
     });
-    commands.into_iter().for_each(|command| run(ui, viewer, KeyAct::Run(command)));
+    commands.into_iter().for_each(|command| run(ui, viewer, KeyAct::RunCommand(command)));
 }
 
 /// Performs an action.
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
     let is_read_only =
-        matches!(act, KeyAct::Select(_) | KeyAct::Run(KeyCommand::Copy | KeyCommand::GoToLine));
+        matches!(act, KeyAct::Select(_) | KeyAct::RunCommand(KeyCommand::Copy | KeyCommand::GoToLine));
     if !is_read_only && headers::refuses_locked(viewer) {
         return;
     }
     let keys = viewer.selected_keys().to_vec();
     match act {
         KeyAct::Select(keys) => viewer.select_keys(keys),
-        KeyAct::Ease(ease) => viewer.edit(|v| v.set_key_ease(&keys, ease.as_deref())),
-        KeyAct::Interpolation(how) => viewer.edit(|v| v.set_key_interpolation(&keys, how.as_deref())),
-        KeyAct::Time(key, time) => viewer.edit(|v| v.set_key_time(&key, &time)),
-        KeyAct::Value(key, numbers, typed) => viewer.edit(|v| v.set_key_value(&key, &numbers, &typed)),
-        KeyAct::Tangents(choice) => viewer.edit(|v| v.set_key_tangents(&keys, choice)),
-        KeyAct::Shape(key, shape, typed) => viewer.edit(|v| v.set_key_shape(key, shape, typed.as_ref())),
-        KeyAct::Run(command) => run_command(ui, viewer, command, &keys),
+        KeyAct::SetEase(ease) => viewer.edit(|v| v.set_key_ease(&keys, ease.as_deref())),
+        KeyAct::SetInterpolation(how) => viewer.edit(|v| v.set_key_interpolation(&keys, how.as_deref())),
+        KeyAct::SetTime(key, time) => viewer.edit(|v| v.set_key_time(&key, &time)),
+        KeyAct::SetValue(key, numbers, typed) => viewer.edit(|v| v.set_key_value(&key, &numbers, &typed)),
+        KeyAct::SetTangents(choice) => viewer.edit(|v| v.set_key_tangents(&keys, choice)),
+        KeyAct::SetShape(key, shape, typed) => viewer.edit(|v| v.set_key_shape(key, shape, typed.as_ref())),
+        KeyAct::RunCommand(command) => run_command(ui, viewer, command, &keys),
     }
 }
 

@@ -445,7 +445,7 @@ fn truncated_text(painter: &Painter, text: &str, size: f32, color: Color32, widt
 }
 
 #[cfg(test)]
-mod digits {
+mod fixed_digits_tests {
     use super::fixed_digits;
 
     #[test]

@@ -87,7 +87,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
         }
     }
     if view.overlays.safe {
-        draw_safe_areas(&painter, canvas.place, scene.stage.settings.size);
+        draw_safe_areas(&painter, canvas.image_rect, scene.stage.settings.size);
     }
 }
 

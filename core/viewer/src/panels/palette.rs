@@ -20,26 +20,26 @@ const MAX_LIST_HEIGHT: f32 = 420.0;
 /// Effect of an entry.
 #[derive(Clone, Debug)]
 enum Target {
-    Action(&'static str),
-    Panel(Tab),
-    New(usize),
-    Open(PathBuf),
+    RunAction(&'static str),
+    OpenPanel(Tab),
+    NewScript(usize),
+    OpenFile(PathBuf),
     Select(Selected, Option<Time>),
     /// Adds an object. `None`: a camera at the view.
-    Add(Option<Addition>),
+    AddObject(Option<Addition>),
     /// Adds a constraint to the selected actor.
-    Constrain(NewConstraint),
+    AddConstraint(NewConstraint),
     /// Plays a clip of the actor's own file: name of the actor, and of the clip.
-    Play(String, String),
-    Line(usize),
+    PlayClip(String, String),
+    GoToLine(usize),
 }
 
 impl Target {
     /// Additional words to find the entry by.
     fn synonyms(&self) -> &'static str {
         match self {
-            Target::Action(id) => actions::synonyms(id),
-            Target::Panel(tab) => actions::synonyms(&actions::panel_id(*tab)),
+            Target::RunAction(id) => actions::synonyms(id),
+            Target::OpenPanel(tab) => actions::synonyms(&actions::panel_id(*tab)),
             _ => "",
         }
     }
@@ -61,7 +61,7 @@ pub struct Palette {
     text: String,
     /// Index of the entry that Enter chooses.
     highlighted: usize,
-    all: Vec<Entry>,
+    entries: Vec<Entry>,
 }
 
 impl Palette {
@@ -78,7 +78,7 @@ impl Palette {
         let text = self.text.to_lowercase();
         let words: Vec<&str> = text.split_whitespace().collect();
         let mut found: Vec<(usize, usize, &Entry)> = Vec::new();
-        for (number, entry) in self.all.iter().enumerate() {
+        for (number, entry) in self.entries.iter().enumerate() {
             let synonyms = entry.target.synonyms();
             let searched = format!("{} {} {synonyms}", entry.text, entry.note).to_lowercase();
             if words.iter().all(|word| searched.contains(word)) {
@@ -97,7 +97,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
         return;
     }
     if panels.palette.needs_focus {
-        panels.palette.all = all_entries(viewer);
+        panels.palette.entries = all_entries(viewer);
     }
     // Keys of the list are handled before the text field.
     let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
@@ -158,17 +158,17 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
 
 fn run_target(c: &mut Context, target: Target) {
     match target {
-        Target::Action(id) => {
+        Target::RunAction(id) => {
             if let Some(action) = actions::find_action(id) {
                 (action.run)(c);
             }
         }
-        Target::Panel(tab) => c.panels.bring_to_front(tab),
-        Target::New(number) => {
+        Target::OpenPanel(tab) => c.panels.bring_to_front(tab),
+        Target::NewScript(number) => {
             let shown = c.viewer.path.clone();
             c.viewer.documents.ask(Purpose::New(TEMPLATES[number]), shown.as_deref());
         }
-        Target::Open(file) => c.viewer.documents.open = Some(file),
+        Target::OpenFile(file) => c.viewer.documents.open = Some(file),
         Target::Select(what, at) => {
             if let Some(at) = at {
                 c.viewer.playhead.pause();
@@ -176,13 +176,13 @@ fn run_target(c: &mut Context, target: Target) {
             }
             c.viewer.selection = Some(what);
         }
-        Target::Add(what) => super::add_menu::add_object(c.viewer, what.as_ref()),
-        Target::Constrain(new) => c.viewer.edit(|v| v.add_constraint(&new)),
-        Target::Play(actor, clip) => {
+        Target::AddObject(what) => super::add_menu::add_object(c.viewer, what.as_ref()),
+        Target::AddConstraint(new) => c.viewer.edit(|v| v.add_constraint(&new)),
+        Target::PlayClip(actor, clip) => {
             let secs = c.viewer.playhead.time().as_secs();
             c.viewer.edit(|v| v.add_clip(&actor, &actor, &clip, secs));
         }
-        Target::Line(line) => c.viewer.go_to = Some(line),
+        Target::GoToLine(line) => c.viewer.go_to = Some(line),
     }
 }
 
@@ -194,31 +194,37 @@ fn all_entries(viewer: &Viewer) -> Vec<Entry> {
         .filter(|action| action.id != "palette")
         .map(|action| {
             let keys = viewer.shortcuts.text(action.id, action.default_shortcuts);
-            entry(action.title.to_string(), keys, Target::Action(action.id))
+            entry(action.title.to_string(), keys, Target::RunAction(action.id))
         })
         .collect();
     for tab in Tab::ALL {
         let keys: Vec<String> =
             actions::panel_shortcuts(viewer, tab).iter().map(ToString::to_string).collect();
-        all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::Panel(tab)));
+        all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::OpenPanel(tab)));
     }
     if viewer.path.is_some() && viewer.previewed_files.is_empty() {
         let additions = super::add_menu::palette_additions(viewer).into_iter();
-        all.extend(additions.map(|(text, what)| entry(text, "new".into(), Target::Add(what))));
+        all.extend(additions.map(|(text, what)| entry(text, "new".into(), Target::AddObject(what))));
         let constraints = super::add_menu::palette_constraints(viewer).into_iter();
-        all.extend(constraints.map(|(text, new)| entry(text, "constraint".into(), Target::Constrain(new))));
+        all.extend(
+            constraints.map(|(text, new)| entry(text, "constraint".into(), Target::AddConstraint(new))),
+        );
     }
     for (number, template) in TEMPLATES.iter().enumerate() {
-        all.push(entry(format!("new: {}", template.name), "template".into(), Target::New(number)));
+        all.push(entry(format!("new: {}", template.name), "template".into(), Target::NewScript(number)));
     }
     for file in &viewer.documents.recent {
-        all.push(entry(format!("open {}", file.display()), "recent".into(), Target::Open(file.clone())));
+        all.push(entry(format!("open {}", file.display()), "recent".into(), Target::OpenFile(file.clone())));
     }
     add_object_entries(viewer, &mut all);
     let places = viewer.scene.as_ref().map(|scene| &scene.places);
     let text = places.and_then(|places| places.sources.get(&places.main).cloned()).unwrap_or_default();
     for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        all.push(entry(line.trim().to_string(), format!("line {}", number + 1), Target::Line(number + 1)));
+        all.push(entry(
+            line.trim().to_string(),
+            format!("line {}", number + 1),
+            Target::GoToLine(number + 1),
+        ));
     }
     all
 }
@@ -259,7 +265,7 @@ fn add_object_entries(viewer: &Viewer, all: &mut Vec<Entry>) {
         for clip in &actor.asset.clips {
             let (name, clip) = (actor.name.clone(), clip.name.clone());
             let text = format!("play {clip} on {name}");
-            all.push(Entry { text, note: "at the playhead".into(), target: Target::Play(name, clip) });
+            all.push(Entry { text, note: "at the playhead".into(), target: Target::PlayClip(name, clip) });
         }
     }
 }

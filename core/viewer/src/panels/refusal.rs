@@ -14,23 +14,23 @@ const MAX_WIDTH: f32 = 420.0;
 #[derive(Default)]
 pub struct Refusals {
     shown_count: u64,
-    at: Option<Pos2>,
+    position: Option<Pos2>,
 }
 
 pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
     if refusals.shown_count != viewer.refusals {
         refusals.shown_count = viewer.refusals;
         let pointer = ui.input(|i| i.pointer.latest_pos());
-        refusals.at = Some(pointer.unwrap_or_else(|| ui.ctx().content_rect().center()));
+        refusals.position = Some(pointer.unwrap_or_else(|| ui.ctx().content_rect().center()));
     }
     if viewer.offer.is_some() || viewer.documents.dialog.is_some() {
-        refusals.at = None;
+        refusals.position = None;
     }
-    let shown = refusals.at.zip(viewer.message.clone());
+    let shown = refusals.position.zip(viewer.message.clone());
     // A tooltip at the mouse would cover the text.
     hint::set_hints_hidden(ui.ctx(), shown.is_some());
     let Some((at, why)) = shown else {
-        refusals.at = None;
+        refusals.position = None;
         return;
     };
     let place = at + vec2(14.0, 18.0);
@@ -64,11 +64,11 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
         pressed_link = link.response.contains_pointer();
         if link.inner.clicked() {
             viewer.go_to = viewer.message_line;
-            refusals.at = None;
+            refusals.position = None;
         }
     }
     let pressed_elsewhere = ui.input(|i| i.pointer.any_pressed()) && !pressed_link;
     if pressed_elsewhere || ui.input(|i| i.key_pressed(Key::Escape)) {
-        refusals.at = None;
+        refusals.position = None;
     }
 }

@@ -12,7 +12,7 @@ use egui::{Area, Frame, Key, Order, Pos2, TextEdit, Ui};
 pub struct NameField {
     what: Option<Selected>,
     text: String,
-    at: Pos2,
+    position: Pos2,
     needs_focus: bool,
 }
 
@@ -30,14 +30,14 @@ pub fn start_rename(viewer: &mut Viewer) {
 
 pub fn show(field: &mut NameField, ui: &Ui, viewer: &mut Viewer) {
     if let Some(what) = viewer.to_rename.take() {
-        let row = sequencer::place_of(ui, viewer, &what).map(|row| row.left_bottom());
+        let row = sequencer::object_row_rect(ui, viewer, &what).map(|row| row.left_bottom());
         let pointer = || ui.input(|i| i.pointer.latest_pos());
         let at = row.or_else(pointer).unwrap_or_else(|| ui.ctx().content_rect().center());
         let text = viewer.name_of(&what).unwrap_or_default();
-        *field = NameField { what: Some(what), text, at, needs_focus: true };
+        *field = NameField { what: Some(what), text, position: at, needs_focus: true };
     }
     let Some(what) = field.what.clone() else { return };
-    let area = Area::new(egui::Id::new("rename")).order(Order::Foreground).fixed_pos(field.at);
+    let area = Area::new(egui::Id::new("rename")).order(Order::Foreground).fixed_pos(field.position);
     let shown = area.constrain(true).show(ui.ctx(), |ui| {
         Frame::popup(ui.style())
             .show(ui, |ui| {

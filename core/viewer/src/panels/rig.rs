@@ -75,8 +75,8 @@ fn show_call_section(
     show: impl FnOnce(&mut Ui, &Form) -> Option<FieldChange>,
 ) -> Option<FieldChange> {
     let name = call.title.split_whitespace().next().unwrap_or_default();
-    let owner = format!("{name} ");
-    let form = Form { stated: &call.written, owner: &owner, is_cue: false, end: None };
+    let name_prefix = format!("{name} ");
+    let form = Form { stated: &call.values, name_prefix: &name_prefix, is_cue: false, end: None };
     let mut edit = None;
     ui.push_id((call.place.line, call.place.column, &call.title), |ui| {
         let line = format!("line {}", call.place.line);
@@ -102,7 +102,7 @@ fn described_fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<Fi
 fn stated_values<T: Described>(mut of: T, viewer: &Viewer, call: &StatedCall) -> T {
     let fps = viewer.playhead.fps().as_fps();
     for field in T::FIELDS {
-        let value = call.written.get(field.name).and_then(|text| parse_field_value(field, text, fps));
+        let value = call.values.get(field.name).and_then(|text| parse_field_value(field, text, fps));
         value.into_iter().for_each(|value| (field.set)(&mut of, value));
     }
     of

@@ -13,7 +13,7 @@ pub fn drag_row(ui: &Ui, viewer: &Viewer, row: usize, response: &Response) -> Op
     let pointer = response.interact_pointer_pos()?;
     let places = visible_row_rects(ui, viewer);
     let &(to, rect) = places.iter().find(|(_, rect)| rect.y_range().contains(pointer.y))?;
-    let rows = viewer.rows_of_target(row, to);
+    let rows = viewer.drop_target_rows(row, to);
     let is_target_row = |index: &usize| rows.as_ref().is_some_and(|rows| rows.contains(index));
     let target_rect: Rect = places
         .iter()

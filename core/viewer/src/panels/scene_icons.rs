@@ -51,7 +51,7 @@ fn collect_icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon>
         let direction = light.direction.as_dvec3();
         let (at, kind) = match light.light.kind {
             LightKind::Directional => {
-                (viewer.sunlit() - direction * SUN_ICON_DISTANCE, IconKind::Sun(viewer.sunlit()))
+                (viewer.sun_target() - direction * SUN_ICON_DISTANCE, IconKind::Sun(viewer.sun_target()))
             }
             LightKind::Spot { outer, .. } => (light.position, IconKind::Spot(direction, f64::from(outer))),
             LightKind::Point => (light.position, IconKind::Point),
@@ -118,8 +118,8 @@ impl PickArea {
 impl SceneIcon {
     /// The cone of a spot light, as drawn.
     fn beam(&self, is_selected: bool) -> Option<Beam> {
-        let IconKind::Spot(along, angle) = self.kind else { return None };
-        Some(Beam { at: self.at, along, angle, length: if is_selected { 1.0 } else { 0.4 } })
+        let IconKind::Spot(direction, angle) = self.kind else { return None };
+        Some(Beam { at: self.at, direction, angle, length: if is_selected { 1.0 } else { 0.4 } })
     }
 }
 
@@ -201,8 +201,8 @@ fn drag_icon(
 fn point_at_depth_of(lens: &Lens, place: DVec3, at: DVec2) -> Option<DVec3> {
     let (origin, direction) = lens.ray(at);
     let normal = lens.forward();
-    let along = (place - origin).dot(normal) / direction.dot(normal);
-    (along.is_finite() && along > 0.0).then(|| origin + direction * along)
+    let distance = (place - origin).dot(normal) / direction.dot(normal);
+    (distance.is_finite() && distance > 0.0).then(|| origin + direction * distance)
 }
 
 /// Writes the new position of an icon into the script.
@@ -218,7 +218,7 @@ fn write_position(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at:
             let light = scene.stage.lights.get(*number);
             let sun = light.is_some_and(|l| matches!(l.light.kind, LightKind::Directional));
             let (name, value) = match sun {
-                true => ("direction", list(viewer.direction_from(at))),
+                true => ("direction", list(viewer.sun_direction_from(at))),
                 false => ("position", list(at)),
             };
             viewer.edit(|v| v.set_value(&dragged.what.selected(), name, &value));
@@ -251,8 +251,8 @@ fn draw_icon(painter: &Painter, icon: &SceneIcon, is_selected: bool, hovered: bo
     // A dark disc makes the icon visible on dark and on light backgrounds.
     painter.circle_filled(at, 9.0, Color32::from_black_alpha(150));
     let ray = |angle: f32, from: f32, to: f32| {
-        let along = egui::Vec2::angled(angle);
-        painter.line_segment([at + along * from, at + along * to], stroke);
+        let direction = egui::Vec2::angled(angle);
+        painter.line_segment([at + direction * from, at + direction * to], stroke);
     };
     let turn = std::f32::consts::TAU;
     match &icon.kind {
@@ -283,7 +283,12 @@ fn draw_icon(painter: &Painter, icon: &SceneIcon, is_selected: bool, hovered: bo
             painter.add(egui::Shape::convex_polygon(beak.to_vec(), color, Stroke::NONE));
             let toward = (*target - icon.at).normalize_or(DVec3::NEG_Z);
             let length = if is_selected { 1.0 } else { 0.5 };
-            draw_frustum(painter, lens, &Beam { at: icon.at, along: toward, angle: *angle, length }, thin);
+            draw_frustum(
+                painter,
+                lens,
+                &Beam { at: icon.at, direction: toward, angle: *angle, length },
+                thin,
+            );
         }
     }
 }
@@ -292,7 +297,7 @@ fn draw_icon(painter: &Painter, icon: &SceneIcon, is_selected: bool, hovered: bo
 struct Beam {
     at: DVec3,
     /// Direction, unit vector in world space.
-    along: DVec3,
+    direction: DVec3,
     /// Half angle of the cone, or field of view of the camera, radians.
     angle: f64,
     /// Length as drawn, metres.
@@ -308,12 +313,12 @@ fn perpendicular_axes(direction: DVec3) -> [DVec3; 2] {
 impl Beam {
     /// Lines of a cone: its ring and its sides.
     fn cone(&self) -> Vec<[DVec3; 2]> {
-        let Beam { at, along, angle, length } = *self;
-        let [right, up] = perpendicular_axes(along);
+        let Beam { at, direction, angle, length } = *self;
+        let [right, up] = perpendicular_axes(direction);
         let radius = libm::tan(angle.min(1.4)) * length;
         let ring = (0..=16).map(|i| {
             let (sin, cos) = libm::sincos(f64::from(i) / 16.0 * core::f64::consts::TAU);
-            at + along * length + (right * cos + up * sin) * radius
+            at + direction * length + (right * cos + up * sin) * radius
         });
         let ring: Vec<DVec3> = ring.collect();
         let sides = [0, 4, 8, 12].map(|i: usize| [at, ring[i]]);
@@ -323,12 +328,12 @@ impl Beam {
 
 /// Draws the view frustum of a camera, with an aspect ratio of 16:9.
 fn draw_frustum(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
-    let Beam { at, along, angle, length } = *beam;
-    let [right, up] = perpendicular_axes(along);
+    let Beam { at, direction, angle, length } = *beam;
+    let [right, up] = perpendicular_axes(direction);
     let half_height = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
     let half_width = half_height * 16.0 / 9.0;
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-        .map(|(x, y)| at + along * length + right * (x * half_width) + up * (y * half_height));
+        .map(|(x, y)| at + direction * length + right * (x * half_width) + up * (y * half_height));
     for i in 0..4 {
         draw_line(painter, lens, at, corners[i], stroke);
         draw_line(painter, lens, corners[i], corners[(i + 1) % 4], stroke);

@@ -122,10 +122,10 @@ impl MarkedLines {
 
 /// Refuses an edit of the selection by a key while the panel has the pointer or the keyboard. Returns whether it does.
 pub(super) fn refuses_keys(viewer: &mut Viewer) -> bool {
-    const REASON: &str = "the script is read only here: open it in the editor to type; \
+    const READ_ONLY_MESSAGE: &str = "the script is read only here: open it in the editor to type; \
         with the pointer elsewhere, the key acts on the selection";
     if viewer.script_has_input {
-        viewer.edit(|_| Err(EditError::refused(REASON)));
+        viewer.edit(|_| Err(EditError::refused(READ_ONLY_MESSAGE)));
     }
     viewer.script_has_input
 }

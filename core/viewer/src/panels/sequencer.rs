@@ -469,7 +469,7 @@ pub(super) fn visible_row_rects(ui: &Ui, viewer: &Viewer) -> Vec<(usize, Rect)> 
 }
 
 /// Rectangle of an object's row, if it is visible.
-pub(super) fn place_of(ui: &Ui, viewer: &Viewer, what: &Selected) -> Option<Rect> {
+pub(super) fn object_row_rect(ui: &Ui, viewer: &Viewer, what: &Selected) -> Option<Rect> {
     let is_of_it = |(index, _): &(usize, Rect)| {
         let row = &viewer.timeline.rows[*index];
         row.what.as_ref() == Some(what) || row.bars.iter().any(|bar| bar.what == *what)

@@ -22,7 +22,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         return;
     }
     ui.label(RichText::new("stage").heading());
-    let (stated, settings) = (viewer.stage_written(), &scene.stage.settings);
+    let (stated, settings) = (viewer.written_stage_values(), &scene.stage.settings);
     let mut edit = None;
     Grid::new("stage").num_columns(2).show(ui, |ui| edit = setting_rows(ui, &stated, settings));
     show_light_fields(ui, viewer);
@@ -48,7 +48,7 @@ fn show_light_fields(ui: &mut Ui, viewer: &mut Viewer) {
             let (name, value) = ("ambient strength", now.strength.value);
             let number =
                 NumberField { name, value, speed: 0.01, range: 0.0..=1000.0, default: None, is_time: false };
-            let strength = number.show_stated(ui, Some(&now.strength.text));
+            let strength = number.show_with_source(ui, Some(&now.strength.text));
             if up.is_some() || down.is_some() || strength.is_some() {
                 edit = Some(Ambient {
                     up: up.unwrap_or(now.up),
@@ -91,7 +91,7 @@ fn setting_rows(ui: &mut Ui, stated: &StatedValues, settings: &Settings) -> Opti
             default: None,
             is_time: true,
         };
-        let set = number.show_stated(ui, stated)?;
+        let set = number.show_with_source(ui, stated)?;
         // A length typed as frames is written in seconds, since the same call states the frame rate, unless the script already counts frames.
         let in_frames = stated.is_some_and(expression::counts_frames);
         Some(values::source_text(ui, set))

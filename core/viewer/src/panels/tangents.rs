@@ -172,7 +172,7 @@ pub fn show_menu(ui: &mut Ui) -> Option<KeyAct> {
     ui.menu_button("Tangents", |ui| {
         for (choice, name) in TangentChoice::ALL {
             if ui.button(name).clicked() {
-                act = Some(KeyAct::Tangents(choice));
+                act = Some(KeyAct::SetTangents(choice));
             }
         }
     });
@@ -209,7 +209,7 @@ pub fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: usize) -> 
                 };
                 act = property
                     .dragged_handle(key, &drag)
-                    .map(|shape| KeyAct::Shape(what, shape, Some(number)))
+                    .map(|shape| KeyAct::SetShape(what, shape, Some(number)))
                     .or(act.take());
             }
             ui.weak(format!("{}/s, length", property.unit));

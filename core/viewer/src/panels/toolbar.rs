@@ -405,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn entries_without_room_leave_from_the_end_texts_first() {
+    fn toolbar_entries_without_room_move_to_the_menu_from_the_end_texts_first() {
         let separator = || EntryLayout { is_separator: true, ..entry_of_width(6.0) };
         let text = || EntryLayout { moves_to_menu_first: true, ..entry_of_width(100.0) };
         let parts = [

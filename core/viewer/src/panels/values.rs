@@ -38,33 +38,34 @@ fn parser(ui: &Ui, id: Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'sta
     let context = ui.ctx().clone();
     move |text| {
         let is_refused = !is_time && expression::counts_frames(text);
-        context.data_mut(|d| d.insert_temp(refused_id(id), is_refused));
+        context.data_mut(|d| d.insert_temp(refused_flag_id(id), is_refused));
         if is_refused {
             return None;
         }
         let value = expression::value(text, fps)?;
-        context.data_mut(|d| d.insert_temp(typed_id(), (text.to_string(), value)));
+        context.data_mut(|d| d.insert_temp(typed_number_id(), (text.to_string(), value)));
         Some(value)
     }
 }
 
-fn typed_id() -> Id {
+fn typed_number_id() -> Id {
     Id::new("typed last")
 }
 
 /// Key of a flag: whether the text of a field counts frames although it is not a time.
-fn refused_id(id: Id) -> Id {
+fn refused_flag_id(id: Id) -> Id {
     id.with("frames")
 }
 
 /// Whether a field was left in this frame with an input that [`NOT_A_TIME`] refuses. Resets the flag.
 pub(super) fn take_refused_flag(ui: &Ui) -> bool {
-    ui.data_mut(|d| d.remove_temp(refused_id(frame_rate_id()))).unwrap_or(false)
+    ui.data_mut(|d| d.remove_temp(refused_flag_id(frame_rate_id()))).unwrap_or(false)
 }
 
 /// A number with the text that was typed for it, if that was an expression: `1.0 / 3.0` or `f(12)`.
 pub fn typed_number(ui: &Ui, value: f64) -> TypedNumber {
-    let last = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
+    let last =
+        ui.data(|d| d.get_temp::<(String, f64)>(typed_number_id())).filter(|(_, meant)| *meant == value);
     let text = last.and_then(|(text, _)| expression::script_text(&text));
     text.map_or_else(|| TypedNumber::from(value), |text| TypedNumber { value, text })
 }
@@ -93,9 +94,9 @@ pub fn number_list_text(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize
 }
 
 /// Largest width of a small range, in which dragging has the same speed everywhere.
-const SMALL_RANGE: f64 = 2.0;
+const SMALL_RANGE_WIDTH: f64 = 2.0;
 /// Largest width of a range with a slider; in wider ranges a point of the slider would be too large a step.
-const WIDE_RANGE: f64 = 10.0;
+const WIDE_RANGE_WIDTH: f64 = 10.0;
 /// Largest number of decimal places.
 const MAX_DECIMALS: usize = 3;
 
@@ -103,7 +104,7 @@ const MAX_DECIMALS: usize = 3;
 /// number 0; numbers near 0 change by at least a tenth of it.
 fn speed_of_drag(value: f64, step: f64, range: &RangeInclusive<f64>) -> f64 {
     let width = range.end() - range.start();
-    if width <= SMALL_RANGE {
+    if width <= SMALL_RANGE_WIDTH {
         width / 200.0
     } else if value == 0.0 {
         step
@@ -143,9 +144,9 @@ fn finish_edit(
     let response = add(ui, &mut now);
     super::inspected::record_focus(ui, &response);
     if response.lost_focus() {
-        let is_refused = ui.data_mut(|d| d.remove_temp(refused_id(id))).unwrap_or(false);
+        let is_refused = ui.data_mut(|d| d.remove_temp(refused_flag_id(id))).unwrap_or(false);
         if is_refused && !ui.input(|i| i.key_pressed(Key::Escape)) {
-            ui.data_mut(|d| d.insert_temp(refused_id(frame_rate_id()), true));
+            ui.data_mut(|d| d.insert_temp(refused_flag_id(frame_rate_id()), true));
         }
     }
     let holds = response.dragged() || response.has_focus();
@@ -163,7 +164,7 @@ fn finish_edit(
     let reset = default.and_then(|default| reset_menu(&response, default));
     if reset.is_some() || done && !response.lost_focus() {
         // A dragged number is not the one that was typed last, even if the values are equal.
-        ui.data_mut(|d| d.remove::<(String, f64)>(typed_id()));
+        ui.data_mut(|d| d.remove::<(String, f64)>(typed_number_id()));
     }
     // An expression replaces digits with the same value, but only once: leaving a field takes two passes.
     let is_expression = done && held.is_some() && typed_number(ui, now).text != format_number(now);
@@ -286,7 +287,7 @@ pub fn time_field(
     NumberField { name, value, speed, range, default: None, is_time: true }.show(ui)
 }
 
-/// A number that returns source text; see [`NumberField::show_written`].
+/// A number that returns source text; see [`NumberField::show_source`].
 pub fn number_source_field(
     ui: &mut Ui,
     name: &str,
@@ -296,32 +297,32 @@ pub fn number_source_field(
     stated: Option<&String>,
 ) -> Option<String> {
     let number = NumberField { name, value, speed, range, default: None, is_time: false };
-    number.show_written(ui, stated.map(String::as_str))
+    number.show_source(ui, stated.map(String::as_str))
 }
 
 impl NumberField<'_> {
     pub fn show(self, ui: &mut Ui) -> Option<f64> {
-        self.show_as(ui, None)
+        self.show_with_text(ui, None)
     }
 
-    /// Shows the field and returns the new value as source text, which is an expression if one was typed; see [`NumberField::show_stated`].
-    pub fn show_written(self, ui: &mut Ui, stated: Option<&str>) -> Option<String> {
-        let now = self.show_stated(ui, stated)?;
+    /// Shows the field and returns the new value as source text, which is an expression if one was typed; see [`NumberField::show_with_source`].
+    pub fn show_source(self, ui: &mut Ui, stated: Option<&str>) -> Option<String> {
+        let now = self.show_with_source(ui, stated)?;
         Some(source_text(ui, now))
     }
 
     /// Shows the field and returns the new value. `stated`: source text of the value, displayed if it is an expression.
-    pub fn show_stated(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
+    pub fn show_with_source(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
         let fps: f64 = ui.data(|d| d.get_temp(frame_rate_id())).unwrap_or(30.0);
         let is_it = |text: &&str| {
             let meant = expression::script_text(text).and_then(|text| expression::value(&text, fps));
             meant.is_some_and(|meant| (meant - self.value).abs() <= 1e-6 * meant.abs())
         };
         let shown = stated.filter(is_it);
-        self.show_as(ui, shown)
+        self.show_with_text(ui, shown)
     }
 
-    fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
+    fn show_with_text(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
         let NumberField { name, value, default, .. } = self;
         let id = ui.id().with(("number", name));
         let set = finish_edit(ui, id, value, default, |ui, now| {
@@ -338,10 +339,10 @@ impl NumberField<'_> {
     }
 
     /// The same field with a slider, unless the range is wide.
-    pub fn slider(self, ui: &mut Ui) -> Option<f64> {
+    pub fn show_slider(self, ui: &mut Ui) -> Option<f64> {
         let NumberField { name, value, default, .. } = self;
         let id = ui.id().with(("slider", name));
-        let is_wide = self.range.end() - self.range.start() > WIDE_RANGE;
+        let is_wide = self.range.end() - self.range.start() > WIDE_RANGE_WIDTH;
         finish_edit(ui, id, value, default, |ui, now| {
             ui.horizontal(|ui| {
                 let slider = (!is_wide).then(|| {

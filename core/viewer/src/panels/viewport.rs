@@ -92,7 +92,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, frame_texture: Optio
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
         let corner = vector(place.left(), place.top());
         let lens = Lens::new(&camera, corner, vector(place.width(), place.height()));
-        let canvas = Canvas { index, response: &response, place, lens };
+        let canvas = Canvas { index, response: &response, image_rect: place, lens };
         overlay::show(ui, viewer, &canvas);
         let is_over_axes = axes::show(ui, viewer, index, place, &camera.world_from_view);
         let is_over_icon = scene_icons::show(ui, viewer, &canvas);
@@ -160,10 +160,10 @@ fn show_toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
 
 fn add_camera_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone().filter(|scene| !scene.stage.cameras.is_empty()) else { return };
-    const NONE: &str = "camera";
+    const NO_CAMERA_LABEL: &str = "camera";
     let name = match &viewer.views[index].camera {
         ViewCamera::Named(name) => name.as_str(),
-        _ => NONE,
+        _ => NO_CAMERA_LABEL,
     };
     let names = scene.clone();
     bar.add_menu(name, "", move |ui, viewer| {
@@ -175,7 +175,9 @@ fn add_camera_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize)
             }
         }
     });
-    bar.reserve_width_for(names.stage.cameras.iter().map(|camera| camera.name.as_str()).chain([NONE]));
+    bar.reserve_width_for(
+        names.stage.cameras.iter().map(|camera| camera.name.as_str()).chain([NO_CAMERA_LABEL]),
+    );
 }
 
 /// Menu that writes the free camera into the script: into one of its cameras, or as a new one.

@@ -2,7 +2,7 @@
 
 use crate::place::Place;
 use choreo_motion::Time;
-use choreo_viewer::editing::placing::placement;
+use choreo_viewer::editing::placing::placement_at;
 use choreo_viewer::geometry::gizmo::Change;
 use choreo_viewer::state::selection::Selected;
 use egui::vec2;
@@ -58,7 +58,7 @@ fn moving_a_keyed_actor_writes_a_key_at_the_playhead() {
     place.reload();
     let scene = place.viewer.scene.clone().unwrap();
     assert_eq!(
-        placement(&scene.stage.actors[0], Time::from_secs(1.0)).translation,
+        placement_at(&scene.stage.actors[0], Time::from_secs(1.0)).translation,
         DVec3::new(1.25, 0.0, 0.5)
     );
     place.viewer.undo().unwrap();
