@@ -220,7 +220,7 @@ impl Viewer {
         })?;
         let line = known.lines().nth(place.line.saturating_sub(1)).unwrap_or_default();
         if line.starts_with([' ', '\t']) {
-            let why = "it is made in a block, and its name is unknown outside; write the camera there";
+            let why = "the actor is made in a block, and its name is unknown outside; write the camera there";
             return Err(EditError::refused_at(&place, why));
         }
         let snapshot = stage.at(self.playhead.time()).ok();

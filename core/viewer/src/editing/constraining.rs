@@ -82,7 +82,7 @@ impl Viewer {
         let selected = self.joint.as_ref().filter(|joint| joint.actor == name).map(|joint| joint.joint);
         let joint = selected.or(default_joint.map(|joint| joint as usize)).ok_or_else(|| {
             let why =
-                format!("it has no {}; click on a joint of its skeleton first", new.call.default_bone());
+                format!("{name} has no {}; click on a joint of its skeleton first", new.call.default_bone());
             EditError::refused_at(&place, &why)
         })?;
         let is_default_joint = default_joint.is_some_and(|default_joint| default_joint as usize == joint);

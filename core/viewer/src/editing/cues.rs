@@ -176,7 +176,7 @@ impl Viewer {
         let before = at.checked_sub(1).map(|before| &layer[before]);
         let overlap = before.map_or(0.0, |before| before.end.as_secs() - secs);
         if !before.is_some_and(|before| overlap > 0.0 && secs > before.start.as_secs()) {
-            let why = "its start must be within the clip before it: they crossfade where they overlap";
+            let why = "the start must be within the previous clip: the clips crossfade where they overlap";
             return Err(EditError::refused_at(&layer[at].place, why));
         }
         // The fade is at most as long as the visible part of the clip.
@@ -214,7 +214,9 @@ impl Viewer {
             let layer = self.layer_bars(what);
             let at = layer.iter().position(|bar| bar.what == *what);
             let at = at.ok_or_else(|| {
-                EditError::refused("only clips can be deleted here; delete its line in the script")
+                EditError::refused(
+                    "only clips can be deleted here; delete the line of the object in the script",
+                )
             })?;
             let before = self.previous_in_chain(&layer);
             let next = |at| before.iter().position(|before| *before == Some(at));

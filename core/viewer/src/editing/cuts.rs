@@ -70,14 +70,14 @@ impl Viewer {
     pub(crate) fn set_camera_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let next = self.bars().find(|next| next.cut.is_some() && next.start == bar.end);
         let Some((next, cut)) = next.and_then(|next| Some((next, next.cut?))) else {
-            let why = "it is on until the scene ends: no camera takes over from it";
+            let why = "the camera is active until the scene ends: no other camera takes over";
             return Err(EditError::refused_at(&bar.place, why));
         };
         self.check_start(&next.place, &next.label, secs)?;
         if secs <= bar.start.as_secs() {
             let shown = |secs: f64| self.shown_time(Time::from_secs(secs));
             let (end, start) = (shown(secs), shown(bar.start.as_secs()));
-            let why = format!("it would end at {end}, but it begins at {start}");
+            let why = format!("the shot would end at {end}, but it begins at {start}");
             return Err(EditError::refused_at(&bar.place, &why));
         }
         self.set_cut(cut, secs)

@@ -12,12 +12,12 @@ pub enum EditError {
     #[error("no scene is loaded yet, so that nothing can be changed")]
     NothingShown,
     /// The edited object is no longer in the scene.
-    #[error("it no longer exists")]
+    #[error("the edited object no longer exists")]
     ObjectGone,
     /// A model file is open, not a script.
     #[error("there is no script")]
     NoScript,
-    #[error("it is not created by a script line, so that there is no text to change")]
+    #[error("the object is not created by a script line, so that there is no text to change")]
     NotFromScript,
     #[error("{file}:{line}: the object is created in this module; change it there")]
     CreatedInModule { file: String, line: usize },

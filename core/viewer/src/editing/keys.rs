@@ -163,7 +163,7 @@ impl Viewer {
             let keyed = self.keyed_property(&key.what, &key.property)?;
             let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::ObjectGone)?;
             let shape = keyed.shape_of_choice(index, choice).ok_or_else(|| {
-                let why = format!("keys of its {} cannot have tangents", keyed.name);
+                let why = format!("keys of the property {} cannot have tangents", keyed.name);
                 let place = self.place_of(&key.what).map(|(place, _)| place).unwrap_or_default();
                 EditError::refused_at(&place, &why)
             })?;
@@ -310,14 +310,14 @@ impl Viewer {
             return self.set_keys(&what, &names);
         }
         if !hidden.is_empty() {
-            let why =
-                "all of its curves are hidden in the curve editor; show the curves that should get keys";
+            let why = "all curves of the selection are hidden in the curve editor; show the curves that should get keys";
             return Err(EditError::refused(why));
         }
         let preferred = ["intensity", "position", "fov", "opacity", "strength", ".weight"];
         let preferred = preferred.into_iter().find(|name| all.iter().any(|p| p.name == *name));
         let first = preferred.or(all.first().map(|p| p.name.as_str()));
-        let first = first.ok_or_else(|| EditError::refused("it has no property that can have keys"))?;
+        let first =
+            first.ok_or_else(|| EditError::refused("the selection has no property that can have keys"))?;
         self.set_keys(&what, &[first])
     }
 
@@ -354,11 +354,13 @@ impl Viewer {
             && found.path_following.is_some()
         {
             let place = self.place_of(what).map(|(place, _)| place).unwrap_or_default();
-            let why = format!("it follows a path, so its {property} has no keys; change the path");
+            let why = format!("{name} follows a path, so its {property} has no keys; change the path");
             return Err(EditError::refused_at(&place, &why));
         }
         let found = self.keyed_properties(what).into_iter().find(|keyed| keyed.name == property);
-        found.ok_or_else(|| EditError::refused(format!("it has no {property} that keys could animate")))
+        found.ok_or_else(|| {
+            EditError::refused(format!("the object has no {property} that keys could animate"))
+        })
     }
 
     /// Sets a keyed parameter of an effect at the playhead, or one component of it. `None` if it has no keys. `value`: source text.

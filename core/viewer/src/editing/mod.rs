@@ -122,7 +122,7 @@ impl Viewer {
             CueTime::Start => self.check_boundary(None, &bar, secs)?,
             CueTime::End if secs <= bar.start.as_secs() => {
                 let start = bar.start.as_secs();
-                let why = format!("it would end at {secs:.3} s, but it begins at {start:.3} s");
+                let why = format!("{} would end at {secs:.3} s, but it begins at {start:.3} s", bar.label);
                 return Err(EditError::refused_at(&place, &why));
             }
             _ => {}

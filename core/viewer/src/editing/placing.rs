@@ -104,7 +104,7 @@ impl Viewer {
         let time = self.playhead.time();
         if let Some(parent) = found.parent_at(time).filter(|p| p.placement.is_some()) {
             let start = format_number(parent.start.as_secs());
-            let why = format!("the calls after its .attach from {start} s place it now; change those");
+            let why = format!("the calls after its .attach from {start} s place the actor now; change those");
             return Err(EditError::refused(why));
         }
         let parent = match found.parents.is_empty() {
@@ -112,8 +112,9 @@ impl Viewer {
             false => self.shown().and_then(|s| Some(s.snapshot.actors.get(index)?.world_from_parent)),
         };
         let parent = parent.filter(|parent| parent.matrix3.determinant().abs() > 1e-12);
-        let parent =
-            parent.ok_or_else(|| EditError::refused("its parent is not shown; show the parent first"))?;
+        let parent = parent.ok_or_else(|| {
+            EditError::refused("the parent of the actor is not shown; show the parent first")
+        })?;
         Ok(to_parent_space(change, &parent))
     }
 
@@ -221,7 +222,10 @@ impl Viewer {
         let ScriptCamera { camera, place, siblings } = self.fixed_camera(name)?;
         let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
         if camera.channels.iter().any(|c| c.property == Property::Rotation) {
-            return Err(EditError::refused_at(&place, "its rotation has keys; change them there"));
+            return Err(EditError::refused_at(
+                &place,
+                "the rotation of the camera has keys; change them there",
+            ));
         }
         let time = self.playhead.time();
         let when = self.edit_time(time.as_secs());
@@ -407,7 +411,8 @@ fn projection_edit(
             let in_millimetres = keyed.is_some_and(|channel| channel.property == Property::FocalLength);
             let name = if in_millimetres { "focal_length" } else { "fov" };
             let line = object.line_of_call("key").unwrap_or(object.place().0);
-            let why = format!("its \"{name}\" has keys, which an orthographic camera cannot have");
+            let why =
+                format!("the \"{name}\" of the camera has keys, which an orthographic camera cannot have");
             return Err(EditRefused::at(line, &why));
         }
         (Projection::Orthographic { height, .. }, own) => {
@@ -420,5 +425,5 @@ fn projection_edit(
 }
 
 fn face_rotation_refusal(line: usize) -> EditRefused {
-    EditRefused::at(line, ".face(…) turns it; change or remove that call")
+    EditRefused::at(line, ".face(…) turns the actor; change or remove that call")
 }

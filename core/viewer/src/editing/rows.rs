@@ -55,7 +55,7 @@ impl Viewer {
         let next = next.and_then(|next| rows.get(next));
         let (to, _) = *next
             .as_ref()
-            .ok_or_else(|| EditError::refused("its row cannot move further in that direction"))?;
+            .ok_or_else(|| EditError::refused("the row cannot move further in that direction"))?;
         self.move_row(row, *to, side)
     }
 

@@ -94,7 +94,10 @@ impl Viewer {
                 (from, to @ Rig::Orbit { .. }) => orbit_edit(text, &object, [from, to]),
                 (_, Rig::Follow { offset, .. }) => match object.argument(1) {
                     Some(list) if list.starts_with('[') => object.set_argument(1, &point_text(*offset)),
-                    _ => Err(EditRefused::at(place.line, "its offset is computed; change it there")),
+                    _ => Err(EditRefused::at(
+                        place.line,
+                        "the offset of the camera is computed; change it there",
+                    )),
                 },
                 _ => object.set("at", &rounded(keyed).to_array()),
             }
@@ -112,7 +115,9 @@ impl Viewer {
             scene.stage.actors[index].constraints.get(constraint).ok_or(EditError::ObjectGone)?;
         let ConstraintKind::Reach(reach) = &constraint.kind else { return Err(EditError::ObjectGone) };
         let Target::Point(from) = reach.target else {
-            return Err(EditError::refused("its target is another object; move that object"));
+            return Err(EditError::refused(
+                "the target of the constraint is another object; move that object",
+            ));
         };
         let to = to - reach.offset.unwrap_or(DVec3::ZERO);
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();

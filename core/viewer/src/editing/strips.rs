@@ -48,7 +48,7 @@ impl Viewer {
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let ends = has_end(&known, bar.place.line, bar.place.column);
         if !ends && strip.repeat != Repeat::Once {
-            let why = "it repeats to the end of the scene; give it an end first";
+            let why = "the clip repeats to the end of the scene; give it an end first";
             return Err(EditError::refused_at(&bar.place, why));
         }
         let length = match ends {
@@ -190,7 +190,11 @@ impl Viewer {
         let start = bar.start.as_secs();
         let length = bar.played_until().as_secs() - start;
         if end - start < MIN_CLIP_SECS || strip.is_keyed {
-            let why = if strip.is_keyed { "keys set its time" } else { "it would have no length" };
+            let why = if strip.is_keyed {
+                "keys set the time of the clip"
+            } else {
+                "the clip would have no length"
+            };
             return Err(EditError::refused_at(&bar.place, why));
         }
         let speed = strip.speed * length / (end - start);
@@ -246,11 +250,11 @@ fn second_half(bar: &Bar, strip: &Strip, at: f64) -> Result<SecondHalf, EditErro
     let [from, to] = strip.trim;
     let length = to - from;
     if strip.is_keyed {
-        return refuse("keys set its time; split it in the script");
+        return refuse("keys set the time of the clip; split it in the script");
     }
     match strip.repeat {
         Repeat::Once if played >= length - MIN_CLIP_SECS => {
-            refuse("its clip has ended before that time; the last pose is held")
+            refuse("the clip has ended before that time; the last pose is held")
         }
         Repeat::Once if strip.speed < 0.0 => Ok(SecondHalf::Trim([from, to - played])),
         Repeat::Once => Ok(SecondHalf::Trim([from + played, to])),
@@ -270,6 +274,6 @@ fn second_half(bar: &Bar, strip: &Strip, at: f64) -> Result<SecondHalf, EditErro
                 [end, from + played_in_round + (end - at) * strip.speed],
             ]))
         }
-        _ => refuse("it plays as ping-pong, or backwards in a loop; split it in the script"),
+        _ => refuse("the clip plays as ping-pong, or backwards in a loop; split it in the script"),
     }
 }

@@ -30,7 +30,7 @@ impl Viewer {
             Repeat::Once => Some(trim_for_start(&bar, &strip, secs)?),
             _ if is_chained || meets => None,
             _ => {
-                let why = "it repeats, so a trim would shorten every repetition; drag without Alt, or write .once()";
+                let why = "the clip repeats, so a trim would shorten every repetition; drag without Alt, or write .once()";
                 return Err(EditError::refused_at(&bar.place, why));
             }
         };
@@ -76,8 +76,12 @@ impl Viewer {
             return Err(EditError::refused_at(&bar.place, &why));
         }
         if ends && secs >= bar.until.as_secs() - MIN_CLIP_SECS {
-            let why =
-                format!("it would begin at {}, but it ends at {}", shown(secs), shown(bar.until.as_secs()));
+            let why = format!(
+                "{} would begin at {}, but it ends at {}",
+                bar.label,
+                shown(secs),
+                shown(bar.until.as_secs())
+            );
             return Err(EditError::refused_at(&bar.place, &why));
         }
         Ok(())
@@ -88,8 +92,8 @@ impl Viewer {
         let (bar, strip) = self.find_strip(what)?;
         let trim = slipped_trim(&bar, &strip, by).ok_or_else(|| {
             let why = match strip.repeat {
-                Repeat::Once => "its clip is played whole: there is nothing beyond its ends",
-                _ => "it repeats its whole clip: make the bar shorter than one repetition, or write .once()",
+                Repeat::Once => "the clip is played whole: there is nothing beyond its ends",
+                _ => "the bar repeats its whole clip: make the bar shorter than one repetition, or write .once()",
             };
             EditError::refused_at(&bar.place, why)
         })?;
@@ -112,7 +116,7 @@ fn trim_for_start(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditE
         true => to -= played,
     }
     if from < -MIN_CLIP_SECS || to > strip.clip + MIN_CLIP_SECS || to - from < MIN_CLIP_SECS {
-        let why = format!("its clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
+        let why = format!("the clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
         return Err(EditError::refused_at(&bar.place, &why));
     }
     Ok([from, to])

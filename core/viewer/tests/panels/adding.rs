@@ -492,7 +492,7 @@ fn an_end_before_the_start_is_refused() {
     let wave = Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 };
     let error =
         place.viewer.set_cue_time(&wave, choreo_session::edit::CueTime::End, 1.0).unwrap_err().to_string();
-    assert!(error.contains("it would end at 1.000 s, but it begins at 2.000 s"), "{error}");
+    assert!(error.contains("Wave would end at 1.000 s, but it begins at 2.000 s"), "{error}");
     assert_eq!(place.text(), SCRIPT);
 }
 

@@ -289,7 +289,7 @@ fn keys_are_copied_to_another_time_and_to_another_object() {
     let mut place = Place::new(SCRIPT);
     let copied = place.viewer.copy_keys(&keys).unwrap();
     let why = place.viewer.paste_keys(&Selected::Effect(0), &copied, 0.0).unwrap_err().to_string();
-    assert_eq!(why, "it has no position that keys could animate");
+    assert_eq!(why, "the object has no position that keys could animate");
 }
 
 #[test]
@@ -769,7 +769,7 @@ fn the_k_key_sets_no_keys_on_hidden_curves() {
     desk.run();
     press(&mut desk, Modifiers::NONE, Key::K);
     let message = desk.state().viewer.message.clone().unwrap_or_default();
-    assert!(message.starts_with("all of its curves are hidden"), "{message}");
+    assert!(message.starts_with("all curves of the selection are hidden"), "{message}");
     assert_eq!(desk.state().text(), SCRIPT);
 }
 
@@ -1003,7 +1003,7 @@ fn tangents_are_chosen_for_all_selected_keys() {
     assert_eq!(place.text(), SCRIPT);
     let kelvin = [key(Selected::Light(0), "kelvin", 0.0)];
     let refused = place.viewer.set_key_tangents(&kelvin, TangentChoice::Flat).unwrap_err().to_string();
-    assert!(refused.contains("a.rhai:12: keys of its kelvin cannot have tangents"), "{refused}");
+    assert!(refused.contains("a.rhai:12: keys of the property kelvin cannot have tangents"), "{refused}");
 }
 
 /// Drags with modifier keys held.

@@ -138,7 +138,7 @@ fn an_actor_that_faces_a_target_can_be_moved_but_not_turned() {
     let mut place = Place::new(SCRIPT);
     let why =
         place.viewer.change_actor("fan", Change::Turn(DQuat::from_rotation_y(0.5))).unwrap_err().to_string();
-    assert_ends(&why, "a.rhai: line 10: .face(…) turns it; change or remove that call");
+    assert_ends(&why, "a.rhai: line 10: .face(…) turns the actor; change or remove that call");
     assert_eq!(place.text(), SCRIPT);
     place.viewer.change_actor("fan", Change::Move(DVec3::X)).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".at(0.0, 0.0, -2.0)", ".at(1.0, 0.0, -2.0)"));
@@ -288,7 +288,7 @@ fn a_camera_added_from_a_view_shows_the_same_image() {
             place.viewer.edit(|v| v.set_camera("to", &orbit));
             if lens.contains("ortho") && other.contains("key") {
                 let why = place.viewer.message.clone().unwrap();
-                assert!(why.contains("its \"fov\" has keys"), "{why}");
+                assert!(why.contains("the \"fov\" of the camera has keys"), "{why}");
                 continue;
             }
             assert_eq!(place.viewer.message, None, "{lens} to {other}");
