@@ -171,8 +171,8 @@ impl Viewer {
         let occupied = room::footprints(stage, now);
         let own = Footprint::around(0.3);
         // Positions to the left and to the right of the center in turn.
-        let beside = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
-        let mut places = beside.take(64).map(|x| DVec3::new(x, 0.0, 0.0));
+        let x_offsets = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
+        let mut places = x_offsets.take(64).map(|x| DVec3::new(x, 0.0, 0.0));
         let place = places.find(|at| room::is_free(&occupied, own.moved(*at))).unwrap_or_default();
         let [from, end] = [now.as_secs(), self.playhead.length().as_secs()];
         let at = AddedAt {
@@ -235,8 +235,8 @@ impl Viewer {
             return Err(EditError::ObjectGone);
         };
         let half = f64::from(yfov) / 2.0;
-        let narrow = libm::atan(libm::tan(half) * (width / height).min(1.0));
-        let distance = 1.1 * radius / libm::sin(narrow);
+        let half_fov = libm::atan(libm::tan(half) * (width / height).min(1.0));
+        let distance = 1.1 * radius / libm::sin(half_fov);
         let front = state.map_or(DVec3::Z, |state| state.world_from_model.matrix3.z_axis);
         let front = DVec3::new(front.x, 0.0, front.z).normalize_or(DVec3::Z);
         let side = DVec3::Y.cross(front);
@@ -259,12 +259,18 @@ impl Viewer {
         self.add_camera(&orbit)
     }
 
-    /// Number of joints of another actor that follow a clip, and number of joints that the clip moves. `None` if both actors have the same asset.
-    pub(crate) fn joints_that_follow(&self, of: &str, clip: &str, on: &str) -> Option<(usize, usize)> {
+    /// Number of joints of the actor `target` that follow a clip of the actor `source`, and number of joints that the clip moves. `None` if both
+    /// actors have the same asset.
+    pub(crate) fn joints_that_follow(
+        &self,
+        source: &str,
+        clip: &str,
+        target: &str,
+    ) -> Option<(usize, usize)> {
         let stage = &self.scene.as_ref()?.stage;
         let asset = |name: &str| Some(&stage.actors[actor(stage, name)?].asset);
-        let (from, to) = (asset(of)?, asset(on)?);
-        if of == on || Arc::ptr_eq(from, to) {
+        let (from, to) = (asset(source)?, asset(target)?);
+        if source == target || Arc::ptr_eq(from, to) {
             return None;
         }
         let clip = from.clips.iter().find(|c| c.name == clip)?;
@@ -290,8 +296,9 @@ impl Viewer {
         let mut occupied =
             self.scene.as_ref().map(|own| room::footprints(&own.stage, now)).unwrap_or_default();
         for file in &dropped.files {
-            let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
-            let Some(actor) = shown.next_if(is_it) else {
+            let is_from_file =
+                |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
+            let Some(actor) = shown.next_if(is_from_file) else {
                 refused.push(format!("{}: it cannot be read", file.display()));
                 continue;
             };
@@ -357,8 +364,9 @@ impl Viewer {
         let mut selects = None;
         for file in &self.previewed_files {
             // Actors are in the order of the dropped files, without the unreadable ones.
-            let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
-            let Some(actor) = shown.next_if(is_it) else {
+            let is_from_file =
+                |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
+            let Some(actor) = shown.next_if(is_from_file) else {
                 refused.push(format!("{}: it cannot be read", file.display()));
                 continue;
             };

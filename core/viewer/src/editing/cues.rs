@@ -149,14 +149,14 @@ impl Viewer {
                     self.check_boundary(
                         Some(&layer[before]),
                         bar,
-                        later(bar.start).min(bar.start.as_secs()),
+                        shifted_secs(bar.start).min(bar.start.as_secs()),
                     )?;
-                    steps.push(self.bar_time_step(&layer[before], CueTime::End, later(bar.start)));
+                    steps.push(self.bar_time_step(&layer[before], CueTime::End, shifted_secs(bar.start)));
                 }
-                None => steps.push(self.bar_time_step(bar, CueTime::Start, later(bar.start))),
+                None => steps.push(self.bar_time_step(bar, CueTime::Start, shifted_secs(bar.start))),
             }
             if has_end(&known, line, column) {
-                steps.push(self.bar_time_step(bar, CueTime::End, later(bar.until)));
+                steps.push(self.bar_time_step(bar, CueTime::End, shifted_secs(bar.until)));
             }
             if bar.strip.is_some_and(|strip| strip.is_keyed) {
                 let by = EditTime { secs: by, ..self.edit_time(0.0) };

@@ -35,16 +35,16 @@ impl Viewer {
         let shot = self.shot.as_ref().filter(|shot| self.selection.as_ref() == Some(&shot.what))?;
         let all = || self.bars().filter(|bar| bar.what == shot.what);
         let is_there = |bar: &&Bar| bar.place == shot.place;
-        let begins = |bar: &&Bar| bar.start == shot.start;
+        let starts_at_same_time = |bar: &&Bar| bar.start == shot.start;
         // The position in the script identifies a moved bar, and the time one whose lines have moved.
-        let same = all().find(|bar| is_there(bar) && begins(bar));
-        same.or_else(|| all().find(is_there)).or_else(|| all().find(begins))
+        let same = all().find(|bar| is_there(bar) && starts_at_same_time(bar));
+        same.or_else(|| all().find(is_there)).or_else(|| all().find(starts_at_same_time))
     }
 
     /// Whether a bar is selected. If one of several shots of a camera was clicked, only that one is.
     pub(crate) fn is_bar_selected(&self, bar: &Bar) -> bool {
-        let is_it = |shot: &Bar| shot.what != bar.what || shot == bar;
-        self.is_selected(&bar.what) && self.selected_shot().is_none_or(is_it)
+        let is_this_or_other_camera = |shot: &Bar| shot.what != bar.what || shot == bar;
+        self.is_selected(&bar.what) && self.selected_shot().is_none_or(is_this_or_other_camera)
     }
 
     /// Moves a cut. `index`: among the cuts of the stage.

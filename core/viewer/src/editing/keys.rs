@@ -71,11 +71,11 @@ impl Viewer {
     }
 
     fn key_move_steps(&self, keys: &[KeyRef], by: f64) -> Result<Vec<Step<'static>>, EditError> {
-        let later = move |at: EditTime| EditTime { secs: (at.secs + by).max(0.0), ..at };
+        let shifted_time = move |at: EditTime| EditTime { secs: (at.secs + by).max(0.0), ..at };
         self.key_steps(
             keys,
             move |object, property, at| {
-                let moves: Vec<_> = at.iter().map(|at| (*at, later(*at))).collect();
+                let moves: Vec<_> = at.iter().map(|at| (*at, shifted_time(*at))).collect();
                 object.move_keys(property, &moves)
             },
             &|at| Some(Time::from_secs((at.as_secs() + by).max(0.0))),
@@ -183,10 +183,10 @@ impl Viewer {
         let mut steps = Vec::new();
         for ((what, property), times) in group_by_property(&keys) {
             let of = |at: &Time| {
-                let is_it = |(key, _): &&(KeyRef, KeyShape)| {
+                let is_shape_of_key = |(key, _): &&(KeyRef, KeyShape)| {
                     key.what == *what && key.property == property && key.at == *at
                 };
-                let (_, shape) = shapes.iter().find(is_it)?;
+                let (_, shape) = shapes.iter().find(is_shape_of_key)?;
                 Some((self.edit_time(at.as_secs()), shape.clone()))
             };
             let all: Vec<(EditTime, KeyShape)> = times.iter().filter_map(of).collect();
@@ -249,16 +249,16 @@ impl Viewer {
 
     fn paste_copies(&mut self, all: Vec<(Selected, String)>, secs: f64) -> Result<(), EditError> {
         let fps = self.playhead.fps().as_fps();
-        let mut read = Vec::new();
+        let mut parsed_copies = Vec::new();
         for (what, copied) in all {
             let (property, start) = copied_keys(&copied, fps)
                 .ok_or_else(|| EditError::refused("the clipboard holds no keys of a timeline"))?;
             self.keyed_property(&what, &property)?;
-            read.push((what, property, copied, start));
+            parsed_copies.push((what, property, copied, start));
         }
-        let first = read.iter().map(|(.., start)| *start).fold(f64::INFINITY, f64::min);
+        let first = parsed_copies.iter().map(|(.., start)| *start).fold(f64::INFINITY, f64::min);
         let mut steps = Vec::new();
-        for (what, property, copied, _) in read {
+        for (what, property, copied, _) in parsed_copies {
             let (place, siblings) = self.place_of(&what).ok_or(EditError::ObjectGone)?;
             let by = self.edit_time(secs - first);
             let make = move |text: &str, line, column| {
@@ -475,8 +475,8 @@ impl Viewer {
         for ((what, property), at) in group_by_property(keys) {
             let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
             let keyed = self.keyed_properties(what).into_iter().find(|keyed| keyed.name == *property);
-            let then = |time: Time| if at.contains(&time) { after(time) } else { Some(time) };
-            let stated = keyed.map_or(Vec::new(), |keyed| self.keys_to_state(&keyed, &then));
+            let new_time = |time: Time| if at.contains(&time) { after(time) } else { Some(time) };
+            let stated = keyed.map_or(Vec::new(), |keyed| self.keys_to_state(&keyed, &new_time));
             let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
             let (name, change, all) = (property.to_string(), change.clone(), stated.clone());
             let make = move |text: &str, line, column| {

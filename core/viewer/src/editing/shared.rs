@@ -52,15 +52,15 @@ impl Viewer {
             text: text.clone(),
             ..Offer::default()
         };
-        let one = unrolled
+        let single_edit = unrolled
             .map(|edit| (UNROLL_LABEL, "With the loop written out, each can be changed alone:", edit))
             .or_else(|| {
                 alone.map(|edit| ("Add the line", "An added line would change only this one:", edit))
             });
         let makes = format!("line {line} makes {objects} objects");
-        self.offer = match (all, one) {
-            (Some(all), one) => {
-                let other = one.map(|(label, _, edit)| Alternative {
+        self.offer = match (all, single_edit) {
+            (Some(all), single_edit) => {
+                let other = single_edit.map(|(label, _, edit)| Alternative {
                     label: label.into(),
                     difference: lines(&edit),
                     edit,

@@ -46,20 +46,20 @@ impl Viewer {
     pub fn duplicate_cue(&mut self, what: &Selected) -> Result<(), EditError> {
         let (bar, strip) = self.find_strip(what)?;
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
-        let ends = has_end(&known, bar.place.line, bar.place.column);
-        if !ends && strip.repeat != Repeat::Once {
+        let has_stated_end = has_end(&known, bar.place.line, bar.place.column);
+        if !has_stated_end && strip.repeat != Repeat::Once {
             let why = "the clip repeats to the end of the scene; give it an end first";
             return Err(EditError::refused_at(&bar.place, why));
         }
-        let length = match ends {
+        let length = match has_stated_end {
             true => (bar.until - bar.start).as_secs(),
             false => strip.length(),
         };
         let layer = self.layer_bars(what);
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::ObjectGone)?;
-        let begins = if ends { bar.until.as_secs() } else { bar.start.as_secs() + length };
-        self.check_start(&bar.place, &bar.label, begins)?;
-        let until = ends.then(|| self.edit_time(bar.until.as_secs() + length));
+        let copy_start = if has_stated_end { bar.until.as_secs() } else { bar.start.as_secs() + length };
+        self.check_start(&bar.place, &bar.label, copy_start)?;
+        let until = has_stated_end.then(|| self.edit_time(bar.until.as_secs() + length));
         let by = self.edit_time(length);
         let mut steps =
             vec![self.bar_step(&bar, move |text, line, column| duplicate_cue(text, line, column, by, until))];
@@ -186,7 +186,7 @@ impl Viewer {
     pub fn stretch_cue(&mut self, what: &Selected, end: f64) -> Result<(), EditError> {
         let (bar, strip) = self.find_strip(what)?;
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
-        let ends = bar.holds_from.is_none() && has_end(&known, bar.place.line, bar.place.column);
+        let has_stated_end = bar.holds_from.is_none() && has_end(&known, bar.place.line, bar.place.column);
         let start = bar.start.as_secs();
         let length = bar.played_until().as_secs() - start;
         if end - start < MIN_CLIP_SECS || strip.is_keyed {
@@ -201,7 +201,7 @@ impl Viewer {
         let mut steps = vec![
             self.bar_step(&bar, move |text, line, column| set_number(text, line, column, "speed", speed)),
         ];
-        if ends {
+        if has_stated_end {
             steps.push(self.bar_time_step(&bar, CueTime::End, end));
         }
         self.apply_steps(steps)

@@ -69,13 +69,14 @@ impl Viewer {
     /// Fails if one of the clips at a moved boundary would have no length.
     pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));
-        let ends = self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
+        let has_stated_end =
+            self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
         if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + MIN_CLIP_SECS) {
             let (label, start) = (&before.label, shown(before.start.as_secs()));
             let why = format!("{label}, which it follows, begins at {start} and would have no length");
             return Err(EditError::refused_at(&bar.place, &why));
         }
-        if ends && secs >= bar.until.as_secs() - MIN_CLIP_SECS {
+        if has_stated_end && secs >= bar.until.as_secs() - MIN_CLIP_SECS {
             let why = format!(
                 "{} would begin at {}, but it ends at {}",
                 bar.label,

@@ -374,10 +374,10 @@ fn open_file_dialog(c: &mut Context, purpose: Purpose) {
 
 /// The toolkit's modifiers and key for a shortcut. `None` if there is no key with this name; upper and lower case are the same.
 pub(super) fn egui_shortcut(chord: &Chord) -> Option<(Modifiers, Key)> {
-    let held =
+    let modifiers =
         [(chord.ctrl, Modifiers::COMMAND), (chord.shift, Modifiers::SHIFT), (chord.alt, Modifiers::ALT)];
-    let held = held.into_iter().filter(|(is_held, _)| *is_held);
-    let modifiers = held.fold(Modifiers::NONE, |all, (_, one)| all | one);
+    let modifiers = modifiers.into_iter().filter(|(is_held, _)| *is_held);
+    let modifiers = modifiers.fold(Modifiers::NONE, |all, (_, one)| all | one);
     Some((modifiers, Key::from_name(&chord.key)?))
 }
 
@@ -432,9 +432,9 @@ pub fn shortcuts_problem(viewer: &Viewer) -> Option<String> {
         if find_action(id).is_none() && !Tab::ALL.into_iter().any(|tab| panel_id(tab) == *id) {
             return Some(format!("shortcuts.json: there is no action \"{id}\""));
         }
-        let read = viewer.shortcuts.of(id, "");
+        let chords = viewer.shortcuts.of(id, "");
         let written = keys.split(", ").filter(|key| !key.trim().is_empty()).count();
-        if read.len() != written || read.iter().any(|chord| egui_shortcut(chord).is_none()) {
+        if chords.len() != written || chords.iter().any(|chord| egui_shortcut(chord).is_none()) {
             return Some(format!(
                 "shortcuts.json: {id}: \"{keys}\" is not a key; write for example \"Ctrl+Shift+D, F5\""
             ));

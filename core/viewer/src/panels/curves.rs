@@ -543,13 +543,13 @@ fn show_keys(
 
 fn show_key(ui: &Ui, plot: &Plot, at: Pos2, color: Color32, strong: bool) {
     let painter = ui.painter_at(plot.rect.expand(KEY_HALF_WIDTH));
-    let around = |half: f32| {
+    let diamond_points = |half: f32| {
         vec![at + vec2(0.0, -half), at + vec2(half, 0.0), at + vec2(0.0, half), at + vec2(-half, 0.0)]
     };
     let (fill, half) =
         if strong { (SELECTED_COLOR, KEY_HALF_WIDTH + 1.5) } else { (color, KEY_HALF_WIDTH + 0.5) };
     let line = Stroke::new(1.0, ui.visuals().extreme_bg_color);
-    painter.add(Shape::convex_polygon(around(half + 1.0), fill, line));
+    painter.add(Shape::convex_polygon(diamond_points(half + 1.0), fill, line));
 }
 
 /// Position of a selected key during a drag.
@@ -603,17 +603,17 @@ fn drag_key(
         true => 0.0,
         false => {
             let wanted = key.at.as_secs() + plot.secs(by.x) - plot.secs(0.0);
-            let reach = plot.secs(6.0) - plot.secs(0.0);
-            viewer.snap_target(wanted, reach, None).unwrap_or_else(|| viewer.snapped(wanted))
+            let snap_distance = plot.secs(6.0) - plot.secs(0.0);
+            viewer.snap_target(wanted, snap_distance, None).unwrap_or_else(|| viewer.snapped(wanted))
                 - key.at.as_secs()
         }
     };
     let (_, divide) = viewer.curves.scale(property);
-    let fixed = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.is_plain();
-    let value = if fixed { 0.0 } else { -plot.value_difference(by.y) * divide };
+    let keeps_value = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.is_plain();
+    let value = if keeps_value { 0.0 } else { -plot.value_difference(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
     let value =
-        if fixed { 0.0 } else { round_to_pixel(now + value, plot.value_per_pixel(ui) * divide) - now };
+        if keeps_value { 0.0 } else { round_to_pixel(now + value, plot.value_per_pixel(ui) * divide) - now };
     let drag = KeyDrag { key: key.clone(), part, by: secs, value };
     let time = viewer.shown_time(key.at + Time::from_secs(secs));
     let unit = property.unit;

@@ -83,6 +83,6 @@ pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
     let forward = lens.forward();
     let distance = (middle - origin).dot(forward) / direction.dot(forward);
-    let there = if distance > 0.0 && distance.is_finite() { origin + direction * distance } else { middle };
-    Some(DVec3::new(there.x, 0.0, there.z))
+    let point = if distance > 0.0 && distance.is_finite() { origin + direction * distance } else { middle };
+    Some(DVec3::new(point.x, 0.0, point.z))
 }

@@ -309,13 +309,13 @@ fn clip_fields(
         edit = trim_fields(ui, stated, played).or(edit.take());
         let is_stated = ["repeat", "once", "loop", "ping_pong"].iter().any(|name| stated.contains_key(*name));
         ui.label(name_text("repeat", is_stated));
-        let how = match played.repeat {
+        let current = match played.repeat {
             Repeat::Once => "once",
             Repeat::Loop => "loop",
             Repeat::PingPong => "ping_pong",
         };
         let names = ["once", "loop", "ping_pong"];
-        let chosen = combo_box(ui, "repeat", how, names.into_iter());
+        let chosen = combo_box(ui, "repeat", current, names.into_iter());
         let chosen = names.into_iter().find(|name| chosen.as_deref() == Some(*name));
         edit = chosen.map(FieldChange::Repeat).or(edit.take());
         ui.end_row();
@@ -336,9 +336,9 @@ fn clip_fields(
 /// Description of the keys of a cue's value, if it has keys.
 fn keyed_value_text(viewer: &Viewer, what: &Selected, played: &Cue, name: &str) -> Option<String> {
     // Keys of the clip's time replace its speed.
-    let is_it = |keyed: &str| keyed == name || (name, keyed) == ("speed", "clip_time");
+    let is_replaced_by = |keyed: &str| keyed == name || (name, keyed) == ("speed", "clip_time");
     let mut keyed = Cue::keyed_options().filter(|(_, property)| played.keys(*property).is_some());
-    let method = keyed.find(|(keyed, _)| is_it(keyed)).map(|(keyed, _)| format!(".{keyed}"))?;
+    let method = keyed.find(|(keyed, _)| is_replaced_by(keyed)).map(|(keyed, _)| format!(".{keyed}"))?;
     let keys = viewer.keyed_properties(what).into_iter().find(|keyed| keyed.name == method)?.keys;
     let (first, last) = keys.first().zip(keys.last())?;
     Some(format!("{} keys, {:.2} to {:.2} s", keys.len(), first.as_secs(), last.as_secs()))
@@ -391,13 +391,16 @@ fn ease_field(ui: &mut Ui, stated: &StatedValues) -> Option<FieldChange> {
 /// Field for the mask of a layer: a text to type, or a branch of the skeleton to choose. A single string is displayed without quotes. `now`: source
 /// text; empty: the clip has no mask, and setting one moves it and the clips that follow it to a layer of their own.
 fn mask_field(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
-    let one = now.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).filter(|one| !one.contains('"'));
-    let is_text = now.is_empty() || one.is_some();
+    let string_content = now
+        .strip_prefix('"')
+        .and_then(|rest| rest.strip_suffix('"'))
+        .filter(|string_content| !string_content.contains('"'));
+    let is_text = now.is_empty() || string_content.is_some();
     let skeleton = &asset.skeleton;
     let branches = (0..skeleton.names().len()).map(|joint| format!("{}..", skeleton.short_name(joint)));
     let branches: Vec<String> = branches.collect();
     let set = ui.horizontal(|ui| {
-        let typed = source_field(ui, "on", one.unwrap_or(now), "RightShoulder..");
+        let typed = source_field(ui, "on", string_content.unwrap_or(now), "RightShoulder..");
         combo_box(ui, "joints", "", branches.iter().map(String::as_str)).or(typed)
     });
     ui.end_row();

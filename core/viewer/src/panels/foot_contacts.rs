@@ -76,7 +76,7 @@ fn find_actor_contacts(stage: &Stage, actor: &Actor) -> ActorContacts {
         // The clip with the largest weight decides.
         let active = actor.active_clips(from);
         let Some(strongest) =
-            active.iter().filter(|h| h.layer == 0).max_by(|a, b| a.weight.total_cmp(&b.weight))
+            active.iter().filter(|clip| clip.layer == 0).max_by(|a, b| a.weight.total_cmp(&b.weight))
         else {
             continue;
         };

@@ -149,9 +149,10 @@ fn apply_edit(viewer: &mut Viewer, selection: Selected, edit: InspectorEdit, kno
         },
         InspectorEdit::ToggleKey(name, true) => {
             let at = viewer.playhead.time();
-            let there = known.iter().find(|p| p.name == name);
-            let there = there.and_then(|p| Some(p.keys[p.key_at(at, viewer.playhead.fps())?]));
-            there.map_or(Ok(()), |at| viewer.delete_keys(&[KeyRef { what: selection, property: name, at }]))
+            let property = known.iter().find(|p| p.name == name);
+            let key_time = property.and_then(|p| Some(p.keys[p.key_at(at, viewer.playhead.fps())?]));
+            key_time
+                .map_or(Ok(()), |at| viewer.delete_keys(&[KeyRef { what: selection, property: name, at }]))
         }
         InspectorEdit::ToggleKey(name, false) => viewer.set_keys(&selection, &[&name]),
         InspectorEdit::Transform(change, typed) => {
@@ -879,7 +880,7 @@ fn add_cue_rows(
     let Some(played) = found.layers.get(layer).and_then(|l| l.cues.get(cue)) else { return };
     row("clip", played.clip.name.clone());
     let active = found.active_clips(viewer.playhead.time());
-    match layer_shares(&active, layer).find(|(h, _)| h.cue == cue) {
+    match layer_shares(&active, layer).find(|(clip, _)| clip.cue == cue) {
         Some((active, share)) => {
             row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, active.clip_time.as_secs()))
         }
@@ -889,11 +890,11 @@ fn add_cue_rows(
 
 /// Effective weight of each cue in a layer's pose, the last cue first: each leaves the rest to the ones below.
 fn layer_shares(active: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveClip, f32)> {
-    let of_layer = active.iter().filter(move |h| h.layer == layer).rev();
-    of_layer.scan(1.0, |rest, h| {
-        let share = if h.additive { h.weight } else { *rest * h.weight };
-        *rest -= if h.additive { 0.0 } else { share };
-        Some((h, share))
+    let of_layer = active.iter().filter(move |clip| clip.layer == layer).rev();
+    of_layer.scan(1.0, |rest, clip| {
+        let share = if clip.additive { clip.weight } else { *rest * clip.weight };
+        *rest -= if clip.additive { 0.0 } else { share };
+        Some((clip, share))
     })
 }
 
@@ -920,8 +921,8 @@ fn add_actor_rows(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnM
     for (number, layer) in found.layers.iter().enumerate() {
         let layer_name = if number == 0 { "base layer".to_string() } else { format!("layer {number}") };
         let lines: Vec<String> = layer_shares(&active, number)
-            .filter_map(|(h, share)| {
-                Some(format!("{:3.0} % {}", share * 100.0, layer.cues.get(h.cue)?.clip.name))
+            .filter_map(|(clip, share)| {
+                Some(format!("{:3.0} % {}", share * 100.0, layer.cues.get(clip.cue)?.clip.name))
             })
             .collect();
         row(&layer_name, if lines.is_empty() { "—".into() } else { lines.join("\n") });

@@ -107,9 +107,9 @@ pub fn show_open_menu(ui: &Ui, viewer: &mut Viewer) {
 
 /// Finds a key again after it was moved: the script has fewer digits, so its time on stage may differ slightly.
 fn update_key_time(viewer: &Viewer, key: &mut KeyRef) {
-    let near = viewer.playhead.fps().time_of(1).0 / 4;
+    let max_difference = viewer.playhead.fps().time_of(1).0 / 4;
     let property = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
-    let at = property.and_then(|p| p.keys.into_iter().find(|at| (*at - key.at).0.abs() <= near));
+    let at = property.and_then(|p| p.keys.into_iter().find(|at| (*at - key.at).0.abs() <= max_difference));
     key.at = at.unwrap_or(key.at);
 }
 

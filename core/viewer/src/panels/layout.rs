@@ -44,7 +44,7 @@ impl SplitFractions {
     }
 
     /// Records fractions that the user has changed in a frame. `before`: fractions before the frame; `has_input`: whether a button or key is down.
-    pub fn keep(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], has_input: bool) {
+    pub fn record_changes(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], has_input: bool) {
         let now = SplitFractions::of(dock);
         let same_nodes = self.chosen.len() == now.len()
             && self.chosen.iter().zip(&now).all(|(chosen, now)| chosen.is_some() == now.is_some());

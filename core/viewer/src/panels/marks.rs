@@ -184,13 +184,13 @@ pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Op
     ui.data_mut(|d| d.insert_temp(id, contacts));
     let found = found?;
     let painter = ui.painter_at(lane);
-    let high = FOOT_STRIP_HEIGHT / found.len() as f32;
+    let line_height = FOOT_STRIP_HEIGHT / found.len() as f32;
     for (foot, part) in found.iter().enumerate() {
         let [r, g, b] = BAR_COLORS[foot % BAR_COLORS.len()];
-        let top = lane.bottom() - FOOT_STRIP_HEIGHT + foot as f32 * high;
+        let top = lane.bottom() - FOOT_STRIP_HEIGHT + foot as f32 * line_height;
         for (from, to) in &part.spans {
             let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
-            let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + high));
+            let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + line_height));
             painter.rect_filled(part.intersect(lane), 0.0, Color32::from_rgb(r, g, b).gamma_multiply(1.4));
         }
     }

@@ -271,7 +271,7 @@ impl Panels {
             .show_inside(ui, &mut tabs);
         let has_input =
             ui.input(|i| i.pointer.any_down() || i.pointer.any_released() || !i.keys_down.is_empty());
-        self.splits.keep(&self.dock, &before, has_input);
+        self.splits.record_changes(&self.dock, &before, has_input);
         key_menu::show_open_menu(ui, viewer);
         rename::show(&mut self.name_field, ui, viewer);
         if after_drag {

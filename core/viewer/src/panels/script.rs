@@ -46,9 +46,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     area.show_rows(ui, height, lines.len(), |ui, rows| {
         for row in rows {
             let line = row + 1;
-            let back = marked.background(line, &visuals);
-            let text =
-                RichText::new(format!("{line:4} {}", lines[row])).font(font.clone()).background_color(back);
+            let background_color = marked.background(line, &visuals);
+            let text = RichText::new(format!("{line:4} {}", lines[row]))
+                .font(font.clone())
+                .background_color(background_color);
             let label = ui.add(egui::Label::new(text).extend().sense(Sense::click()));
             // The pointer is not a text cursor, which would suggest that text can be typed.
             let label = label.on_hover_cursor(CursorIcon::PointingHand);
@@ -86,12 +87,12 @@ struct MarkedLines {
 impl MarkedLines {
     /// `main`: name of the main file; `None` if no version was loaded.
     fn new(viewer: &Viewer, main: Option<&str>) -> MarkedLines {
-        let here = |file: &str, line: usize| main.is_none_or(|m| m == file).then_some(line);
-        let with = |severity| {
+        let line_in_main_file = |file: &str, line: usize| main.is_none_or(|m| m == file).then_some(line);
+        let lines_with = |severity| {
             let problems = viewer.problems.iter().filter(move |p| p.severity == severity);
-            problems.filter_map(|p| here(&p.file, p.line)).collect()
+            problems.filter_map(|p| line_in_main_file(&p.file, p.line)).collect()
         };
-        let (errors, warnings) = (with(Severity::Error), with(Severity::Warning));
+        let (errors, warnings) = (lines_with(Severity::Error), lines_with(Severity::Warning));
         // The timeline shows the last good version, whose lines may differ from the faulty text.
         if viewer.faulty {
             return MarkedLines { selected: None, errors, warnings, active: BTreeSet::new() };
@@ -101,7 +102,7 @@ impl MarkedLines {
             selected: viewer.selection.as_ref().and_then(|s| line_of(viewer, s)),
             errors,
             warnings,
-            active: bars.filter_map(|bar| here(&bar.place.file, bar.place.line)).collect(),
+            active: bars.filter_map(|bar| line_in_main_file(&bar.place.file, bar.place.line)).collect(),
         }
     }
 

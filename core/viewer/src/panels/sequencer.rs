@@ -496,9 +496,9 @@ pub(super) fn draw_row_name(ui: &Ui, name: &str, place: Rect, color: Color32) {
 
 /// Adds a clip that was dropped on a lane to the actor of its row.
 pub(super) fn add_dropped_clip(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) {
-    let Some((clip, on, secs)) = take_dropped_clip(ui, viewer, number, lane) else { return };
+    let Some((clip, target, secs)) = take_dropped_clip(ui, viewer, number, lane) else { return };
     let layer = viewer.timeline.rows.get(number.row).and_then(|row| row.layer).unwrap_or(0);
-    viewer.edit(|v| v.add_clip_to_layer(&on, &clip.source, &clip.clip, Some(secs), layer));
+    viewer.edit(|v| v.add_clip_to_layer(&target, &clip.source, &clip.clip, Some(secs), layer));
 }
 
 /// A clip that was dropped on a lane: the clip, the actor of the row, and the time in seconds.
@@ -514,17 +514,21 @@ fn take_dropped_clip(
     let pointer = ui.ctx().pointer_interact_pos().filter(|p| lane.contains(*p))?;
     let secs = bars::Lane { rect: lane, row: index }.snapped(viewer, pointer.x, None);
     let row = viewer.timeline.rows[index].what.clone();
-    let on = row.as_ref().and_then(Selected::actor);
-    if let (Some(clip), Some(on)) = (hovering, on) {
+    let target = row.as_ref().and_then(Selected::actor);
+    if let (Some(clip), Some(target)) = (hovering, target) {
         let x = lane.left() + viewer.span.x_of(secs, lane.width());
         ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
-        if let Some((joints, moved)) = count_following_joints(ui, viewer, &clip, on) {
-            bars::draw_text_at_pointer(ui, pointer, &format!("on {on}: {joints} of {moved} joints follow"));
+        if let Some((joints, moved)) = count_following_joints(ui, viewer, &clip, target) {
+            bars::draw_text_at_pointer(
+                ui,
+                pointer,
+                &format!("on {target}: {joints} of {moved} joints follow"),
+            );
         }
     }
     let clip = response.dnd_release_payload::<ClipDrag>()?;
-    match on {
-        Some(on) => Some(((*clip).clone(), on.to_string(), secs)),
+    match target {
+        Some(target) => Some(((*clip).clone(), target.to_string(), secs)),
         None => {
             viewer
                 .edit(|_| Err(EditError::refused("only actors play clips: drop it on the row of an actor")));
@@ -538,15 +542,15 @@ pub(super) fn count_following_joints(
     ui: &Ui,
     viewer: &Viewer,
     clip: &ClipDrag,
-    on: &str,
+    target: &str,
 ) -> Option<(usize, usize)> {
     let ClipSource::Actor(of) = &clip.source else { return None };
     let number = viewer.scene.as_ref()?.number;
-    let id = egui::Id::new("followed").with((number, of, &clip.clip, on));
+    let id = egui::Id::new("followed").with((number, of, &clip.clip, target));
     if let Some(known) = ui.data(|d| d.get_temp(id)) {
         return known;
     }
-    let found = viewer.joints_that_follow(of, &clip.clip, on);
+    let found = viewer.joints_that_follow(of, &clip.clip, target);
     ui.data_mut(|d| d.insert_temp(id, found));
     found
 }
@@ -580,8 +584,9 @@ pub(super) fn draw_beats_and_playhead(ui: &Ui, viewer: &Viewer, area: Rect, (rul
     let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
     let faint = Stroke::new(1.0, ui.visuals().weak_text_color().gamma_multiply(0.35));
-    let least = span.secs_at(MIN_BEAT_DISTANCE, ruler.width()) - span.from;
-    for beat in viewer.tempo.between(span.from, span.to.min(viewer.timeline.length.as_secs()), least) {
+    let min_beat_secs = span.secs_at(MIN_BEAT_DISTANCE, ruler.width()) - span.from;
+    for beat in viewer.tempo.between(span.from, span.to.min(viewer.timeline.length.as_secs()), min_beat_secs)
+    {
         painter.vline(ruler.left() + span.x_of(beat, ruler.width()), lanes.y_range(), faint);
     }
     let head = x(viewer.playhead.time());

@@ -74,8 +74,8 @@ pub(super) fn record_shortcut(list: &mut ShortcutList, ui: &Ui, viewer: &mut Vie
         Some((Key::Delete | Key::Backspace, Modifiers::NONE)) => {
             viewer.shortcuts.set(&action, Some(String::new()));
         }
-        Some((key, held)) => {
-            let (ctrl, shift, alt) = (held.command, held.shift, held.alt);
+        Some((key, modifiers)) => {
+            let (ctrl, shift, alt) = (modifiers.command, modifiers.shift, modifiers.alt);
             let chord = Chord { ctrl, shift, alt, key: key.name().to_string() };
             viewer.shortcuts.set(&action, Some(chord.written()));
         }
@@ -86,8 +86,9 @@ pub(super) fn record_shortcut(list: &mut ShortcutList, ui: &Ui, viewer: &mut Vie
 /// Whether a key is a modifier.
 fn is_modifier(key: Key) -> bool {
     use Key::{AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight};
-    let held = [AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight];
-    held.contains(&key)
+    let modifiers =
+        [AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight];
+    modifiers.contains(&key)
 }
 
 pub fn show(ui: &Ui, list: &mut ShortcutList, viewer: &mut Viewer) {

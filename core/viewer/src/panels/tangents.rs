@@ -144,19 +144,19 @@ impl HandlePlace<'_> {
         let sides = [(&shape.incoming, self.key.checked_sub(1)), (&shape.outgoing, Some(self.key + 1))];
         for (side, (new, other)) in sides.into_iter().enumerate() {
             let (Some(other), Some(own)) = (other, &handles[side]) else { continue };
-            let there = self.property.handles(other.min(self.property.keys.len() - 1));
-            let Some(there) = &there[1 - side] else { continue };
+            let other_handles = self.property.handles(other.min(self.property.keys.len() - 1));
+            let Some(other_handles) = &other_handles[1 - side] else { continue };
             let component = |all: &Option<Vec<f64>>, fallback: &[f64]| {
                 let all = all.as_deref().unwrap_or(fallback);
                 all.get(self.part).or(all.first()).copied().unwrap_or_default()
             };
             let sign = if side == 0 { -1.0 } else { 1.0 };
-            let near = sign * own.span * component(&new.weight, &own.weight);
-            let far = -sign * own.span * there.weight[self.part];
+            let near_offset = sign * own.span * component(&new.weight, &own.weight);
+            let far_offset = -sign * own.span * other_handles.weight[self.part];
             let points = [
                 self.point(plot, self.key, 0.0, 0.0),
-                self.point(plot, self.key, near, near * component(&new.tangent, &own.tangent)),
-                self.point(plot, other, far, far * there.tangent[self.part]),
+                self.point(plot, self.key, near_offset, near_offset * component(&new.tangent, &own.tangent)),
+                self.point(plot, other, far_offset, far_offset * other_handles.tangent[self.part]),
                 self.point(plot, other, 0.0, 0.0),
             ];
             let stroke = Stroke::new(2.0, self.color.gamma_multiply(0.7));

@@ -82,15 +82,16 @@ pub fn number_list_text(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize
     let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
     let parts: Vec<&str> = inside.split(',').map(str::trim).collect();
     let count = now.len();
-    let one = |(part, now): (usize, &f64)| {
-        let is_it = |text: &&&str| expression::value(text, 1.0).is_none_or(|read| (read - now).abs() < 5e-4);
-        match parts.get(part).filter(|_| parts.len() == count).filter(is_it) {
+    let component_text = |(part, now): (usize, &f64)| {
+        let is_current =
+            |text: &&&str| expression::value(text, 1.0).is_none_or(|read| (read - now).abs() < 5e-4);
+        match parts.get(part).filter(|_| parts.len() == count).filter(is_current) {
             _ if part == index => source_text(ui, to),
             Some(stated) => stated.to_string(),
             None => format_number(*now),
         }
     };
-    now.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
+    now.iter().enumerate().map(component_text).collect::<Vec<_>>().join(", ")
 }
 
 /// Largest width of a small range, in which dragging has the same speed everywhere.
@@ -122,12 +123,12 @@ fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
 /// A number field with 3 decimal places that accepts expressions. `now`: the number during a drag.
 fn drag_value<'n>(ui: &Ui, id: Id, number: &NumberField, now: &'n mut f64) -> DragValue<'n> {
     // The number of decimal places does not depend on the value.
-    let least = libm::log10(1.0 / number.speed).ceil().clamp(0.0, MAX_DECIMALS as f64) as usize;
+    let min_decimals = libm::log10(1.0 / number.speed).ceil().clamp(0.0, MAX_DECIMALS as f64) as usize;
     DragValue::new(now)
         .speed(speed_of_drag(number.value, number.speed, &number.range))
         .range(number.range.clone())
         .max_decimals(MAX_DECIMALS)
-        .custom_formatter(move |number, _| number_text(number, least..=MAX_DECIMALS))
+        .custom_formatter(move |number, _| number_text(number, min_decimals..=MAX_DECIMALS))
         .custom_parser(parser(ui, id, number.is_time))
 }
 
@@ -314,11 +315,11 @@ impl NumberField<'_> {
     /// Shows the field and returns the new value. `stated`: source text of the value, displayed if it is an expression.
     pub fn show_with_source(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
         let fps: f64 = ui.data(|d| d.get_temp(frame_rate_id())).unwrap_or(30.0);
-        let is_it = |text: &&str| {
+        let is_current = |text: &&str| {
             let meant = expression::script_text(text).and_then(|text| expression::value(&text, fps));
             meant.is_some_and(|meant| (meant - self.value).abs() <= 1e-6 * meant.abs())
         };
-        let shown = stated.filter(is_it);
+        let shown = stated.filter(is_current);
         self.show_with_text(ui, shown)
     }
 
@@ -334,8 +335,11 @@ impl NumberField<'_> {
             set_widget_name(ui.add(widget), WidgetType::DragValue, name)
         });
         // The displayed expression is already in the script.
-        let there = shown.and_then(expression::script_text);
-        set.filter(|now| *now != value || there.is_none_or(|there| there != typed_number(ui, *now).text))
+        let current_source = shown.and_then(expression::script_text);
+        set.filter(|now| {
+            *now != value
+                || current_source.is_none_or(|current_source| current_source != typed_number(ui, *now).text)
+        })
     }
 
     /// The same field with a slider, unless the range is wide.

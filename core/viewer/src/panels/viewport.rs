@@ -229,12 +229,12 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
         _ => None,
     };
     let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
-    let near = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
+    let pivot = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
     let view = &mut viewer.views[index];
     match (following, selected) {
         (Some(name), _) => {
             // The orbit is converted to world space, so that the camera stays where it is.
-            view.follow(find(&name), near);
+            view.follow(find(&name), pivot);
             if let (ViewCamera::Follow { orbit, .. }, Some(shown), Some((_, index))) =
                 (&view.camera, &view.shown, find(&name))
             {
@@ -244,7 +244,7 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
                 view.camera = ViewCamera::Free(orbit);
             }
         }
-        (None, Some(name)) => view.follow(find(&name), near),
+        (None, Some(name)) => view.follow(find(&name), pivot),
         (None, None) => {}
     }
 }
@@ -291,9 +291,10 @@ fn draw_quality_note(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     if galley.elided {
         response.hint(text);
     }
-    let back = Rect::from_min_size(place.left_top() + egui::vec2(6.0, 6.0), galley.size()).expand(3.0);
-    painter.rect_filled(back, 3.0, Color32::from_black_alpha(170));
-    painter.galley(back.min + egui::vec2(3.0, 3.0), galley, Color32::WHITE);
+    let background_rect =
+        Rect::from_min_size(place.left_top() + egui::vec2(6.0, 6.0), galley.size()).expand(3.0);
+    painter.rect_filled(background_rect, 3.0, Color32::from_black_alpha(170));
+    painter.galley(background_rect.min + egui::vec2(3.0, 3.0), galley, Color32::WHITE);
 }
 
 /// Centered rectangle of an image: as large as possible if `fills_panel`, else at most one screen pixel per pixel of the image. Edges are aligned to
@@ -332,8 +333,8 @@ fn handle_mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Res
     {
         orbit.zoom(notches);
     }
-    let held = |a, b| ui.input(|i| f64::from(i8::from(i.key_down(a)) - i8::from(i.key_down(b))));
-    let step = DVec3::new(held(Key::D, Key::A), held(Key::E, Key::Q), held(Key::W, Key::S));
+    let axis_input = |a, b| ui.input(|i| f64::from(i8::from(i.key_down(a)) - i8::from(i.key_down(b))));
+    let step = DVec3::new(axis_input(Key::D, Key::A), axis_input(Key::E, Key::Q), axis_input(Key::W, Key::S));
     // If letters are shortcuts, they walk only while the right button is held.
     let command = ui.input(|i| i.modifiers.command)
         || super::actions::uses_walking_keys(viewer) && !ui.input(|i| i.pointer.secondary_down());
