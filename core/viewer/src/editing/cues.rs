@@ -139,7 +139,7 @@ impl Viewer {
     ) -> Result<Vec<Step<'static>>, EditError> {
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let (mut steps, followed) = (Vec::new(), self.followed_bars(layer));
-        let later = |time: Time| (time.as_secs() + by).max(0.0);
+        let shifted_secs = |time: Time| (time.as_secs() + by).max(0.0);
         for (index, bar) in layer.iter().enumerate().filter(|(index, _)| moves(*index)) {
             let (line, column) = (bar.place.line, bar.place.column);
             match followed[index] {
