@@ -116,7 +116,7 @@ impl Viewer {
         }
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let (options, time) = (self.options_of_next_clip(name), self.edit_time(secs));
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match index == source {
                 true => object.play(clip, time, &options, None),
@@ -143,7 +143,7 @@ impl Viewer {
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let (options, time) = (self.options_of_next_clip(name), self.edit_time(secs));
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             ScriptObject::at(text, place.line, place.column)?.play_file(&inside, clip, time, &options)
         })
     }
@@ -169,7 +169,7 @@ impl Viewer {
             _ => None,
         };
         let occupied = room::footprints(stage, now);
-        let own = Footprint::around(0.3);
+        let own = Footprint::square(0.3);
         // Positions to the left and to the right of the center in turn.
         let x_offsets = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
         let mut places = x_offsets.take(64).map(|x| DVec3::new(x, 0.0, 0.0));
@@ -189,7 +189,7 @@ impl Viewer {
         let (lines, name) = added_lines(&text, what, at);
         match framing.and_then(|framing| framing.declaration) {
             // The same edit declares a variable for the actor.
-            Some((place, edit)) => self.change(&place, 1, |text| {
+            Some((place, edit)) => self.edit_call(&place, 1, |text| {
                 Ok(Edit::between(text, &format!("{}\n{lines}", edit.apply(text).trim_end())))
             })?,
             None => self.add_line(&lines)?,
@@ -307,7 +307,7 @@ impl Viewer {
                 .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &loaded.read, &mut copies)));
             let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             let own =
-                room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::around(0.5).moved(along_x));
+                room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::square(0.5).moved(along_x));
             let own = own.moved(-along_x);
             let at = match dropped.beside {
                 true => room::nearest_free(&occupied, own, dropped.at),

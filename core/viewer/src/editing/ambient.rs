@@ -68,7 +68,7 @@ impl Viewer {
             }
         };
         match place {
-            Some(place) => self.change(&place, 1, |text| {
+            Some(place) => self.edit_call(&place, 1, |text| {
                 ScriptObject::at(text, place.line, place.column)?.set_arguments(&value)
             }),
             None => self.change_stage(&FieldChange::Value("ambient", value, NewValueSyntax::Option)),

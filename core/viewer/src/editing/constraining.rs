@@ -100,7 +100,7 @@ impl Viewer {
         let point = point_in_front_of(found, &snapshot.actors[index], joint, new.call.target_offset());
         let from = self.edit_time(now.as_secs());
         let joint = quoted(found.asset.skeleton.short_name(joint));
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             let of = of.as_ref().map(|of| ScriptObject::at(text, of.line, of.column)).transpose()?;
             let target = match &of {

@@ -76,7 +76,7 @@ impl Viewer {
             FieldChange::Time(CueTime::FadeIn, time) if matches!(what, Selected::Cue { .. }) => {
                 let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
                 let when = self.edit_time(time.value);
-                self.change(&place, siblings, |text| {
+                self.edit_call(&place, siblings, |text| {
                     let (line, column) = (place.line, place.column);
                     let made = edit_replacing(text, (line, column), &["inertial"], |text| {
                         set_time(text, line, column, CueTime::FadeIn, when)
@@ -89,12 +89,12 @@ impl Viewer {
             FieldChange::KeyedPoint(name, point, typed) => {
                 let keyed = self.keyed_property(what, name)?;
                 let step = self.value_step(&keyed, self.playhead.time(), &point.to_array())?;
-                self.apply_steps(vec![step.keeping(typed)])
+                self.apply_steps(vec![step.keeping_number(typed)])
             }
             FieldChange::Trim(trim, typed) => {
                 let fps = self.playhead.fps().as_fps();
                 let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
-                self.change(&place, siblings, |text| {
+                self.edit_call(&place, siblings, |text| {
                     typed.keep_time(text, set_trim(text, place.line, place.column, *trim, fps), fps)
                 })
             }
@@ -113,7 +113,7 @@ impl Viewer {
                 {
                     return Err(shared);
                 }
-                self.change(&place, siblings, |text| {
+                self.edit_call(&place, siblings, |text| {
                     field_change_edit(&ScriptObject::at(text, place.line, place.column)?, text, change)
                 })
             }
@@ -126,7 +126,7 @@ impl Viewer {
     /// Fails as [`Viewer::change_field`] does.
     pub(crate) fn remove_parameter(&mut self, what: &Selected, name: &str) -> Result<(), EditError> {
         let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             Ok(ScriptObject::at(text, place.line, place.column)?.remove_values(&[name]))
         })
     }
@@ -148,7 +148,7 @@ impl Viewer {
         let place = &scene.places.settings;
         if place.line > 0 {
             let fps = self.playhead.fps().as_fps();
-            return self.change(place, 1, |text| {
+            return self.edit_call(place, 1, |text| {
                 let object = ScriptObject::at(text, place.line, place.column)?;
                 match change {
                     FieldChange::Value("length", length, syntax) => {
@@ -183,7 +183,7 @@ impl Viewer {
     /// Fails as `Viewer::change_field` does.
     pub fn change_call(&mut self, call: &StatedCall, change: &FieldChange) -> Result<(), EditError> {
         let fps = self.playhead.fps().as_fps();
-        self.change(&call.place, call.siblings, |text| {
+        self.edit_call(&call.place, call.siblings, |text| {
             let object = ScriptObject::at(text, call.place.line, call.place.column)?;
             match change {
                 FieldChange::Time(part, time) => {
@@ -294,7 +294,7 @@ impl Viewer {
         let when = self.edit_time(self.playhead.time().as_secs());
         let is_keyed = keyed(Property::FocalLength);
         let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match is_keyed {
                 true => object.set_key("focal_length", when, KeyValue::Text(length_text)),

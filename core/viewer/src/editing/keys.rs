@@ -100,7 +100,7 @@ impl Viewer {
     ) -> Result<(), EditError> {
         let keyed = self.keyed_property(&key.what, &key.property)?;
         let step = self.value_step(&keyed, key.at, numbers)?;
-        self.apply_steps(vec![step.keeping(typed)])
+        self.apply_steps(vec![step.keeping_number(typed)])
     }
 
     /// Sets the easing and the tangents of a key. `typed`: the number of them that the user typed.
@@ -112,7 +112,7 @@ impl Viewer {
     ) -> Result<(), EditError> {
         let steps = self.shape_steps(&[(key, shape)])?.into_iter();
         self.apply_steps(match typed {
-            Some(typed) => steps.map(|step| step.keeping(typed)).collect(),
+            Some(typed) => steps.map(|step| step.keeping_number(typed)).collect(),
             None => steps.collect(),
         })
     }

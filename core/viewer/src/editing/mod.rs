@@ -70,7 +70,7 @@ impl<'m> Step<'m> {
     }
 
     /// The same step that keeps a number as it was typed.
-    pub fn keeping(self, typed: &TypedNumber) -> Step<'m> {
+    pub fn keeping_number(self, typed: &TypedNumber) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep(text, make(text, line, column));
         Step { make: Box::new(make), ..self }
@@ -128,7 +128,7 @@ impl Viewer {
             _ => {}
         }
         let time = self.edit_time(secs);
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let made = match (what, part) {
                 (Selected::Effect(_) | Selected::Title(_), part) => {
                     let object = ScriptObject::at(text, place.line, place.column)?;
@@ -165,7 +165,7 @@ impl Viewer {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let place = Place { file: scene.places.main.clone(), line: 1, ..Place::default() };
         let time = self.edit_time(secs);
-        self.change(&place, 1, |text| set_marker(text, name, time))
+        self.edit_call(&place, 1, |text| set_marker(text, name, time))
     }
 
     /// Adds a line at the end of the script.
@@ -177,7 +177,7 @@ impl Viewer {
     }
 
     /// Edits the call at a position. `siblings`: number of objects that it creates.
-    pub(crate) fn change(
+    pub(crate) fn edit_call(
         &mut self,
         place: &Place,
         siblings: usize,
@@ -235,7 +235,7 @@ impl Viewer {
             let alone = if let [step] = &mut steps[..] { step.separate_line.take() } else { None };
             return Err(self.offer_shared_edit(error, &place, made, alone));
         }
-        self.change(&first, 1, |text| combine_steps(&steps, text))
+        self.edit_call(&first, 1, |text| combine_steps(&steps, text))
     }
 
     /// Fails if the object created at a position cannot be edited alone.

@@ -19,7 +19,7 @@ impl Viewer {
         let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
         let (by, offset) = (self.name_syntax(what), self.copy_offset(what));
         let (mut name, mut line, mut left, mut stays) = (None, 0, Vec::new(), None);
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let made = duplicate_object(text, (place.line, place.column), by, offset)?;
             line = text[..made.edit.range.start].matches('\n').count() + 1;
             (name, left, stays) = (made.name, made.left, made.stays);
@@ -79,7 +79,7 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn delete_object(&mut self, what: &Selected) -> Result<(), EditError> {
         let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
-        self.change(&place, siblings, |text| delete_object(text, place.line, place.column))?;
+        self.edit_call(&place, siblings, |text| delete_object(text, place.line, place.column))?;
         self.selection = None;
         Ok(())
     }

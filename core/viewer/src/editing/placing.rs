@@ -162,11 +162,11 @@ impl Viewer {
             };
             let step = self.text_step(&keyed, time, value)?;
             self.apply_steps(vec![match typed {
-                Some(typed) => step.keeping(typed),
+                Some(typed) => step.keeping_number(typed),
                 None => step,
             }])?;
         } else {
-            self.change(&place, siblings, |text| {
+            self.edit_call(&place, siblings, |text| {
                 let object = ScriptObject::at(text, place.line, place.column)?;
                 let made = match change {
                     Change::Move(by) => object.move_by(by, at),
@@ -231,7 +231,7 @@ impl Viewer {
         let when = self.edit_time(time.as_secs());
         let (at, center) = (from.camera().world_from_view.translation, from.center);
         let projection = from.camera().projection;
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             let target_edit = object.set_point("look_at", center)?;
             let text_with_target = target_edit.apply(text);
@@ -290,7 +290,7 @@ impl Viewer {
         let is_meant = |read: f64| is_as_shown(Camera::yfov(read).to_degrees(), degrees);
         let length = format_as_meant(Camera::focal_length(degrees.to_radians()), is_meant);
         let when = self.edit_time(self.playhead.time().as_secs());
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             if in_millimetres {
                 return object.set_key("focal_length", when, KeyValue::Text(&length));
@@ -345,7 +345,7 @@ impl Viewer {
         }
         let keyed = light.is_some_and(|l| l.channels.iter().any(|c| Some(c.property) == property));
         let when = self.edit_time(self.playhead.time().as_secs());
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match light {
                 Some(_) if keyed => object.set_key(name, when, KeyValue::Text(value)),

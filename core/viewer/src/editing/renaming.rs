@@ -55,7 +55,7 @@ impl Viewer {
         }
         let by = self.name_syntax(what);
         let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
-        self.change(&place, siblings, |text| rename_edit(text, &place, by, to))?;
+        self.edit_call(&place, siblings, |text| rename_edit(text, &place, by, to))?;
         self.update_name(what, to);
         Ok(())
     }

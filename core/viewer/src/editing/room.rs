@@ -26,8 +26,8 @@ impl Footprint {
     }
 
     /// A square around the origin for an object of which only the half width is known.
-    pub fn around(half: f64) -> Footprint {
-        Footprint { low: DVec2::splat(-half), high: DVec2::splat(half) }
+    pub fn square(half_width: f64) -> Footprint {
+        Footprint { low: DVec2::splat(-half_width), high: DVec2::splat(half_width) }
     }
 
     pub fn moved(self, by: DVec3) -> Footprint {
@@ -83,7 +83,7 @@ pub(super) fn is_free(occupied: &[Footprint], footprint: Footprint) -> bool {
 }
 
 /// The free position nearest to a point along x. `footprint`: that of the object at the origin.
-pub(super) fn nearest_free(occupied: &[Footprint], footprint: Footprint, around: DVec3) -> DVec3 {
+pub(super) fn nearest_free(occupied: &[Footprint], footprint: Footprint, point: DVec3) -> DVec3 {
     let gap = GAP_FRACTION * footprint.size().max_element();
     let others: Vec<Footprint> = obstacles(occupied, footprint).collect();
     let beside = others.iter().flat_map(|other| {
@@ -92,11 +92,11 @@ pub(super) fn nearest_free(occupied: &[Footprint], footprint: Footprint, around:
     // Rounds outward to a tenth of a metre, or to a millimetre for small objects.
     let parts = if footprint.size().max_element() > 0.5 { 10.0 } else { 1000.0 };
     let beside = beside.map(|(x, side)| side * (x * side * parts).ceil() / parts);
-    let at = |x: f64| DVec3::new(x, around.y, around.z);
-    let mut places: Vec<f64> = std::iter::once(around.x).chain(beside).collect();
-    places.sort_by(|a, b| (a - around.x).abs().total_cmp(&(b - around.x).abs()));
+    let at = |x: f64| DVec3::new(x, point.y, point.z);
+    let mut places: Vec<f64> = std::iter::once(point.x).chain(beside).collect();
+    places.sort_by(|a, b| (a - point.x).abs().total_cmp(&(b - point.x).abs()));
     let free = |x: &f64| others.iter().all(|other| !footprint.moved(at(*x)).overlaps(*other, gap * 0.5));
-    places.iter().copied().find(free).map_or(around, at)
+    places.iter().copied().find(free).map_or(point, at)
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ impl Viewer {
         }
         self.check_place(&beside, 1)?;
         let (moved, beside) = ((place.line, place.column), (beside.line, beside.column));
-        self.change(&place, siblings, |text| reorder(text, moved, beside, side))?;
+        self.edit_call(&place, siblings, |text| reorder(text, moved, beside, side))?;
         self.renumber_after_move(&group, &what, &target, side);
         Ok(())
     }

@@ -76,7 +76,7 @@ impl Viewer {
         };
         let when = self.edit_time(self.playhead.time().as_secs());
         if camera.channels.iter().any(|c| c.property == Property::Translation) {
-            return self.change(&place, siblings, |text| {
+            return self.edit_call(&place, siblings, |text| {
                 let object = ScriptObject::at(text, place.line, place.column)?;
                 object.set_key("position", when, KeyValue::Point(rounded(keyed)))
             });
@@ -88,7 +88,7 @@ impl Viewer {
             }
             None => place,
         };
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match (&camera.rig, &rig) {
                 (from, to @ Rig::Orbit { .. }) => orbit_edit(text, &object, [from, to]),
@@ -122,7 +122,7 @@ impl Viewer {
         let to = to - reach.offset.unwrap_or(DVec3::ZERO);
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             ScriptObject::at(text, place.line, place.column)?.set_reach(from, to)
         })
     }

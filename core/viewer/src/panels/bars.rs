@@ -186,7 +186,7 @@ impl Viewer {
                 Err(headers::locked_row_message(name).into())
             }
             Some(Selected::Actor(name)) => Ok(name),
-            _ => Err("only actors play clips: drop it on the row of an actor".into()),
+            _ => Err("only actors play clips: drop the clip on the row of an actor".into()),
         }
     }
 

@@ -86,8 +86,8 @@ fn find_actor_contacts(stage: &Stage, actor: &Actor) -> ActorContacts {
             continue;
         };
         let round = cue.trim.1 - cue.trim.0;
-        for (FootSpans { spans, .. }, stands) in foot_spans.iter_mut().zip(&contacts.intervals) {
-            let on = |t: Time| stands.iter().any(|s| s.from <= t && t < s.to);
+        for (FootSpans { spans, .. }, intervals) in foot_spans.iter_mut().zip(&contacts.intervals) {
+            let on = |t: Time| intervals.iter().any(|s| s.from <= t && t < s.to);
             if !on(strongest.clip_time) && !on(strongest.clip_time + round) {
                 continue;
             }

@@ -75,7 +75,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     }
     let others = rows.get(1..).unwrap_or_default();
     let scrolling_lanes = Rect::from_min_max(pos2(ruler.left(), ruler.bottom() + ROW_HEIGHT), area.max);
-    select_box(ui, viewer, scrolling_lanes, others);
+    show_selection_box(ui, viewer, scrolling_lanes, others);
     egui::ScrollArea::vertical().auto_shrink([false, false]).show_rows(
         ui,
         ROW_HEIGHT,
@@ -408,7 +408,7 @@ pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
 }
 
 /// Box selection: a drag over empty places selects the bars and keys that it touches; with Shift, it adds them to the selection.
-fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
+fn show_selection_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
     let response = ui.interact(lanes, ui.id().with("box"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "rows"));
     if response.clicked() {
@@ -530,8 +530,9 @@ fn take_dropped_clip(
     match target {
         Some(target) => Some(((*clip).clone(), target.to_string(), secs)),
         None => {
-            viewer
-                .edit(|_| Err(EditError::refused("only actors play clips: drop it on the row of an actor")));
+            viewer.edit(|_| {
+                Err(EditError::refused("only actors play clips: drop the clip on the row of an actor"))
+            });
             None
         }
     }
