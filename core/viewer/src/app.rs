@@ -125,7 +125,7 @@ pub struct Viewer {
     pub tool: Tool,
     pub dragging: Option<Dragging>,
     pub dragged_icon: Option<DraggedIcon>,
-    /// Cache of [`Viewer::sunlit()`] for the scene.
+    /// Cache of [`Viewer::sun_target()`] for the scene.
     pub(crate) sunlit: Cell<Option<DVec3>>,
     /// Placement of a dragged icon after its release, used until the next version has it.
     pub(crate) placement_override: Option<PlacementOverride>,
@@ -464,9 +464,9 @@ impl Viewer {
         let muted =
             muted.filter_map(|(name, layer)| Some((selection::actor(stage, name)?, *layer))).collect();
         let dragged = self.dragged_icon.as_ref().filter(|dragged| dragged.from != dragged.to);
-        let placement = dragged.and_then(|dragged| self.place_of_icon(stage, dragged));
+        let placement = dragged.and_then(|dragged| self.icon_placement(stage, dragged));
         let placement =
-            placement.or_else(|| self.placement_override.clone()).or_else(|| self.place_of_drag(stage));
+            placement.or_else(|| self.placement_override.clone()).or_else(|| self.dragged_placement(stage));
         ViewOverrides { hidden, outlined, muted, placement, grid: false }
     }
 

@@ -1,9 +1,9 @@
 //! New lines for dropped files and clips: clips of an actor's own file or of another actor's, models under the pointer, and previewed files.
 
+use super::idle_clip::idle_clip_name;
 use super::next_clip::CROSSFADE_SECS;
 use super::room::{self, Footprint};
-use super::standing_clip::standing_clip;
-use super::{EditError, difference, read};
+use super::{EditError, difference, read_script};
 use crate::app::Viewer;
 use crate::geometry::picking;
 use crate::state::dropped_models::DroppedModels;
@@ -28,7 +28,7 @@ struct Framing {
     /// Variable that holds the actor.
     variable: String,
     /// The edit that declares the variable if there is none, and the position of the actor's call.
-    declares: Option<(Place, Edit)>,
+    declaration: Option<(Place, Edit)>,
     /// Distance at which all of the actor is in the image, metres.
     distance: f64,
     /// Unit vector in world space from the actor to the camera: in front of it, a little to the side and from above.
@@ -54,7 +54,7 @@ impl Viewer {
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_clip(&mut self, name: &str, of: &str, clip: &str, secs: f64) -> Result<(), EditError> {
-        let secs = Some(secs).filter(|secs| !self.begins_at(name, *secs));
+        let secs = Some(secs).filter(|secs| !self.clip_begins_at(name, *secs));
         self.add_clip_to_layer(name, &ClipSource::Actor(of.to_string()), clip, secs, 0)
     }
 
@@ -71,8 +71,8 @@ impl Viewer {
         layer: usize,
     ) -> Result<(), EditError> {
         self.check_unlocked(name)?;
-        let secs = secs.unwrap_or_else(|| self.after_last_clip(name));
-        let (place, _) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
+        let secs = secs.unwrap_or_else(|| self.start_after_last_clip(name));
+        let (place, _) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::ObjectGone)?;
         if Time::from_secs(secs) >= self.timeline.length {
             let [begins, ends] =
                 [Time::from_secs(secs), self.timeline.length].map(|time| self.shown_time(time));
@@ -82,18 +82,18 @@ impl Viewer {
             );
             return Err(EditError::refused_at(&place, &why));
         }
-        let takes_over = self.overlap_note(name, clip, secs, layer);
+        let overlap_note = self.overlap_note(name, clip, secs, layer);
         let follow = match of {
             ClipSource::Actor(of) => self.add_clip_of_actor(name, of, clip, secs)?,
             ClipSource::File(file) => self.add_clip_of_file(name, file, clip, secs).map(|()| None)?,
         };
-        let notes: Vec<String> = follow.into_iter().chain(takes_over).collect();
+        let notes: Vec<String> = follow.into_iter().chain(overlap_note).collect();
         self.note = (!notes.is_empty()).then(|| notes.join("; "));
         Ok(())
     }
 
     /// Options of a clip that follows others.
-    fn options_of_next(&self, name: &str) -> String {
+    fn options_of_next_clip(&self, name: &str) -> String {
         if self.has_base_clip(name) { format!(", #{{ fade: {CROSSFADE_SECS} }}") } else { String::new() }
     }
 
@@ -106,7 +106,7 @@ impl Viewer {
         secs: f64,
     ) -> Result<Option<String>, EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let found = |name: &str| actor(&scene.stage, name).ok_or(EditError::Gone);
+        let found = |name: &str| actor(&scene.stage, name).ok_or(EditError::ObjectGone);
         let (index, source) = (found(name)?, found(of)?);
         let place = |index: usize| scene.places.actors.get(index).cloned().unwrap_or_default();
         let (place, of_place) = (place(index), place(source));
@@ -115,8 +115,8 @@ impl Viewer {
             return Err(EditError::refused_at(&place, &format!("no joint of {name} follows {clip} of {of}")));
         }
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
-        let (options, time) = (self.options_of_next(name), self.edit_time(secs));
-        self.change(&place, siblings, |text| {
+        let (options, time) = (self.options_of_next_clip(name), self.edit_time(secs));
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match index == source {
                 true => object.play(clip, time, &options, None),
@@ -135,15 +135,15 @@ impl Viewer {
     fn add_clip_of_file(&mut self, name: &str, file: &Path, clip: &str, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::ObjectGone)?;
         let inside = load_path_within(file, &folder_of(&path)).ok_or_else(|| {
             let why = "it is outside the script's folder, and load(…) reads only inside; copy it into that folder first";
             EditError::refused(format!("{}: {why}", file.display()))
         })?;
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
-        let (options, time) = (self.options_of_next(name), self.edit_time(secs));
-        self.change(&place, siblings, |text| {
+        let (options, time) = (self.options_of_next_clip(name), self.edit_time(secs));
+        self.edit_call(&place, siblings, |text| {
             ScriptObject::at(text, place.line, place.column)?.play_file(&inside, clip, time, &options)
         })
     }
@@ -152,27 +152,28 @@ impl Viewer {
     ///
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
-    pub fn add(&mut self, what: &Addition) -> Result<(), EditError> {
+    pub fn add_object(&mut self, what: &Addition) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let stage = &scene.stage;
-        let is_there = || scene.places.ambient.is_some() || self.stage_written().contains_key("ambient");
+        let is_there =
+            || scene.places.ambient.is_some() || self.written_stage_values().contains_key("ambient");
         if matches!(what, Addition::Ambient) && is_there() {
             self.selection = None;
             self.note = Some("the stage already has ambient light; its colors are in the inspector".into());
             return Ok(());
         }
-        let text = super::read(&self.path.clone().ok_or(EditError::NoScript)?)?;
+        let text = super::read_script(&self.path.clone().ok_or(EditError::NoScript)?)?;
         let now = self.playhead.time();
         let framing = match what {
-            Addition::Orbit(Some(name)) | Addition::Follow(name) => Some(self.framing(name)?),
+            Addition::Orbit(Some(name)) | Addition::Follow(name) => Some(self.framing_of(name)?),
             _ => None,
         };
-        let taken = room::footprints(stage, now);
-        let own = Footprint::around(0.3);
+        let occupied = room::footprints(stage, now);
+        let own = Footprint::square(0.3);
         // Positions to the left and to the right of the center in turn.
-        let beside = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
-        let mut places = beside.take(64).map(|x| DVec3::new(x, 0.0, 0.0));
-        let place = places.find(|at| room::is_free(&taken, own.moved(*at))).unwrap_or_default();
+        let x_offsets = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
+        let mut places = x_offsets.take(64).map(|x| DVec3::new(x, 0.0, 0.0));
+        let place = places.find(|at| room::is_free(&occupied, own.moved(*at))).unwrap_or_default();
         let [from, end] = [now.as_secs(), self.playhead.length().as_secs()];
         let at = AddedAt {
             // Lights and cameras are placed at the center.
@@ -186,9 +187,9 @@ impl Viewer {
             }),
         };
         let (lines, name) = added_lines(&text, what, at);
-        match framing.and_then(|framing| framing.declares) {
+        match framing.and_then(|framing| framing.declaration) {
             // The same edit declares a variable for the actor.
-            Some((place, edit)) => self.change(&place, 1, |text| {
+            Some((place, edit)) => self.edit_call(&place, 1, |text| {
                 Ok(Edit::between(text, &format!("{}\n{lines}", edit.apply(text).trim_end())))
             })?,
             None => self.add_line(&lines)?,
@@ -204,22 +205,22 @@ impl Viewer {
         Ok(())
     }
 
-    fn framing(&self, name: &str) -> Result<Framing, EditError> {
+    fn framing_of(&self, name: &str) -> Result<Framing, EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let stage = &scene.stage;
-        let index = actor(stage, name).ok_or(EditError::Gone)?;
+        let index = actor(stage, name).ok_or(EditError::ObjectGone)?;
         let what = Selected::Actor(name.to_string());
-        let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(&what).ok_or(EditError::ObjectGone)?;
         self.check_place(&place, siblings)?;
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let object = ScriptObject::at(&known, place.line, place.column);
         let declared = object.ok().and_then(|object| object.with_variable(name));
-        let (variable, declares) = declared.ok_or_else(|| {
+        let (variable, declaration) = declared.ok_or_else(|| {
             EditError::refused_at(&place, "a camera needs its name in the script; write let NAME = cast(…)")
         })?;
         let line = known.lines().nth(place.line.saturating_sub(1)).unwrap_or_default();
         if line.starts_with([' ', '\t']) {
-            let why = "it is made in a block, and its name is unknown outside; write the camera there";
+            let why = "the actor is made in a block, and its name is unknown outside; write the camera there";
             return Err(EditError::refused_at(&place, why));
         }
         let snapshot = stage.at(self.playhead.time()).ok();
@@ -230,15 +231,17 @@ impl Viewer {
         let radius = posed.map_or_else(rest, |(low, high)| (high - low).length()) / 2.0;
         // The bounding sphere fits into the smaller field of view, with a margin.
         let [width, height] = stage.settings.size.map(f64::from);
-        let Projection::Perspective { yfov, .. } = Projection::default() else { return Err(EditError::Gone) };
+        let Projection::Perspective { yfov, .. } = Projection::default() else {
+            return Err(EditError::ObjectGone);
+        };
         let half = f64::from(yfov) / 2.0;
-        let narrow = libm::atan(libm::tan(half) * (width / height).min(1.0));
-        let distance = 1.1 * radius / libm::sin(narrow);
+        let half_fov = libm::atan(libm::tan(half) * (width / height).min(1.0));
+        let distance = 1.1 * radius / libm::sin(half_fov);
         let front = state.map_or(DVec3::Z, |state| state.world_from_model.matrix3.z_axis);
         let front = DVec3::new(front.x, 0.0, front.z).normalize_or(DVec3::Z);
         let side = DVec3::Y.cross(front);
         let direction = (front + side * 0.4 + DVec3::Y * 0.15).normalize();
-        Ok(Framing { variable, declares: declares.map(|edit| (place, edit)), distance, direction })
+        Ok(Framing { variable, declaration: declaration.map(|edit| (place, edit)), distance, direction })
     }
 
     /// Adds a camera at the view's position, active from the playhead on.
@@ -256,12 +259,18 @@ impl Viewer {
         self.add_camera(&orbit)
     }
 
-    /// Number of joints of another actor that follow a clip, and number of joints that the clip moves. `None` if both actors have the same asset.
-    pub(crate) fn joints_that_follow(&self, of: &str, clip: &str, on: &str) -> Option<(usize, usize)> {
+    /// Number of joints of the actor `target` that follow a clip of the actor `source`, and number of joints that the clip moves. `None` if both
+    /// actors have the same asset.
+    pub(crate) fn joints_that_follow(
+        &self,
+        source: &str,
+        clip: &str,
+        target: &str,
+    ) -> Option<(usize, usize)> {
         let stage = &self.scene.as_ref()?.stage;
         let asset = |name: &str| Some(&stage.actors[actor(stage, name)?].asset);
-        let (from, to) = (asset(of)?, asset(on)?);
-        if of == on || Arc::ptr_eq(from, to) {
+        let (from, to) = (asset(source)?, asset(target)?);
+        if source == target || Arc::ptr_eq(from, to) {
             return None;
         }
         let clip = from.clips.iter().find(|c| c.name == clip)?;
@@ -269,42 +278,44 @@ impl Viewer {
         Some((coverage.followed(), coverage.moved))
     }
 
-    /// Adds models where they were dropped, else at the nearest free places, in a row along x, each with its idle clip. `read`: the stage on which
+    /// Adds models where they were dropped, else at the nearest free places, in a row along x, each with its idle clip. `loaded`: the stage on which
     /// the models were read. The last one is selected. Files from outside the script's folder are copied into `assets/` if the user agrees.
     ///
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
-    pub fn add_models(&mut self, dropped: &DroppedModels, read: &SceneVersion) -> Result<(), EditError> {
+    pub fn add_models(&mut self, dropped: &DroppedModels, loaded: &SceneVersion) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let problems = || read.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
-        let scene = read.scene.as_ref().ok_or_else(|| EditError::refused(problems()))?;
+        let problems = || loaded.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
+        let scene = loaded.scene.as_ref().ok_or_else(|| EditError::refused(problems()))?;
         let folder = folder_of(&path);
-        let text = super::read(&path)?;
+        let text = super::read_script(&path)?;
         let (mut lines, mut copies, mut refused) = (String::new(), Vec::new(), Vec::new());
         let mut selects = None;
         let mut shown = scene.stage.actors.iter().peekable();
         let now = self.playhead.time();
-        let mut taken = self.scene.as_ref().map(|own| room::footprints(&own.stage, now)).unwrap_or_default();
+        let mut occupied =
+            self.scene.as_ref().map(|own| room::footprints(&own.stage, now)).unwrap_or_default();
         for file in &dropped.files {
-            let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
-            let Some(actor) = shown.next_if(is_it) else {
+            let is_from_file =
+                |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
+            let Some(actor) = shown.next_if(is_from_file) else {
                 refused.push(format!("{}: it cannot be read", file.display()));
                 continue;
             };
             let file = file.canonicalize().unwrap_or_else(|_| file.clone());
             let name = load_path_within(&file, &folder)
-                .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &read.read, &mut copies)));
+                .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &loaded.read, &mut copies)));
             let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             let own =
-                room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::around(0.5).moved(along_x));
+                room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::square(0.5).moved(along_x));
             let own = own.moved(-along_x);
             let at = match dropped.beside {
-                true => room::nearest_free(&taken, own, dropped.at),
+                true => room::nearest_free(&occupied, own, dropped.at),
                 false => dropped.at + along_x,
             };
-            taken.push(own.moved(at));
+            occupied.push(own.moved(at));
             let at = at.map(|v| (v * 100.0).round() / 100.0);
-            let clip = standing_clip(&actor.asset);
+            let clip = idle_clip_name(&actor.asset);
             let (own, name) = cast_lines(&format!("{text}{lines}"), &name, at, clip);
             lines += &own;
             selects = Some(Selected::Actor(name));
@@ -339,7 +350,7 @@ impl Viewer {
     pub fn add_previewed_files(&mut self) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let folder = folder_of(&path);
-        let mut text = read(&path)?;
+        let mut text = read_script(&path)?;
         let (before, begins) = (text.clone(), text.len());
         if !text.is_empty() && !text.ends_with('\n') {
             text.push('\n');
@@ -353,8 +364,9 @@ impl Viewer {
         let mut selects = None;
         for file in &self.previewed_files {
             // Actors are in the order of the dropped files, without the unreadable ones.
-            let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
-            let Some(actor) = shown.next_if(is_it) else {
+            let is_from_file =
+                |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
+            let Some(actor) = shown.next_if(is_from_file) else {
                 refused.push(format!("{}: it cannot be read", file.display()));
                 continue;
             };
@@ -424,7 +436,7 @@ fn asset_destination(
 }
 
 /// Copies a file, unless the destination already has the same content.
-pub(super) fn copy(from: &Path, to: &Path) -> Result<(), EditError> {
+pub(super) fn copy_file(from: &Path, to: &Path) -> Result<(), EditError> {
     let failed = |source| EditError::Copy { path: to.to_path_buf(), source };
     let bytes = std::fs::read(from).map_err(|source| EditError::Copy { path: from.to_path_buf(), source })?;
     if std::fs::read(to).is_ok_and(|there| there == bytes) {

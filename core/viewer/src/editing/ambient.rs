@@ -18,7 +18,7 @@ impl Viewer {
     /// The ambient light of the stage, with the strength as the script writes it.
     pub fn ambient(&self) -> Option<Ambient> {
         let settings = &self.scene.as_ref()?.stage.settings;
-        let strength = strength_of(&self.ambient_written().unwrap_or_default());
+        let strength = parse_strength(&self.ambient_source().unwrap_or_default());
         let color = |linear: Vec3| {
             let one = linear / strength.value.max(1e-9) as f32;
             one.to_array().map(|v| (srgb_from_linear(f64::from(v.clamp(0.0, 1.0))) * 255.0).round() as u8)
@@ -31,11 +31,11 @@ impl Viewer {
         self.scene.as_ref()?.places.ambient.as_ref().map(|place| place.line)
     }
 
-    fn ambient_written(&self) -> Option<String> {
+    fn ambient_source(&self) -> Option<String> {
         let place = self.scene.as_ref()?.places.ambient.clone();
         match place {
             Some(place) => self.read_object(&place, 1, |object| Some(object.inside().to_string())),
-            None => self.stage_written().remove("ambient"),
+            None => self.written_stage_values().remove("ambient"),
         }
     }
 
@@ -45,7 +45,7 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn set_ambient(&mut self, to: Ambient) -> Result<(), EditError> {
         let place = self.scene.as_ref().ok_or(EditError::NothingShown)?.places.ambient.clone();
-        let (from, written) = (self.ambient(), self.ambient_written().unwrap_or_default());
+        let (from, written) = (self.ambient(), self.ambient_source().unwrap_or_default());
         let same_color = from.is_some_and(|from| from.up == to.up && from.down == to.down);
         let hex = |[r, g, b]: [u8; 3]| format!("\"#{r:02x}{g:02x}{b:02x}\"");
         let (even, is_one) = (to.up == to.down, to.strength.value == 1.0);
@@ -62,13 +62,13 @@ impl Viewer {
             (None, true) => map(format!("color: {}", hex(to.up))),
             (Some(_), true) => {
                 let first =
-                    arguments(&written).first().filter(|first| same_color && is_color(first)).copied();
+                    split_arguments(&written).first().filter(|first| same_color && is_color(first)).copied();
                 let color = first.map_or_else(|| hex(to.up), str::to_string);
                 if is_one { color } else { format!("{color}, {strength}") }
             }
         };
         match place {
-            Some(place) => self.change(&place, 1, |text| {
+            Some(place) => self.edit_call(&place, 1, |text| {
                 ScriptObject::at(text, place.line, place.column)?.set_arguments(&value)
             }),
             None => self.change_stage(&FieldChange::Value("ambient", value, NewValueSyntax::Option)),
@@ -77,7 +77,7 @@ impl Viewer {
 }
 
 /// Source text of each argument of a call.
-fn arguments(written: &str) -> Vec<&str> {
+fn split_arguments(written: &str) -> Vec<&str> {
     let (mut depth, mut from, mut all) = (0usize, 0, Vec::new());
     for (at, c) in written.char_indices() {
         match c {
@@ -99,11 +99,11 @@ fn is_color(argument: &str) -> bool {
 }
 
 /// The strength that is written after the colors; 1 if there is none.
-fn strength_of(written: &str) -> TypedNumber {
+fn parse_strength(written: &str) -> TypedNumber {
     let in_map = written.trim().strip_prefix("#{").and_then(|map| map.split_once("strength:"));
     let text = match in_map {
         Some((_, rest)) => rest.split([',', '}']).next(),
-        None => arguments(written).last().copied(),
+        None => split_arguments(written).last().copied(),
     };
     let typed = |text: &str| {
         Some(TypedNumber { value: expression::value(text, 1.0)?, text: text.trim().to_string() })
@@ -113,10 +113,10 @@ fn strength_of(written: &str) -> TypedNumber {
 
 #[cfg(test)]
 mod tests {
-    use super::strength_of;
+    use super::parse_strength;
 
     #[test]
-    fn the_strength_is_read_in_each_form() {
+    fn the_ambient_strength_is_read_in_each_syntax() {
         for (written, strength) in [
             ("", 1.0),
             ("\"white\"", 1.0),
@@ -128,7 +128,7 @@ mod tests {
             ("#{ up: \"white\", down: \"black\", strength: 0.25 }", 0.25),
             ("#{ up: \"white\" }", 1.0),
         ] {
-            assert_eq!(strength_of(written).value, strength, "{written}");
+            assert_eq!(parse_strength(written).value, strength, "{written}");
         }
     }
 }

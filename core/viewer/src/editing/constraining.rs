@@ -39,7 +39,7 @@ impl ConstraintCall {
     }
 
     /// The bone to constrain if no joint is selected.
-    fn bone(self) -> &'static str {
+    fn default_bone(self) -> &'static str {
         match self {
             ConstraintCall::LookAt => "head",
             ConstraintCall::Reach | ConstraintCall::Aim => "right hand",
@@ -55,12 +55,12 @@ impl ConstraintCall {
         }
     }
 
-    /// Source text of the call. `joint`: quoted name of the joint; `usual`: whether it is the default joint.
-    fn text(self, joint: &str, usual: bool, target: &str) -> String {
+    /// Source text of the call. `joint`: quoted name of the joint; `is_default_joint`: whether it is the default joint.
+    fn source_text(self, joint: &str, is_default_joint: bool, target: &str) -> String {
         match self {
             ConstraintCall::Reach => format!("reach({joint}, {target})"),
             ConstraintCall::Aim => format!("aim({joint}, {target})"),
-            ConstraintCall::LookAt if usual => format!("look_at({target})"),
+            ConstraintCall::LookAt if is_default_joint => format!("look_at({target})"),
             ConstraintCall::LookAt => format!("look_at({target}, #{{ joint: {joint} }})"),
         }
     }
@@ -76,20 +76,21 @@ impl Viewer {
         let name = self.selection.as_ref().and_then(Selected::actor).map(str::to_string);
         let name = name.ok_or_else(|| EditError::refused("first select the actor for the constraint"))?;
         self.check_unlocked(&name)?;
-        let index = actor(&scene.stage, &name).ok_or(EditError::Gone)?;
+        let index = actor(&scene.stage, &name).ok_or(EditError::ObjectGone)?;
         let found = &scene.stage.actors[index];
-        let (place, siblings) = self.place_of(&Selected::Actor(name.clone())).ok_or(EditError::Gone)?;
-        let usual = HumanoidJoints::of(&found.asset.skeleton).joint(new.call.bone());
+        let (place, siblings) = self.place_of(&Selected::Actor(name.clone())).ok_or(EditError::ObjectGone)?;
+        let default_joint = HumanoidJoints::of(&found.asset.skeleton).joint(new.call.default_bone());
         let selected = self.joint.as_ref().filter(|joint| joint.actor == name).map(|joint| joint.joint);
-        let joint = selected.or(usual.map(|joint| joint as usize)).ok_or_else(|| {
-            let why = format!("it has no {}; click on a joint of its skeleton first", new.call.bone());
+        let joint = selected.or(default_joint.map(|joint| joint as usize)).ok_or_else(|| {
+            let why =
+                format!("{name} has no {}; click on a joint of its skeleton first", new.call.default_bone());
             EditError::refused_at(&place, &why)
         })?;
-        let is_usual = usual.is_some_and(|usual| usual as usize == joint);
+        let is_default_joint = default_joint.is_some_and(|default_joint| default_joint as usize == joint);
         let of = match &new.target {
             Some(target) => {
                 let (of, siblings) =
-                    self.place_of(&Selected::Actor(target.clone())).ok_or(EditError::Gone)?;
+                    self.place_of(&Selected::Actor(target.clone())).ok_or(EditError::ObjectGone)?;
                 self.check_place(&of, siblings)?;
                 Some(of)
             }
@@ -97,10 +98,10 @@ impl Viewer {
         };
         let now = self.playhead.time();
         let snapshot = scene.stage.at(now).map_err(|error| EditError::refused(error.to_string()))?;
-        let point = point_before(found, &snapshot.actors[index], joint, new.call.target_offset());
+        let point = point_in_front_of(found, &snapshot.actors[index], joint, new.call.target_offset());
         let from = self.edit_time(now.as_secs());
         let joint = quoted(found.asset.skeleton.short_name(joint));
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             let of = of.as_ref().map(|of| ScriptObject::at(text, of.line, of.column)).transpose()?;
             let target = match &of {
@@ -108,18 +109,21 @@ impl Viewer {
                 None => format!("[{}]", point.to_array().map(format_number).join(", ")),
             };
             let from = if from.secs > 0.0 { format!(".from({})", from.written(text)) } else { String::new() };
-            object.constrain(&format!("{}{from}", new.call.text(&joint, is_usual, &target)), of.as_ref())
+            object.constrain(
+                &format!("{}{from}", new.call.source_text(&joint, is_default_joint, &target)),
+                of.as_ref(),
+            )
         })
     }
 }
 
-/// A point in front of a joint in the actor's viewing direction, world space, rounded to the centimetre. `way`: forward and up, in heights of the
+/// A point in front of a joint in the actor's viewing direction, world space, rounded to the centimetre. `offset`: forward and up, in heights of the
 /// actor.
-fn point_before(found: &Actor, state: &ActorState, joint: usize, way: [f64; 2]) -> DVec3 {
+fn point_in_front_of(found: &Actor, state: &ActorState, joint: usize, offset: [f64; 2]) -> DVec3 {
     let at = state.world_from_joint(joint).unwrap_or(state.world_from_model).translation;
     let front = state.world_from_model.transform_vector3(found.asset.front().direction());
     let up = state.world_from_model.transform_vector3(DVec3::Y);
-    let [forwards, upwards] = way.map(|part| part * up.length() * picking::height(&found.asset));
+    let [forwards, upwards] = offset.map(|part| part * up.length() * picking::height(&found.asset));
     let point = at + front.normalize_or(DVec3::Z) * forwards + up.normalize_or(DVec3::Y) * upwards;
     point.map(|v| (v * 100.0).round() / 100.0)
 }

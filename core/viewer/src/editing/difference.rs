@@ -54,16 +54,16 @@ pub fn diff_lines(before: &str, after: &str) -> Vec<(char, String)> {
 mod tests {
     use super::diff_lines;
 
-    fn shown(before: &str, after: &str) -> String {
+    fn diff_text(before: &str, after: &str) -> String {
         diff_lines(before, after).iter().map(|(sign, line)| format!("{sign}{line}|")).collect()
     }
 
     #[test]
     fn removed_and_added_lines_are_marked() {
-        assert_eq!(shown("a\nb\nc\nd", "a\nb\nx\nd"), " b|-c|+x| d|");
-        assert_eq!(shown("a\nb", "a\nn\nb"), " a|+n| b|");
-        assert_eq!(shown("a\nb\nc\nd\ne", "x\nb\nc\nd\ny"), "-a|+x| b| c| d|-e|+y|");
-        assert_eq!(shown("same", "same"), " same|");
-        assert_eq!(shown("", "a"), "+a|");
+        assert_eq!(diff_text("a\nb\nc\nd", "a\nb\nx\nd"), " b|-c|+x| d|");
+        assert_eq!(diff_text("a\nb", "a\nn\nb"), " a|+n| b|");
+        assert_eq!(diff_text("a\nb\nc\nd\ne", "x\nb\nc\nd\ny"), "-a|+x| b| c| d|-e|+y|");
+        assert_eq!(diff_text("same", "same"), " same|");
+        assert_eq!(diff_text("", "a"), "+a|");
     }
 }

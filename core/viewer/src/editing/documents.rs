@@ -33,22 +33,22 @@ impl Viewer {
 
     /// Writes a copy of a lesson, so that edits do not change the lesson.
     fn copy_lesson(&self, index: usize, to: &Path) -> Result<(), EditError> {
-        let lesson = self.documents.lessons.get(index).ok_or(EditError::Gone)?;
+        let lesson = self.documents.lessons.get(index).ok_or(EditError::ObjectGone)?;
         copy_script(&lesson.file, &self.documents.thumbnails.files_of(&lesson.file), to)
     }
 }
 
-/// Writes a script to another file. In another folder, the files that it reads from its own folder are copied, too. `read`: canonical paths of all
-/// files that the script reads.
-fn copy_script(path: &Path, read: &[PathBuf], to: &Path) -> Result<(), EditError> {
-    let text = super::read(path)?;
+/// Writes a script to another file. In another folder, the files that it reads from its own folder are copied, too. `files_read`: canonical paths
+/// of all files that the script reads.
+fn copy_script(path: &Path, files_read: &[PathBuf], to: &Path) -> Result<(), EditError> {
+    let text = super::read_script(path)?;
     let canonical = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
     let folder = |path: &Path| path.parent().map(canonical).unwrap_or_default();
     let (own, from, into) = (canonical(path), folder(path), folder(to));
     if from != into {
-        for file in read.iter().filter(|file| **file != own) {
+        for file in files_read.iter().filter(|file| **file != own) {
             if let Ok(inside) = file.strip_prefix(&from) {
-                adding::copy(file, &into.join(inside))?;
+                adding::copy_file(file, &into.join(inside))?;
             }
         }
     }

@@ -12,24 +12,24 @@ pub enum EditError {
     #[error("no scene is loaded yet, so that nothing can be changed")]
     NothingShown,
     /// The edited object is no longer in the scene.
-    #[error("it no longer exists")]
-    Gone,
+    #[error("the edited object no longer exists")]
+    ObjectGone,
     /// A model file is open, not a script.
     #[error("there is no script")]
     NoScript,
-    #[error("it is not created by a script line, so that there is no text to change")]
+    #[error("the object is not created by a script line, so that there is no text to change")]
     NotFromScript,
     #[error("{file}:{line}: the object is created in this module; change it there")]
-    InModule { file: String, line: usize },
+    CreatedInModule { file: String, line: usize },
     #[error("{file}:{line}: this line makes {objects} objects; change it there")]
     SharedLine { file: String, line: usize, objects: usize },
     #[error("the file has changed on disk; wait until it is shown, and try again")]
     ChangedOnDisk,
     #[error("the script has errors: undo the last change, or fix them in the editor")]
-    Faulty,
+    FaultyScript,
     /// The text around the edit has changed since it was offered or made.
     #[error("{0}")]
-    Overtaken(&'static str),
+    TextChanged(&'static str),
     #[error("there is nothing to undo")]
     NothingToUndo,
     #[error("there is nothing to redo")]

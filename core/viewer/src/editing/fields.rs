@@ -21,7 +21,7 @@ pub enum FieldChange {
     /// A value as source text. Computed values are not overwritten.
     Value(&'static str, String, NewValueSyntax),
     /// A value as source text that also overwrites a computed one.
-    Text(&'static str, String, NewValueSyntax),
+    Overwrite(&'static str, String, NewValueSyntax),
     /// Removes these values.
     Reset(Vec<&'static str>),
     /// Trimmed part of a clip, clip seconds, and the end of it that the user typed.
@@ -30,13 +30,13 @@ pub enum FieldChange {
     Repeat(&'static str),
     Clip(String),
     /// Words of a title.
-    Words(String),
+    TitleText(String),
     /// Focal length in millimetres, and its source text.
     FocalLength(f64, String),
     /// An option of the shape or the built-in character that an actor is cast from.
-    Material(&'static str, Option<String>),
+    AssetOption(&'static str, Option<String>),
     /// A value in the map of an option, such as `size` in `shadow`. `None` removes it.
-    Within(&'static str, &'static str, Option<String>),
+    ValueInOption(&'static str, &'static str, Option<String>),
     /// An argument of the creating call, counted from 0, as source text.
     Argument(usize, String),
     /// A key of a point at the playhead: property name, new value, and the component that the user typed.
@@ -54,7 +54,7 @@ pub struct StatedCall {
     /// Source text of the first two arguments: the target of a camera and the offset from it.
     pub arguments: [Option<String>; 2],
     /// Source text of the options and methods of the call, by name.
-    pub written: BTreeMap<String, String>,
+    pub values: BTreeMap<String, String>,
 }
 
 /// Methods that set how a clip repeats.
@@ -68,15 +68,15 @@ impl Viewer {
     pub(crate) fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         let done = self.change_field_once(what, change);
         let (what, change) = (what.clone(), change.clone());
-        self.or_after_unroll(done, move |viewer| viewer.change_field(&what, &change))
+        self.retry_after_unroll(done, move |viewer| viewer.change_field(&what, &change))
     }
 
     fn change_field_once(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         match change {
             FieldChange::Time(CueTime::FadeIn, time) if matches!(what, Selected::Cue { .. }) => {
-                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+                let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
                 let when = self.edit_time(time.value);
-                self.change(&place, siblings, |text| {
+                self.edit_call(&place, siblings, |text| {
                     let (line, column) = (place.line, place.column);
                     let made = edit_replacing(text, (line, column), &["inertial"], |text| {
                         set_time(text, line, column, CueTime::FadeIn, when)
@@ -84,35 +84,36 @@ impl Viewer {
                     time.keep_time(text, made, when.fps)
                 })
             }
-            FieldChange::Time(part, time) => self.set_typed_cue(what, *part, time),
+            FieldChange::Time(part, time) => self.set_typed_cue_time(what, *part, time),
             FieldChange::FocalLength(length, text) => self.set_focal_length(what, *length, text),
             FieldChange::KeyedPoint(name, point, typed) => {
-                let keyed = self.keyed(what, name)?;
+                let keyed = self.keyed_property(what, name)?;
                 let step = self.value_step(&keyed, self.playhead.time(), &point.to_array())?;
-                self.change_all(vec![step.keeping(typed)])
+                self.apply_steps(vec![step.keeping_number(typed)])
             }
             FieldChange::Trim(trim, typed) => {
                 let fps = self.playhead.fps().as_fps();
-                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-                self.change(&place, siblings, |text| {
+                let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
+                self.edit_call(&place, siblings, |text| {
                     typed.keep_time(text, set_trim(text, place.line, place.column, *trim, fps), fps)
                 })
             }
             change => {
-                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-                if let Some(why) = self.problem_of_mask(what, change).or_else(|| problem_of_speed(change)) {
+                let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
+                if let Some(why) = self.mask_refusal(what, change).or_else(|| speed_refusal(change)) {
                     return Err(EditError::refused_at(&place, &why));
                 }
-                if let Some(shared) = self.offer_of_layer(what, change) {
+                if let Some(shared) = self.offer_layer_edit(what, change) {
                     return Err(shared);
                 }
-                if matches!(change, FieldChange::Material(..))
-                    && let Some(shared) = self
-                        .offer_of_asset(what, &place, |object, text| field_change_edit(object, text, change))
+                if matches!(change, FieldChange::AssetOption(..))
+                    && let Some(shared) = self.offer_asset_edit(what, &place, |object, text| {
+                        field_change_edit(object, text, change)
+                    })
                 {
                     return Err(shared);
                 }
-                self.change(&place, siblings, |text| {
+                self.edit_call(&place, siblings, |text| {
                     field_change_edit(&ScriptObject::at(text, place.line, place.column)?, text, change)
                 })
             }
@@ -124,15 +125,15 @@ impl Viewer {
     /// # Errors
     /// Fails as [`Viewer::change_field`] does.
     pub(crate) fn remove_parameter(&mut self, what: &Selected, name: &str) -> Result<(), EditError> {
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-        self.change(&place, siblings, |text| {
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
+        self.edit_call(&place, siblings, |text| {
             Ok(ScriptObject::at(text, place.line, place.column)?.remove_values(&[name]))
         })
     }
 
     /// Reason why the mask in a change does not fit the joints of the actor, if it does not.
-    fn problem_of_mask(&self, what: &Selected, change: &FieldChange) -> Option<String> {
-        let FieldChange::Text("on", mask, _) = change else { return None };
+    fn mask_refusal(&self, what: &Selected, change: &FieldChange) -> Option<String> {
+        let FieldChange::Overwrite("on", mask, _) = change else { return None };
         let stage = &self.scene.as_ref()?.stage;
         let asset = &stage.actors[actor(stage, what.actor()?)?].asset;
         mask_problem(asset, mask)
@@ -147,11 +148,11 @@ impl Viewer {
         let place = &scene.places.settings;
         if place.line > 0 {
             let fps = self.playhead.fps().as_fps();
-            return self.change(place, 1, |text| {
+            return self.edit_call(place, 1, |text| {
                 let object = ScriptObject::at(text, place.line, place.column)?;
                 match change {
                     FieldChange::Value("length", length, syntax) => {
-                        let in_frames = stage_length(&object, text, length, fps);
+                        let in_frames = stage_length_edit(&object, text, length, fps);
                         in_frames.unwrap_or_else(|| object.set_value("length", length, *syntax))
                     }
                     change => field_change_edit(&object, text, change),
@@ -160,7 +161,7 @@ impl Viewer {
         }
         let FieldChange::Value(name, value, _) = change else { return Ok(()) };
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let text = super::read(&path)?;
+        let text = super::read_script(&path)?;
         let comments = text.split_inclusive('\n').take_while(|line| line.starts_with("//"));
         let at = comments.map(str::len).sum();
         let edit = Edit { range: at..at, text: format!("stage(#{{ {name}: {value} }});\n") };
@@ -168,10 +169,10 @@ impl Viewer {
     }
 
     /// Source text of the settings of the stage that the script states, by name.
-    pub fn stage_written(&self) -> BTreeMap<String, String> {
+    pub fn written_stage_values(&self) -> BTreeMap<String, String> {
         let all = || {
             let place = &self.scene.as_ref()?.places.settings;
-            Some(self.text()?.object(place.line, place.column).ok()?.all_written())
+            Some(self.script_text()?.object(place.line, place.column).ok()?.all_written())
         };
         all().unwrap_or_default()
     }
@@ -182,7 +183,7 @@ impl Viewer {
     /// Fails as `Viewer::change_field` does.
     pub fn change_call(&mut self, call: &StatedCall, change: &FieldChange) -> Result<(), EditError> {
         let fps = self.playhead.fps().as_fps();
-        self.change(&call.place, call.siblings, |text| {
+        self.edit_call(&call.place, call.siblings, |text| {
             let object = ScriptObject::at(text, call.place.line, call.place.column)?;
             match change {
                 FieldChange::Time(part, time) => {
@@ -215,9 +216,9 @@ impl Viewer {
 
     /// The call at a position. `name`: its title if the text cannot be edited.
     pub fn stated_call(&self, place: &Place, siblings: usize, name: &str) -> StatedCall {
-        let call = |title: String, arguments, written| {
+        let call = |title: String, arguments, values| {
             let place = place.clone();
-            StatedCall { place, siblings, title, arguments, written }
+            StatedCall { place, siblings, title, arguments, values }
         };
         let read = self.read_object(place, siblings, |object| {
             let title = format!("{} {}", object.creating_function(), object.arguments());
@@ -228,18 +229,18 @@ impl Viewer {
     }
 
     /// Source text of the values in the map of an option, by name.
-    pub fn written_within(&self, what: &Selected, option: &str) -> BTreeMap<String, String> {
+    pub fn values_in_option(&self, what: &Selected, option: &str) -> BTreeMap<String, String> {
         self.read_selected(what, |object| Some(object.within_option(option)?.all_written()))
             .unwrap_or_default()
     }
 
     /// Source text of a method's arguments or of an option. `None` if the script creates the object together with others.
-    pub fn written(&self, what: &Selected, name: &str) -> Option<String> {
+    pub fn written_value(&self, what: &Selected, name: &str) -> Option<String> {
         self.read_selected(what, |object| object.written(name).map(str::to_string))
     }
 
     /// Source text of all options and methods of an object, by name. Empty if the script creates the object together with others.
-    pub fn all_written(&self, what: &Selected) -> BTreeMap<String, String> {
+    pub fn written_values(&self, what: &Selected) -> BTreeMap<String, String> {
         self.read_selected(what, |object| Some(object.all_written())).unwrap_or_default()
     }
 
@@ -263,7 +264,7 @@ impl Viewer {
         read: impl FnOnce(&ScriptObject) -> Option<R>,
     ) -> Option<R> {
         self.check_place(place, siblings).ok()?;
-        read(&self.text()?.object(place.line, place.column).ok()?)
+        read(&self.script_text()?.object(place.line, place.column).ok()?)
     }
 
     /// Reads the call that creates an object.
@@ -280,10 +281,11 @@ impl Viewer {
     fn set_focal_length(&mut self, what: &Selected, length: f64, length_text: &str) -> Result<(), EditError> {
         let Selected::Camera(name) = what else { return Err(EditError::refused("only cameras have a lens")) };
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let camera = scene.stage.cameras.iter().find(|c| c.name == *name).ok_or(EditError::Gone)?;
+        let camera = scene.stage.cameras.iter().find(|c| c.name == *name).ok_or(EditError::ObjectGone)?;
         let keyed = |property| camera.channels.iter().any(|c| c.property == property);
         let in_degrees = keyed(Property::FieldOfView)
-            || self.written(what, "fov").is_some() && self.written(what, "focal_length").is_none();
+            || self.written_value(what, "fov").is_some()
+                && self.written_value(what, "focal_length").is_none();
         if in_degrees {
             let degrees = Camera::yfov(length).to_degrees();
             let is_meant = |read: f64| is_as_shown(Camera::focal_length(read.to_radians()), length);
@@ -291,8 +293,8 @@ impl Viewer {
         }
         let when = self.edit_time(self.playhead.time().as_secs());
         let is_keyed = keyed(Property::FocalLength);
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-        self.change(&place, siblings, |text| {
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match is_keyed {
                 true => object.set_key("focal_length", when, KeyValue::Text(length_text)),
@@ -303,14 +305,14 @@ impl Viewer {
 }
 
 /// Reason why a clip cannot have the speed in a change, if it cannot.
-fn problem_of_speed(change: &FieldChange) -> Option<String> {
+fn speed_refusal(change: &FieldChange) -> Option<String> {
     let FieldChange::Value("speed", speed, _) = change else { return None };
     let stands = expression::value(speed, 1.0)?.abs() < 1e-3;
     stands.then(|| format!("a clip has a speed of at least 0.001, or at most -0.001 backwards, not {speed}"))
 }
 
 /// The edit that rounds the length of the stage to a whole frame. `None` if the script does not count the length in frames.
-fn stage_length(
+fn stage_length_edit(
     object: &ScriptObject,
     text: &str,
     length: &str,
@@ -363,10 +365,10 @@ pub(super) fn field_change_edit(
             })
         }
         FieldChange::Value(name, value, syntax) => object.set_value(name, value, *syntax),
-        FieldChange::Text(name, value, syntax) => object.overwrite_value(name, value, *syntax),
+        FieldChange::Overwrite(name, value, syntax) => object.overwrite_value(name, value, *syntax),
         FieldChange::Reset(names) => Ok(object.remove_values(names)),
         FieldChange::Clip(name) => object.set_clip(name),
-        FieldChange::Words(words) => object.set_words(words),
+        FieldChange::TitleText(words) => object.set_words(words),
         FieldChange::Repeat(how) => {
             let (line, column) = object.place();
             let value = format!("\"{how}\"");
@@ -374,11 +376,11 @@ pub(super) fn field_change_edit(
                 ScriptObject::at(text, line, column)?.set_value("repeat", &value, NewValueSyntax::Option)
             })
         }
-        FieldChange::Within(option, name, value) => match value {
+        FieldChange::ValueInOption(option, name, value) => match value {
             Some(value) => object.set_value_in_option(option, name, value),
             None => Ok(object.remove_value_in_option(option, name)),
         },
-        FieldChange::Material(name, value) => {
+        FieldChange::AssetOption(name, value) => {
             let asset = object.asset_object()?;
             match value {
                 Some(value) => asset.set_value(name, value, NewValueSyntax::Option),

@@ -25,7 +25,7 @@ pub struct ValueDrag {
     /// Index of the component.
     pub part: usize,
     /// Amount to add, in the unit of the script.
-    pub by: f64,
+    pub offset: f64,
 }
 
 /// An edit of the keys of one property at some times.
@@ -43,7 +43,7 @@ impl Viewer {
         value: Option<&ValueDrag>,
     ) -> Result<(), EditError> {
         let steps = self.key_drag_steps(keys, by, value)?;
-        self.change_all(steps)?;
+        self.apply_steps(steps)?;
         self.move_key_selection(keys, by);
         Ok(())
     }
@@ -55,12 +55,12 @@ impl Viewer {
         value: Option<&ValueDrag>,
     ) -> Result<Vec<Step<'static>>, EditError> {
         let mut steps = Vec::new();
-        if let Some(value) = value.filter(|value| value.by != 0.0) {
+        if let Some(value) = value.filter(|value| value.offset != 0.0) {
             for key in keys.iter().filter(|key| key.property == value.property) {
-                let keyed = self.keyed(&key.what, &key.property)?;
+                let keyed = self.keyed_property(&key.what, &key.property)?;
                 let mut numbers = keyed.at(key.at);
-                let number = numbers.get_mut(value.part).ok_or(EditError::Gone)?;
-                *number = (*number + value.by).clamp(keyed.range[0], keyed.range[1]);
+                let number = numbers.get_mut(value.part).ok_or(EditError::ObjectGone)?;
+                *number = (*number + value.offset).clamp(keyed.range[0], keyed.range[1]);
                 steps.push(self.value_step(&keyed, key.at, &numbers)?);
             }
         }
@@ -71,11 +71,11 @@ impl Viewer {
     }
 
     fn key_move_steps(&self, keys: &[KeyRef], by: f64) -> Result<Vec<Step<'static>>, EditError> {
-        let later = move |at: EditTime| EditTime { secs: (at.secs + by).max(0.0), ..at };
+        let shifted_time = move |at: EditTime| EditTime { secs: (at.secs + by).max(0.0), ..at };
         self.key_steps(
             keys,
             move |object, property, at| {
-                let moves: Vec<_> = at.iter().map(|at| (*at, later(*at))).collect();
+                let moves: Vec<_> = at.iter().map(|at| (*at, shifted_time(*at))).collect();
                 object.move_keys(property, &moves)
             },
             &|at| Some(Time::from_secs((at.as_secs() + by).max(0.0))),
@@ -86,7 +86,7 @@ impl Viewer {
     pub(crate) fn set_key_time(&mut self, key: &KeyRef, time: &TypedNumber) -> Result<(), EditError> {
         let (keys, by) = (std::slice::from_ref(key), time.value - key.at.as_secs());
         let (steps, fps) = (self.key_move_steps(keys, by)?, self.playhead.fps().as_fps());
-        self.change_all(steps.into_iter().map(|step| step.keeping_time(time, fps)).collect())?;
+        self.apply_steps(steps.into_iter().map(|step| step.keeping_time(time, fps)).collect())?;
         self.move_key_selection(keys, by);
         Ok(())
     }
@@ -98,9 +98,9 @@ impl Viewer {
         numbers: &[f64],
         typed: &TypedNumber,
     ) -> Result<(), EditError> {
-        let keyed = self.keyed(&key.what, &key.property)?;
+        let keyed = self.keyed_property(&key.what, &key.property)?;
         let step = self.value_step(&keyed, key.at, numbers)?;
-        self.change_all(vec![step.keeping(typed)])
+        self.apply_steps(vec![step.keeping_number(typed)])
     }
 
     /// Sets the easing and the tangents of a key. `typed`: the number of them that the user typed.
@@ -111,8 +111,8 @@ impl Viewer {
         typed: Option<&TypedNumber>,
     ) -> Result<(), EditError> {
         let steps = self.shape_steps(&[(key, shape)])?.into_iter();
-        self.change_all(match typed {
-            Some(typed) => steps.map(|step| step.keeping(typed)).collect(),
+        self.apply_steps(match typed {
+            Some(typed) => steps.map(|step| step.keeping_number(typed)).collect(),
             None => steps.collect(),
         })
     }
@@ -120,7 +120,7 @@ impl Viewer {
     /// Deletes keys from the script.
     pub fn delete_keys(&mut self, keys: &[KeyRef]) -> Result<(), EditError> {
         let steps = self.key_delete_steps(keys)?;
-        self.change_all(steps)?;
+        self.apply_steps(steps)?;
         self.select_keys(Vec::new());
         Ok(())
     }
@@ -134,7 +134,7 @@ impl Viewer {
         let mut steps = self.key_delete_steps(self.selected_keys())?;
         let bars = self.bars_beside_keys();
         steps.extend(self.cue_delete_steps(&bars)?);
-        self.change_all(steps)?;
+        self.apply_steps(steps)?;
         self.select_keys(Vec::new());
         if !bars.is_empty() {
             self.selection = None;
@@ -153,17 +153,17 @@ impl Viewer {
             };
             steps.extend(self.key_steps(std::slice::from_ref(key), change, &|at| Some(at))?);
         }
-        self.change_all(steps)
+        self.apply_steps(steps)
     }
 
     /// Sets the tangents of keys, as one edit.
     pub fn set_key_tangents(&mut self, keys: &[KeyRef], choice: TangentChoice) -> Result<(), EditError> {
         let mut shapes = Vec::new();
         for key in keys {
-            let keyed = self.keyed(&key.what, &key.property)?;
-            let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::Gone)?;
+            let keyed = self.keyed_property(&key.what, &key.property)?;
+            let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::ObjectGone)?;
             let shape = keyed.shape_of_choice(index, choice).ok_or_else(|| {
-                let why = format!("keys of its {} cannot have tangents", keyed.name);
+                let why = format!("keys of the property {} cannot have tangents", keyed.name);
                 let place = self.place_of(&key.what).map(|(place, _)| place).unwrap_or_default();
                 EditError::refused_at(&place, &why)
             })?;
@@ -175,18 +175,18 @@ impl Viewer {
     /// Sets easings and tangents of keys, as one edit.
     pub fn set_key_shapes(&mut self, shapes: &[(KeyRef, KeyShape)]) -> Result<(), EditError> {
         let steps = self.shape_steps(shapes)?;
-        self.change_all(steps)
+        self.apply_steps(steps)
     }
 
     fn shape_steps(&self, shapes: &[(KeyRef, KeyShape)]) -> Result<Vec<Step<'static>>, EditError> {
         let keys: Vec<KeyRef> = shapes.iter().map(|(key, _)| key.clone()).collect();
         let mut steps = Vec::new();
-        for ((what, property), times) in by_property(&keys) {
+        for ((what, property), times) in group_by_property(&keys) {
             let of = |at: &Time| {
-                let is_it = |(key, _): &&(KeyRef, KeyShape)| {
+                let is_shape_of_key = |(key, _): &&(KeyRef, KeyShape)| {
                     key.what == *what && key.property == property && key.at == *at
                 };
-                let (_, shape) = shapes.iter().find(is_it)?;
+                let (_, shape) = shapes.iter().find(is_shape_of_key)?;
                 Some((self.edit_time(at.as_secs()), shape.clone()))
             };
             let all: Vec<(EditTime, KeyShape)> = times.iter().filter_map(of).collect();
@@ -201,21 +201,25 @@ impl Viewer {
     }
 
     /// Sets the interpolation of all keys of the properties of `keys`, as source text. `None`: linear.
-    pub fn set_key_interpolation(&mut self, keys: &[KeyRef], how: Option<&str>) -> Result<(), EditError> {
-        let how = how.map(str::to_string);
+    pub fn set_key_interpolation(
+        &mut self,
+        keys: &[KeyRef],
+        interpolation: Option<&str>,
+    ) -> Result<(), EditError> {
+        let interpolation = interpolation.map(str::to_string);
         let change = move |object: &ScriptObject, property: &str, at: &[EditTime]| {
-            object.set_key_interpolation(property, at[0].fps, how.as_deref())
+            object.set_key_interpolation(property, at[0].fps, interpolation.as_deref())
         };
         let steps = self.key_steps(keys, change, &|at| Some(at))?;
-        self.change_all(steps)
+        self.apply_steps(steps)
     }
 
     /// Keys as text for the clipboard, one property per line.
     pub fn copy_keys(&self, keys: &[KeyRef]) -> Result<String, EditError> {
-        let known = self.text().ok_or(EditError::NothingShown)?;
+        let known = self.script_text().ok_or(EditError::NothingShown)?;
         let mut lines = Vec::new();
-        for ((what, property), at) in by_property(keys) {
-            let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        for ((what, property), at) in group_by_property(keys) {
+            let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
             self.check_place(&place, siblings)?;
             let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
             let object = known.object(place.line, place.column);
@@ -229,40 +233,40 @@ impl Viewer {
     pub fn paste_keys(&mut self, what: &Selected, copied: &str, secs: f64) -> Result<(), EditError> {
         let all: Vec<(Selected, String)> =
             copied.lines().map(|line| (what.clone(), line.to_string())).collect();
-        self.add_copies(all, secs)
+        self.paste_copies(all, secs)
     }
 
     /// Copies keys so that the first one is at a time in seconds.
     pub fn duplicate_keys(&mut self, keys: &[KeyRef], secs: f64) -> Result<(), EditError> {
         let mut all = Vec::new();
-        for ((what, property), at) in by_property(keys) {
+        for ((what, property), at) in group_by_property(keys) {
             let key = |at: &Time| KeyRef { what: what.clone(), property: property.to_string(), at: *at };
             let keys: Vec<KeyRef> = at.iter().map(key).collect();
             all.push((what.clone(), self.copy_keys(&keys)?));
         }
-        self.add_copies(all, secs)
+        self.paste_copies(all, secs)
     }
 
-    fn add_copies(&mut self, all: Vec<(Selected, String)>, secs: f64) -> Result<(), EditError> {
+    fn paste_copies(&mut self, all: Vec<(Selected, String)>, secs: f64) -> Result<(), EditError> {
         let fps = self.playhead.fps().as_fps();
-        let mut read = Vec::new();
+        let mut parsed_copies = Vec::new();
         for (what, copied) in all {
             let (property, start) = copied_keys(&copied, fps)
                 .ok_or_else(|| EditError::refused("the clipboard holds no keys of a timeline"))?;
-            self.keyed(&what, &property)?;
-            read.push((what, property, copied, start));
+            self.keyed_property(&what, &property)?;
+            parsed_copies.push((what, property, copied, start));
         }
-        let first = read.iter().map(|(.., start)| *start).fold(f64::INFINITY, f64::min);
+        let first = parsed_copies.iter().map(|(.., start)| *start).fold(f64::INFINITY, f64::min);
         let mut steps = Vec::new();
-        for (what, property, copied, _) in read {
-            let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
+        for (what, property, copied, _) in parsed_copies {
+            let (place, siblings) = self.place_of(&what).ok_or(EditError::ObjectGone)?;
             let by = self.edit_time(secs - first);
             let make = move |text: &str, line, column| {
                 ScriptObject::at(text, line, column)?.allow_shared_edits().paste_keys(&copied, by)
             };
             steps.push(self.with_key_place(Step::new(place, siblings, make), &property, &[]));
         }
-        self.change_all(steps)
+        self.apply_steps(steps)
     }
 
     /// Sets keys of properties at the playhead, with their present values.
@@ -274,7 +278,7 @@ impl Viewer {
     pub fn set_keys_at(&mut self, what: &Selected, properties: &[&str], at: Time) -> Result<(), EditError> {
         let mut steps = Vec::new();
         for property in properties {
-            let keyed = self.keyed(what, property)?;
+            let keyed = self.keyed_property(what, property)?;
             let numbers = keyed.at(at);
             steps.push(self.value_step(&keyed, at, &numbers)?);
             if let Some(split) = keyed.split(at) {
@@ -284,7 +288,7 @@ impl Viewer {
                 steps.extend(self.shape_steps(&shapes)?);
             }
         }
-        self.change_all(steps)?;
+        self.apply_steps(steps)?;
         let key = |property: &&str| KeyRef { what: what.clone(), property: property.to_string(), at };
         self.select_keys(properties.iter().map(key).collect());
         Ok(())
@@ -306,14 +310,14 @@ impl Viewer {
             return self.set_keys(&what, &names);
         }
         if !hidden.is_empty() {
-            let why =
-                "all of its curves are hidden in the curve editor; show the curves that should get keys";
+            let why = "all curves of the selection are hidden in the curve editor; show the curves that should get keys";
             return Err(EditError::refused(why));
         }
-        let usual = ["intensity", "position", "fov", "opacity", "strength", ".weight"];
-        let usual = usual.into_iter().find(|name| all.iter().any(|p| p.name == *name));
-        let first = usual.or(all.first().map(|p| p.name.as_str()));
-        let first = first.ok_or_else(|| EditError::refused("it has no property that can have keys"))?;
+        let preferred = ["intensity", "position", "fov", "opacity", "strength", ".weight"];
+        let preferred = preferred.into_iter().find(|name| all.iter().any(|p| p.name == *name));
+        let first = preferred.or(all.first().map(|p| p.name.as_str()));
+        let first =
+            first.ok_or_else(|| EditError::refused("the selection has no property that can have keys"))?;
         self.set_keys(&what, &[first])
     }
 
@@ -344,17 +348,19 @@ impl Viewer {
         keyed::properties(scene, what)
     }
 
-    pub(super) fn keyed(&self, what: &Selected, property: &str) -> Result<KeyedProperty, EditError> {
+    pub(super) fn keyed_property(&self, what: &Selected, property: &str) -> Result<KeyedProperty, EditError> {
         if let (Selected::Actor(name), "position" | "rotation", Some(scene)) = (what, property, &self.scene)
             && let Some(found) = actor(&scene.stage, name).map(|index| &scene.stage.actors[index])
             && found.path_following.is_some()
         {
             let place = self.place_of(what).map(|(place, _)| place).unwrap_or_default();
-            let why = format!("it follows a path, so its {property} has no keys; change the path");
+            let why = format!("{name} follows a path, so its {property} has no keys; change the path");
             return Err(EditError::refused_at(&place, &why));
         }
         let found = self.keyed_properties(what).into_iter().find(|keyed| keyed.name == property);
-        found.ok_or_else(|| EditError::refused(format!("it has no {property} that keys could animate")))
+        found.ok_or_else(|| {
+            EditError::refused(format!("the object has no {property} that keys could animate"))
+        })
     }
 
     /// Sets a keyed parameter of an effect at the playhead, or one component of it. `None` if it has no keys. `value`: source text.
@@ -369,18 +375,18 @@ impl Viewer {
         let keyed = || all.iter().filter(|p| p.has_keys());
         if let Some(whole) = keyed().find(|p| p.name == name) {
             let step = self.text_step(whole, at, ValueText::Text(value.to_string()));
-            return Some(step.and_then(|step| self.change_all(vec![step])));
+            return Some(step.and_then(|step| self.apply_steps(vec![step])));
         }
         // A component of a color or a vector.
-        let (of, part) = keyed().find_map(|p| Some((p, self.number_of(what, &p.name, name)?)))?;
+        let (of, part) = keyed().find_map(|p| Some((p, self.component_index(what, &p.name, name)?)))?;
         let mut numbers = of.at(at);
         *numbers.get_mut(part)? = expression::value(value, self.playhead.fps().as_fps())?;
         let step = self.value_step(of, at, &numbers);
-        Some(step.and_then(|step| self.change_all(vec![step])))
+        Some(step.and_then(|step| self.apply_steps(vec![step])))
     }
 
     /// Index of a named component of an effect's option.
-    fn number_of(&self, what: &Selected, option: &str, number: &str) -> Option<usize> {
+    fn component_index(&self, what: &Selected, option: &str, number: &str) -> Option<usize> {
         let (scene, Selected::Effect(index)) = (self.scene.as_ref()?, what) else { return None };
         let plugin = scene.registry.effect(&scene.stage.effects.get(*index)?.plugin)?;
         plugin.manifest().options.iter().find(|o| o.name == option)?.number_of(number)
@@ -403,10 +409,10 @@ impl Viewer {
         at: Time,
         value: ValueText,
     ) -> Result<Step<'static>, EditError> {
-        let (place, siblings) = self.place_of(&keyed.what).ok_or(EditError::Gone)?;
+        let (place, siblings) = self.place_of(&keyed.what).ok_or(EditError::ObjectGone)?;
         let (when, property) = (self.edit_time(at.as_secs()), &keyed.name);
         let has_keys = keyed.has_keys();
-        let mut stated = self.stated(keyed, &|time| Some(time));
+        let mut stated = self.keys_to_state(keyed, &|time| Some(time));
         if !stated.is_empty() {
             stated.retain(|(time, _)| (time.secs - when.secs).abs() >= 0.5 / when.fps);
             stated.push((when, value.clone()));
@@ -418,7 +424,7 @@ impl Viewer {
             match has_keys {
                 true => object
                     .set_key(&name, when, value.value())
-                    .map_err(|refused| refuse_with_all_keys(&object, refused, &name, &all)),
+                    .map_err(|refused| offer_all_keys_line(&object, refused, &name, &all)),
                 false => object.add_keys(&name, when, value.value()),
             }
         };
@@ -434,21 +440,26 @@ impl Viewer {
         stated: &[(EditTime, ValueText)],
     ) -> Step<'m> {
         let is_main = self.scene.as_ref().is_some_and(|scene| scene.places.main == step.place.file);
-        let text = self.text().filter(|_| is_main && step.place.line > 0);
+        let text = self.script_text().filter(|_| is_main && step.place.line > 0);
         let object = text.and_then(|text| text.object(step.place.line, step.place.column).ok());
         let Some((object, ((line, column), uses))) =
             object.and_then(|object| object.key_place(property).map(|place| (object, place)))
         else {
             return step;
         };
-        let shared = Some(Place { line, column, ..step.place.clone() });
+        let shared_keys_place = Some(Place { line, column, ..step.place.clone() });
         match step.siblings {
             1 if uses > 1 => {
                 let stated: Vec<(EditTime, KeyValue)> =
                     stated.iter().map(|(time, text)| (*time, text.value())).collect();
-                Step { siblings: uses, alone: object.all_keys_line(property, &stated), shared, ..step }
+                Step {
+                    siblings: uses,
+                    separate_line: object.all_keys_line(property, &stated),
+                    shared_keys_place,
+                    ..step
+                }
             }
-            _ => Step { shared, ..step },
+            _ => Step { shared_keys_place, ..step },
         }
     }
 
@@ -461,17 +472,17 @@ impl Viewer {
     ) -> Result<Vec<Step<'c>>, EditError> {
         let change: std::rc::Rc<Change<'c>> = std::rc::Rc::new(change);
         let mut steps = Vec::new();
-        for ((what, property), at) in by_property(keys) {
-            let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        for ((what, property), at) in group_by_property(keys) {
+            let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
             let keyed = self.keyed_properties(what).into_iter().find(|keyed| keyed.name == *property);
-            let then = |time: Time| if at.contains(&time) { after(time) } else { Some(time) };
-            let stated = keyed.map_or(Vec::new(), |keyed| self.stated(&keyed, &then));
+            let new_time = |time: Time| if at.contains(&time) { after(time) } else { Some(time) };
+            let stated = keyed.map_or(Vec::new(), |keyed| self.keys_to_state(&keyed, &new_time));
             let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
             let (name, change, all) = (property.to_string(), change.clone(), stated.clone());
             let make = move |text: &str, line, column| {
                 let object = ScriptObject::at(text, line, column)?.allow_shared_edits();
                 change(&object, &name, &at)
-                    .map_err(|refused| refuse_with_all_keys(&object, refused, &name, &all))
+                    .map_err(|refused| offer_all_keys_line(&object, refused, &name, &all))
             };
             steps.push(self.with_key_place(Step::new(place, siblings, make), property, &stated));
         }
@@ -483,7 +494,7 @@ impl Viewer {
 
     /// All keys of a property that the script does not state as literals, to be stated anew. `after`: the new time of a key, or `None` if it is
     /// deleted.
-    fn stated(
+    fn keys_to_state(
         &self,
         keyed: &KeyedProperty,
         after: &dyn Fn(Time) -> Option<Time>,
@@ -515,7 +526,7 @@ impl Event {
     }
 }
 
-fn refuse_with_all_keys(
+fn offer_all_keys_line(
     object: &ScriptObject,
     refused: EditRefused,
     property: &str,
@@ -526,7 +537,7 @@ fn refuse_with_all_keys(
 }
 
 /// Times of keys, grouped by object and property.
-fn by_property(keys: &[KeyRef]) -> BTreeMap<(&Selected, &str), Vec<Time>> {
+fn group_by_property(keys: &[KeyRef]) -> BTreeMap<(&Selected, &str), Vec<Time>> {
     let mut all: BTreeMap<(&Selected, &str), Vec<Time>> = BTreeMap::new();
     for key in keys {
         all.entry((&key.what, &key.property)).or_default().push(key.at);

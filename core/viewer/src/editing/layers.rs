@@ -2,7 +2,7 @@
 //! are offered: take the clip out of the chain, or change the whole chain.
 
 use super::fields::field_change_edit;
-use super::{EditError, FieldChange, Step, combine_steps, difference, read};
+use super::{EditError, FieldChange, Step, combine_steps, difference, read_script};
 use crate::app::Viewer;
 use crate::state::history::{Alternative, Offer};
 use crate::state::selection::Selected;
@@ -14,14 +14,14 @@ use choreo_session::edit::{
 impl Viewer {
     /// Offers two edits for a value of a clip's layer: for the clip alone, taken out of its chain, or for the whole chain. Returns the reason why
     /// neither is made at once. `None` if the value concerns this clip alone, or the clip already states it.
-    pub(super) fn offer_of_layer(&mut self, what: &Selected, change: &FieldChange) -> Option<EditError> {
-        let (FieldChange::Value(name, ..) | FieldChange::Text(name, ..)) = change else { return None };
+    pub(super) fn offer_layer_edit(&mut self, what: &Selected, change: &FieldChange) -> Option<EditError> {
+        let (FieldChange::Value(name, ..) | FieldChange::Overwrite(name, ..)) = change else { return None };
         let (place, siblings) = self.place_of(what).filter(|_| is_layer_call(name))?;
-        self.check_place(&place, siblings).ok().filter(|()| self.written(what, name).is_none())?;
+        self.check_place(&place, siblings).ok().filter(|()| self.written_value(what, name).is_none())?;
         let (known, path) = (self.displayed_text()?, self.path.clone()?);
-        let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;
-        let layer = self.layer_of(what);
-        let before = self.cues_before(&layer);
+        let text = read_script(&path).ok().filter(|text| **text == *known && !self.faulty)?;
+        let layer = self.layer_bars(what);
+        let before = self.previous_in_chain(&layer);
         let first = |at| std::iter::successors(Some(at), |at| before[*at]).last();
         let at = layer.iter().position(|bar| bar.what == *what)?;
         let chain: Vec<usize> = (0..layer.len()).filter(|other| first(*other) == first(at)).collect();
@@ -36,7 +36,7 @@ impl Viewer {
         let all = all.map(|edit| (format!("Change all {}", chain.len()), edit));
         let neighbors =
             [before[at], before.iter().position(|before| *before == Some(at))].map(|at| Some(&layer[at?]));
-        let alone = self.moved_out_of_chain(&layer[at], neighbors, change, &text);
+        let alone = self.edit_out_of_chain(&layer[at], neighbors, change, &text);
         let alone = alone.map(|edit| (format!("Take {} out of the chain", layer[at].label), edit));
         let lines = |edit: &Edit| difference::diff_lines(&text, &edit.apply(&text));
         let mut offers = alone.into_iter().chain(all);
@@ -53,7 +53,7 @@ impl Viewer {
 
     /// The edit that takes a clip out of its chain into a call of its own and changes it there. The previous clip of the chain continues until its
     /// end.
-    fn moved_out_of_chain(
+    fn edit_out_of_chain(
         &self,
         bar: &Bar,
         [before, next]: [Option<&Bar>; 2],
@@ -71,14 +71,14 @@ impl Viewer {
         let copied = field_change_edit(&own, &copied, change).ok()?.apply(&copied);
         let begins = next.map(|next| self.edit_time(next.start.as_secs()));
         let mut steps =
-            vec![self.step(bar, move |text, line, column| delete_cue(text, line, column, begins))];
+            vec![self.bar_step(bar, move |text, line, column| delete_cue(text, line, column, begins))];
         steps.extend(before.map(|before| match next.is_some() || is_stated {
-            true => self.time_step(before, CueTime::End, until.secs),
-            false => self.step(before, |text, line, column| {
+            true => self.bar_time_step(before, CueTime::End, until.secs),
+            false => self.bar_step(before, |text, line, column| {
                 Ok(ScriptObject::at(text, line, column)?.remove_values(&["until"]))
             }),
         }));
-        // Later positions come first, like in `change_all`.
+        // Later positions come first, like in `apply_steps`.
         steps.push(Step::new(actor, siblings, move |text, line, column| {
             paste_cue(text, line, column, &copied, from)
         }));

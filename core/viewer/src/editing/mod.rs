@@ -11,6 +11,7 @@ pub(crate) mod difference;
 mod documents;
 mod error;
 mod fields;
+mod idle_clip;
 mod keys;
 mod layers;
 mod next_clip;
@@ -21,7 +22,6 @@ mod room;
 mod rows;
 mod scene_icons;
 mod shared;
-mod standing_clip;
 mod strips;
 mod trimming;
 
@@ -55,9 +55,9 @@ pub(crate) struct Step<'m> {
     pub siblings: usize,
     pub make: MakeEdit<'m>,
     /// Position of keys in a script function, which all siblings share, if it differs from `place`.
-    pub shared: Option<Place>,
+    pub shared_keys_place: Option<Place>,
     /// A line that makes the change for this object alone.
-    pub alone: Option<Edit>,
+    pub separate_line: Option<Edit>,
 }
 
 impl<'m> Step<'m> {
@@ -66,11 +66,11 @@ impl<'m> Step<'m> {
         siblings: usize,
         make: impl Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm,
     ) -> Step<'m> {
-        Step { place, siblings, make: Box::new(make), shared: None, alone: None }
+        Step { place, siblings, make: Box::new(make), shared_keys_place: None, separate_line: None }
     }
 
     /// The same step that keeps a number as it was typed.
-    pub fn keeping(self, typed: &TypedNumber) -> Step<'m> {
+    pub fn keeping_number(self, typed: &TypedNumber) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep(text, make(text, line, column));
         Step { make: Box::new(make), ..self }
@@ -84,7 +84,7 @@ impl<'m> Step<'m> {
     }
 
     fn shared_place(&self) -> &Place {
-        self.shared.as_ref().unwrap_or(&self.place)
+        self.shared_keys_place.as_ref().unwrap_or(&self.place)
     }
 }
 
@@ -93,26 +93,26 @@ impl Viewer {
     ///
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
-    pub fn set_cue(&mut self, what: &Selected, part: CueTime, secs: f64) -> Result<(), EditError> {
-        self.set_typed_cue(what, part, &secs.into())
+    pub fn set_cue_time(&mut self, what: &Selected, part: CueTime, secs: f64) -> Result<(), EditError> {
+        self.set_typed_cue_time(what, part, &secs.into())
     }
 
-    /// Like [`Viewer::set_cue`], for a typed time.
-    pub(crate) fn set_typed_cue(
+    /// Like [`Viewer::set_cue_time`], for a typed time.
+    pub(crate) fn set_typed_cue_time(
         &mut self,
         what: &Selected,
         part: CueTime,
         typed: &TypedNumber,
     ) -> Result<(), EditError> {
-        let (bar, secs) = (self.bar(what)?, typed.value);
+        let (bar, secs) = (self.find_bar(what)?, typed.value);
         let place = bar.place.clone();
         if part == CueTime::Start {
             self.check_start(&place, &bar.label, secs)?;
-            if let Some(before) = self.previous_bar(what) {
+            if let Some(before) = self.followed_bar(what) {
                 // The boundary of two clips is written as the end of the first one.
                 self.check_boundary(Some(&before), &bar, secs)?;
-                let note = self.moved_end(what, &[], secs - bar.start.as_secs());
-                self.set_typed_cue(&before.what, CueTime::End, typed)?;
+                let note = self.moved_end_note(what, &[], secs - bar.start.as_secs());
+                self.set_typed_cue_time(&before.what, CueTime::End, typed)?;
                 self.note = note;
                 return Ok(());
             }
@@ -122,13 +122,13 @@ impl Viewer {
             CueTime::Start => self.check_boundary(None, &bar, secs)?,
             CueTime::End if secs <= bar.start.as_secs() => {
                 let start = bar.start.as_secs();
-                let why = format!("it would end at {secs:.3} s, but it begins at {start:.3} s");
+                let why = format!("{} would end at {secs:.3} s, but it begins at {start:.3} s", bar.label);
                 return Err(EditError::refused_at(&place, &why));
             }
             _ => {}
         }
         let time = self.edit_time(secs);
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let made = match (what, part) {
                 (Selected::Effect(_) | Selected::Title(_), part) => {
                     let object = ScriptObject::at(text, place.line, place.column)?;
@@ -150,7 +150,7 @@ impl Viewer {
     }
 
     /// Text of the displayed version of the script, split into tokens.
-    fn text(&self) -> Option<&ScriptText> {
+    fn script_text(&self) -> Option<&ScriptText> {
         self.scene.as_ref()?.script_text()
     }
 
@@ -165,19 +165,19 @@ impl Viewer {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let place = Place { file: scene.places.main.clone(), line: 1, ..Place::default() };
         let time = self.edit_time(secs);
-        self.change(&place, 1, |text| set_marker(text, name, time))
+        self.edit_call(&place, 1, |text| set_marker(text, name, time))
     }
 
     /// Adds a line at the end of the script.
     pub(crate) fn add_line(&mut self, line: &str) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let text = read(&path)?;
+        let text = read_script(&path)?;
         let blank = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
         self.write_edit(&path, &text, Edit { range: text.len()..text.len(), text: format!("{blank}{line}") })
     }
 
     /// Edits the call at a position. `siblings`: number of objects that it creates.
-    pub(crate) fn change(
+    pub(crate) fn edit_call(
         &mut self,
         place: &Place,
         siblings: usize,
@@ -186,12 +186,12 @@ impl Viewer {
         if let Err(error) = self.check_place(place, siblings) {
             let is_shared = matches!(error, EditError::SharedLine { .. });
             let made = self.displayed_text().filter(|_| is_shared).map(|known| make(&known));
-            return Err(self.offer_of_shared(error, place, made, None));
+            return Err(self.offer_shared_edit(error, place, made, None));
         }
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let places = &scene.places;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let text = read(&path)?;
+        let text = read_script(&path)?;
         let known = places.sources.get(&places.main).cloned().unwrap_or_default();
         let made = make(&known);
         if *known != *text || self.faulty {
@@ -204,7 +204,7 @@ impl Viewer {
                 let label = "Write both".into();
                 self.offer = Some(Offer { why, label, difference, edit, text, ..Offer::default() });
             }
-            return Err(if self.faulty { EditError::Faulty } else { EditError::ChangedOnDisk });
+            return Err(if self.faulty { EditError::FaultyScript } else { EditError::ChangedOnDisk });
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
@@ -221,10 +221,10 @@ impl Viewer {
     }
 
     /// Makes several steps as one edit; those at one position in their order.
-    pub(crate) fn change_all(&mut self, mut steps: Vec<Step>) -> Result<(), EditError> {
+    pub(crate) fn apply_steps(&mut self, mut steps: Vec<Step>) -> Result<(), EditError> {
         // Edits go from the end of the text to its start, so that none moves a call that is still to be edited.
         steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
-        let first = steps.first().ok_or(EditError::Gone)?.place.clone();
+        let first = steps.first().ok_or(EditError::ObjectGone)?.place.clone();
         let shared = steps.iter().find_map(|step| {
             let place = step.shared_place();
             Some((self.check_place(place, step.siblings).err()?, place.clone()))
@@ -232,10 +232,10 @@ impl Viewer {
         if let Some((error, place)) = shared {
             let is_shared = matches!(error, EditError::SharedLine { .. });
             let made = self.displayed_text().filter(|_| is_shared).map(|known| combine_steps(&steps, &known));
-            let alone = if let [step] = &mut steps[..] { step.alone.take() } else { None };
-            return Err(self.offer_of_shared(error, &place, made, alone));
+            let alone = if let [step] = &mut steps[..] { step.separate_line.take() } else { None };
+            return Err(self.offer_shared_edit(error, &place, made, alone));
         }
-        self.change(&first, 1, |text| combine_steps(&steps, text))
+        self.edit_call(&first, 1, |text| combine_steps(&steps, text))
     }
 
     /// Fails if the object created at a position cannot be edited alone.
@@ -244,7 +244,7 @@ impl Viewer {
         let (file, line) = (file_name(&place.file).to_string(), place.line);
         match place.line {
             0 => Err(EditError::NotFromScript),
-            _ if place.file != *main => Err(EditError::InModule { file, line }),
+            _ if place.file != *main => Err(EditError::CreatedInModule { file, line }),
             _ if siblings > 1 => Err(EditError::SharedLine { file, line, objects: siblings }),
             _ => Ok(()),
         }
@@ -253,7 +253,7 @@ impl Viewer {
     /// Fails if the row of an actor is locked.
     pub(crate) fn check_unlocked(&self, name: &str) -> Result<(), EditError> {
         match self.toggles.locked.contains(name) {
-            true => Err(EditError::refused(is_locked(name))),
+            true => Err(EditError::refused(locked_row_message(name))),
             false => Ok(()),
         }
     }
@@ -278,8 +278,8 @@ impl Viewer {
             (self.dragging, self.placement_override) = (None, None);
             return Ok(());
         }
-        write(path, &after)?;
-        let keys = self.keys_beside_selection();
+        write_script(path, &after)?;
+        let keys = self.selection_and_keys();
         self.history.pending_text = Some(after.clone());
         self.history.done.push(AppliedEdit { inverse: edit.inverse(text), text: after, keys });
         self.history.undone.clear();
@@ -289,16 +289,16 @@ impl Viewer {
     /// Makes the offered edit.
     pub(crate) fn accept_offer(&mut self) -> Result<(), EditError> {
         let offer =
-            self.offer.take().ok_or(EditError::Overtaken("there is no suggested change to accept"))?;
+            self.offer.take().ok_or(EditError::TextChanged("there is no suggested change to accept"))?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let now = read(&path)?;
+        let now = read_script(&path)?;
         let edit =
             if now == offer.text { Some(offer.edit) } else { offer.edit.carried_over(&offer.text, &now) };
-        let edit = edit.ok_or(EditError::Overtaken(
+        let edit = edit.ok_or(EditError::TextChanged(
             "the script was edited meanwhile; wait until the viewer has reloaded it, then try again",
         ))?;
         for (from, to) in &offer.copies {
-            adding::copy(from, to)?;
+            adding::copy_file(from, to)?;
         }
         self.write_edit(&path, &now, edit)?;
         self.selection = offer.selects.or(self.selection.take());
@@ -311,13 +311,13 @@ impl Viewer {
     /// Undoes the newest edit, even if the file has since changed elsewhere.
     ///
     /// # Errors
-    /// Fails as [`Viewer::set_cue`] does, or if there is no edit to undo.
+    /// Fails as [`Viewer::set_cue_time`] does, or if there is no edit to undo.
     pub fn undo(&mut self) -> Result<(), EditError> {
         let last = self.history.done.last().ok_or(EditError::NothingToUndo)?;
-        let again = self.apply_inverse(&last.inverse, &last.text)?;
+        let opposite_edit = self.apply_inverse(&last.inverse, &last.text)?;
         let undone = self.history.done.pop();
-        self.restore_keys(undone, &again);
-        self.history.undone.push(again);
+        self.restore_keys(undone, &opposite_edit);
+        self.history.undone.push(opposite_edit);
         Ok(())
     }
 
@@ -327,10 +327,10 @@ impl Viewer {
     /// Fails as [`Viewer::undo`] does.
     pub fn redo(&mut self) -> Result<(), EditError> {
         let last = self.history.undone.last().ok_or(EditError::NothingToRedo)?;
-        let again = self.apply_inverse(&last.inverse, &last.text)?;
+        let opposite_edit = self.apply_inverse(&last.inverse, &last.text)?;
         let redone = self.history.undone.pop();
-        self.restore_keys(redone, &again);
-        self.history.done.push(again);
+        self.restore_keys(redone, &opposite_edit);
+        self.history.done.push(opposite_edit);
         Ok(())
     }
 
@@ -339,7 +339,8 @@ impl Viewer {
         let is_loaded = self.scene.is_some() && !self.faulty;
         let Some(text) = self.history.pending_text.take().filter(|_| is_loaded) else { return false };
         let is_newest = self.history.done.last().is_some_and(|done| done.text == text);
-        let is_there = self.path.as_ref().and_then(|path| read(path).ok()).is_some_and(|now| now == text);
+        let is_there =
+            self.path.as_ref().and_then(|path| read_script(path).ok()).is_some_and(|now| now == text);
         if !is_newest || !is_there || self.undo().is_err() {
             return false;
         }
@@ -368,28 +369,28 @@ impl Viewer {
 
     fn apply_inverse(&self, inverse: &Edit, from: &str) -> Result<AppliedEdit, EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let now = read(&path)?;
+        let now = read_script(&path)?;
         let inverse = if now == from { Some(inverse.clone()) } else { inverse.carried_over(from, &now) };
         let inverse =
-            inverse.ok_or(EditError::Overtaken("the line has changed since; undo it in the editor"))?;
+            inverse.ok_or(EditError::TextChanged("the line has changed since; undo it in the editor"))?;
         let after = inverse.apply(&now);
-        write(&path, &after)?;
-        Ok(AppliedEdit { inverse: inverse.inverse(&now), text: after, keys: self.keys_beside_selection() })
+        write_script(&path, &after)?;
+        Ok(AppliedEdit { inverse: inverse.inverse(&now), text: after, keys: self.selection_and_keys() })
     }
 
-    fn keys_beside_selection(&self) -> (Option<Selected>, Vec<KeyRef>) {
+    fn selection_and_keys(&self) -> (Option<Selected>, Vec<KeyRef>) {
         (self.selection.clone(), self.selected_keys().to_vec())
     }
 
     /// Selects the keys again that were selected before an undone edit, once that text is displayed, unless something else is selected.
-    fn restore_keys(&mut self, taken_back: Option<AppliedEdit>, again: &AppliedEdit) {
-        let keys = taken_back.map(|done| done.keys).filter(|(beside, _)| *beside == self.selection);
-        self.history.restored = keys.map(|(_, keys)| (again.text.clone(), keys));
+    fn restore_keys(&mut self, undone_edit: Option<AppliedEdit>, opposite_edit: &AppliedEdit) {
+        let keys = undone_edit.map(|done| done.keys).filter(|(beside, _)| *beside == self.selection);
+        self.history.restored = keys.map(|(_, keys)| (opposite_edit.text.clone(), keys));
     }
 }
 
 /// Message that the row of an actor is locked.
-pub(crate) fn is_locked(name: &str) -> String {
+pub(crate) fn locked_row_message(name: &str) -> String {
     format!("the row of {name} is locked; press the lock beside its name to unlock it")
 }
 
@@ -434,12 +435,12 @@ fn combine_steps(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// A script's text without a byte order mark.
-pub(crate) fn read(path: &Path) -> Result<String, EditError> {
-    let text = read_all(path)?;
+pub(crate) fn read_script(path: &Path) -> Result<String, EditError> {
+    let text = read_with_byte_order_mark(path)?;
     Ok(text.strip_prefix(BYTE_ORDER_MARK).map(str::to_string).unwrap_or(text))
 }
 
-fn read_all(path: &Path) -> Result<String, EditError> {
+fn read_with_byte_order_mark(path: &Path) -> Result<String, EditError> {
     /// Limit of the size of a script.
     const MAX_BYTES: u64 = 64 << 20;
     let bytes = choreo_files::read(path, MAX_BYTES)
@@ -448,22 +449,25 @@ fn read_all(path: &Path) -> Result<String, EditError> {
 }
 
 /// Writes a file completely or not at all. A symbolic link within its folder stays a link, and a byte order mark is kept.
-pub(crate) fn write(path: &Path, text: &str) -> Result<(), EditError> {
+pub(crate) fn write_script(path: &Path, text: &str) -> Result<(), EditError> {
     let failed = |source: WriteError| EditError::Write { path: path.to_path_buf(), source };
     let place = path.canonicalize().map_err(|e| failed(e.into()))?;
     let folder = containing_folder(path);
     if path.is_symlink() && folder.canonicalize().is_ok_and(|folder| !place.starts_with(folder)) {
         return Err(EditError::LinkOutside { path: path.to_path_buf(), target: place });
     }
-    let mark =
-        if read_all(&place).is_ok_and(|old| old.starts_with(BYTE_ORDER_MARK)) { BYTE_ORDER_MARK } else { "" };
+    let mark = if read_with_byte_order_mark(&place).is_ok_and(|old| old.starts_with(BYTE_ORDER_MARK)) {
+        BYTE_ORDER_MARK
+    } else {
+        ""
+    };
     write_whole(&place, format!("{mark}{text}").as_bytes()).map_err(failed)
 }
 
 #[cfg(test)]
 #[cfg(unix)]
 mod tests {
-    use super::write;
+    use super::write_script;
     use std::fs::{self, hard_link};
     use std::os::unix::fs::{PermissionsExt, symlink};
 
@@ -477,7 +481,7 @@ mod tests {
         fs::write(&outside, "mine").unwrap();
         let script = inside.join("s.rhai");
         symlink("versions/2.rhai", &script).unwrap();
-        write(&script, "new").unwrap();
+        write_script(&script, "new").unwrap();
         assert_eq!(fs::read_to_string(inside.join("versions/2.rhai")).unwrap(), "new");
         assert!(script.is_symlink());
         fs::remove_file(&script).unwrap();
@@ -487,12 +491,12 @@ mod tests {
             script.display(),
             outside.canonicalize().unwrap().display()
         );
-        assert_eq!(write(&script, "new").unwrap_err().to_string(), expected);
+        assert_eq!(write_script(&script, "new").unwrap_err().to_string(), expected);
         fs::remove_file(&script).unwrap();
         // A second hard link keeps the old text, and the file keeps its permissions.
         hard_link(&outside, &script).unwrap();
         fs::set_permissions(&outside, PermissionsExt::from_mode(0o640)).unwrap();
-        write(&script, "new").unwrap();
+        write_script(&script, "new").unwrap();
         assert_eq!(fs::read_to_string(&outside).unwrap(), "mine");
         assert_eq!(fs::metadata(&script).unwrap().permissions().mode() & 0o777, 0o640);
         assert_eq!(fs::read_dir(&inside).unwrap().count(), 2);

@@ -9,7 +9,7 @@ use choreo_stage::Cue;
 pub(super) const CROSSFADE_SECS: f64 = 0.3;
 
 /// End of a clip, stated or because it plays once. `None` if it repeats.
-fn end_of(cue: &Cue) -> Option<Time> {
+fn cue_end(cue: &Cue) -> Option<Time> {
     cue.end.or_else(|| cue.first_play_end().filter(|_| cue.repeat == Repeat::Once))
 }
 
@@ -29,7 +29,7 @@ impl Viewer {
     }
 
     /// Whether a clip on the base layer of an actor begins in the frame at a time.
-    pub(super) fn begins_at(&self, name: &str, secs: f64) -> bool {
+    pub(super) fn clip_begins_at(&self, name: &str, secs: f64) -> bool {
         let (fps, at) = (self.playhead.fps(), Time::from_secs(secs));
         self.base_cues(name).iter().any(|cue| fps.frames_in(cue.start) == fps.frames_in(at))
     }
@@ -37,12 +37,12 @@ impl Viewer {
     /// Start of a clip that follows all others of an actor, seconds: the stated end of the last clip, or its natural end less the crossfade. A last
     /// clip without an end is followed at the playhead, if that is later; else after one round, or halfway to the end of the scene if the round
     /// would not end before. Without clips, the playhead.
-    pub(super) fn after_last_clip(&self, name: &str) -> f64 {
+    pub(super) fn start_after_last_clip(&self, name: &str) -> f64 {
         let now = self.playhead.time();
         let cues = self.base_cues(name);
         let Some(last) = cues.last() else { return now.as_secs() };
         let begins = last.start.as_secs();
-        match (last.end, end_of(last)) {
+        match (last.end, cue_end(last)) {
             (Some(end), _) => end.as_secs(),
             (None, Some(end)) => {
                 let end = end.as_secs();
@@ -51,9 +51,9 @@ impl Viewer {
             _ if now > last.start => now.as_secs(),
             _ => {
                 let (from, to) = last.trim;
-                let over = begins + (to - from).as_secs() / last.speed.abs().max(1e-9);
+                let round_end = begins + (to - from).as_secs() / last.speed.abs().max(1e-9);
                 let length = self.timeline.length.as_secs();
-                if over < length { over } else { ((begins + length) * 5.0).round() / 10.0 }
+                if round_end < length { round_end } else { ((begins + length) * 5.0).round() / 10.0 }
             }
         }
     }
@@ -65,19 +65,19 @@ impl Viewer {
         let cues = self.base_cues(name);
         let before = cues.iter().rev().find(|cue| cue.start <= at);
         // A clip that merely crossfades at its end is not overridden.
-        let over =
-            before.filter(|cue| end_of(cue).is_none_or(|end| end.as_secs() > secs + CROSSFADE_SECS + 1e-3));
+        let overridden =
+            before.filter(|cue| cue_end(cue).is_none_or(|end| end.as_secs() > secs + CROSSFADE_SECS + 1e-3));
         let next = cues.iter().find(|cue| cue.start > at);
         let mut parts = Vec::new();
         if layer > 0 {
             parts.push(format!("{clip} has no mask, unlike row +{layer}: it plays on all joints of {name}"));
         }
         let time = |time: Time| self.shown_time(time);
-        match (over, next) {
-            (Some(over), next) => {
+        match (overridden, next) {
+            (Some(overridden), next) => {
                 let until = next.map(|next| format!(" until {} at {}", next.clip.name, time(next.start)));
                 let until = until.unwrap_or_default();
-                parts.push(format!("{clip} takes over from {} at {}{until}", over.clip.name, time(at)));
+                parts.push(format!("{clip} takes over from {} at {}{until}", overridden.clip.name, time(at)));
             }
             (None, Some(next)) => {
                 parts.push(format!(
@@ -88,7 +88,7 @@ impl Viewer {
             }
             (None, None) => {}
         }
-        if over.is_some() || layer > 0 {
+        if overridden.is_some() || layer > 0 {
             parts.push("set a mask (on, in the inspector) to play both at the same time".to_string());
         }
         (!parts.is_empty()).then(|| parts.join("; "))

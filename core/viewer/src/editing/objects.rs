@@ -16,11 +16,11 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn duplicate_object(&mut self, what: &Selected) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-        let (by, offset) = (self.named_by(what), self.copy_offset(what));
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
+        let (by, offset) = (self.name_syntax(what), self.copy_offset(what));
         let (mut name, mut line, mut uncopied_lines, mut computed_position_line) =
             (None, 0, Vec::new(), None);
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let made = duplicate_object(text, (place.line, place.column), by, offset)?;
             line = text[..made.edit.range.start].matches('\n').count() + 1;
             name = made.name;
@@ -29,16 +29,17 @@ impl Viewer {
         })?;
         let uncopied_lines: Vec<String> = uncopied_lines.iter().map(usize::to_string).collect();
         let lines = if uncopied_lines.len() == 1 { "line" } else { "lines" };
-        let lacks = (!uncopied_lines.is_empty()).then(|| {
+        let lacks_note = (!uncopied_lines.is_empty()).then(|| {
             format!("the copy lacks the effect of other statements, in {lines} {}", uncopied_lines.join(", "))
         });
         let computed_position = computed_position_line.map(|line| {
             format!("the copy is at the same place as the original: line {line} computes its place")
         });
-        let carried = self.attached_to(what).map(|parent| {
+        let attached_note = self.parent_name(what).map(|parent| {
             format!("the copy is at the same place as the original: both are attached to {parent}")
         });
-        let notes: Vec<String> = lacks.into_iter().chain(computed_position).chain(carried).collect();
+        let notes: Vec<String> =
+            lacks_note.into_iter().chain(computed_position).chain(attached_note).collect();
         self.note = (!notes.is_empty()).then(|| notes.join("; "));
         let before = |places: &[Place]| places.iter().filter(|place| place.line <= line).count();
         self.selection = match (what, name) {
@@ -53,7 +54,7 @@ impl Viewer {
     }
 
     /// Name of the actor that an actor is attached to.
-    fn attached_to(&self, what: &Selected) -> Option<String> {
+    fn parent_name(&self, what: &Selected) -> Option<String> {
         let Selected::Actor(name) = what else { return None };
         let stage = &self.scene.as_ref()?.stage;
         let parents = &stage.actors[actor(stage, name)?].parents;
@@ -80,8 +81,8 @@ impl Viewer {
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn delete_object(&mut self, what: &Selected) -> Result<(), EditError> {
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-        self.change(&place, siblings, |text| delete_object(text, place.line, place.column))?;
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
+        self.edit_call(&place, siblings, |text| delete_object(text, place.line, place.column))?;
         self.selection = None;
         Ok(())
     }

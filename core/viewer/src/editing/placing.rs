@@ -21,7 +21,7 @@ use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
 /// Transform of an actor in the space of its parent at a time, including keys but not callbacks, root motion or paths.
-pub fn placement(actor: &Actor, time: Time) -> Placement {
+pub fn placement_at(actor: &Actor, time: Time) -> Placement {
     let mut placement = actor.transform;
     for channel in &actor.channels {
         let Some([x, y, z, w]) = channel.at(time) else { continue };
@@ -88,18 +88,23 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
-        let in_parent = self.change_in_parent(&scene.stage.actors[index], index, change)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::ObjectGone)?;
+        let in_parent = self.change_in_parent_space(&scene.stage.actors[index], index, change)?;
         let (done, name) = (self.place_actor(name, in_parent, None), name.to_string());
-        self.or_after_unroll(done, move |viewer| viewer.change_actor(&name, change))
+        self.retry_after_unroll(done, move |viewer| viewer.change_actor(&name, change))
     }
 
     /// Converts a change of an actor from world space to the space of its parent.
-    fn change_in_parent(&self, found: &Actor, index: usize, change: Change) -> Result<Change, EditError> {
+    fn change_in_parent_space(
+        &self,
+        found: &Actor,
+        index: usize,
+        change: Change,
+    ) -> Result<Change, EditError> {
         let time = self.playhead.time();
         if let Some(parent) = found.parent_at(time).filter(|p| p.placement.is_some()) {
             let start = format_number(parent.start.as_secs());
-            let why = format!("the calls after its .attach from {start} s place it now; change those");
+            let why = format!("the calls after its .attach from {start} s place the actor now; change those");
             return Err(EditError::refused(why));
         }
         let parent = match found.parents.is_empty() {
@@ -107,21 +112,22 @@ impl Viewer {
             false => self.shown().and_then(|s| Some(s.snapshot.actors.get(index)?.world_from_parent)),
         };
         let parent = parent.filter(|parent| parent.matrix3.determinant().abs() > 1e-12);
-        let parent =
-            parent.ok_or_else(|| EditError::refused("its parent is not shown; show the parent first"))?;
+        let parent = parent.ok_or_else(|| {
+            EditError::refused("the parent of the actor is not shown; show the parent first")
+        })?;
         Ok(to_parent_space(change, &parent))
     }
 
     /// Placement of the dragged actor. `None` if the script would not change.
-    pub(crate) fn place_of_drag(&self, stage: &Stage) -> Option<PlacementOverride> {
+    pub(crate) fn dragged_placement(&self, stage: &Stage) -> Option<PlacementOverride> {
         let Dragging { actor: name, drag, change } = self.dragging.as_ref()?;
         if *change == Change::none(drag.tool) {
             return None;
         }
         let index = actor(stage, name)?;
         let found = &stage.actors[index];
-        let change = self.change_in_parent(found, index, *change).ok()?;
-        let (to, property) = apply_change(placement(found, self.playhead.time()), change);
+        let change = self.change_in_parent_space(found, index, *change).ok()?;
+        let (to, property) = apply_change(placement_at(found, self.playhead.time()), change);
         Some(PlacementOverride::Actor { actor: index, property, to })
     }
 
@@ -133,12 +139,12 @@ impl Viewer {
         typed: Option<&TypedNumber>,
     ) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::ObjectGone)?;
         let found = &scene.stage.actors[index];
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let time = self.playhead.time();
-        let old = placement(found, time);
+        let old = placement_at(found, time);
         let (to, property) = apply_change(old, change);
         let (at, rotation) = (to.translation, to.rotation);
         let faces = found.face.is_some() && property == Property::Rotation;
@@ -148,25 +154,25 @@ impl Viewer {
                 Change::Turn(_) => "rotation",
                 Change::Scale(_) => "scale",
             };
-            let keyed = self.keyed(&Selected::Actor(name.to_string()), property)?;
+            let keyed = self.keyed_property(&Selected::Actor(name.to_string()), property)?;
             let value = match change {
                 Change::Move(_) => keyed.text(time, &at.to_array()),
                 Change::Turn(_) => ValueText::Turn(rotation),
                 Change::Scale(_) => ValueText::Scale(to.scale),
             };
             let step = self.text_step(&keyed, time, value)?;
-            self.change_all(vec![match typed {
-                Some(typed) => step.keeping(typed),
+            self.apply_steps(vec![match typed {
+                Some(typed) => step.keeping_number(typed),
                 None => step,
             }])?;
         } else {
-            self.change(&place, siblings, |text| {
+            self.edit_call(&place, siblings, |text| {
                 let object = ScriptObject::at(text, place.line, place.column)?;
                 let made = match change {
                     Change::Move(by) => object.move_by(by, at),
                     Change::Turn(by) => match object.line_of_call("face") {
-                        Some(line) => Err(face_turns(line)),
-                        None if faces => Err(face_turns(place.line)),
+                        Some(line) => Err(face_rotation_refusal(line)),
+                        None if faces => Err(face_rotation_refusal(place.line)),
                         None => Ok(object.turn_by(by)),
                     },
                     Change::Scale(_) => {
@@ -189,7 +195,7 @@ impl Viewer {
     /// The camera with this name.
     pub(super) fn script_camera(&self, name: &str) -> Result<ScriptCamera, EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
-        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::ObjectGone)?;
         let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
         Ok(ScriptCamera { camera: scene.stage.cameras[index].clone(), place, siblings })
@@ -216,28 +222,35 @@ impl Viewer {
         let ScriptCamera { camera, place, siblings } = self.fixed_camera(name)?;
         let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
         if camera.channels.iter().any(|c| c.property == Property::Rotation) {
-            return Err(EditError::refused_at(&place, "its rotation has keys; change them there"));
+            return Err(EditError::refused_at(
+                &place,
+                "the rotation of the camera has keys; change them there",
+            ));
         }
         let time = self.playhead.time();
         let when = self.edit_time(time.as_secs());
         let (at, center) = (from.camera().world_from_view.translation, from.center);
-        let lens = from.camera().projection;
-        self.change(&place, siblings, |text| {
+        let projection = from.camera().projection;
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
-            let look = object.set_point("look_at", center)?;
-            let looked = look.apply(text);
+            let target_edit = object.set_point("look_at", center)?;
+            let text_with_target = target_edit.apply(text);
             // The start of the call does not move, since only text after it has changed.
-            let object = ScriptObject::at(&looked, place.line, place.column)?;
-            let stand = match keyed {
+            let object = ScriptObject::at(&text_with_target, place.line, place.column)?;
+            let position_edit = match keyed {
                 true => object.set_key("position", when, KeyValue::Point(at)),
                 false => object.set("at", &at.to_array()),
             };
-            let stand = stand.map_err(|refused| refused.before(text, std::slice::from_ref(&look)))?;
-            let stood = stand.apply(&looked);
-            let object = ScriptObject::at(&stood, place.line, place.column)?;
-            let seen = lens_edit(&object, &camera, time, when, lens)
-                .map_err(|refused| refused.before(text, &[look, stand]))?;
-            Ok(Edit::between(text, &seen.map_or_else(|| stood.clone(), |edit| edit.apply(&stood))))
+            let position_edit =
+                position_edit.map_err(|refused| refused.before(text, std::slice::from_ref(&target_edit)))?;
+            let text_with_position = position_edit.apply(&text_with_target);
+            let object = ScriptObject::at(&text_with_position, place.line, place.column)?;
+            let view_edit = projection_edit(&object, &camera, time, when, projection)
+                .map_err(|refused| refused.before(text, &[target_edit, position_edit]))?;
+            Ok(Edit::between(
+                text,
+                &view_edit.map_or_else(|| text_with_position.clone(), |edit| edit.apply(&text_with_position)),
+            ))
         })
     }
 
@@ -254,14 +267,14 @@ impl Viewer {
         let known = self.displayed_text().unwrap_or_default();
         let time = self.edit_time(self.playhead.time().as_secs()).written(&known);
         let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({time})") };
-        let lens = match from.camera().projection {
+        let projection = match from.camera().projection {
             Projection::Perspective { yfov, .. } if is_default_yfov(yfov) => String::new(),
             Projection::Perspective { yfov, .. } => {
                 format!(".fov({})", format_number(f64::from(yfov).to_degrees()))
             }
             Projection::Orthographic { height, .. } => format!(".ortho({})", format_number(height.into())),
         };
-        self.add_line(&format!("camera(\"{name}\").at({at}).look_at([{center}]){lens}{cut};\n"))?;
+        self.add_line(&format!("camera(\"{name}\").at({at}).look_at([{center}]){projection}{cut};\n"))?;
         self.selection = Some(Selected::Camera(name));
         Ok(())
     }
@@ -277,7 +290,7 @@ impl Viewer {
         let is_meant = |read: f64| is_as_shown(Camera::yfov(read).to_degrees(), degrees);
         let length = format_as_meant(Camera::focal_length(degrees.to_radians()), is_meant);
         let when = self.edit_time(self.playhead.time().as_secs());
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             if in_millimetres {
                 return object.set_key("focal_length", when, KeyValue::Text(&length));
@@ -324,15 +337,15 @@ impl Viewer {
             "direction" => Some(Property::Rotation),
             _ => None,
         };
-        let of_sky = (*what == Selected::Sky).then(|| self.keyed(what, name)).transpose()?;
+        let of_sky = (*what == Selected::Sky).then(|| self.keyed_property(what, name)).transpose()?;
         if let Some(keyed) = of_sky.filter(|keyed| keyed.has_keys()) {
             let value = ValueText::Text(value.to_string());
             let step = self.text_step(&keyed, self.playhead.time(), value)?;
-            return self.change_all(vec![step]);
+            return self.apply_steps(vec![step]);
         }
         let keyed = light.is_some_and(|l| l.channels.iter().any(|c| Some(c.property) == property));
         let when = self.edit_time(self.playhead.time().as_secs());
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match light {
                 Some(_) if keyed => object.set_key(name, when, KeyValue::Text(value)),
@@ -344,20 +357,20 @@ impl Viewer {
 
     /// Tells the user if another line of the script overrides the edited placement.
     pub(crate) fn check_expected_placement(&mut self) {
-        let Some(wanted) = self.history.expected_placement.take() else { return };
+        let Some(expected) = self.history.expected_placement.take() else { return };
         let scene = self.scene.as_ref();
-        let Some((scene, index)) = scene.and_then(|s| Some((s, actor(&s.stage, &wanted.actor)?))) else {
+        let Some((scene, index)) = scene.and_then(|s| Some((s, actor(&s.stage, &expected.actor)?))) else {
             return;
         };
-        let now = placement(&scene.stage.actors[index], wanted.time);
+        let now = placement_at(&scene.stage.actors[index], expected.time);
         // Edits write 3 decimal places.
-        let there =
-            (now.translation - wanted.at).length() < 0.01 && now.rotation.dot(wanted.rotation).abs() > 0.9999;
-        self.message = (!there).then(|| {
-            let line = wanted.line;
+        let is_as_expected = (now.translation - expected.at).length() < 0.01
+            && now.rotation.dot(expected.rotation).abs() > 0.9999;
+        self.message = (!is_as_expected).then(|| {
+            let line = expected.line;
             format!(
                 "line {line}: the change was written, but another line places \"{}\" again; Ctrl Z undoes it",
-                wanted.actor
+                expected.actor
             )
         });
     }
@@ -365,20 +378,20 @@ impl Viewer {
 
 /// Whether a vertical field of view, in radians, is the default of cameras.
 fn is_default_yfov(yfov: f32) -> bool {
-    matches!(Projection::default(), Projection::Perspective { yfov: usual, .. } if (usual - yfov).abs() < 1e-5)
+    matches!(Projection::default(), Projection::Perspective { yfov: default_yfov, .. } if (default_yfov - yfov).abs() < 1e-5)
 }
 
 /// The edit that gives a camera the lens of a view: its field of view, or its height in parallel projection. `None` if it has that lens already.
-fn lens_edit(
+fn projection_edit(
     object: &ScriptObject,
     camera: &Camera,
     time: Time,
     when: EditTime,
-    lens: Projection,
+    projection: Projection,
 ) -> Result<Option<Edit>, EditRefused> {
     let key = |property| camera.channels.iter().find(|c| c.property == property);
     let keyed = key(Property::FieldOfView).or_else(|| key(Property::FocalLength));
-    let ((name, value), is_same) = match (lens, camera.projection) {
+    let ((name, value), is_same) = match (projection, camera.projection) {
         (Projection::Perspective { yfov, .. }, own) => {
             let (yfov, in_millimetres) = (f64::from(yfov), object.line_of_call("focal_length").is_some());
             let degrees = format_number(yfov.to_degrees());
@@ -398,7 +411,8 @@ fn lens_edit(
             let in_millimetres = keyed.is_some_and(|channel| channel.property == Property::FocalLength);
             let name = if in_millimetres { "focal_length" } else { "fov" };
             let line = object.line_of_call("key").unwrap_or(object.place().0);
-            let why = format!("its \"{name}\" has keys, which an orthographic camera cannot have");
+            let why =
+                format!("the \"{name}\" of the camera has keys, which an orthographic camera cannot have");
             return Err(EditRefused::at(line, &why));
         }
         (Projection::Orthographic { height, .. }, own) => {
@@ -406,10 +420,10 @@ fn lens_edit(
             (("ortho", format_number(height.into())), is_same)
         }
     };
-    let lenses = ["fov", "focal_length", "ortho"];
-    (!is_same).then(|| object.set_one_of(&lenses, name, &value)).transpose()
+    let projection_methods = ["fov", "focal_length", "ortho"];
+    (!is_same).then(|| object.set_one_of(&projection_methods, name, &value)).transpose()
 }
 
-fn face_turns(line: usize) -> EditRefused {
-    EditRefused::at(line, ".face(…) turns it; change or remove that call")
+fn face_rotation_refusal(line: usize) -> EditRefused {
+    EditRefused::at(line, ".face(…) turns the actor; change or remove that call")
 }

@@ -16,7 +16,7 @@ impl Viewer {
         match what {
             Selected::Actor(name) | Selected::Camera(name) => Some(name.clone()),
             Selected::Light(index) => Some(self.light_name(*index)),
-            Selected::Title(index) => match self.words_of(*index) {
+            Selected::Title(index) => match self.title_words(*index) {
                 Some(words) => Some(words),
                 None => self.read_selected(what, |object| object.name(NamedBy::Variable)),
             },
@@ -25,7 +25,7 @@ impl Viewer {
     }
 
     /// The words of a title.
-    fn words_of(&self, index: usize) -> Option<String> {
+    fn title_words(&self, index: usize) -> Option<String> {
         match &self.scene.as_ref()?.stage.layers_2d.get(index)?.content {
             Layer2dContent::Text { words, .. } => Some(words.clone()),
             _ => None,
@@ -33,7 +33,7 @@ impl Viewer {
     }
 
     /// Syntax in which the script states the name of an object.
-    pub(super) fn named_by(&self, what: &Selected) -> NamedBy {
+    pub(super) fn name_syntax(&self, what: &Selected) -> NamedBy {
         match what {
             Selected::Actor(_) | Selected::Camera(_) => NamedBy::Argument,
             Selected::Light(_) => NamedBy::Option,
@@ -50,12 +50,12 @@ impl Viewer {
         if self.name_of(what).as_deref() == Some(to) {
             return Ok(());
         }
-        if matches!(what, Selected::Title(index) if self.words_of(*index).is_some()) {
-            return self.change_field(what, &FieldChange::Words(to.to_string()));
+        if matches!(what, Selected::Title(index) if self.title_words(*index).is_some()) {
+            return self.change_field(what, &FieldChange::TitleText(to.to_string()));
         }
-        let by = self.named_by(what);
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-        self.change(&place, siblings, |text| rename_edit(text, &place, by, to))?;
+        let by = self.name_syntax(what);
+        let (place, siblings) = self.place_of(what).ok_or(EditError::ObjectGone)?;
+        self.edit_call(&place, siblings, |text| rename_edit(text, &place, by, to))?;
         self.update_name(what, to);
         Ok(())
     }

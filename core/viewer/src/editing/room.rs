@@ -1,6 +1,6 @@
 //! Free places on the ground for new objects, found with bounding rectangles.
 
-use super::placing::placement;
+use super::placing::placement_at;
 use crate::geometry::picking;
 use choreo_motion::Time;
 use choreo_stage::{Actor, ActorState, Stage};
@@ -26,8 +26,8 @@ impl Footprint {
     }
 
     /// A square around the origin for an object of which only the half width is known.
-    pub fn around(half: f64) -> Footprint {
-        Footprint { low: DVec2::splat(-half), high: DVec2::splat(half) }
+    pub fn square(half_width: f64) -> Footprint {
+        Footprint { low: DVec2::splat(-half_width), high: DVec2::splat(half_width) }
     }
 
     pub fn moved(self, by: DVec3) -> Footprint {
@@ -49,7 +49,7 @@ pub(super) fn footprint(actor: &Actor, state: Option<&ActorState>, time: Time) -
     let posed = state.filter(|state| state.visible).and_then(|state| picking::bounds(&actor.asset, state));
     let (low, high) = posed.or_else(|| {
         let rest = actor.asset.rest_bounds();
-        let placed = placement(actor, time);
+        let placed = placement_at(actor, time);
         let world_from_model =
             DAffine3::from_scale_rotation_translation(placed.scale, placed.rotation, placed.translation);
         let corners = rest.corners().map(|corner| world_from_model.transform_point3(corner.as_dvec3()));
@@ -70,56 +70,56 @@ pub(super) fn footprints(stage: &Stage, time: Time) -> Vec<Footprint> {
 }
 
 /// Footprints that are in the way of an object; sets are not.
-fn obstacles(taken: &[Footprint], own: Footprint) -> impl Iterator<Item = Footprint> {
+fn obstacles(occupied: &[Footprint], footprint: Footprint) -> impl Iterator<Item = Footprint> {
     let is_set = move |other: &Footprint| {
-        (other.size() / own.size().max(DVec2::splat(1e-9))).min_element() > MIN_SET_WIDTHS
+        (other.size() / footprint.size().max(DVec2::splat(1e-9))).min_element() > MIN_SET_WIDTHS
     };
-    taken.iter().copied().filter(move |other| !is_set(other))
+    occupied.iter().copied().filter(move |other| !is_set(other))
 }
 
 /// Whether an object has room where it stands.
-pub(super) fn is_free(taken: &[Footprint], own: Footprint) -> bool {
-    obstacles(taken, own).all(|other| !own.overlaps(other, 0.0))
+pub(super) fn is_free(occupied: &[Footprint], footprint: Footprint) -> bool {
+    obstacles(occupied, footprint).all(|other| !footprint.overlaps(other, 0.0))
 }
 
-/// The free position nearest to a point along x. `own`: footprint of the object at the origin.
-pub(super) fn nearest_free(taken: &[Footprint], own: Footprint, around: DVec3) -> DVec3 {
-    let gap = GAP_FRACTION * own.size().max_element();
-    let others: Vec<Footprint> = obstacles(taken, own).collect();
-    let beside = others
-        .iter()
-        .flat_map(|other| [(other.high.x - own.low.x + gap, 1.0), (other.low.x - own.high.x - gap, -1.0)]);
+/// The free position nearest to a point along x. `footprint`: that of the object at the origin.
+pub(super) fn nearest_free(occupied: &[Footprint], footprint: Footprint, point: DVec3) -> DVec3 {
+    let gap = GAP_FRACTION * footprint.size().max_element();
+    let others: Vec<Footprint> = obstacles(occupied, footprint).collect();
+    let beside = others.iter().flat_map(|other| {
+        [(other.high.x - footprint.low.x + gap, 1.0), (other.low.x - footprint.high.x - gap, -1.0)]
+    });
     // Rounds outward to a tenth of a metre, or to a millimetre for small objects.
-    let parts = if own.size().max_element() > 0.5 { 10.0 } else { 1000.0 };
+    let parts = if footprint.size().max_element() > 0.5 { 10.0 } else { 1000.0 };
     let beside = beside.map(|(x, side)| side * (x * side * parts).ceil() / parts);
-    let at = |x: f64| DVec3::new(x, around.y, around.z);
-    let mut places: Vec<f64> = std::iter::once(around.x).chain(beside).collect();
-    places.sort_by(|a, b| (a - around.x).abs().total_cmp(&(b - around.x).abs()));
-    let free = |x: &f64| others.iter().all(|other| !own.moved(at(*x)).overlaps(*other, gap * 0.5));
-    places.iter().copied().find(free).map_or(around, at)
+    let at = |x: f64| DVec3::new(x, point.y, point.z);
+    let mut places: Vec<f64> = std::iter::once(point.x).chain(beside).collect();
+    places.sort_by(|a, b| (a - point.x).abs().total_cmp(&(b - point.x).abs()));
+    let free = |x: &f64| others.iter().all(|other| !footprint.moved(at(*x)).overlaps(*other, gap * 0.5));
+    places.iter().copied().find(free).map_or(point, at)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn foot(x: [f64; 2], z: [f64; 2]) -> Footprint {
+    fn rectangle(x: [f64; 2], z: [f64; 2]) -> Footprint {
         Footprint { low: DVec2::new(x[0], z[0]), high: DVec2::new(x[1], z[1]) }
     }
 
     #[test]
     fn a_new_model_is_placed_beside_others_but_may_stand_inside_a_large_environment() {
-        let own = foot([-0.5, 0.5], [-0.5, 0.5]);
-        let mut taken = vec![foot([-20.0, 20.0], [-20.0, 20.0])];
-        assert_eq!(nearest_free(&taken, own, DVec3::new(1.0, 0.0, 2.0)), DVec3::new(1.0, 0.0, 2.0));
+        let footprint = rectangle([-0.5, 0.5], [-0.5, 0.5]);
+        let mut occupied = vec![rectangle([-20.0, 20.0], [-20.0, 20.0])];
+        assert_eq!(nearest_free(&occupied, footprint, DVec3::new(1.0, 0.0, 2.0)), DVec3::new(1.0, 0.0, 2.0));
         for _ in 0..5 {
-            let at = nearest_free(&taken, own, DVec3::ZERO);
-            assert!(is_free(&taken, own.moved(at)), "{at}");
+            let at = nearest_free(&occupied, footprint, DVec3::ZERO);
+            assert!(is_free(&occupied, footprint.moved(at)), "{at}");
             assert!(at.x.abs() <= 2.0 * 1.3 && at.z == 0.0, "{at}");
-            taken.push(own.moved(at));
+            occupied.push(footprint.moved(at));
         }
         // There is room behind them.
         let behind = DVec3::new(0.0, 0.0, -3.0);
-        assert_eq!(nearest_free(&taken, own, behind), behind);
+        assert_eq!(nearest_free(&occupied, footprint, behind), behind);
     }
 }

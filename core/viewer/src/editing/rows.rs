@@ -22,16 +22,16 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn move_row(&mut self, row: usize, to: usize, side: RowSide) -> Result<(), EditError> {
         let (group, what) = self.group_and_object(row).ok_or_else(|| immovable_row_error(row))?;
-        let target = self.target(&group, to).ok_or_else(|| other_group_error(&group))?;
-        let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
-        let (beside, _) = self.place_of(&target).ok_or(EditError::Gone)?;
+        let target = self.drop_target(&group, to).ok_or_else(|| other_group_error(&group))?;
+        let (place, siblings) = self.place_of(&what).ok_or(EditError::ObjectGone)?;
+        let (beside, _) = self.place_of(&target).ok_or(EditError::ObjectGone)?;
         if what == target {
             return Ok(());
         }
         self.check_place(&beside, 1)?;
         let (moved, beside) = ((place.line, place.column), (beside.line, beside.column));
-        self.change(&place, siblings, |text| reorder(text, moved, beside, side))?;
-        self.renumber(&group, &what, &target, side);
+        self.edit_call(&place, siblings, |text| reorder(text, moved, beside, side))?;
+        self.renumber_after_move(&group, &what, &target, side);
         Ok(())
     }
 
@@ -47,7 +47,7 @@ impl Viewer {
                 self.group_and_object(row).filter(|(other, _)| *other == group).map(|(_, what)| (row, what))
             })
             .collect();
-        let at = rows.iter().position(|(_, other)| *other == what).ok_or(EditError::Gone)?;
+        let at = rows.iter().position(|(_, other)| *other == what).ok_or(EditError::ObjectGone)?;
         let next = match side {
             RowSide::Above => at.checked_sub(1),
             RowSide::Below => Some(at + 1),
@@ -55,7 +55,7 @@ impl Viewer {
         let next = next.and_then(|next| rows.get(next));
         let (to, _) = *next
             .as_ref()
-            .ok_or_else(|| EditError::refused("its row cannot move further in that direction"))?;
+            .ok_or_else(|| EditError::refused("the row cannot move further in that direction"))?;
         self.move_row(row, *to, side)
     }
 
@@ -74,7 +74,7 @@ impl Viewer {
     }
 
     /// The object next to which a row of a group would be moved, given the row under the pointer.
-    fn target(&self, group: &Group, row: usize) -> Option<Selected> {
+    fn drop_target(&self, group: &Group, row: usize) -> Option<Selected> {
         match (group, self.group_and_object(row)?) {
             (Group::Actors, (Group::Layers(name), _)) => Some(Selected::Actor(name)),
             (group, (other, what)) => (*group == other).then_some(what),
@@ -82,15 +82,15 @@ impl Viewer {
     }
 
     /// Rows of the object next to which a row would be moved, in order. `to`: the row under the pointer.
-    pub(crate) fn rows_of_target(&self, row: usize, to: usize) -> Option<Vec<usize>> {
+    pub(crate) fn drop_target_rows(&self, row: usize, to: usize) -> Option<Vec<usize>> {
         let (group, _) = self.group_and_object(row)?;
-        let target = self.target(&group, to)?;
-        let is_of_it = |row: &usize| self.target(&group, *row).as_ref() == Some(&target);
+        let target = self.drop_target(&group, to)?;
+        let is_of_it = |row: &usize| self.drop_target(&group, *row).as_ref() == Some(&target);
         Some((0..self.timeline.rows.len()).filter(is_of_it).collect())
     }
 
     /// Updates the indices in the selection and in the muted and expanded layers after a move.
-    fn renumber(&mut self, group: &Group, what: &Selected, target: &Selected, side: RowSide) {
+    fn renumber_after_move(&mut self, group: &Group, what: &Selected, target: &Selected, side: RowSide) {
         let number = |what: &Selected| match what {
             Selected::Light(index) => Some(*index),
             Selected::Cue { layer, .. } => Some(*layer),

@@ -15,7 +15,7 @@ use glam::DVec3;
 
 impl Viewer {
     /// The placement that a dragged icon gives to its object.
-    pub(crate) fn place_of_icon(
+    pub(crate) fn icon_placement(
         &self,
         stage: &Stage,
         DraggedIcon { what, to, .. }: &DraggedIcon,
@@ -24,7 +24,7 @@ impl Viewer {
         Some(match what {
             IconObject::Light(light) => match stage.lights.get(*light)?.light.kind {
                 LightKind::Directional => {
-                    PlacementOverride::Sun { light: *light, direction: self.direction_from(to).as_vec3() }
+                    PlacementOverride::Sun { light: *light, direction: self.sun_direction_from(to).as_vec3() }
                 }
                 LightKind::Point | LightKind::Spot { .. } => PlacementOverride::Light { light: *light, to },
             },
@@ -40,13 +40,13 @@ impl Viewer {
     }
 
     /// Direction of a sun whose icon is at a position; unit vector, world space.
-    pub(crate) fn direction_from(&self, at: DVec3) -> DVec3 {
-        (self.sunlit() - at).normalize_or(DVec3::NEG_Y)
+    pub(crate) fn sun_direction_from(&self, at: DVec3) -> DVec3 {
+        (self.sun_target() - at).normalize_or(DVec3::NEG_Y)
     }
 
     /// The point that the icons of suns shine on, world space: the center of the actors at the start of the scene, so that the icons do not move
     /// with the actors.
-    pub(crate) fn sunlit(&self) -> DVec3 {
+    pub(crate) fn sun_target(&self) -> DVec3 {
         let find = || {
             let scene = self.scene.as_ref()?;
             picking::bounds_center_of_all(&scene.stage, &scene.evaluator.clone().at(Time::ZERO).ok()?)
@@ -76,7 +76,7 @@ impl Viewer {
         };
         let when = self.edit_time(self.playhead.time().as_secs());
         if camera.channels.iter().any(|c| c.property == Property::Translation) {
-            return self.change(&place, siblings, |text| {
+            return self.edit_call(&place, siblings, |text| {
                 let object = ScriptObject::at(text, place.line, place.column)?;
                 object.set_key("position", when, KeyValue::Point(rounded(keyed)))
             });
@@ -88,13 +88,16 @@ impl Viewer {
             }
             None => place,
         };
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match (&camera.rig, &rig) {
-                (from, to @ Rig::Orbit { .. }) => orbit_change(text, &object, [from, to]),
+                (from, to @ Rig::Orbit { .. }) => orbit_edit(text, &object, [from, to]),
                 (_, Rig::Follow { offset, .. }) => match object.argument(1) {
                     Some(list) if list.starts_with('[') => object.set_argument(1, &point_text(*offset)),
-                    _ => Err(EditRefused::at(place.line, "its offset is computed; change it there")),
+                    _ => Err(EditRefused::at(
+                        place.line,
+                        "the offset of the camera is computed; change it there",
+                    )),
                 },
                 _ => object.set("at", &rounded(keyed).to_array()),
             }
@@ -107,16 +110,19 @@ impl Viewer {
     /// Fails as [`Viewer::change_actor`] does.
     pub(crate) fn move_target(&mut self, name: &str, constraint: usize, to: DVec3) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
-        let constraint = scene.stage.actors[index].constraints.get(constraint).ok_or(EditError::Gone)?;
-        let ConstraintKind::Reach(reach) = &constraint.kind else { return Err(EditError::Gone) };
+        let index = actor(&scene.stage, name).ok_or(EditError::ObjectGone)?;
+        let constraint =
+            scene.stage.actors[index].constraints.get(constraint).ok_or(EditError::ObjectGone)?;
+        let ConstraintKind::Reach(reach) = &constraint.kind else { return Err(EditError::ObjectGone) };
         let Target::Point(from) = reach.target else {
-            return Err(EditError::refused("its target is another object; move that object"));
+            return Err(EditError::refused(
+                "the target of the constraint is another object; move that object",
+            ));
         };
         let to = to - reach.offset.unwrap_or(DVec3::ZERO);
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
-        self.change(&place, siblings, |text| {
+        self.edit_call(&place, siblings, |text| {
             ScriptObject::at(text, place.line, place.column)?.set_reach(from, to)
         })
     }
@@ -133,7 +139,7 @@ fn point_text(at: DVec3) -> String {
 }
 
 /// The edit of the numbers of an orbit that changed: distance to the millimetre, angles to a tenth of a degree.
-fn orbit_change(text: &str, object: &ScriptObject, [from, to]: [&Rig; 2]) -> Result<Edit, EditRefused> {
+fn orbit_edit(text: &str, object: &ScriptObject, [from, to]: [&Rig; 2]) -> Result<Edit, EditRefused> {
     let numbers = |rig: &Rig| match rig {
         Rig::Orbit { distance, elevation, azimuth, .. } => [
             ("distance", (distance * 1e3).round() / 1e3),

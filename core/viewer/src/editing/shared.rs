@@ -1,6 +1,6 @@
 //! Lines that create several objects, for example in a loop. An edit of one object is offered for all of them, or after the loop is unrolled.
 
-use super::{EditError, difference, read};
+use super::{EditError, difference, read_script};
 use crate::app::Viewer;
 use crate::state::history::{Alternative, Offer};
 use crate::state::selection::Selected;
@@ -12,7 +12,7 @@ pub(super) const UNROLL_LABEL: &str = "Write the loop out";
 
 impl Viewer {
     /// Keeps a refused edit of one of several objects of a loop, to be made after the user accepts to unroll the loop. `done`: result of the edit.
-    pub(super) fn or_after_unroll(
+    pub(super) fn retry_after_unroll(
         &mut self,
         done: Result<(), EditError>,
         change: impl FnOnce(&mut Viewer) -> Result<(), EditError> + 'static,
@@ -25,7 +25,7 @@ impl Viewer {
 
     /// Offers two alternatives for an edit of a shared line: change all its objects, or unroll the loop, or else add a line for one object. Returns
     /// the error. `made`: the edit of the displayed text.
-    pub(super) fn offer_of_shared(
+    pub(super) fn offer_shared_edit(
         &mut self,
         error: EditError,
         place: &Place,
@@ -36,7 +36,7 @@ impl Viewer {
         let objects = *objects;
         let (Some(known), Some(path)) = (self.displayed_text(), self.path.clone()) else { return error };
         // Positions refer to the displayed text.
-        let Some(text) = read(&path).ok().filter(|text| **text == *known && !self.faulty) else {
+        let Some(text) = read_script(&path).ok().filter(|text| **text == *known && !self.faulty) else {
             return error;
         };
         let all = made.and_then(Result::ok).filter(|edit| edit.apply(&text) != *text);
@@ -52,15 +52,15 @@ impl Viewer {
             text: text.clone(),
             ..Offer::default()
         };
-        let one = unrolled
+        let single_edit = unrolled
             .map(|edit| (UNROLL_LABEL, "With the loop written out, each can be changed alone:", edit))
             .or_else(|| {
                 alone.map(|edit| ("Add the line", "An added line would change only this one:", edit))
             });
         let makes = format!("line {line} makes {objects} objects");
-        self.offer = match (all, one) {
-            (Some(all), one) => {
-                let other = one.map(|(label, _, edit)| Alternative {
+        self.offer = match (all, single_edit) {
+            (Some(all), single_edit) => {
+                let other = single_edit.map(|(label, _, edit)| Alternative {
                     label: label.into(),
                     difference: lines(&edit),
                     edit,
@@ -78,14 +78,14 @@ impl Viewer {
 
     /// Offers two edits of an asset that several actors share: for all of them, or for one actor, which gets an asset of its own. Returns the
     /// reason why neither is made at once. `None` if no other actor uses the asset.
-    pub(super) fn offer_of_asset(
+    pub(super) fn offer_asset_edit(
         &mut self,
         what: &Selected,
         place: &Place,
         change: impl Fn(&ScriptObject, &str) -> Result<Edit, EditRefused>,
     ) -> Option<EditError> {
         let (known, path, actor) = (self.displayed_text()?, self.path.clone()?, what.actor()?);
-        let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;
+        let text = read_script(&path).ok().filter(|text| **text == *known && !self.faulty)?;
         let object = ScriptObject::at(&text, place.line, place.column).ok()?;
         let (variable, actors) = object.asset_variable().filter(|(_, actors)| *actors > 1)?;
         let all = change(&object, &text).ok()?;

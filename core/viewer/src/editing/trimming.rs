@@ -18,11 +18,11 @@ impl Viewer {
     /// # Errors
     /// The edit is refused, with a text for the user; the script does not change. The same holds for the functions below.
     pub fn trim_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
-        let (bar, strip) = self.strip(what)?;
+        let (bar, strip) = self.find_strip(what)?;
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
-        let layer = self.layer_of(what);
-        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
-        let followed = self.previous_bars(&layer)[at];
+        let layer = self.layer_bars(what);
+        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::ObjectGone)?;
+        let followed = self.followed_bars(&layer)[at];
         let is_chained = followed.is_some();
         let before = followed.or(at.checked_sub(1)).map(|before| &layer[before]);
         let meets = before.is_some_and(|before| before.meets(&bar));
@@ -30,31 +30,31 @@ impl Viewer {
             Repeat::Once => Some(trim_for_start(&bar, &strip, secs)?),
             _ if is_chained || meets => None,
             _ => {
-                let why = "it repeats, so a trim would shorten every repetition; drag without Alt, or write .once()";
+                let why = "the clip repeats, so a trim would shorten every repetition; drag without Alt, or write .once()";
                 return Err(EditError::refused_at(&bar.place, why));
             }
         };
         self.check_boundary(before.filter(|_| is_chained || meets), &bar, secs)?;
         let mut steps = match before.filter(|_| is_chained) {
-            Some(before) => vec![self.time_step(before, CueTime::End, secs)],
-            None => vec![self.time_step(&bar, CueTime::Start, secs)],
+            Some(before) => vec![self.bar_time_step(before, CueTime::End, secs)],
+            None => vec![self.bar_time_step(&bar, CueTime::Start, secs)],
         };
         if let Some(before) = before.filter(|_| meets && !is_chained)
             && has_end(&known, before.place.line, before.place.column)
         {
             // The two bars meet, so the end of the first one moves, too.
-            steps.push(self.time_step(before, CueTime::End, secs));
+            steps.push(self.bar_time_step(before, CueTime::End, secs));
         }
         steps.extend(trim.map(|trim| self.trim_step(&bar, trim)));
-        self.change_all(steps)
+        self.apply_steps(steps)
     }
 
     /// Moves the end of a bar. The end of a clip cannot move beyond the start of a clip that takes over, where it would not be visible.
-    pub(crate) fn set_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
-        let layer = self.layer_of(&bar.what);
+    pub(crate) fn set_bar_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
+        let layer = self.layer_bars(&bar.what);
         let at = layer.iter().position(|other| other.what == bar.what);
         let next =
-            at.and_then(|at| layer.get(at + 1).filter(|_| self.previous_bars(&layer)[at + 1] != Some(at)));
+            at.and_then(|at| layer.get(at + 1).filter(|_| self.followed_bars(&layer)[at + 1] != Some(at)));
         let next = next.filter(|next| bar.meets(next) && secs > next.start.as_secs());
         if let Some(next) = next {
             let (label, start) = (&next.label, self.shown_time(next.start));
@@ -63,21 +63,26 @@ impl Viewer {
             );
             return Err(EditError::refused_at(&bar.place, &why));
         }
-        self.set_cue(&bar.what, CueTime::End, secs)
+        self.set_cue_time(&bar.what, CueTime::End, secs)
     }
 
     /// Fails if one of the clips at a moved boundary would have no length.
     pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));
-        let ends = self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
+        let has_stated_end =
+            self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
         if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + MIN_CLIP_SECS) {
             let (label, start) = (&before.label, shown(before.start.as_secs()));
             let why = format!("{label}, the clip before it, begins at {start} and would have no length");
             return Err(EditError::refused_at(&bar.place, &why));
         }
-        if ends && secs >= bar.until.as_secs() - MIN_CLIP_SECS {
-            let why =
-                format!("it would begin at {}, but it ends at {}", shown(secs), shown(bar.until.as_secs()));
+        if has_stated_end && secs >= bar.until.as_secs() - MIN_CLIP_SECS {
+            let why = format!(
+                "{} would begin at {}, but it ends at {}",
+                bar.label,
+                shown(secs),
+                shown(bar.until.as_secs())
+            );
             return Err(EditError::refused_at(&bar.place, &why));
         }
         Ok(())
@@ -85,21 +90,21 @@ impl Viewer {
 
     /// Slips a clip: shows content `by` seconds later in the clip between the same ends, in playing direction. A clip without a trim gets one.
     pub fn slip_cue(&mut self, what: &Selected, by: f64) -> Result<(), EditError> {
-        let (bar, strip) = self.strip(what)?;
+        let (bar, strip) = self.find_strip(what)?;
         let trim = slipped_trim(&bar, &strip, by).ok_or_else(|| {
             let why = match strip.repeat {
-                Repeat::Once => "its clip is played whole: there is nothing beyond its ends",
-                _ => "it repeats its whole clip: make the bar shorter than one repetition, or write .once()",
+                Repeat::Once => "the clip is played whole: there is nothing beyond its ends",
+                _ => "the bar repeats its whole clip: make the bar shorter than one repetition, or write .once()",
             };
             EditError::refused_at(&bar.place, why)
         })?;
-        self.change_all(vec![self.trim_step(&bar, trim)])
+        self.apply_steps(vec![self.trim_step(&bar, trim)])
     }
 
     fn trim_step(&self, bar: &Bar, trim: [f64; 2]) -> Step<'static> {
         let fps = self.playhead.fps().as_fps();
         let trim = bar.strip.map_or(trim, |strip| clamp_trim(&strip, trim, fps));
-        self.step(bar, move |text, line, column| set_trim(text, line, column, trim, fps))
+        self.bar_step(bar, move |text, line, column| set_trim(text, line, column, trim, fps))
     }
 }
 
@@ -112,7 +117,7 @@ fn trim_for_start(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditE
         true => to -= played,
     }
     if from < -MIN_CLIP_SECS || to > strip.clip + MIN_CLIP_SECS || to - from < MIN_CLIP_SECS {
-        let why = format!("its clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
+        let why = format!("the clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
         return Err(EditError::refused_at(&bar.place, &why));
     }
     Ok([from, to])
@@ -123,11 +128,11 @@ fn slipped_trim(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     let [from, to] = strip.trim;
     let length = to - from;
     // A repeating clip must not start again before the next clip has faded in.
-    let (seen, fits) = match strip.repeat {
+    let (visible_secs, fits) = match strip.repeat {
         Repeat::Once => ((bar.until - bar.start).as_secs() * strip.speed.abs(), true),
         _ => {
-            let seen = (bar.end - bar.start).as_secs() * strip.speed.abs();
-            (seen, seen <= length + MIN_CLIP_SECS)
+            let visible_secs = (bar.end - bar.start).as_secs() * strip.speed.abs();
+            (visible_secs, visible_secs <= length + MIN_CLIP_SECS)
         }
     };
     // Keys decide the visible part of a keyed clip, and a repeating clip shows all of it, so the trim moves as a whole.
@@ -137,7 +142,7 @@ fn slipped_trim(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     }
     // Only the visible part must stay within the clip.
     let (before, after) = (strip.before(), strip.clip - length - strip.before());
-    let slipped = (before + by).clamp(0.0, (strip.clip - seen.min(length)).max(0.0));
+    let slipped = (before + by).clamp(0.0, (strip.clip - visible_secs.min(length)).max(0.0));
     let rest = if after < MIN_CLIP_SECS { 0.0 } else { (after + before - slipped).max(0.0) };
     let part = if strip.speed < 0.0 { [rest, strip.clip - slipped] } else { [slipped, strip.clip - rest] };
     ((slipped - before).abs() > MIN_CLIP_SECS).then_some(part)

@@ -1,7 +1,7 @@
 //! Axes in a corner of a viewport; a click on an end looks along that axis. A menu offers the same views.
 
 use super::hint::Hint;
-use super::overlay::{X, Y, Z, point};
+use super::overlay::{X_COLOR, Y_COLOR, Z_COLOR, to_pos2};
 use crate::app::Viewer;
 use crate::state::orbit::Orbit;
 use crate::state::side::Side;
@@ -34,16 +34,16 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
         Side::ALL.into_iter().map(|side| (side, view_from_world * side.direction())).collect();
     // Nearer ends are drawn over farther ones.
     ends.sort_by(|a, b| a.1.z.total_cmp(&b.1.z));
-    let mut hot = false;
+    let mut is_hovered = false;
     for (side, toward) in ends {
-        let at = point(
+        let at = to_pos2(
             DVec2::new(f64::from(middle.x), f64::from(middle.y))
                 + DVec2::new(toward.x, -toward.y) * f64::from(AXIS_LENGTH),
         );
         let (letter, color) = match side {
-            Side::Right | Side::Left => ("X", X),
-            Side::Top | Side::Bottom => ("Y", Y),
-            Side::Front | Side::Back => ("Z", Z),
+            Side::Right | Side::Left => ("X", X_COLOR),
+            Side::Top | Side::Bottom => ("Y", Y_COLOR),
+            Side::Front | Side::Back => ("Z", Z_COLOR),
         };
         let positive = matches!(side, Side::Right | Side::Top | Side::Front);
         let id = ui.id().with(("axis", index, side.name()));
@@ -55,7 +55,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
         response.widget_info(|| {
             egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("{} view", side.name()))
         });
-        hot |= response.hovered();
+        is_hovered |= response.hovered();
         if positive {
             painter.line_segment([middle, at], Stroke::new(2.0, color));
             painter.circle_filled(at, AXIS_END_RADIUS, color);
@@ -76,7 +76,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
             }
         }
     }
-    hot
+    is_hovered
 }
 
 fn free_orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
@@ -87,16 +87,16 @@ fn free_orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
 }
 
 /// Label of the menu: the side of the present view.
-pub fn menu_name(viewer: &Viewer, index: usize) -> &'static str {
+pub fn menu_label(viewer: &Viewer, index: usize) -> &'static str {
     free_orbit(viewer, index).as_ref().and_then(Side::of).map_or(NO_SIDE_LABEL, Side::name)
 }
 
 /// All labels of the menu.
-pub fn menu_names() -> impl Iterator<Item = &'static str> {
+pub fn menu_labels() -> impl Iterator<Item = &'static str> {
     [NO_SIDE_LABEL].into_iter().chain(Side::ALL.map(Side::name))
 }
 
-pub fn entries(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+pub fn show_view_menu(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     let orbit = free_orbit(viewer, index);
     let side = orbit.as_ref().and_then(Side::of);
     let flat = orbit.is_some_and(|o| matches!(o.projection, Projection::Orthographic { .. }));
@@ -105,11 +105,11 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     {
         orbit.look_in_perspective();
     }
-    for one in Side::ALL {
-        if ui.selectable_label(side == Some(one), one.name()).clicked()
+    for listed_side in Side::ALL {
+        if ui.selectable_label(side == Some(listed_side), listed_side.name()).clicked()
             && let Some(orbit) = viewer.free_camera(index)
         {
-            orbit.look_from(one);
+            orbit.look_from(listed_side);
         }
     }
 }

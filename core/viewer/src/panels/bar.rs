@@ -16,7 +16,7 @@ const MAX_LISTED_PROBLEMS: usize = 5;
 const NOTE_WIDTH: f32 = 120.0;
 
 /// State that the entries act on.
-struct Window<'w> {
+struct BarContext<'w> {
     panels: &'w mut Panels,
     viewer: &'w mut Viewer,
     /// Clock, seconds.
@@ -27,18 +27,24 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal(|ui| {
             let mut bar = Toolbar::new("top");
-            bar.menu("File", "", |ui, window: &mut Window| super::files::entries(ui, window.viewer));
-            bar.menu("Edit", "", edit_entries);
-            bar.menu("Add", "", |ui, window| super::add_menu::entries(ui, window.viewer));
-            bar.enabled(super::add_menu::is_possible(viewer));
-            bar.menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
-            bar.stays_open();
-            bar.menu("Appearance", "", |ui, window| appearance_entries(ui, window.panels));
-            bar.toggle(panels.key_list.open, "Shortcuts", "", |window| window.panels.key_list.open ^= true);
+            bar.add_menu("File", "", |ui, context: &mut BarContext| {
+                super::files::show_file_menu(ui, context.viewer)
+            });
+            bar.add_menu("Edit", "", show_edit_entries);
+            bar.add_menu("Add", "", |ui, context| super::add_menu::show_entries(ui, context.viewer));
+            bar.set_enabled(super::add_menu::can_add(viewer));
+            bar.add_menu("Panels", "", |ui, context| show_panel_entries(ui, context.panels));
+            bar.keep_menu_open();
+            bar.add_menu("Appearance", "", |ui, context| show_appearance_entries(ui, context.panels));
+            bar.add_toggle(panels.shortcut_list.open, "Shortcuts", "", |context| {
+                context.panels.shortcut_list.open ^= true
+            });
             // The name follows the menus, so that its length does not move them.
             let name = viewer.name.clone();
-            bar.widget("name", true, move |ui, _| elided_label(ui, RichText::new(&name).strong(), &name));
-            preview_entries(&mut bar, viewer);
+            bar.add_widget("name", true, move |ui, _| {
+                truncated_label(ui, RichText::new(&name).strong(), &name)
+            });
+            add_preview_entries(&mut bar, viewer);
             add_status(&mut bar, ui, viewer);
             // Texts at the end of the bar, from right to left. If there is no room, they move into the menu of the toolbar.
             let figures = performance_figures(viewer);
@@ -49,9 +55,9 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             let reserved = if has_note { NOTE_WIDTH } else { 0.0 };
             let fits = bar.width(ui) + widths.sum::<f32>() + reserved <= ui.available_width();
             for (text, hint) in figures.iter().filter(|_| !fits) {
-                bar.text(text, hint, TextStyle::Body);
+                bar.add_text(text, hint, TextStyle::Body);
             }
-            bar.show(ui, &mut Window { panels, viewer, now }, reserved);
+            bar.show(ui, &mut BarContext { panels, viewer, now }, reserved);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 for (text, hint) in figures.iter().filter(|_| fits) {
                     ui.label(text).hint(hint);
@@ -63,7 +69,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 }
 
 /// Entries of the menu Panels: open panels, and layouts.
-fn panel_entries(ui: &mut Ui, panels: &mut Panels) {
+fn show_panel_entries(ui: &mut Ui, panels: &mut Panels) {
     for tab in Tab::ALL {
         let mut open = panels.is_open(tab);
         if ui.checkbox(&mut open, tab.title()).changed() {
@@ -79,7 +85,7 @@ fn panel_entries(ui: &mut Ui, panels: &mut Panels) {
     }
 }
 
-fn appearance_entries(ui: &mut Ui, panels: &mut Panels) {
+fn show_appearance_entries(ui: &mut Ui, panels: &mut Panels) {
     ui.radio_value(&mut panels.light, false, "Dark");
     ui.radio_value(&mut panels.light, true, "Light");
     ui.separator();
@@ -90,7 +96,7 @@ fn appearance_entries(ui: &mut Ui, panels: &mut Panels) {
 }
 
 /// Entries of the menu Edit.
-fn edit_entries(ui: &mut Ui, window: &mut Window) {
+fn show_edit_entries(ui: &mut Ui, context: &mut BarContext) {
     const ENTRIES: [(&str, &str); 12] = [
         ("undo", "Undo"),
         ("redo", "Redo"),
@@ -106,11 +112,11 @@ fn edit_entries(ui: &mut Ui, window: &mut Window) {
         ("select_all", "Select all clips"),
     ];
     for (id, name) in ENTRIES {
-        let Some(action) = actions::action(id) else { continue };
-        let keys = actions::keys_of(window.viewer, id);
+        let Some(action) = actions::find_action(id) else { continue };
+        let keys = actions::shortcut_text(context.viewer, id);
         let button = ui.add(egui::Button::new(name).shortcut_text(keys));
         if button.hint(action.title).clicked() {
-            let Window { panels, viewer, now } = window;
+            let BarContext { panels, viewer, now } = context;
             (action.run)(&mut Context { panels, ui, viewer, now: *now });
             ui.close();
         }
@@ -118,7 +124,7 @@ fn edit_entries(ui: &mut Ui, window: &mut Window) {
 }
 
 /// A name that is truncated to leave room for the buttons next to it. `whole`: text of the tooltip.
-fn elided_label(ui: &mut Ui, name: RichText, whole: &str) {
+fn truncated_label(ui: &mut Ui, name: RichText, whole: &str) {
     let room = (ui.ctx().content_rect().width() / 4.0).min(260.0);
     ui.scope(|ui| {
         ui.set_max_width(room);
@@ -127,7 +133,7 @@ fn elided_label(ui: &mut Ui, name: RichText, whole: &str) {
 }
 
 /// Entries for previewed files, which are displayed in place of the script.
-fn preview_entries(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
+fn add_preview_entries(bar: &mut Toolbar<'_, BarContext<'_>>, viewer: &Viewer) {
     let Some(first) = viewer.previewed_files.first() else { return };
     let name = first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let name = match viewer.previewed_files.len() {
@@ -135,14 +141,14 @@ fn preview_entries(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
         more => format!("{name} and {} more", more - 1),
     };
     let all: Vec<String> = viewer.previewed_files.iter().map(|file| file.display().to_string()).collect();
-    bar.separator();
-    bar.widget("previewed files", true, move |ui, _| {
-        elided_label(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
+    bar.add_separator();
+    bar.add_widget("previewed files", true, move |ui, _| {
+        truncated_label(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
     });
     if viewer.path.is_some() {
-        bar.button("Add to script", "", |window| window.viewer.edit(|v| v.add_previewed_files()));
+        bar.add_button("Add to script", "", |context| context.viewer.edit(|v| v.add_previewed_files()));
     }
-    bar.button("Back to the script", "", |window| window.viewer.close_preview = true);
+    bar.add_button("Back to the script", "", |context| context.viewer.close_preview = true);
 }
 
 /// The first problem, in one line; a click goes to its line.
@@ -160,10 +166,10 @@ fn show_first_problem(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// State of the newest version; a click opens the panel Messages.
-fn add_status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
-    let of = |severity| viewer.problems.iter().filter(|p| p.severity == severity).count();
-    let (errors, warnings) = (of(Severity::Error), of(Severity::Warning));
-    let many = |count: usize, one: &str| match count {
+fn add_status(bar: &mut Toolbar<'_, BarContext<'_>>, ui: &Ui, viewer: &Viewer) {
+    let count_of = |severity| viewer.problems.iter().filter(|p| p.severity == severity).count();
+    let (errors, warnings) = (count_of(Severity::Error), count_of(Severity::Warning));
+    let count_text = |count: usize, one: &str| match count {
         0 => None,
         1 => Some(format!("1 {one}")),
         count => Some(format!("{count} {one}s")),
@@ -181,7 +187,8 @@ fn add_status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
     } else if !viewer.renderer_problems.is_empty() {
         RichText::new("problems: see Messages").color(visuals.error_fg_color)
     } else {
-        let parts: Vec<String> = many(errors, "error").into_iter().chain(many(warnings, "warning")).collect();
+        let parts: Vec<String> =
+            count_text(errors, "error").into_iter().chain(count_text(warnings, "warning")).collect();
         if parts.is_empty() {
             return;
         }
@@ -190,11 +197,11 @@ fn add_status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
     };
     let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.renderer_problems.iter().cloned());
     let all: Vec<String> = all.take(MAX_LISTED_PROBLEMS).collect();
-    bar.widget("status", false, move |ui, window| {
+    bar.add_widget("status", false, move |ui, context| {
         let label = ui.add(egui::Label::new(text).extend().sense(egui::Sense::click()));
         let label = label.hint(RichText::new(all.join("\n\n")).monospace());
         if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
-            window.panels.bring(Tab::Messages);
+            context.panels.bring_to_front(Tab::Messages);
         }
     });
 }
@@ -230,24 +237,24 @@ fn show_note(ui: &mut Ui, viewer: &mut Viewer) {
 /// Dialog for an offered edit, with the difference.
 pub fn show_offer(ui: &Ui, viewer: &mut Viewer) {
     let Some(offer) = &viewer.offer else { return };
-    let mut agreed = None;
-    let is_left = dialog::show(ui, "Change the script?", |ui| {
+    let mut answer = None;
+    let is_dismissed = dialog::show(ui, "Change the script?", |ui| {
         ui.set_max_width(640.0);
         ui.label(&offer.why);
         if let Some(line) = viewer.message_line
             && ui.link(format!("go to line {line}")).clicked()
         {
-            agreed = Some(OfferAnswer::GoTo(line));
+            answer = Some(OfferAnswer::GoTo(line));
         }
         ui.add_space(6.0);
         draw_difference_lines(ui, &offer.difference);
         ui.add_space(6.0);
         ui.horizontal(|ui| {
             if ui.button(&offer.label).clicked() {
-                agreed = Some(OfferAnswer::First);
+                answer = Some(OfferAnswer::Accept);
             }
             if offer.other.is_none() && ui.button("Leave it").clicked() {
-                agreed = Some(OfferAnswer::None);
+                answer = Some(OfferAnswer::Decline);
             }
         });
         if let Some(other) = &offer.other {
@@ -257,17 +264,17 @@ pub fn show_offer(ui: &Ui, viewer: &mut Viewer) {
             ui.add_space(6.0);
             ui.horizontal(|ui| {
                 if ui.button(&other.label).clicked() {
-                    agreed = Some(OfferAnswer::Other);
+                    answer = Some(OfferAnswer::AcceptOther);
                 }
                 if ui.button("Leave it").clicked() {
-                    agreed = Some(OfferAnswer::None);
+                    answer = Some(OfferAnswer::Decline);
                 }
             });
         }
     });
-    match agreed.or(is_left.then_some(OfferAnswer::None)) {
-        Some(OfferAnswer::First) => viewer.edit(|v| v.accept_offer()),
-        Some(OfferAnswer::Other) => {
+    match answer.or(is_dismissed.then_some(OfferAnswer::Decline)) {
+        Some(OfferAnswer::Accept) => viewer.edit(|v| v.accept_offer()),
+        Some(OfferAnswer::AcceptOther) => {
             if let Some(offer) = &mut viewer.offer
                 && let Some(other) = offer.other.take()
             {
@@ -276,18 +283,18 @@ pub fn show_offer(ui: &Ui, viewer: &mut Viewer) {
             viewer.edit(|v| v.accept_offer());
         }
         Some(OfferAnswer::GoTo(line)) => (viewer.offer, viewer.go_to) = (None, Some(line)),
-        Some(OfferAnswer::None) => viewer.offer = None,
+        Some(OfferAnswer::Decline) => viewer.offer = None,
         None => {}
     }
 }
 
 /// Answer to an offer.
 enum OfferAnswer {
-    First,
-    Other,
+    Accept,
+    AcceptOther,
     /// No edit; goes to the line that caused the refusal.
     GoTo(usize),
-    None,
+    Decline,
 }
 
 /// Draws the lines of a difference.

@@ -41,7 +41,7 @@ impl Command {
     }
 
     /// Side that a row is moved to by this command.
-    pub fn side(self) -> Option<RowSide> {
+    pub fn row_side(self) -> Option<RowSide> {
         match self {
             Command::RowUp => Some(RowSide::Above),
             Command::RowDown => Some(RowSide::Below),
@@ -83,17 +83,17 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
         act = Some(Act::Select(bar.clone(), false));
     }
     response.context_menu(|ui| {
-        let chosen = entries(ui, viewer, |command| command.suits_bar(bar));
-        act = chosen.map(Act::Run).or(act.take());
+        let chosen = show_entries(ui, viewer, |command| command.suits_bar(bar));
+        act = chosen.map(Act::RunCommand).or(act.take());
     });
     act
 }
 
 /// Menu entries of the commands that `suits` accepts.
-pub fn entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) -> Option<Command> {
+pub fn show_entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) -> Option<Command> {
     let mut chosen = None;
     for (command, name, key) in COMMANDS.into_iter().filter(|(command, ..)| suits(*command)) {
-        if ui.add(Button::new(name).shortcut_text(super::actions::keys_of(viewer, key))).clicked() {
+        if ui.add(Button::new(name).shortcut_text(super::actions::shortcut_text(viewer, key))).clicked() {
             chosen = Some(command);
             ui.close();
         }
@@ -105,28 +105,28 @@ pub fn entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) ->
 pub fn run_clipboard(ui: &Ui, viewer: &mut Viewer, command: Command) {
     let are_keys = viewer.has_only_keys_selected();
     match command {
-        Command::Copy if are_keys => key_menu::run(ui, viewer, KeyAct::Run(KeyCommand::Copy)),
-        Command::Cut if are_keys => key_menu::run(ui, viewer, KeyAct::Run(KeyCommand::Cut)),
+        Command::Copy if are_keys => key_menu::run(ui, viewer, KeyAct::RunCommand(KeyCommand::Copy)),
+        Command::Cut if are_keys => key_menu::run(ui, viewer, KeyAct::RunCommand(KeyCommand::Cut)),
         _ => run(ui, viewer, command),
     }
 }
 
 /// Handles the system's copy, cut and paste events.
-pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
-    key_menu::clipboard(ui, viewer);
+pub fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
+    key_menu::handle_clipboard_events(ui, viewer);
     for event in ui.input(|i| i.events.clone()) {
         match event {
             Event::Copy if !viewer.selected_bars().is_empty() => run(ui, viewer, Command::Copy),
             Event::Cut if !viewer.selected_bars().is_empty() => run(ui, viewer, Command::Cut),
-            Event::Paste(text) => paste(viewer, &text),
+            Event::Paste(text) => paste_text(viewer, &text),
             _ => {}
         }
     }
 }
 
-fn paste(viewer: &mut Viewer, text: &str) {
+fn paste_text(viewer: &mut Viewer, text: &str) {
     if are_keys(text) {
-        return key_menu::paste(viewer, text);
+        return key_menu::paste_keys(viewer, text);
     }
     let Some(name) = viewer.paste_target() else { return };
     let secs = viewer.playhead.time().as_secs();
@@ -170,13 +170,13 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
         },
         Command::Paste => {
             let copied = viewer.copied_clips.clone();
-            paste(viewer, &copied);
+            paste_text(viewer, &copied);
         }
-        Command::Rename => rename::ask(viewer),
+        Command::Rename => rename::start_rename(viewer),
         Command::RowUp | Command::RowDown => {
             let is_selected = |row: &Row| row.what.is_some() && row.what == viewer.selection;
             let row = viewer.timeline.rows.iter().position(is_selected);
-            let Some(side) = command.side() else { return };
+            let Some(side) = command.row_side() else { return };
             viewer.edit(|v| match row {
                 Some(row) => v.shift_row(row, side),
                 None => Err(EditError::refused("select the actor or the light whose row is to be moved")),

@@ -6,7 +6,7 @@ use super::headers;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks;
-use super::sequencer::{FOOT_STRIP_HEIGHT, color_of, count_following_joints, row_places};
+use super::sequencer::{FOOT_STRIP_HEIGHT, bar_color, count_following_joints, visible_row_rects};
 use crate::app::Viewer;
 use crate::editing::{ClipSource, EditError};
 use crate::state::selection::Selected;
@@ -36,23 +36,23 @@ const MAX_ROUND_MARKS: usize = 200;
 pub enum Act {
     /// Selects a bar; `true`: adds it to the selection.
     Select(Bar, bool),
-    Move(Bar, f64, Drag),
+    Move(Bar, f64, MoveKind),
     /// Moves a bar to a time and to the row with this index.
     MoveTo(Bar, f64, usize),
     /// Slips a clip by clip seconds.
     Slip(Selected, f64),
     /// Sets a time by dragging its handle; `true`: the content stays in place.
-    Time(Bar, CueTime, f64, bool),
+    SetTime(Bar, CueTime, f64, bool),
     Stretch(Selected, f64),
-    Weight(Selected, f64),
+    SetWeight(Selected, f64),
     /// A drag in a locked row, which is refused.
-    Locked(Bar),
-    Run(Command),
+    RefuseLocked(Bar),
+    RunCommand(Command),
 }
 
 /// Kind of a move.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Drag {
+pub enum MoveKind {
     Alone,
     /// Ripple: all later bars of the layer move, too.
     Ripple,
@@ -85,18 +85,18 @@ impl Lane {
     pub fn snapped(&self, viewer: &Viewer, x: f32, excluded: Option<&Bar>) -> f64 {
         let secs = self.secs(viewer, x);
         let near = viewer.snap_target(secs, self.snap_distance(viewer), excluded);
-        near.unwrap_or_else(|| self.on_frame(viewer, secs))
+        near.unwrap_or_else(|| self.snapped_to_frame(viewer, secs))
     }
 
     /// The nearest tenth of a second if it falls on a frame, since such numbers are easier to read; else the nearest frame.
-    fn on_frame(&self, viewer: &Viewer, secs: f64) -> f64 {
+    fn snapped_to_frame(&self, viewer: &Viewer, secs: f64) -> f64 {
         let tenth = (secs * 10.0).round() / 10.0;
         let is_near =
             (tenth - secs).abs() <= self.snap_distance(viewer) / 2.0 && viewer.snapped(tenth) == tenth;
         if viewer.snap && is_near { tenth } else { viewer.snapped(secs) }
     }
 
-    fn place(&self, viewer: &Viewer, from: f64, to: f64) -> Rect {
+    fn bar_rect(&self, viewer: &Viewer, from: f64, to: f64) -> Rect {
         let (left, right) = (self.x(viewer, from), self.x(viewer, to));
         let bottom = self.rect.bottom() - FOOT_STRIP_HEIGHT - 1.0;
         Rect::from_min_max(pos2(left, self.rect.top() + 1.5), pos2(right, bottom))
@@ -105,9 +105,9 @@ impl Lane {
 
 /// Draws the bars of a row, and returns the user's action.
 pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, locked: bool) -> Option<Act> {
-    let (mut act, mut pointed) = (None, None);
+    let (mut act, mut hovered_bar) = (None, None);
     for (number, bar) in bars.iter().enumerate() {
-        let place = lane.place(viewer, bar.start.as_secs(), bar.end.as_secs()).intersect(lane.rect);
+        let place = lane.bar_rect(viewer, bar.start.as_secs(), bar.end.as_secs()).intersect(lane.rect);
         if place.width() <= 0.0 {
             continue;
         }
@@ -115,38 +115,39 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         let name = format!("{} on {label}", bar.label);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
         let selected = viewer.is_bar_selected(bar);
-        let wrong = viewer.severity(&bar.place);
-        draw_bar(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, wrong));
+        let severity = viewer.severity(&bar.place);
+        draw_bar(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, severity));
         if response.clicked() {
             act = Some(Act::Select(bar.clone(), gesture::adds_to_selection(ui)));
         }
         act = match locked {
-            true => {
-                response.drag_started_by(PointerButton::Primary).then(|| Act::Locked(bar.clone())).or(act)
-            }
+            true => response
+                .drag_started_by(PointerButton::Primary)
+                .then(|| Act::RefuseLocked(bar.clone()))
+                .or(act),
             false => drag_bar(ui, viewer, bar, &response, lane).or(act),
         };
         act = bar_menu::show(&response, viewer, bar).or(act);
         if response.hint(bar_hint(viewer, bar)).hovered() {
-            pointed = Some(number);
+            hovered_bar = Some(number);
         }
         if locked {
             continue;
         }
         for (part, at) in handle_times(bar) {
-            act = time_handle(ui, viewer, (bars, number), part, at, lane).or(act);
+            act = show_time_handle(ui, viewer, (bars, number), part, at, lane).or(act);
         }
         if viewer.selection.as_ref() == Some(&bar.what) && bar.strip.is_some() {
-            act = speed_handle(ui, viewer, bar, number, lane).or(act);
-            act = weight_handle(ui, bar, number, lane, place).or(act);
+            act = show_speed_handle(ui, viewer, bar, number, lane).or(act);
+            act = show_weight_handle(ui, bar, number, lane, place).or(act);
         }
     }
     let painter = ui.painter_at(lane.rect);
-    let is_of_interest =
-        |(number, bar): &(usize, &Bar)| pointed == Some(*number) || viewer.is_selected(&bar.what);
+    let shows_whole_clip =
+        |(number, bar): &(usize, &Bar)| hovered_bar == Some(*number) || viewer.is_selected(&bar.what);
     bars.iter()
         .enumerate()
-        .filter(is_of_interest)
+        .filter(shows_whole_clip)
         .for_each(|(_, bar)| draw_whole_clip(&painter, viewer, bar, lane));
     act
 }
@@ -155,23 +156,25 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
     match act {
         Act::Select(bar, adds) => viewer.select_bar(bar, adds),
-        Act::Move(bar, secs, drag) => viewer.edit(|v| v.move_bar(&bar, secs, drag)),
+        Act::Move(bar, secs, kind) => viewer.edit(|v| v.move_bar(&bar, secs, kind)),
         Act::MoveTo(bar, secs, row) => viewer.edit(|v| v.move_bar_to(&bar, secs, row)),
         Act::Slip(what, by) => viewer.edit(|v| v.slip_cue(&what, by)),
-        Act::Time(bar, part, secs, keep) => viewer.edit(|v| v.change_time(&bar, part, secs, keep)),
+        Act::SetTime(bar, part, secs, keeps_content) => {
+            viewer.edit(|v| v.change_time(&bar, part, secs, keeps_content))
+        }
         Act::Stretch(what, end) => viewer.edit(|v| v.stretch_cue(&what, end)),
-        Act::Weight(what, weight) => viewer.edit(|v| v.set_weight(&what, weight)),
-        Act::Locked(bar) => {
-            let why = headers::is_locked(bar.what.actor().unwrap_or_default());
+        Act::SetWeight(what, weight) => viewer.edit(|v| v.set_weight(&what, weight)),
+        Act::RefuseLocked(bar) => {
+            let why = headers::locked_row_message(bar.what.actor().unwrap_or_default());
             viewer.edit(|_| Err(EditError::refused(why)));
         }
-        Act::Run(command) => bar_menu::run(ui, viewer, command),
+        Act::RunCommand(command) => bar_menu::run(ui, viewer, command),
     }
 }
 
 impl Viewer {
     /// The actor of a row, if the clip of a bar can be moved there.
-    fn actor_for(&self, bar: &Bar, row: usize) -> Result<&str, Cow<'static, str>> {
+    fn actor_accepting(&self, bar: &Bar, row: usize) -> Result<&str, Cow<'static, str>> {
         let Selected::Cue { actor, .. } = &bar.what else {
             return Err("only actors play clips; this bar stays in its own rows".into());
         };
@@ -180,55 +183,57 @@ impl Viewer {
                 Err("a layer of an actor is made by .on(…): set the joints in the inspector".into())
             }
             Some(Selected::Actor(name)) if self.toggles.locked.contains(name) => {
-                Err(headers::is_locked(name).into())
+                Err(headers::locked_row_message(name).into())
             }
             Some(Selected::Actor(name)) => Ok(name),
-            _ => Err("only actors play clips: drop it on the row of an actor".into()),
+            _ => Err("only actors play clips: drop the clip on the row of an actor".into()),
         }
     }
 
     /// Moves a bar, with the other selected bars, to the row of another actor.
     fn move_bar_to(&mut self, bar: &Bar, secs: f64, row: usize) -> Result<(), EditError> {
-        let name =
-            self.actor_for(bar, row).map_err(|why| EditError::refused_at(&bar.place, &why))?.to_string();
+        let name = self
+            .actor_accepting(bar, row)
+            .map_err(|why| EditError::refused_at(&bar.place, &why))?
+            .to_string();
         let all = self.selected_bars();
         let all = if all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
         self.move_cues_to(&all, &name, secs - bar.start.as_secs())
     }
 
-    /// Changes a time of a bar, as by dragging its handle. `keep`: the content stays in place.
+    /// Changes a time of a bar, as by dragging its handle. `keeps_content`: the content stays in place.
     pub(super) fn change_time(
         &mut self,
         bar: &Bar,
         part: CueTime,
         secs: f64,
-        keep: bool,
+        keeps_content: bool,
     ) -> Result<(), EditError> {
         match (bar.cut, part) {
             (_, CueTime::End) if matches!(bar.what, Selected::Camera(_)) => self.set_camera_end(bar, secs),
             (Some(cut), _) => self.set_cut(cut, secs),
-            (None, CueTime::Start) if keep && bar.strip.is_some() => self.trim_cue(&bar.what, secs),
-            (None, CueTime::End) => self.set_end(bar, secs),
-            (None, part) => self.set_cue(&bar.what, part, secs),
+            (None, CueTime::Start) if keeps_content && bar.strip.is_some() => self.trim_cue(&bar.what, secs),
+            (None, CueTime::End) => self.set_bar_end(bar, secs),
+            (None, part) => self.set_cue_time(&bar.what, part, secs),
         }
     }
 
     /// Moves a bar, with the other selected bars.
-    pub(super) fn move_bar(&mut self, bar: &Bar, secs: f64, drag: Drag) -> Result<(), EditError> {
+    pub(super) fn move_bar(&mut self, bar: &Bar, secs: f64, kind: MoveKind) -> Result<(), EditError> {
         let all = self.selected_bars();
-        match (bar.cut, drag) {
-            (Some(cut), Drag::Ripple) => return self.ripple_cuts(cut, secs),
+        match (bar.cut, kind) {
+            (Some(cut), MoveKind::Ripple) => return self.ripple_cuts(cut, secs),
             (Some(cut), _) => return self.set_cut(cut, secs),
             (None, _) => {}
         }
-        match (&bar.what, drag) {
+        match (&bar.what, kind) {
             (Selected::Camera(_), _) => {
                 let why = "the first camera is on from the start; drag the cut at its end";
                 Err(EditError::refused_at(&bar.place, why))
             }
-            (Selected::Cue { .. }, Drag::Overlap) => self.overlap_cue(&bar.what, secs),
-            (Selected::Cue { .. }, Drag::Ripple) => self.move_cue(&bar.what, secs, true),
-            (_, Drag::Alone) if !self.selected_keys().is_empty() && all.contains(&bar.what) => {
+            (Selected::Cue { .. }, MoveKind::Overlap) => self.overlap_cue(&bar.what, secs),
+            (Selected::Cue { .. }, MoveKind::Ripple) => self.move_cue(&bar.what, secs, true),
+            (_, MoveKind::Alone) if !self.selected_keys().is_empty() && all.contains(&bar.what) => {
                 self.move_selected(secs - bar.start.as_secs())
             }
             _ if all.len() > 1 && all.contains(&bar.what) => self.move_bars(&all, secs - bar.start.as_secs()),
@@ -267,53 +272,54 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
         ui.data_mut(|d| d.insert_temp(id, origin.x - lane.x(viewer, bar.start.as_secs())));
     }
     // Distance from the start of the bar to the point where it was grabbed, points.
-    let grabbed: f32 = ui.data(|d| d.get_temp(id))?;
-    let pointer = response.interact_pointer_pos()?.x - grabbed;
+    let grab_offset: f32 = ui.data(|d| d.get_temp(id))?;
+    let pointer = response.interact_pointer_pos()?.x - grab_offset;
     let Modifiers { alt, shift, command, .. } = gesture::modifiers(ui);
     let length = (bar.end - bar.start).as_secs();
     let painter = ui.painter_at(lane.rect);
     if let (true, Some(strip)) = (alt, bar.strip) {
         // The content follows the pointer: dragging right shows an earlier part at a given time.
         let moved = bar.start.as_secs() - lane.secs(viewer, pointer);
-        let by = moved.signum() * lane.on_frame(viewer, moved.abs()) * strip.speed.abs();
+        let by = moved.signum() * lane.snapped_to_frame(viewer, moved.abs()) * strip.speed.abs();
         let start = bar.start.as_secs() - (strip.before() + by) / strip.speed.abs();
-        let ghost = lane.place(viewer, start, start + strip.clip / strip.speed.abs());
+        let ghost = lane.bar_rect(viewer, start, start + strip.clip / strip.speed.abs());
         draw_outline(&painter, ghost);
         return (response.drag_stopped() && by != 0.0).then(|| Act::Slip(bar.what.clone(), by));
     }
-    let (wanted, max_distance) = (lane.secs(viewer, pointer), lane.snap_distance(viewer));
+    let (start_at_pointer, snap_distance) = (lane.secs(viewer, pointer), lane.snap_distance(viewer));
     // The edge that is nearest to a snap position decides.
-    let starts = viewer.snap_target(wanted, max_distance, Some(bar));
-    let ends = viewer.snap_target(wanted + length, max_distance, Some(bar)).map(|end| end - length);
+    let starts = viewer.snap_target(start_at_pointer, snap_distance, Some(bar));
+    let ends =
+        viewer.snap_target(start_at_pointer + length, snap_distance, Some(bar)).map(|end| end - length);
     let near = starts.into_iter().chain(ends);
-    let near = near.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
-    let start = near.unwrap_or_else(|| lane.on_frame(viewer, wanted));
+    let near = near.min_by(|a, b| (a - start_at_pointer).abs().total_cmp(&(b - start_at_pointer).abs()));
+    let start = near.unwrap_or_else(|| lane.snapped_to_frame(viewer, start_at_pointer));
     let start = start.max(0.0);
     if let Some(other) = target_lane(ui, viewer, bar, lane, response.interact_pointer_pos()?) {
         let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, id));
-        let ghost = other.place(viewer, start, start + length).intersect(other.rect);
+        let ghost = other.bar_rect(viewer, start, start + length).intersect(other.rect);
         draw_outline(&painter, ghost);
         if let Some(text) = drop_text(ui, viewer, bar, other.row) {
             draw_text_at_pointer(ui, response.interact_pointer_pos()?, &text);
         }
         return response.drag_stopped().then(|| Act::MoveTo(bar.clone(), start, other.row));
     }
-    let ghost = lane.place(viewer, start, start + length);
+    let ghost = lane.bar_rect(viewer, start, start + length);
     draw_outline(&painter, ghost);
-    let drag = match (shift, command) {
-        (true, _) => Drag::Ripple,
-        (_, true) => Drag::Overlap,
-        _ => Drag::Alone,
+    let kind = match (shift, command) {
+        (true, _) => MoveKind::Ripple,
+        (_, true) => MoveKind::Overlap,
+        _ => MoveKind::Alone,
     };
     let by = start - bar.start.as_secs();
     let all = viewer.selected_bars();
-    let all = if drag == Drag::Alone && all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
-    let end = viewer.moved_end(&bar.what, &all, by).filter(|_| by != 0.0 && drag != Drag::Overlap);
+    let all = if kind == MoveKind::Alone && all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
+    let end = viewer.moved_end_note(&bar.what, &all, by).filter(|_| by != 0.0 && kind != MoveKind::Overlap);
     if let Some(end) = end {
         draw_text_at_pointer(ui, response.interact_pointer_pos()?, &end);
     }
     let moved = response.drag_stopped() && by != 0.0;
-    moved.then(|| Act::Move(bar.clone(), start, drag))
+    moved.then(|| Act::Move(bar.clone(), start, kind))
 }
 
 /// The row under the pointer when a bar is dragged out of its own row. For a clip any row counts; for other bars rows of actors do, which refuse
@@ -323,7 +329,7 @@ fn target_lane(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Op
         return None;
     }
     let (row, place) =
-        row_places(ui, viewer).into_iter().find(|(_, place)| place.y_range().contains(at.y))?;
+        visible_row_rects(ui, viewer).into_iter().find(|(_, place)| place.y_range().contains(at.y))?;
     let is_actor = matches!(viewer.timeline.rows[row].what, Some(Selected::Actor(_)));
     let rect = Rect::from_x_y_ranges(lane.rect.x_range(), place.y_range());
     (row != lane.row && (bar.strip.is_some() || is_actor)).then_some(Lane { rect, row })
@@ -331,12 +337,13 @@ fn target_lane(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Op
 
 /// Text for a clip held over a row: the reason why the row refuses it, else the number of joints that follow.
 fn drop_text(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
-    let on = match viewer.actor_for(bar, row) {
+    let on = match viewer.actor_accepting(bar, row) {
         Ok(on) => on,
         Err(why) => return Some(why.to_string()),
     };
-    let of = ClipSource::Actor(bar.what.actor()?.to_string());
-    let (joints, moved) = count_following_joints(ui, viewer, &ClipDrag { of, clip: bar.label.clone() }, on)?;
+    let source = ClipSource::Actor(bar.what.actor()?.to_string());
+    let (joints, moved) =
+        count_following_joints(ui, viewer, &ClipDrag { source, clip: bar.label.clone() }, on)?;
     if joints == 0 && moved > 0 {
         return Some(format!("no joint of {on} follows {} of {}", bar.label, bar.what.actor()?));
     }
@@ -358,7 +365,7 @@ fn drag_area(
 }
 
 /// Draws a handle of a bar. At the end of a drag, returns the new time, snapped.
-fn time_handle(
+fn show_time_handle(
     ui: &Ui,
     viewer: &Viewer,
     (bars, number): (&[Bar], usize),
@@ -369,7 +376,7 @@ fn time_handle(
     let bar = &bars[number];
     let x = lane.x(viewer, at.as_secs());
     let rect = lane.rect;
-    let place = handle_place(viewer, (bars, number), part, x, lane);
+    let place = handle_rect(viewer, (bars, number), part, x, lane);
     if place.width() <= 0.0 {
         return None;
     }
@@ -392,10 +399,10 @@ fn time_handle(
         return Some(Act::Select(clicked.clone(), gesture::adds_to_selection(ui)));
     }
     let Some(pointer) = dragged else { return bar_menu::show(&response, viewer, bar) };
-    let keep = gesture::modifiers(ui).alt;
+    let keeps_content = gesture::modifiers(ui).alt;
     // The end rolls the boundary with Alt, like the start of the next clip.
     let next = bars.get(number + 1).filter(|next| next.strip.is_some() && bar.meets(next));
-    let (bar, part) = match next.filter(|_| keep && part == CueTime::End) {
+    let (bar, part) = match next.filter(|_| keeps_content && part == CueTime::End) {
         Some(next) => (next, CueTime::Start),
         None => (bar, part),
     };
@@ -410,12 +417,13 @@ fn time_handle(
         _ => secs,
     };
     if let (CueTime::Start, Some(strip)) = (part, bar.strip) {
-        let text = match (keep, strip.repeat) {
+        let text = match (keeps_content, strip.repeat) {
             (false, _) => "moves the start and the content; hold Alt to keep the content in place",
             (true, Repeat::Once) => "trims the start; the content stays in place",
             (true, _) => "moves the cut; the loop starts again at the cut",
         };
-        let end = viewer.moved_end(&bar.what, &[], secs - bar.start.as_secs()).filter(|_| !keep);
+        let end =
+            viewer.moved_end_note(&bar.what, &[], secs - bar.start.as_secs()).filter(|_| !keeps_content);
         let text = end.map_or_else(|| text.to_string(), |end| format!("{text}\n{end}"));
         draw_text_at_pointer(ui, pos2(lane.x(viewer, secs), rect.top()), &text);
     }
@@ -425,24 +433,18 @@ fn time_handle(
         _ => at,
     };
     let is_moved = (value - before.as_secs()).abs() > 1e-6;
-    (response.drag_stopped() && is_moved).then(|| Act::Time(bar.clone(), part, value, keep))
+    (response.drag_stopped() && is_moved).then(|| Act::SetTime(bar.clone(), part, value, keeps_content))
 }
 
 /// The rectangle of a handle at `x`, within the row; without width if the handle is out of view.
-fn handle_place(
-    viewer: &Viewer,
-    (bars, number): (&[Bar], usize),
-    part: CueTime,
-    x: f32,
-    lane: &Lane,
-) -> Rect {
+fn handle_rect(viewer: &Viewer, (bars, number): (&[Bar], usize), part: CueTime, x: f32, lane: &Lane) -> Rect {
     let bar = &bars[number];
     let rect = lane.rect;
     // The handle of a fade is at the top, or below the keys if the row has some; those of the ends have the full height.
     let is_fade = matches!(part, CueTime::FadeIn | CueTime::FadeOut);
     let has_keys = viewer.timeline.rows.get(lane.row).is_some_and(|row| !row.events.is_empty());
-    let below = if has_keys { marks::MARK_BAND_HEIGHT + 6.0 } else { marks::MARK_BAND_HEIGHT };
-    let bottom = if is_fade { rect.top() + below } else { rect.bottom() };
+    let fade_handle_height = if has_keys { marks::MARK_BAND_HEIGHT + 6.0 } else { marks::MARK_BAND_HEIGHT };
+    let bottom = if is_fade { rect.top() + fade_handle_height } else { rect.bottom() };
     // The handles of two bars that meet are on both sides of the boundary: the end on its left, the start on its right.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
     let meets = bars.get(number + 1).is_some_and(|next| bar.meets(next));
@@ -457,7 +459,7 @@ fn handle_place(
 }
 
 /// Speed handle of a selected clip: a triangle at the bottom, next to the handle of the end. Dragging it changes the speed.
-fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
+fn show_speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
     let (x, bottom) =
         (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - FOOT_STRIP_HEIGHT - 1.0);
     let place = Rect::from_min_max(
@@ -469,9 +471,9 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
         return None;
     }
     let id = ui.id().with(("speed", lane.row, number));
-    let grabbed = (place, pos2(x, bottom));
+    let area_and_anchor = (place, pos2(x, bottom));
     let (response, dragged) =
-        drag_area(ui, grabbed, id, format!("speed of {}", bar.label), CursorIcon::ResizeEast);
+        drag_area(ui, area_and_anchor, id, format!("speed of {}", bar.label), CursorIcon::ResizeEast);
     let corner = vec![place.right_top(), place.right_bottom(), place.left_bottom()];
     let edge = Stroke::new(1.0, Color32::BLACK);
     ui.painter_at(lane.rect).add(egui::Shape::convex_polygon(corner, Color32::WHITE, edge));
@@ -482,14 +484,14 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
     };
     let end = lane.snapped(viewer, pointer.x, Some(bar));
     let length = (bar.played_until() - bar.start).as_secs() / (end - bar.start.as_secs()).max(1e-3);
-    let ghost = lane.place(viewer, bar.start.as_secs(), end);
+    let ghost = lane.bar_rect(viewer, bar.start.as_secs(), end);
     draw_outline(&ui.painter_at(lane.rect), ghost);
     draw_text_at_pointer(ui, pointer, &format!("speed {:.2}", speed * length));
     response.drag_stopped().then(|| Act::Stretch(bar.what.clone(), end))
 }
 
 /// Weight handle of a selected clip: a line at the height of its weight, dragged up and down.
-fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect) -> Option<Act> {
+fn show_weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect) -> Option<Act> {
     // The first clip of the base layer always has the full weight.
     if matches!(bar.what, Selected::Cue { layer: 0, cue: 0, .. }) {
         return None;
@@ -500,9 +502,9 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
     let place =
         Rect::from_min_max(pos2(middle - 12.0, y(weight) - 3.0), pos2(middle + 12.0, y(weight) + 3.0));
     let id = ui.id().with(("weight", lane.row, number));
-    let grabbed = (place, pos2(middle, y(weight)));
+    let area_and_anchor = (place, pos2(middle, y(weight)));
     let (response, dragged) =
-        drag_area(ui, grabbed, id, format!("weight of {}", bar.label), CursorIcon::ResizeVertical);
+        drag_area(ui, area_and_anchor, id, format!("weight of {}", bar.label), CursorIcon::ResizeVertical);
     let to = dragged.map_or(weight, |at| {
         // Rounded to hundredths, as a person would write.
         let part = f64::from((bar_place.bottom() - at.y) / bar_place.height().max(1.0));
@@ -521,7 +523,7 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
         return None;
     };
     draw_text_at_pointer(ui, at, &format!("weight {to:.2}"));
-    (response.drag_stopped() && to != weight).then(|| Act::Weight(bar.what.clone(), to))
+    (response.drag_stopped() && to != weight).then(|| Act::SetWeight(bar.what.clone(), to))
 }
 
 /// Draws a short text next to the pointer.
@@ -549,7 +551,7 @@ fn bar_hint(viewer: &Viewer, bar: &Bar) -> String {
         }
     }
     if bar.place.line > 0 {
-        text += &format!("\n{}", marks::report(&bar.place));
+        text += &format!("\n{}", marks::file_and_line(&bar.place));
     }
     text
 }
@@ -573,21 +575,25 @@ fn draw_bar(
     bar: &Bar,
     place: Rect,
     lane: &Lane,
-    (selected, wrong): BarState,
+    (selected, severity): BarState,
 ) {
-    let color = match wrong {
+    let color = match severity {
         Some(choreo_script::Severity::Error) => ERROR_BAR_COLOR,
         Some(choreo_script::Severity::Warning) => WARNING_BAR_COLOR,
-        _ => color_of(bar.color_index),
+        _ => bar_color(bar.color_index),
     };
     let x = |time: Time| lane.x(viewer, time.as_secs());
-    let round = CornerRadius::same(3);
-    let is_off = bar.strip.is_some_and(|strip| strip.weight <= 0.0);
-    painter.rect_filled(place, round, if is_off { color.gamma_multiply(DISABLED_OPACITY) } else { color });
+    let corner_radius = CornerRadius::same(3);
+    let is_disabled = bar.strip.is_some_and(|strip| strip.weight <= 0.0);
+    painter.rect_filled(
+        place,
+        corner_radius,
+        if is_disabled { color.gamma_multiply(DISABLED_OPACITY) } else { color },
+    );
     if let Some(holds) = bar.holds_from {
         // The clip holds its last pose after its end.
         let held = Rect::from_min_max(pos2(x(holds), place.top()), place.max).intersect(place);
-        painter.rect_filled(held, round, Color32::from_black_alpha(90));
+        painter.rect_filled(held, corner_radius, Color32::from_black_alpha(90));
     }
     let wedge = |from: f32, to: f32, low: f32| {
         let points = vec![pos2(from, place.top()), pos2(to, place.top()), pos2(low, place.bottom())];
@@ -601,14 +607,14 @@ fn draw_bar(
         let begin = x((bar.end - bar.fade_out).max(bar.start));
         wedge(begin, x(bar.end), x(bar.end));
     }
-    let ink =
-        if is_off { disabled_text_color(&painter.ctx().global_style().visuals) } else { Color32::WHITE };
-    draw_round_starts(painter, viewer, bar, place, lane, ink);
+    let text_color =
+        if is_disabled { disabled_text_color(&painter.ctx().global_style().visuals) } else { Color32::WHITE };
+    draw_round_starts(painter, viewer, bar, place, lane, text_color);
     let text = painter.with_clip_rect(place.shrink2(vec2(4.0, 0.0)).intersect(painter.clip_rect()));
     let left = pos2(place.left() + 5.0, place.center().y);
-    text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), ink);
-    if is_off {
-        painter.hline(place.x_range(), place.center().y, Stroke::new(1.0, ink));
+    text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), text_color);
+    if is_disabled {
+        painter.hline(place.x_range(), place.center().y, Stroke::new(1.0, text_color));
     }
     if selected {
         draw_outline(painter, place);
@@ -639,7 +645,7 @@ fn draw_whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
     if start + strip.length() > end + 1e-3 {
-        let ghost = lane.place(viewer, start, start + strip.length());
+        let ghost = lane.bar_rect(viewer, start, start + strip.length());
         let beyond = Rect::from_min_max(pos2(lane.x(viewer, end), ghost.top()), ghost.max);
         let painter = painter.with_clip_rect(beyond.intersect(painter.clip_rect()));
         // Dashes in both colors: one of them is visible on any bar, and no selected bar looks like that.
@@ -653,7 +659,14 @@ fn draw_whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
 }
 
 /// Marks the starts of further rounds of a clip.
-fn draw_round_starts(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, ink: Color32) {
+fn draw_round_starts(
+    painter: &Painter,
+    viewer: &Viewer,
+    bar: &Bar,
+    place: Rect,
+    lane: &Lane,
+    text_color: Color32,
+) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     if strip.repeat == Repeat::Once {
         return;
@@ -665,8 +678,8 @@ fn draw_round_starts(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect,
             break;
         }
         let x = lane.x(viewer, at);
-        let low = Stroke::new(1.0, ink);
-        painter.vline(x, place.top()..=place.top() + 4.0, low);
-        painter.vline(x, place.bottom() - 4.0..=place.bottom(), low);
+        let stroke = Stroke::new(1.0, text_color);
+        painter.vline(x, place.top()..=place.top() + 4.0, stroke);
+        painter.vline(x, place.bottom() - 4.0..=place.bottom(), stroke);
     }
 }

@@ -27,9 +27,9 @@ pub fn show(
     camera: &Camera,
     mut key_button: impl FnMut(&mut Ui, &'static str),
 ) -> Option<CameraChange> {
-    let mut wanted = None;
+    let mut edit = None;
     Grid::new("camera").num_columns(2).show(ui, |ui| {
-        wanted = match &camera.rig {
+        edit = match &camera.rig {
             Rig::Fixed { position, look_at, .. } => {
                 let moved =
                     fixed_camera_fields(ui, viewer, stated, camera, (*position, look_at), &mut key_button);
@@ -51,7 +51,7 @@ pub fn show(
             Rig::File { .. } => None,
         };
     });
-    wanted
+    edit
 }
 
 /// Position and target of a camera that no rig moves; at the playhead if they have keys.
@@ -64,22 +64,24 @@ fn fixed_camera_fields(
     key_button: &mut impl FnMut(&mut Ui, &'static str),
 ) -> Option<FieldChange> {
     let keys = |property| camera.channels.iter().find(|channel| channel.property == property);
-    let mut wanted = None;
+    let mut edit = None;
     let mut row = |ui: &mut Ui,
                    name: &'static str,
                    about: &str,
                    now: DVec3,
                    key: Option<&'static str>,
                    is_keyed: bool| {
-        wanted = fields::label(ui, stated, name, about).or(wanted.take());
+        edit = fields::name_label(ui, stated, name, about).or(edit.take());
         ui.horizontal(|ui| {
             for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
                 let label = format!("camera {name} {letter}");
-                let Some(to) = values::number(ui, &label, now[axis], 0.01, -1e9..=1e9) else { continue };
+                let Some(to) = values::number_field(ui, &label, now[axis], 0.01, -1e9..=1e9) else {
+                    continue;
+                };
                 let mut all = now;
                 all[axis] = to;
-                wanted = Some(match key.filter(|_| is_keyed) {
-                    Some(key) => FieldChange::KeyedPoint(key, all, values::typed(ui, to)),
+                edit = Some(match key.filter(|_| is_keyed) {
+                    Some(key) => FieldChange::KeyedPoint(key, all, values::typed_number(ui, to)),
                     None => {
                         let written = stated.get(name).map(String::as_str);
                         let text = values::number_list_text(ui, written, &now.to_array(), axis, to);
@@ -100,7 +102,7 @@ fn fixed_camera_fields(
     if let (Some(Target::Point(point)), None) = (look_at, keys(Property::Rotation)) {
         row(ui, "look_at", "a point in world space, metres", *point, None, false);
     }
-    wanted
+    edit
 }
 
 /// Fields of the call that moves a camera.
@@ -123,18 +125,18 @@ fn rig_option_fields(
     call: &StatedCall,
     all: &[RigOption],
 ) -> Option<FieldChange> {
-    let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
+    let (fps, mut edit) = (viewer.playhead.fps().as_fps(), None);
     for RigOption { name, unit, default, range: [low, high] } in all {
-        wanted = fields::label(ui, &call.written, name, "").or(wanted);
-        let written = call.written.get(*name);
+        edit = fields::name_label(ui, &call.values, name, "").or(edit);
+        let written = call.values.get(*name);
         let now = written.map_or(Some(*default), |text| expression::value(text, fps));
         ui.horizontal(|ui| {
             match now {
                 Some(now) => {
                     let name_shown = format!("camera {name}");
-                    let set = values::written(ui, &name_shown, now, 0.05, *low..=*high, written);
+                    let set = values::number_source_field(ui, &name_shown, now, 0.05, *low..=*high, written);
                     let change = |to| FieldChange::Value(name, to, NewValueSyntax::Option);
-                    wanted = set.map(change).or(wanted.take());
+                    edit = set.map(change).or(edit.take());
                 }
                 // The script computes the value, so its source text is displayed.
                 None => drop(ui.monospace(written.map_or("", String::as_str))),
@@ -143,13 +145,13 @@ fn rig_option_fields(
         });
         ui.end_row();
     }
-    wanted
+    edit
 }
 
 /// Target of a camera: a point in world space, a whole actor, or one of its joints.
 fn target_field(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> Option<FieldChange> {
     /// Label of the choice of a whole actor.
-    const WHOLE: &str = "whole actor";
+    const WHOLE_ACTOR_LABEL: &str = "whole actor";
     let (actor, joint) = match target {
         Target::Point(at) => {
             let to = point_field(ui, ["center", "camera center"], *at, call.arguments[0].as_deref());
@@ -160,37 +162,38 @@ fn target_field(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target
     };
     let scene = viewer.scene.as_ref()?;
     let skeleton = &scene.stage.actors.get(actor)?.asset.skeleton;
-    let now = joint.map_or(WHOLE, |joint| skeleton.short_name(joint));
+    let now = joint.map_or(WHOLE_ACTOR_LABEL, |joint| skeleton.short_name(joint));
     let first = call.arguments[0].as_deref()?;
     ui.label("target").hint("the whole actor, or one of its joints");
-    let mut wanted = None;
+    let mut edit = None;
     ui.horizontal(|ui| {
         ui.monospace(&scene.stage.actors[actor].name);
         let joints = (0..skeleton.names().len()).map(|joint| skeleton.short_name(joint));
-        let chosen = fields::choice(ui, "joint", now, std::iter::once(WHOLE).chain(joints));
+        let chosen = fields::combo_box(ui, "joint", now, std::iter::once(WHOLE_ACTOR_LABEL).chain(joints));
         let variable = first.split(".joint(").next().unwrap_or(first);
-        wanted = chosen.map(|name| match name == WHOLE {
+        edit = chosen.map(|name| match name == WHOLE_ACTOR_LABEL {
             true => FieldChange::Argument(0, variable.to_string()),
             false => FieldChange::Argument(0, format!("{variable}.joint({})", quoted(&name))),
         });
     });
     ui.end_row();
-    wanted
+    edit
 }
 
 /// Three number fields in a row, which return the source text of a point. `stated`: the present source text.
 fn point_field(ui: &mut Ui, [label, name]: [&str; 2], now: DVec3, stated: Option<&str>) -> Option<String> {
-    let mut wanted = None;
+    let mut edit = None;
     ui.label(label);
     ui.horizontal(|ui| {
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
-            if let Some(to) = values::number(ui, &format!("{name} {letter}"), now[axis], 0.01, -1e9..=1e9) {
-                wanted =
-                    Some(format!("[{}]", values::number_list_text(ui, stated, &now.to_array(), axis, to)));
+            if let Some(to) =
+                values::number_field(ui, &format!("{name} {letter}"), now[axis], 0.01, -1e9..=1e9)
+            {
+                edit = Some(format!("[{}]", values::number_list_text(ui, stated, &now.to_array(), axis, to)));
             }
         }
         ui.weak("m");
     });
     ui.end_row();
-    wanted
+    edit
 }

@@ -3,7 +3,7 @@
 use super::bars::{
     DISABLED_OPACITY, ERROR_BAR_COLOR, WARNING_BAR_COLOR, disabled_text_color, outline_colors,
 };
-use super::sequencer::{COLORS, color_of};
+use super::sequencer::{BAR_COLORS, bar_color};
 use super::set_colors;
 use egui::{Color32, Theme, Visuals};
 
@@ -16,13 +16,13 @@ fn luminance(color: Color32) -> f64 {
     0.2126 * linear(color.r()) + 0.7152 * linear(color.g()) + 0.0722 * linear(color.b())
 }
 
-fn ratio(a: Color32, b: Color32) -> f64 {
+fn contrast_ratio(a: Color32, b: Color32) -> f64 {
     let (a, b) = (luminance(a), luminance(b));
     (a.max(b) + 0.05) / (a.min(b) + 0.05)
 }
 
 /// Text colors and their backgrounds.
-fn texts(visuals: &Visuals) -> Vec<(&'static str, Color32, Color32)> {
+fn text_colors(visuals: &Visuals) -> Vec<(&'static str, Color32, Color32)> {
     let widgets = &visuals.widgets;
     let mut pairs = vec![
         ("strong text", visuals.strong_text_color(), visuals.panel_fill),
@@ -59,16 +59,16 @@ fn texts(visuals: &Visuals) -> Vec<(&'static str, Color32, Color32)> {
 #[test]
 fn both_themes_meet_wcag_aa_contrast() {
     // Ground truth: the examples of the standard.
-    assert!((ratio(Color32::BLACK, Color32::WHITE) - 21.0).abs() < 1e-9);
-    assert!((ratio(Color32::from_rgb(0x77, 0x77, 0x77), Color32::WHITE) - 4.48).abs() < 0.005);
+    assert!((contrast_ratio(Color32::BLACK, Color32::WHITE) - 21.0).abs() < 1e-9);
+    assert!((contrast_ratio(Color32::from_rgb(0x77, 0x77, 0x77), Color32::WHITE) - 4.48).abs() < 0.005);
     let context = egui::Context::default();
     let mut faults = Vec::new();
     for (theme, light) in [(Theme::Dark, false), (Theme::Light, true)] {
         set_colors(&context, light);
         let visuals = context.style_of(theme).visuals.clone();
-        for (name, text, ground) in texts(&visuals) {
-            let ratio = self::ratio(text, ground);
-            if ratio < 4.5 {
+        for (name, text, ground) in text_colors(&visuals) {
+            let ratio = self::contrast_ratio(text, ground);
+            if contrast_ratio < 4.5 {
                 faults.push(format!("{theme:?}: {name}: {ratio:.2}, {text:?} on {ground:?}"));
             }
         }
@@ -77,24 +77,24 @@ fn both_themes_meet_wcag_aa_contrast() {
             ("the mark of a checkbox", visuals.widgets.inactive.fg_stroke.color),
             ("the outline of the keyboard's place", visuals.selection.stroke.color),
         ] {
-            let ratio = self::ratio(edge, visuals.panel_fill);
-            if ratio < 3.0 {
+            let ratio = self::contrast_ratio(edge, visuals.panel_fill);
+            if contrast_ratio < 3.0 {
                 faults.push(format!("{theme:?}: {name}: {ratio:.2}"));
             }
         }
     }
     // Names of bars are white; those of disabled bars are drawn on the panel, two thirds of which show through.
-    let bars = (0..2 * COLORS.len()).map(color_of);
+    let bars = (0..2 * BAR_COLORS.len()).map(bar_color);
     for ground in bars.chain([ERROR_BAR_COLOR, WARNING_BAR_COLOR]) {
-        let ratio = self::ratio(Color32::WHITE, ground);
-        if ratio < 4.5 {
+        let ratio = self::contrast_ratio(Color32::WHITE, ground);
+        if contrast_ratio < 4.5 {
             faults.push(format!("a bar: {ratio:.2}, white on {ground:?}"));
         }
         for theme in [Theme::Dark, Theme::Light] {
             let visuals = context.style_of(theme).visuals.clone();
             let ground = visuals.panel_fill.blend(ground.gamma_multiply(DISABLED_OPACITY));
-            let ratio = self::ratio(disabled_text_color(&visuals), ground);
-            if ratio < 4.5 {
+            let ratio = self::contrast_ratio(disabled_text_color(&visuals), ground);
+            if contrast_ratio < 4.5 {
                 faults.push(format!("{theme:?}: a bar that is off: {ratio:.2}, on {ground:?}"));
             }
         }
@@ -112,18 +112,18 @@ fn outlines_stand_out_from_bars_and_rows() {
         let visuals = context.style_of(theme).visuals.clone();
         let rows = [visuals.panel_fill, visuals.panel_fill.blend(visuals.faint_bg_color)];
         let bars: Vec<Color32> =
-            (0..2 * COLORS.len()).map(color_of).chain([ERROR_BAR_COLOR, WARNING_BAR_COLOR]).collect();
-        let off = bars.iter().map(|bar| rows[0].blend(bar.gamma_multiply(DISABLED_OPACITY)));
+            (0..2 * BAR_COLORS.len()).map(bar_color).chain([ERROR_BAR_COLOR, WARNING_BAR_COLOR]).collect();
+        let disabled_bars = bars.iter().map(|bar| rows[0].blend(bar.gamma_multiply(DISABLED_OPACITY)));
         let [outer, inner] = outline_colors(&visuals);
         for row in rows {
-            let ratio = self::ratio(outer, row);
-            if ratio < 3.0 {
+            let ratio = self::contrast_ratio(outer, row);
+            if contrast_ratio < 3.0 {
                 faults.push(format!("{theme:?}: an outline: {ratio:.2}, {outer:?} on {row:?}"));
             }
         }
-        for bar in bars.iter().copied().chain(off) {
-            let ratio = self::ratio(inner, bar).max(self::ratio(outer, bar));
-            if ratio < 3.0 {
+        for bar in bars.iter().copied().chain(disabled_bars) {
+            let ratio = self::contrast_ratio(inner, bar).max(self::contrast_ratio(outer, bar));
+            if contrast_ratio < 3.0 {
                 faults.push(format!("{theme:?}: an outline: {ratio:.2} on the bar {bar:?}"));
             }
         }

@@ -6,9 +6,9 @@ use super::gesture;
 use super::headers;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
-use super::marks::SELECTED;
-use super::overlay::{X, Y, Z};
-use super::sequencer::{LABELS_WIDTH, RULER_HEIGHT, draw_beats_and_playhead, scrub};
+use super::marks::SELECTED_COLOR;
+use super::overlay::{X_COLOR, Y_COLOR, Z_COLOR};
+use super::sequencer::{LABELS_WIDTH, RULER_HEIGHT, draw_beats_and_playhead, show_ruler};
 use super::tangents;
 use super::toolbar::Toolbar;
 use crate::app::Viewer;
@@ -47,8 +47,8 @@ const SINGLE_COMPONENT_COLORS: [Color32; 6] = [
 /// The area in which curves are drawn.
 pub(super) struct Plot {
     pub rect: Rect,
-    time: Span,
-    values: Span,
+    time_span: Span,
+    value_span: Span,
 }
 
 impl Plot {
@@ -57,26 +57,26 @@ impl Plot {
     }
 
     pub fn x_at(&self, secs: f64) -> f32 {
-        self.rect.left() + self.time.x_of(secs, self.rect.width())
+        self.rect.left() + self.time_span.x_of(secs, self.rect.width())
     }
 
     pub fn y(&self, value: f64) -> f32 {
-        let part = (value - self.values.from) / (self.values.to - self.values.from);
+        let part = (value - self.value_span.from) / (self.value_span.to - self.value_span.from);
         self.rect.bottom() - (part.clamp(-1e4, 1e4) * f64::from(self.rect.height())) as f32
     }
 
     /// Difference in value per pixel of the screen.
-    pub fn value_of_pixel(&self, ui: &Ui) -> f64 {
-        self.value_of(1.0 / ui.ctx().pixels_per_point())
+    pub fn value_per_pixel(&self, ui: &Ui) -> f64 {
+        self.value_difference(1.0 / ui.ctx().pixels_per_point())
     }
 
     /// Difference in value for a height in points.
-    pub fn value_of(&self, points: f32) -> f64 {
-        f64::from(points / self.rect.height().max(1.0)) * (self.values.to - self.values.from)
+    pub fn value_difference(&self, points: f32) -> f64 {
+        f64::from(points / self.rect.height().max(1.0)) * (self.value_span.to - self.value_span.from)
     }
 
     pub fn secs(&self, x: f32) -> f64 {
-        self.time.secs_at(x - self.rect.left(), self.rect.width())
+        self.time_span.secs_at(x - self.rect.left(), self.rect.width())
     }
 }
 
@@ -88,7 +88,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         );
         return;
     };
-    toolbar(ui, viewer, &what, &all);
+    show_toolbar(ui, viewer, &what, &all);
     let area = ui.available_rect_before_wrap();
     let ruler = Rect::from_min_max(
         pos2(area.left() + LABELS_WIDTH, area.top()),
@@ -105,8 +105,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         fit_when_first_shown(viewer, &all);
     }
     zoom_and_pan_with_wheel(ui, viewer, rect);
-    scrub(ui, viewer, (ruler, viewer.curves.time), "time of the curves");
-    let plot = Plot { rect, time: viewer.curves.time, values: viewer.curves.values };
+    show_ruler(ui, viewer, (ruler, viewer.curves.time), "time of the curves");
+    let plot = Plot { rect, time_span: viewer.curves.time, value_span: viewer.curves.values };
     draw_grid(ui, viewer, &plot, &all);
     show_property_names(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), area.bottom())), &all);
     handle_background(ui, viewer, &plot, &what, &all);
@@ -115,9 +115,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let mut act = None;
     for (index, property) in all.iter().enumerate() {
-        act = bezier_ease_handles(ui, viewer, &plot, property, index).or(act);
+        act = show_bezier_ease_handles(ui, viewer, &plot, property, index).or(act);
         let shaped = tangents::show(ui, viewer, &plot, property, index);
-        act = shaped.map(|(key, shape)| Act::Key(KeyAct::Shape(key, shape, None))).or(act);
+        act = shaped.map(|(key, shape)| Act::Key(KeyAct::SetShape(key, shape, None))).or(act);
         act = show_keys(ui, viewer, &plot, property, index).or(act);
     }
     draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.curves.time));
@@ -148,25 +148,25 @@ fn displayed_properties(viewer: &mut Viewer) -> Option<(Selected, Arc<Vec<KeyedP
 enum Act {
     Key(KeyAct),
     Click(KeyRef, bool),
-    Drop(KeyDrag),
+    FinishDrag(KeyDrag),
     /// Sets the Bézier easing of the span before a key: its control points.
-    Ease(KeyRef, [f64; 4]),
+    SetEase(KeyRef, [f64; 4]),
 }
 
 fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
-    if matches!(act, Act::Drop(_) | Act::Ease(..)) && headers::refuses_locked(viewer) {
+    if matches!(act, Act::FinishDrag(_) | Act::SetEase(..)) && headers::refuses_locked(viewer) {
         return;
     }
     match act {
         Act::Key(act) => key_menu::run(ui, viewer, act),
         Act::Click(key, true) => viewer.select_more_keys(&[key]),
         Act::Click(key, false) => viewer.select_keys(vec![key]),
-        Act::Drop(KeyDrag { key, part, by, value }) => {
+        Act::FinishDrag(KeyDrag { key, part, by, value }) => {
             let keys = viewer.selected_keys().to_vec();
-            let value = ValueDrag { property: key.property.clone(), part, by: value };
+            let value = ValueDrag { property: key.property.clone(), part, offset: value };
             viewer.edit(|v| v.drag_keys(&keys, by, Some(&value)));
         }
-        Act::Ease(key, points) => {
+        Act::SetEase(key, points) => {
             let [x1, y1, x2, y2] = points.map(choreo_session::edit::format_number);
             let ease = format!("[{x1}, {y1}, {x2}, {y2}]");
             viewer.edit(|v| v.set_key_ease(&[key], Some(&ease)));
@@ -174,7 +174,7 @@ fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
     }
 }
 
-fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProperty]) {
+fn show_toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProperty]) {
     ui.horizontal(|ui| {
         let mut bar = Toolbar::new("curves");
         let name = match what {
@@ -186,26 +186,26 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
             Selected::Sky => "sky".to_string(),
         };
         let hint = "show all keys, or those that are selected (Home)";
-        bar.button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fit = true);
+        bar.add_button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fit = true);
         let hint = "show the change of each value per second instead of the value";
-        bar.toggle(viewer.curves.speed, "Speed", hint, |viewer| {
+        bar.add_toggle(viewer.curves.speed, "Speed", hint, |viewer| {
             viewer.curves.speed ^= true;
             viewer.curves.fit_values(all, Time::ZERO, None);
         });
         let hint = "scale each property to the full height, whatever its unit";
-        bar.toggle(viewer.curves.normalized, "Normalize", hint, |viewer| {
+        bar.add_toggle(viewer.curves.normalized, "Normalize", hint, |viewer| {
             viewer.curves.normalized ^= true;
             viewer.curves.fit_values(all, Time::ZERO, None);
         });
         let hint = "dragged times snap to whole frames (N)";
-        bar.toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
+        bar.add_toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
         let hint = "set keys of the visible curves at the playhead (K)";
-        bar.button("Set key", hint, key_menu::set_keys);
+        bar.add_button("Set key", hint, key_menu::set_keys);
         // The name follows the buttons, so that its length does not move them.
-        bar.widget("name", true, move |ui, _| drop(ui.strong(name)));
+        bar.add_widget("name", true, move |ui, _| drop(ui.strong(name)));
         let frame = viewer.playhead.frame();
         let time = format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs());
-        bar.text(&time, "", egui::TextStyle::Monospace);
+        bar.add_text(&time, "", egui::TextStyle::Monospace);
         bar.show(ui, viewer, 0.0);
     });
 }
@@ -222,7 +222,7 @@ fn fit_view(viewer: &mut Viewer, all: &[KeyedProperty]) {
         viewer.curves.time = Span::whole(viewer.playhead.length().as_secs());
         return;
     };
-    viewer.curves.time = with_margin(first, last);
+    viewer.curves.time = span_with_margin(first, last);
     viewer.curves.fit_values(all, Time::ZERO, Some((first, last)));
 }
 
@@ -233,12 +233,12 @@ fn fit_when_first_shown(viewer: &mut Viewer, all: &[KeyedProperty]) {
     let (Some(first), Some(last)) = (keys().min(), keys().max()) else { return };
     let shown = viewer.curves.time;
     if first.as_secs() < shown.from || last.as_secs() > shown.to {
-        viewer.curves.time = with_margin(*first, *last);
+        viewer.curves.time = span_with_margin(*first, *last);
     }
 }
 
 /// A time span with a margin.
-fn with_margin(first: Time, last: Time) -> Span {
+fn span_with_margin(first: Time, last: Time) -> Span {
     let margin = ((last - first).as_secs() * 0.06).max(0.2);
     Span { from: first.as_secs() - margin, to: last.as_secs() + margin }
 }
@@ -276,11 +276,11 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         _ => String::new(),
     };
     let unit = if viewer.curves.speed { format!("{unit}/s") } else { unit };
-    let step = plot.values.ruler(plot.rect.height(), 28.0);
+    let step = plot.value_span.ruler(plot.rect.height(), 28.0);
     let digits = (-libm::log10(step)).ceil().clamp(0.0, 6.0) as usize;
     let line = visuals.weak_text_color().gamma_multiply(0.25);
-    let mut value = (plot.values.from / step).ceil() * step;
-    while value <= plot.values.to {
+    let mut value = (plot.value_span.from / step).ceil() * step;
+    while value <= plot.value_span.to {
         let y = plot.y(value);
         let strong = if value.abs() < step * 1e-6 { 2.5 } else { 1.0 };
         painter.hline(plot.rect.x_range(), y, Stroke::new(1.0, line.gamma_multiply(strong)));
@@ -298,9 +298,9 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         }
         value += step;
     }
-    let step = plot.time.ruler(plot.rect.width(), 56.0);
-    let mut secs = (plot.time.from / step).ceil() * step;
-    while secs <= plot.time.to {
+    let step = plot.time_span.ruler(plot.rect.width(), 56.0);
+    let mut secs = (plot.time_span.from / step).ceil() * step;
+    while secs <= plot.time_span.to {
         painter.vline(plot.x(Time::from_secs(secs)), plot.rect.y_range(), Stroke::new(1.0, line));
         secs += step;
     }
@@ -332,7 +332,7 @@ fn show_property_names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[Keye
                     }
                 };
                 let text = if shown { ui.visuals().text_color() } else { ui.visuals().weak_text_color() };
-                let galley = super::elided(ui.painter(), &name, 12.0, text, row.width() - 78.0);
+                let galley = super::truncated_text(ui.painter(), &name, 12.0, text, row.width() - 78.0);
                 ui.painter().galley(
                     pos2(row.left() + 24.0, row.center().y - galley.size().y / 2.0),
                     galley,
@@ -379,11 +379,11 @@ fn show_property_names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[Keye
 pub(super) fn curve_color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize) -> Color32 {
     let color = match (property.width(), part) {
         // A single angle is about y.
-        (1, _) if property.kind == ValueKind::Rotation => Y,
+        (1, _) if property.kind == ValueKind::Rotation => Y_COLOR,
         (1, _) => SINGLE_COMPONENT_COLORS[index % SINGLE_COMPONENT_COLORS.len()],
-        (_, 0) => X,
-        (_, 1) => Y,
-        (_, 2) => Z,
+        (_, 0) => X_COLOR,
+        (_, 1) => Y_COLOR,
+        (_, 2) => Z_COLOR,
         _ => Color32::GRAY,
     };
     theme_color(color, property.kind == ValueKind::Rotation, ui.visuals().dark_mode)
@@ -447,7 +447,7 @@ fn handle_background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected,
             let mut parts =
                 shown.iter().enumerate().filter(|(part, _)| viewer.curves.is_shown(property, *part));
             if parts.any(|(_, value)| area.contains(pos2(plot.x(*key), plot.y(*value)))) {
-                keys.push(key_of(property, *key));
+                keys.push(key_ref(property, *key));
             }
         }
     }
@@ -457,7 +457,7 @@ fn handle_background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected,
     viewer.select_keys(keys);
 }
 
-pub(super) fn key_of(property: &KeyedProperty, at: Time) -> KeyRef {
+pub(super) fn key_ref(property: &KeyedProperty, at: Time) -> KeyRef {
     KeyRef { what: property.what.clone(), property: property.name.clone(), at }
 }
 
@@ -479,8 +479,9 @@ fn curve_at<'p>(
 /// Draws the curves of one property, sampled from the stage.
 fn draw_curve_lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) {
     let painter = ui.painter_at(plot.rect);
-    let from = Time::from_secs(plot.time.from.max(0.0));
-    let to = Time::from_secs(plot.time.to.min(viewer.playhead.length().as_secs()).max(plot.time.from));
+    let from = Time::from_secs(plot.time_span.from.max(0.0));
+    let to =
+        Time::from_secs(plot.time_span.to.min(viewer.playhead.length().as_secs()).max(plot.time_span.from));
     let count = (plot.rect.width() / SAMPLE_DISTANCE) as usize;
     let samples = viewer.curves.samples(property, from, to, count);
     for part in (0..property.width()).filter(|part| viewer.curves.is_shown(property, *part)) {
@@ -506,7 +507,7 @@ fn show_keys(
         if !plot.rect.expand(KEY_HALF_WIDTH).x_range().contains(x) {
             continue;
         }
-        let key = key_of(property, *at);
+        let key = key_ref(property, *at);
         let selected = viewer.is_key_selected(&key);
         let values = viewer.curves.displayed_values(property, *at, scale);
         let parts =
@@ -530,7 +531,9 @@ fn show_keys(
             if response.clicked() {
                 act = Some(Act::Click(key.clone(), gesture::adds_to_selection(ui)));
             }
-            act = key_menu::show(&response, viewer, std::slice::from_ref(&key)).map(Act::Key).or(act);
+            act = key_menu::open_on_right_click(&response, viewer, std::slice::from_ref(&key))
+                .map(Act::Key)
+                .or(act);
             let number = fixed_digits(property.at(*at).get(part).copied().unwrap_or_default(), 3);
             response.hint(format!("{name} {number} {}\n{}", property.unit, viewer.shown_time(*at)));
         }
@@ -540,12 +543,13 @@ fn show_keys(
 
 fn show_key(ui: &Ui, plot: &Plot, at: Pos2, color: Color32, strong: bool) {
     let painter = ui.painter_at(plot.rect.expand(KEY_HALF_WIDTH));
-    let around = |half: f32| {
+    let diamond_points = |half: f32| {
         vec![at + vec2(0.0, -half), at + vec2(half, 0.0), at + vec2(0.0, half), at + vec2(-half, 0.0)]
     };
-    let (fill, half) = if strong { (SELECTED, KEY_HALF_WIDTH + 1.5) } else { (color, KEY_HALF_WIDTH + 0.5) };
+    let (fill, half) =
+        if strong { (SELECTED_COLOR, KEY_HALF_WIDTH + 1.5) } else { (color, KEY_HALF_WIDTH + 0.5) };
     let line = Stroke::new(1.0, ui.visuals().extreme_bg_color);
-    painter.add(Shape::convex_polygon(around(half + 1.0), fill, line));
+    painter.add(Shape::convex_polygon(diamond_points(half + 1.0), fill, line));
 }
 
 /// Position of a selected key during a drag.
@@ -599,16 +603,17 @@ fn drag_key(
         true => 0.0,
         false => {
             let wanted = key.at.as_secs() + plot.secs(by.x) - plot.secs(0.0);
-            let max_distance = plot.secs(6.0) - plot.secs(0.0);
-            viewer.snap_target(wanted, max_distance, None).unwrap_or_else(|| viewer.snapped(wanted))
+            let snap_distance = plot.secs(6.0) - plot.secs(0.0);
+            viewer.snap_target(wanted, snap_distance, None).unwrap_or_else(|| viewer.snapped(wanted))
                 - key.at.as_secs()
         }
     };
     let (_, divide) = viewer.curves.scale(property);
-    let fixed = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.is_plain();
-    let value = if fixed { 0.0 } else { -plot.value_of(by.y) * divide };
+    let keeps_value = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.is_plain();
+    let value = if keeps_value { 0.0 } else { -plot.value_difference(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
-    let value = if fixed { 0.0 } else { round_to_pixel(now + value, plot.value_of_pixel(ui) * divide) - now };
+    let value =
+        if keeps_value { 0.0 } else { round_to_pixel(now + value, plot.value_per_pixel(ui) * divide) - now };
     let drag = KeyDrag { key: key.clone(), part, by: secs, value };
     let time = viewer.shown_time(key.at + Time::from_secs(secs));
     let unit = property.unit;
@@ -617,14 +622,14 @@ fn drag_key(
     if response.drag_stopped() {
         viewer.curves.drag = None;
         ui.data_mut(|d| d.remove::<Pos2>(id));
-        return (secs != 0.0 || value != 0.0).then_some(Act::Drop(drag));
+        return (secs != 0.0 || value != 0.0).then_some(Act::FinishDrag(drag));
     }
     viewer.curves.drag = Some(drag);
     None
 }
 
 /// Draws the control points of Bézier easings at selected keys, which can be dragged.
-fn bezier_ease_handles(
+fn show_bezier_ease_handles(
     ui: &Ui,
     viewer: &Viewer,
     plot: &Plot,
@@ -635,7 +640,7 @@ fn bezier_ease_handles(
     let (mut act, scale) = (None, viewer.curves.scale(property));
     for number in 1..property.keys.len().min(MAX_KEYS) {
         let (before, at) = (property.keys[number - 1], property.keys[number]);
-        let near = [before, at].map(|at| viewer.is_key_selected(&key_of(property, at)));
+        let near = [before, at].map(|at| viewer.is_key_selected(&key_ref(property, at)));
         let ease = written.keys.get(number).and_then(|key| key.shape.as_ref()?.ease.as_deref());
         let ease = ease.and_then(parse_bezier);
         let Some(ease) = ease.filter(|_| near.contains(&true)) else { continue };
@@ -647,8 +652,8 @@ fn bezier_ease_handles(
             for side in 0..2 {
                 let id = ui.id().with(("ease", &property.name, part, number, side));
                 let color = curve_color(ui, property, index, part);
-                if let Some(points) = bezier_ease_handle(ui, plot, id, ends, ease, side, color) {
-                    act = Some(Act::Ease(key_of(property, at), points));
+                if let Some(points) = show_bezier_ease_handle(ui, plot, id, ends, ease, side, color) {
+                    act = Some(Act::SetEase(key_ref(property, at), points));
                 }
             }
         }
@@ -657,7 +662,7 @@ fn bezier_ease_handles(
 }
 
 /// One of the two control points of an easing between two keys. At the end of a drag, returns the new control points.
-fn bezier_ease_handle(
+fn show_bezier_ease_handle(
     ui: &Ui,
     plot: &Plot,
     id: egui::Id,
@@ -699,12 +704,12 @@ fn parse_bezier(ease: &str) -> Option<[f64; 4]> {
 
 #[cfg(test)]
 mod tests {
-    use super::{X, Y, Z, theme_color};
+    use super::{X_COLOR, Y_COLOR, Z_COLOR, theme_color};
 
     #[test]
-    fn rotations_have_other_colors_than_places() {
+    fn rotation_curves_have_other_colors_than_position_curves() {
         for dark_mode in [true, false] {
-            for axis in [X, Y, Z] {
+            for axis in [X_COLOR, Y_COLOR, Z_COLOR] {
                 let [place, rotation] = [false, true].map(|is| theme_color(axis, is, dark_mode));
                 let apart = |of: fn(&egui::Color32) -> u8| of(&place).abs_diff(of(&rotation));
                 let apart = u32::from(apart(egui::Color32::r))

@@ -19,28 +19,28 @@ const MIN_VIEW_TO_GROUND_SINE: f64 = 0.05;
 #[derive(Default)]
 pub struct PendingDrop {
     files: Vec<PathBuf>,
-    since: f64,
+    dropped_at: f64,
 }
 
-pub fn take_dropped_files(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
+pub fn take_dropped_files(pending: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
     let (dropped, now) = ui.input(|i| (i.raw.dropped_files.clone(), i.time));
     for file in dropped {
         let path = file.path().to_path_buf();
         // A dropped object that is not a file has an empty path.
         if !path.as_os_str().is_empty() {
-            waiting.files.push(path);
-            waiting.since = now;
+            pending.files.push(path);
+            pending.dropped_at = now;
         }
     }
-    if waiting.files.is_empty() {
+    if pending.files.is_empty() {
         return;
     }
     let moved = ui.input(|i| i.events.iter().any(|event| matches!(event, Event::PointerMoved(_))));
-    if !moved && now - waiting.since < POINTER_WAIT_SECS {
+    if !moved && now - pending.dropped_at < POINTER_WAIT_SECS {
         ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(POINTER_WAIT_SECS));
         return;
     }
-    let files = std::mem::take(&mut waiting.files);
+    let files = std::mem::take(&mut pending.files);
     let is_model = |file: &PathBuf| !file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
     let scene = viewer.path.is_some()
         && viewer.scene.is_some()
@@ -70,19 +70,19 @@ pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
         DVec2::new(right - left, bottom - top),
     );
     let (origin, direction) = view_projection.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
-    let far = -origin.y / direction.y;
-    let meets = match view_projection.is_perspective() {
-        true => far > 0.0 && far < MAX_GROUND_DISTANCE,
+    let distance = -origin.y / direction.y;
+    let meets_ground = match view_projection.is_perspective() {
+        true => distance > 0.0 && distance < MAX_GROUND_DISTANCE,
         // Orthographic rays begin next to the camera, on either side of the ground.
         false => direction.y.abs() > MIN_VIEW_TO_GROUND_SINE,
     };
-    if far.is_finite() && meets {
-        return Some(origin + direction * far);
+    if distance.is_finite() && meets_ground {
+        return Some(origin + direction * distance);
     }
     // The ray misses the ground or is parallel to it, so the distance of the center of interest is used.
     let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
     let forward = view_projection.forward();
-    let far = (middle - origin).dot(forward) / direction.dot(forward);
-    let there = if far > 0.0 && far.is_finite() { origin + direction * far } else { middle };
-    Some(DVec3::new(there.x, 0.0, there.z))
+    let distance = (middle - origin).dot(forward) / direction.dot(forward);
+    let point = if distance > 0.0 && distance.is_finite() { origin + direction * distance } else { middle };
+    Some(DVec3::new(point.x, 0.0, point.z))
 }

@@ -9,7 +9,7 @@ use crate::library::templates::TEMPLATES;
 use egui::{Key, RichText, ScrollArea, TextEdit, Ui};
 
 /// Entries of the menu.
-pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
+pub fn show_file_menu(ui: &mut Ui, viewer: &mut Viewer) {
     let shown = viewer.path.clone();
     ui.menu_button("New", |ui| {
         for template in TEMPLATES {
@@ -49,13 +49,13 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// The open file dialog, and the question about a missing script.
-pub(crate) fn dialogs(ui: &mut Ui, viewer: &mut Viewer) {
+pub(crate) fn show_dialogs(ui: &mut Ui, viewer: &mut Viewer) {
     show_missing_file(ui, viewer);
     let Some(mut dialog) = viewer.documents.dialog.take() else { return };
     match show_file_list(ui, &mut dialog) {
-        Answer::None => viewer.documents.dialog = Some(dialog),
+        Answer::Pending => viewer.documents.dialog = Some(dialog),
         Answer::Cancel => {}
-        Answer::Take => match dialog.accept() {
+        Answer::Accept => match dialog.accept() {
             None => viewer.documents.dialog = Some(dialog),
             Some(file) => {
                 if let Err(error) = viewer.take_file(dialog.purpose, &file) {
@@ -68,20 +68,20 @@ pub(crate) fn dialogs(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 enum Answer {
-    None,
+    Pending,
     Cancel,
-    Take,
+    Accept,
 }
 
 fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
-    let mut answer = Answer::None;
+    let mut answer = Answer::Pending;
     let (title, button) = match dialog.purpose {
         Purpose::Open => ("Open".to_string(), "Open"),
         Purpose::New(template) => (format!("New: {}", template.name), "Create"),
         Purpose::Lesson(_) => ("Open a copy of the lesson".to_string(), "Create"),
         Purpose::SaveAs => ("Save as".to_string(), "Save"),
     };
-    let is_left = dialog::show(ui, &title, |ui| {
+    let is_dismissed = dialog::show(ui, &title, |ui| {
         ui.set_width(560.0);
         ui.horizontal(|ui| {
             let above = dialog.folder.parent().map(std::path::Path::to_path_buf);
@@ -114,7 +114,7 @@ fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
         if let Some((entry, twice)) = chosen {
             dialog.choose(&entry);
             if twice && entry.kind != FileKind::Folder && dialog.purpose == Purpose::Open {
-                answer = Answer::Take;
+                answer = Answer::Accept;
             }
         }
         ui.separator();
@@ -126,7 +126,7 @@ fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
                 field.request_focus();
             }
             if field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter)) {
-                answer = Answer::Take;
+                answer = Answer::Accept;
             }
         });
         if let Some(problem) = &dialog.problem {
@@ -134,14 +134,14 @@ fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
         }
         ui.horizontal(|ui| {
             if ui.button(button).clicked() {
-                answer = Answer::Take;
+                answer = Answer::Accept;
             }
             if ui.button("Cancel").clicked() {
                 answer = Answer::Cancel;
             }
         });
     });
-    if is_left { Answer::Cancel } else { answer }
+    if is_dismissed { Answer::Cancel } else { answer }
 }
 
 /// Offers to create a missing script.
@@ -152,14 +152,14 @@ fn show_missing_file(ui: &Ui, viewer: &mut Viewer) {
         viewer.documents.missing = None;
         return;
     }
-    let mut made = None;
-    let is_left = dialog::show(ui, "There is no such file", |ui| {
+    let mut template_to_create = None;
+    let is_dismissed = dialog::show(ui, "There is no such file", |ui| {
         ui.label(RichText::new(path.display().to_string()).monospace());
         ui.label("Create it from:");
         ui.horizontal(|ui| {
             for template in TEMPLATES {
                 if ui.button(template.name).hint(template.about).clicked() {
-                    made = Some(template);
+                    template_to_create = Some(template);
                 }
             }
         });
@@ -174,10 +174,10 @@ fn show_missing_file(ui: &Ui, viewer: &mut Viewer) {
             }
         });
     });
-    if is_left {
+    if is_dismissed {
         viewer.documents.missing = None;
     }
-    if let Some(template) = made {
+    if let Some(template) = template_to_create {
         viewer.edit(|v| v.take_file(Purpose::New(template), &path));
     }
 }

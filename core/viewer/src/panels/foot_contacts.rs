@@ -38,13 +38,15 @@ impl FootContacts {
             return None;
         }
         let found = self.by_actor.entry(actor).or_insert_with(|| {
-            Arc::new(stage.actors.get(actor).map_or_else(ActorContacts::new, |a| feet(stage, a)))
+            Arc::new(
+                stage.actors.get(actor).map_or_else(ActorContacts::new, |a| find_actor_contacts(stage, a)),
+            )
         });
         (!found.is_empty()).then(|| found.clone())
     }
 }
 
-fn feet(stage: &Stage, actor: &Actor) -> ActorContacts {
+fn find_actor_contacts(stage: &Stage, actor: &Actor) -> ActorContacts {
     let skeleton = &actor.asset.skeleton;
     let feet = find_feet(skeleton);
     let Some(base) = actor.layers.first().filter(|_| !feet.is_empty()) else { return ActorContacts::new() };
@@ -65,7 +67,7 @@ fn feet(stage: &Stage, actor: &Actor) -> ActorContacts {
     let name = |foot: &choreo_motion::contacts::Foot| {
         foot.joints.first().map_or("", |joint| skeleton.short_name(*joint as usize)).to_string()
     };
-    let mut out: ActorContacts =
+    let mut foot_spans: ActorContacts =
         feet.iter().map(|foot| FootSpans { name: name(foot), spans: Vec::new() }).collect();
     let mut frame = 0;
     while frame < frames {
@@ -74,7 +76,7 @@ fn feet(stage: &Stage, actor: &Actor) -> ActorContacts {
         // The clip with the largest weight decides.
         let active = actor.active_clips(from);
         let Some(strongest) =
-            active.iter().filter(|h| h.layer == 0).max_by(|a, b| a.weight.total_cmp(&b.weight))
+            active.iter().filter(|clip| clip.layer == 0).max_by(|a, b| a.weight.total_cmp(&b.weight))
         else {
             continue;
         };
@@ -84,8 +86,8 @@ fn feet(stage: &Stage, actor: &Actor) -> ActorContacts {
             continue;
         };
         let round = cue.trim.1 - cue.trim.0;
-        for (FootSpans { spans, .. }, stands) in out.iter_mut().zip(&contacts.intervals) {
-            let on = |t: Time| stands.iter().any(|s| s.from <= t && t < s.to);
+        for (FootSpans { spans, .. }, intervals) in foot_spans.iter_mut().zip(&contacts.intervals) {
+            let on = |t: Time| intervals.iter().any(|s| s.from <= t && t < s.to);
             if !on(strongest.clip_time) && !on(strongest.clip_time + round) {
                 continue;
             }
@@ -96,5 +98,5 @@ fn feet(stage: &Stage, actor: &Actor) -> ActorContacts {
             }
         }
     }
-    out
+    foot_spans
 }

@@ -32,6 +32,6 @@ pub(super) fn dragged_position(ui: &Ui, response: &Response, anchor: Pos2) -> Op
     let is_held = response.dragged() || response.drag_stopped();
     let moves = is_held && ui.input(|i| i.pointer.is_decidedly_dragging());
     let pointer = response.interact_pointer_pos().filter(|_| moves)?;
-    let beside: Vec2 = ui.data(|d| d.get_temp(id)).unwrap_or_default();
-    Some(pointer - beside)
+    let grab_offset: Vec2 = ui.data(|d| d.get_temp(id)).unwrap_or_default();
+    Some(pointer - grab_offset)
 }

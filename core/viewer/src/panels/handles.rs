@@ -2,7 +2,7 @@
 
 use super::canvas::Canvas;
 use super::gesture;
-use super::overlay::{X, Y, Z, line, point};
+use super::overlay::{X_COLOR, Y_COLOR, Z_COLOR, draw_line, to_pos2};
 use crate::app::{Dragging, Viewer};
 use crate::geometry::gizmo::{ARM_LENGTH, Change, Drag, Handle, Tool, arm_direction, handle_at, ring_points};
 use crate::geometry::projection::ViewProjection;
@@ -10,7 +10,7 @@ use crate::state::selection::{Selected, actor};
 use egui::{Color32, Painter, Rect, Stroke, StrokeKind, Ui, vec2};
 use glam::{DAffine3, DVec2};
 
-const COLORS: [Color32; 3] = [X, Y, Z];
+const AXIS_COLORS: [Color32; 3] = [X_COLOR, Y_COLOR, Z_COLOR];
 
 /// Draws the gizmo and handles the mouse. Returns whether the mouse is over it or drags it.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
@@ -23,14 +23,14 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let Some(world_from_model) = state.map(|s| s.world_from_model) else { return false };
     let dragging = viewer.dragging.as_ref().filter(|d| d.actor == name).map(|d| d.drag);
     let Canvas { response, view_projection, .. } = canvas;
-    let at = canvas.pointer();
-    let hot = match dragging {
+    let at = canvas.pointer_position();
+    let hovered_handle = match dragging {
         Some(drag) => Some(drag.handle),
         None => at.and_then(|at| handle_at(viewer.tool, &world_from_model, view_projection, at)),
     };
     let painter = canvas.painter(ui);
-    draw(&painter, viewer.tool, &world_from_model, hot, view_projection);
-    if let Some(from) = canvas.drag_start(ui)
+    draw_gizmo(&painter, viewer.tool, &world_from_model, hovered_handle, view_projection);
+    if let Some(from) = canvas.drag_start_position(ui)
         && let Some(handle) = handle_at(viewer.tool, &world_from_model, view_projection, from)
     {
         let drag = Drag { tool: viewer.tool, handle, world_from_model, from };
@@ -41,9 +41,9 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     if let Some(at) = at.filter(|_| response.dragged()) {
         dragging.change = dragging.drag.change(view_projection, at, in_steps);
     }
-    let text = report(&dragging.change);
+    let text = change_text(&dragging.change);
     // The text about reduced quality is above.
-    let corner = canvas.place.left_top() + vec2(8.0, 8.0 + super::viewport::QUALITY_NOTE_HEIGHT);
+    let corner = canvas.image_rect.left_top() + vec2(8.0, 8.0 + super::viewport::QUALITY_NOTE_HEIGHT);
     painter.text(corner, egui::Align2::LEFT_TOP, text, egui::FontId::monospace(13.0), Color32::WHITE);
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
         viewer.dragging = None;
@@ -62,7 +62,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     true
 }
 
-fn report(change: &Change) -> String {
+fn change_text(change: &Change) -> String {
     match change {
         Change::Move(by) => {
             let [x, y, z] = by.to_array().map(|v| super::rounded(v, 1e3));
@@ -76,41 +76,44 @@ fn report(change: &Change) -> String {
     }
 }
 
-fn draw(
+fn draw_gizmo(
     painter: &Painter,
     tool: Tool,
     world_from_model: &DAffine3,
-    hot: Option<Handle>,
+    hovered_handle: Option<Handle>,
     view_projection: &ViewProjection,
 ) {
     let center = world_from_model.translation;
     let length = ARM_LENGTH * view_projection.metres_per_point(center);
     let Some(middle) = view_projection.project_point(center) else { return };
-    for (axis, color) in COLORS.into_iter().enumerate() {
-        let is_hot = hot == Some(Handle::Axis(axis));
+    for (axis, color) in AXIS_COLORS.into_iter().enumerate() {
+        let is_hot = hovered_handle == Some(Handle::Axis(axis));
         let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { color };
         let stroke = Stroke::new(if is_hot { 3.5 } else { 2.5 }, color);
         if tool == Tool::Turn {
             let points: Vec<_> = ring_points(center, axis, length).collect();
-            points.windows(2).for_each(|w| line(painter, view_projection, w[0], w[1], stroke));
+            points.windows(2).for_each(|w| draw_line(painter, view_projection, w[0], w[1], stroke));
             continue;
         }
         let tip = center + arm_direction(tool, axis, world_from_model) * length;
-        line(painter, view_projection, center, tip, stroke);
+        draw_line(painter, view_projection, center, tip, stroke);
         let Some(at) = view_projection.project_point(tip) else { continue };
         if tool == Tool::Scale {
-            painter.rect_filled(Rect::from_center_size(point(at), vec2(10.0, 10.0)), 1.0, color);
+            painter.rect_filled(Rect::from_center_size(to_pos2(at), vec2(10.0, 10.0)), 1.0, color);
         } else {
             let along = (at - middle).normalize_or_zero() * 11.0;
             let across = DVec2::new(-along.y, along.x) * 0.45;
-            let corners = [at + along, at + across, at - across].map(point).to_vec();
+            let corners = [at + along, at + across, at - across].map(to_pos2).to_vec();
             painter.add(egui::Shape::convex_polygon(corners, color, Stroke::NONE));
         }
     }
     if tool != Tool::Turn {
-        let color =
-            if hot == Some(Handle::Middle) { Color32::from_rgb(0xff, 0xe0, 0x70) } else { Color32::WHITE };
-        let square = Rect::from_center_size(point(middle), vec2(11.0, 11.0));
+        let color = if hovered_handle == Some(Handle::Middle) {
+            Color32::from_rgb(0xff, 0xe0, 0x70)
+        } else {
+            Color32::WHITE
+        };
+        let square = Rect::from_center_size(to_pos2(middle), vec2(11.0, 11.0));
         painter.rect_stroke(square, 1.0, Stroke::new(2.0, color), StrokeKind::Inside);
     }
 }

@@ -5,7 +5,7 @@ use super::hint::Hint;
 use super::icons;
 use crate::app::Viewer;
 use crate::editing::EditError;
-pub(super) use crate::editing::is_locked;
+pub(super) use crate::editing::locked_row_message;
 use crate::state::selection::Selected;
 use crate::state::timeline::Timeline;
 use egui::{Align2, FontId, Rect, Response, Sense, Ui, pos2, vec2};
@@ -27,17 +27,17 @@ pub enum Toggle {
 }
 
 /// Context menu of a row, or of an entry of the stage tree.
-pub fn menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Command> {
+pub fn show_menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Command> {
     let mut command = None;
     response.context_menu(|ui| {
-        command = bar_menu::entries(ui, viewer, |command| command.suits_row(viewer, what))
+        command = bar_menu::show_entries(ui, viewer, |command| command.suits_row(viewer, what))
     });
     command
 }
 
 /// Refuses an edit of the selection if its row is locked. Returns whether it is.
 pub(super) fn refuses_locked(viewer: &mut Viewer) -> bool {
-    let why = viewer.locked_selection().map(is_locked);
+    let why = viewer.locked_selection().map(locked_row_message);
     let is_refused = why.is_some();
     if let Some(why) = why {
         viewer.edit(|_| Err(EditError::refused(why)));
@@ -47,22 +47,22 @@ pub(super) fn refuses_locked(viewer: &mut Viewer) -> bool {
 
 fn has_layers(timeline: &Timeline, index: usize) -> bool {
     let row = &timeline.rows[index];
-    let below = timeline.rows.get(index + 1);
-    row.layer == Some(0) && below.is_some_and(|next| next.what == row.what && next.layer > Some(0))
+    let next_row = timeline.rows.get(index + 1);
+    row.layer == Some(0) && next_row.is_some_and(|next| next.what == row.what && next.layer > Some(0))
 }
 
 /// Rectangle of the triangle that shows a row for each keyed property; next to that of the layers, if there is one.
-fn expand_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
+fn expander_rect(timeline: &Timeline, index: usize, label: Rect) -> Rect {
     let is_indented = has_layers(timeline, index) || timeline.rows[index].layer > Some(0);
     let left = if is_indented { EXPANDER_WIDTH - 2.0 } else { 0.0 };
     Rect::from_min_size(label.min + vec2(left, 0.0), vec2(EXPANDER_WIDTH, label.height()))
 }
 
 /// Rectangle left for the name of the row.
-pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
+pub(crate) fn name_rect(timeline: &Timeline, index: usize, label: Rect) -> Rect {
     let row = &timeline.rows[index];
     let left = match row.parts.is_empty() {
-        false => expand_place(timeline, index, label).right() - label.left() - 4.0,
+        false => expander_rect(timeline, index, label).right() - label.left() - 4.0,
         true if has_layers(timeline, index) || row.layer > Some(0) => EXPANDER_WIDTH - 4.0,
         true => 0.0,
     };
@@ -74,15 +74,22 @@ pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect
     Rect::from_min_max(label.min + vec2(left, 0.0), label.max - vec2(buttons * BUTTON_WIDTH, 0.0))
 }
 
-pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<Toggle> {
+pub fn show_buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<Toggle> {
     let row = &viewer.timeline.rows[index];
     let mut toggled = None;
     if !row.parts.is_empty() {
-        let place = expand_place(&viewer.timeline, index, label);
+        let place = expander_rect(&viewer.timeline, index, label);
         let open = viewer.is_expanded(row);
         let icon = if open { icons::CARET_DOWN } else { icons::CARET_RIGHT };
-        let about = format!("keyed properties of {}", row.label);
-        if toggle_button(ui, place, icon, open, &about, "show or hide a row for each keyed property") {
+        let accessible_name = format!("keyed properties of {}", row.label);
+        if show_toggle_button(
+            ui,
+            place,
+            icon,
+            open,
+            &accessible_name,
+            "show or hide a row for each keyed property",
+        ) {
             toggled = Some(Toggle::Expand(row.key()));
         }
     }
@@ -92,8 +99,8 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
         let place = Rect::from_min_size(label.min, vec2(EXPANDER_WIDTH, label.height()));
         let closed = toggles.collapsed.contains(name);
         let icon = if closed { icons::CARET_RIGHT } else { icons::CARET_DOWN };
-        let about = format!("layers of {name}");
-        if toggle_button(ui, place, icon, !closed, &about, "show or hide the layers") {
+        let accessible_name = format!("layers of {name}");
+        if show_toggle_button(ui, place, icon, !closed, &accessible_name, "show or hide the layers") {
             toggled = Some(Toggle::Collapse(name.clone()));
         }
     }
@@ -105,32 +112,45 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
     let is_base = layer == 0;
     if row.layer.is_some() {
         let muted = toggles.muted.contains(&(name.clone(), layer));
-        let about = format!("mute {}", row.label);
+        let accessible_name = format!("mute {}", row.label);
         let number = if is_base { 2.0 } else { 0.0 };
         let icon = if muted { icons::SPEAKER_SLASH } else { icons::SPEAKER_HIGH };
-        if toggle_button(ui, place(number), icon, muted, &about, "mute: its clips do not play in this window")
-        {
+        if show_toggle_button(
+            ui,
+            place(number),
+            icon,
+            muted,
+            &accessible_name,
+            "mute: its clips do not play in this window",
+        ) {
             toggled = Some(Toggle::Mute(name.clone(), layer));
         }
     }
     if is_base {
-        let about = format!("only {name} in rows");
+        let accessible_name = format!("only {name} in rows");
         let solo = toggles.solo.contains(name);
-        if toggle_button(ui, place(1.0), icons::STAR, solo, &about, "solo: only solo actors are shown here") {
+        if show_toggle_button(
+            ui,
+            place(1.0),
+            icons::STAR,
+            solo,
+            &accessible_name,
+            "solo: only solo actors are shown here",
+        ) {
             toggled = Some(Toggle::Solo(name.clone()));
         }
-        let about = format!("lock the row of {name}");
+        let accessible_name = format!("lock the row of {name}");
         let hint = "lock: its bars, keys, curves and fields cannot be changed, its gizmo cannot be dragged";
         let locked = toggles.locked.contains(name);
         let icon = if locked { icons::LOCK_SIMPLE } else { icons::LOCK_SIMPLE_OPEN };
-        if toggle_button(ui, place(0.0), icon, locked, &about, hint) {
+        if show_toggle_button(ui, place(0.0), icon, locked, &accessible_name, hint) {
             toggled = Some(Toggle::Lock(name.clone()));
         }
     }
     toggled
 }
 
-pub(crate) fn toggle(viewer: &mut Viewer, toggle: Toggle) {
+pub(crate) fn apply_toggle(viewer: &mut Viewer, toggle: Toggle) {
     let toggles = &mut viewer.toggles;
     let (set, name) = match toggle {
         Toggle::Mute(name, layer) => {
@@ -154,20 +174,21 @@ pub(crate) fn toggle(viewer: &mut Viewer, toggle: Toggle) {
     }
 }
 
-fn toggle_button(ui: &Ui, place: Rect, icon: &str, on: bool, about: &str, hint: &str) -> bool {
-    let response = ui.interact(place, ui.id().with(about), Sense::click());
-    response.widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, on, about));
+fn show_toggle_button(ui: &Ui, place: Rect, icon: &str, on: bool, accessible_name: &str, hint: &str) -> bool {
+    let response = ui.interact(place, ui.id().with(accessible_name), Sense::click());
+    response
+        .widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, on, accessible_name));
     let visuals = ui.visuals();
-    let folds = [icons::CARET_DOWN, icons::CARET_RIGHT].contains(&icon);
+    let is_expander = [icons::CARET_DOWN, icons::CARET_RIGHT].contains(&icon);
     let color = match on {
-        true if !folds => visuals.selection.stroke.color,
+        true if !is_expander => visuals.selection.stroke.color,
         _ if response.hovered() => visuals.text_color(),
         _ => visuals.weak_text_color(),
     };
-    if on && !folds {
+    if on && !is_expander {
         ui.painter().rect_filled(place.shrink(1.0), 2.0, visuals.selection.bg_fill);
     }
-    let font = FontId::proportional(if folds { 10.0 } else { 12.0 });
+    let font = FontId::proportional(if is_expander { 10.0 } else { 12.0 });
     ui.painter().text(place.center(), Align2::CENTER_CENTER, icon, font, color);
     response.hint(hint).clicked()
 }

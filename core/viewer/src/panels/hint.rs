@@ -21,32 +21,34 @@ impl Hint for Response {
 }
 
 /// Hides tooltips, or allows them again.
-pub(super) fn set_hints_hidden(context: &Context, held: bool) {
-    context.data_mut(|d| d.insert_temp(id(), held));
+pub(super) fn set_hints_hidden(context: &Context, hidden: bool) {
+    context.data_mut(|d| d.insert_temp(hidden_flag_id(), hidden));
 }
 
 /// Records the mouse position while a button is down or at its release; called once per frame before all tooltips.
 pub(super) fn track_pointer(context: &Context) {
-    let (at, is_used) =
+    let (at, is_pressed) =
         context.input(|i| (i.pointer.latest_pos(), i.pointer.any_down() || i.pointer.any_released()));
     let has_left = |from: Pos2| at.is_none_or(|at| at.distance(from) > MIN_POINTER_MOVE);
     context.data_mut(|d| {
-        if let (true, Some(at)) = (is_used, at) {
-            d.insert_temp(used_id(), at);
-        } else if d.get_temp(used_id()).is_some_and(has_left) {
-            d.remove::<Pos2>(used_id());
+        if let (true, Some(at)) = (is_pressed, at) {
+            d.insert_temp(last_press_id(), at);
+        } else if d.get_temp(last_press_id()).is_some_and(has_left) {
+            d.remove::<Pos2>(last_press_id());
         }
     });
 }
 
 fn are_hints_hidden(context: &Context) -> bool {
-    context.data(|d| d.get_temp(id()).unwrap_or(false) || d.get_temp::<Pos2>(used_id()).is_some())
+    context.data(|d| {
+        d.get_temp(hidden_flag_id()).unwrap_or(false) || d.get_temp::<Pos2>(last_press_id()).is_some()
+    })
 }
 
-fn id() -> Id {
+fn hidden_flag_id() -> Id {
     Id::new("hints are held")
 }
 
-fn used_id() -> Id {
+fn last_press_id() -> Id {
     Id::new("where a button was used")
 }

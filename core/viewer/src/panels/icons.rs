@@ -24,12 +24,12 @@ pub fn fonts() -> FontDefinitions {
 }
 
 /// A button within a line of text.
-pub fn small(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
-    named(ui.small_button(icon), name, hint)
+pub fn small_button(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
+    set_name_and_hint(ui.small_button(icon), name, hint)
 }
 
 /// A small toggle button, which is faint while it is off.
-pub fn small_toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
+pub fn small_toggle_button(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
     let text = RichText::new(icon).size(12.0);
     let text = if on { text.strong() } else { text.weak() };
     let response = ui.add(Button::selectable(on, text).small()).hint(hint);
@@ -37,14 +37,14 @@ pub fn small_toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -
     response
 }
 
-fn named(response: Response, name: &str, hint: &str) -> Response {
+fn set_name_and_hint(response: Response, name: &str, hint: &str) -> Response {
     let enabled = response.enabled();
     response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, enabled, name));
-    response.hint(hinted(name, hint))
+    response.hint(name_and_hint(name, hint))
 }
 
 /// Name and hint in one line.
-pub(super) fn hinted(name: &str, hint: &str) -> String {
+pub(super) fn name_and_hint(name: &str, hint: &str) -> String {
     if hint.is_empty() { name.to_string() } else { format!("{name}: {hint}") }
 }
 

@@ -10,21 +10,21 @@ use egui::{Response, Ui};
 /// focus.
 const FOCUS_FRAMES: u64 = 2;
 
-fn held_id() -> egui::Id {
+fn focus_frame_id() -> egui::Id {
     egui::Id::new("a field of the inspector is edited")
 }
 
 /// Records that a field has the keyboard focus; must be called for each field.
-pub fn hold(ui: &Ui, field: &Response) {
+pub fn record_focus(ui: &Ui, field: &Response) {
     if field.has_focus() {
         let now = ui.ctx().cumulative_pass_nr();
-        ui.data_mut(|d| d.insert_temp(held_id(), now));
+        ui.data_mut(|d| d.insert_temp(focus_frame_id(), now));
     }
 }
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let id = ui.id().with("inspected");
-    let held: Option<u64> = ui.data(|d| d.get_temp(held_id()));
+    let held: Option<u64> = ui.data(|d| d.get_temp(focus_frame_id()));
     let before: Option<Option<Selected>> = ui.data(|d| d.get_temp(id));
     let is_held = held.is_some_and(|frame| ui.ctx().cumulative_pass_nr() <= frame + FOCUS_FRAMES);
     let inspected = before.filter(|_| is_held).unwrap_or_else(|| viewer.selection.clone());

@@ -3,9 +3,9 @@
 use super::camera_fields::{self, CameraChange};
 use super::hint::Hint;
 use super::rig::CallChange;
-use super::{fields as stated, headers, icons, rig, values};
+use super::{fields, headers, icons, rig, values};
 use crate::app::Viewer;
-use crate::editing::placing::{light_at, placement};
+use crate::editing::placing::{light_at, placement_at};
 use crate::editing::{ClipSource, EditError, FieldChange, expression};
 use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
@@ -27,26 +27,26 @@ use std::sync::Arc;
 /// Payload of a clip dragged onto the sequencer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ClipDrag {
-    pub of: ClipSource,
+    pub source: ClipSource,
     pub clip: String,
 }
 
 /// An edit by the user, made after all fields have been drawn.
 enum InspectorEdit {
     /// A change of an actor's transform, and the number that was typed.
-    Actor(Change, TypedNumber),
+    Transform(Change, TypedNumber),
     Value(&'static str, String),
     Parameter(String, String),
     /// Removes a parameter of an effect from the script, since it has its default value.
     RemoveParameter(String),
-    Clip(String, f64),
+    AddClip(String, f64),
     /// Field of view in degrees, and its source text.
     FieldOfView(f64, String),
     /// Sets a key of a property at the playhead; `true`: deletes the existing one.
-    Key(String, bool),
+    ToggleKey(String, bool),
     Field(FieldChange),
     Call(CallChange),
-    Name(String),
+    Rename(String),
 }
 
 /// Properties of the selection that have keys or can have keys.
@@ -67,7 +67,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     let known = known.unwrap_or_default();
     let keyable: KeyableProperties = &known;
-    let rows = add_value_rows(viewer, &scene, &selection, keyable);
+    let rows = rows_without_field(viewer, &scene, &selection, keyable);
     let title = match &selection {
         Selected::Actor(name) | Selected::Camera(name) => name.clone(),
         Selected::Cue { actor, .. } => format!("{actor}: {}", rows.first().map_or("", |r| r.1.as_str())),
@@ -79,38 +79,36 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.label(RichText::new(title).heading());
     if let Some(line) = line {
         let place = Place { file: scene.places.main.clone(), line, ..Place::default() };
-        let text = RichText::new(super::marks::report(&place)).weak().monospace();
+        let text = RichText::new(super::marks::file_and_line(&place)).weak().monospace();
         let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
         if label.hint("click to go to this line").clicked() {
             viewer.go_to = Some(line);
         }
     }
-    let written = viewer.all_written(&selection);
-    let mut wanted = None;
+    let written = viewer.written_values(&selection);
+    let mut edit = None;
     let name = viewer.name_of(&selection).filter(|_| !matches!(selection, Selected::Title(_)));
     let name = name.and_then(|name| {
         ui.horizontal(|ui| {
             ui.label("name");
-            stated::source(ui, "name", &name, "")
+            fields::source_field(ui, "name", &name, "")
         })
         .inner
     });
     match &selection {
-        Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, (name, &written), keyable),
-        Selected::Light(index) => {
-            wanted = light_fields(ui, viewer, (&scene.stage, *index), keyable, &written)
-        }
-        Selected::Effect(index) => wanted = show_parameters(ui, viewer, &scene, (*index, &written), keyable),
+        Selected::Actor(name) => edit = transform_fields(ui, viewer, &scene.stage, (name, &written), keyable),
+        Selected::Light(index) => edit = light_fields(ui, viewer, (&scene.stage, *index), keyable, &written),
+        Selected::Effect(index) => edit = show_parameters(ui, viewer, &scene, (*index, &written), keyable),
         Selected::Camera(name) => {
-            wanted = lens(ui, viewer, &scene, (name, &written), keyable);
-            wanted = camera_placement_fields(ui, viewer, &scene.stage, (name, &written), keyable).or(wanted);
+            edit = field_of_view_fields(ui, viewer, &scene, (name, &written), keyable);
+            edit = camera_placement_fields(ui, viewer, &scene.stage, (name, &written), keyable).or(edit);
         }
-        Selected::Sky => wanted = sky_fields(ui, viewer, &scene.stage, keyable),
+        Selected::Sky => edit = sky_fields(ui, viewer, &scene.stage, keyable),
         Selected::Cue { .. } | Selected::Title(_) => {}
     }
-    let field = stated::show(ui, viewer, &scene.stage, &selection, &written);
-    wanted = field.map(InspectorEdit::Field).or(name.map(InspectorEdit::Name)).or(wanted);
-    wanted = keys_menu(ui, viewer, keyable).or(wanted);
+    let field = fields::show(ui, viewer, &scene.stage, &selection, &written);
+    edit = field.map(InspectorEdit::Field).or(name.map(InspectorEdit::Rename)).or(edit);
+    edit = keys_menu(ui, viewer, keyable).or(edit);
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
             ui.label(name);
@@ -122,47 +120,48 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         && let Some(index) = actor(&scene.stage, name)
     {
         let asset = &scene.stage.actors[index].asset;
-        wanted = show_clips(ui, viewer, name, asset).or(wanted);
-        wanted = rig::show(ui, viewer, &scene.stage.actors[index], index).map(InspectorEdit::Call).or(wanted);
+        edit = show_clips(ui, viewer, name, asset).or(edit);
+        edit = rig::show(ui, viewer, &scene.stage.actors[index], index).map(InspectorEdit::Call).or(edit);
         show_materials(ui, asset);
         if let Some(state) = viewer.shown().and_then(|s| s.snapshot.actors.get(index)) {
             show_joints(ui, asset, state);
         }
     }
-    if let Some(wanted) = wanted {
-        apply(viewer, selection, wanted, &known);
+    if let Some(edit) = edit {
+        apply_edit(viewer, selection, edit, &known);
     }
 }
 
-fn apply(viewer: &mut Viewer, selection: Selected, wanted: InspectorEdit, known: &[KeyedProperty]) {
+fn apply_edit(viewer: &mut Viewer, selection: Selected, edit: InspectorEdit, known: &[KeyedProperty]) {
     viewer.note = None;
     let locked = selection.actor().filter(|name| viewer.toggles.locked.contains(*name));
     // The lock protects the row, but not its name.
-    if let Some(name) = locked.filter(|_| !matches!(wanted, InspectorEdit::Name(_))) {
-        return viewer.report(Err(EditError::refused(headers::is_locked(name))));
+    if let Some(name) = locked.filter(|_| !matches!(edit, InspectorEdit::Rename(_))) {
+        return viewer.report(Err(EditError::refused(headers::locked_row_message(name))));
     }
-    let change = match wanted {
+    let change = match edit {
         InspectorEdit::Field(change) => viewer.change_field(&selection, &change),
-        InspectorEdit::Name(name) => viewer.rename(&selection, &name),
+        InspectorEdit::Rename(name) => viewer.rename(&selection, &name),
         InspectorEdit::Call(CallChange(call, change)) => viewer.change_call(&call, &change),
         InspectorEdit::FieldOfView(degrees, written) => match &selection {
             Selected::Camera(name) => viewer.set_field_of_view(name, degrees, &written),
             _ => Ok(()),
         },
-        InspectorEdit::Key(name, true) => {
+        InspectorEdit::ToggleKey(name, true) => {
             let at = viewer.playhead.time();
-            let there = known.iter().find(|p| p.name == name);
-            let there = there.and_then(|p| Some(p.keys[p.key_at(at, viewer.playhead.fps())?]));
-            there.map_or(Ok(()), |at| viewer.delete_keys(&[KeyRef { what: selection, property: name, at }]))
+            let property = known.iter().find(|p| p.name == name);
+            let key_time = property.and_then(|p| Some(p.keys[p.key_at(at, viewer.playhead.fps())?]));
+            key_time
+                .map_or(Ok(()), |at| viewer.delete_keys(&[KeyRef { what: selection, property: name, at }]))
         }
-        InspectorEdit::Key(name, false) => viewer.set_keys(&selection, &[&name]),
-        InspectorEdit::Actor(change, typed) => {
+        InspectorEdit::ToggleKey(name, false) => viewer.set_keys(&selection, &[&name]),
+        InspectorEdit::Transform(change, typed) => {
             selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change, Some(&typed)))
         }
         InspectorEdit::Value(name, value) => viewer.set_value(&selection, name, &value),
         InspectorEdit::Parameter(name, value) => viewer.set_value(&selection, &name, &value),
         InspectorEdit::RemoveParameter(name) => viewer.remove_parameter(&selection, &name),
-        InspectorEdit::Clip(clip, secs) => {
+        InspectorEdit::AddClip(clip, secs) => {
             selection.actor().map_or(Ok(()), |name| viewer.add_clip(name, name, &clip, secs))
         }
     };
@@ -174,7 +173,7 @@ fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: KeyableProperties, name: &s
     let property = keyable.iter().find(|property| property.name == name)?;
     let here = property.key_at(viewer.playhead.time(), viewer.playhead.fps()).is_some();
     let color = match (here, property.has_keys()) {
-        (true, _) => super::marks::SELECTED,
+        (true, _) => super::marks::SELECTED_COLOR,
         (_, true) => ui.visuals().strong_text_color(),
         _ => ui.visuals().weak_text_color(),
     };
@@ -193,7 +192,7 @@ fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: KeyableProperties, name: &s
             format!("set a key of {} at the playhead (K: of all properties with keys)", property.title())
         }
     };
-    response.hint(hint).clicked().then(|| InspectorEdit::Key(name.to_string(), here))
+    response.hint(hint).clicked().then(|| InspectorEdit::ToggleKey(name.to_string(), here))
 }
 
 /// Menu of keys for all properties that can have them, including those without a field.
@@ -201,11 +200,11 @@ fn keys_menu(ui: &mut Ui, viewer: &Viewer, keyable: KeyableProperties) -> Option
     if keyable.is_empty() {
         return None;
     }
-    let mut wanted = None;
+    let mut edit = None;
     ui.menu_button("keys", |ui| {
         for property in keyable {
             ui.horizontal(|ui| {
-                wanted = key_button(ui, viewer, keyable, &property.name).or(wanted.take());
+                edit = key_button(ui, viewer, keyable, &property.name).or(edit.take());
                 ui.label(property.title());
                 let now = property.at(viewer.playhead.time());
                 let now: Vec<String> =
@@ -214,64 +213,70 @@ fn keys_menu(ui: &mut Ui, viewer: &Viewer, keyable: KeyableProperties) -> Option
             });
         }
     });
-    wanted
+    edit
 }
 
 /// A number field with a default.
-fn field(name: &str, value: f64, speed: f64, range: RangeInclusive<f64>, default: f64) -> values::Number<'_> {
-    values::Number { name, value, speed, range, default: Some(default), is_time: false }
+fn number_with_default(
+    name: &str,
+    value: f64,
+    speed: f64,
+    range: RangeInclusive<f64>,
+    default: f64,
+) -> values::NumberField<'_> {
+    values::NumberField { name, value, speed, range, default: Some(default), is_time: false }
 }
 
 /// Fields of the transform relative to the parent, as stated by the script; at the playhead if it has keys.
-fn transform(
+fn transform_fields(
     ui: &mut Ui,
     viewer: &Viewer,
     stage: &Stage,
-    (name, written): (&str, &stated::StatedValues),
+    (name, written): (&str, &fields::StatedValues),
     keyable: KeyableProperties,
 ) -> Option<InspectorEdit> {
-    let placed = placement(stage.actors.get(actor(stage, name)?)?, viewer.playhead.time());
-    let mut wanted = None;
+    let placed = placement_at(stage.actors.get(actor(stage, name)?)?, viewer.playhead.time());
+    let mut edit = None;
     Grid::new("transform").num_columns(5).show(ui, |ui| {
-        wanted = name_with_menu(ui, written, ["placed at", ""], &["at", "move_by"]);
+        edit = name_with_menu(ui, written, ["placed at", ""], &["at", "move_by"]);
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
             let value = placed.translation[axis];
-            if let Some(to) = field(letter, value, 0.01, -1e9..=1e9, 0.0).show(ui) {
+            if let Some(to) = number_with_default(letter, value, 0.01, -1e9..=1e9, 0.0).show(ui) {
                 let mut by = DVec3::ZERO;
                 by[axis] = to - placed.translation[axis];
-                wanted = Some(InspectorEdit::Actor(Change::Move(by), values::typed(ui, to)));
+                edit = Some(InspectorEdit::Transform(Change::Move(by), values::typed_number(ui, to)));
             }
         }
-        wanted = key_button(ui, viewer, keyable, "position").or(wanted.take());
+        edit = key_button(ui, viewer, keyable, "position").or(edit.take());
         ui.end_row();
-        wanted = name_with_menu(ui, written, ["turned", ""], &["turn", "rotate"]).or(wanted.take());
+        edit = name_with_menu(ui, written, ["turned", ""], &["turn", "rotate"]).or(edit.take());
         let z = placed.rotation * DVec3::Z;
         let degrees = libm::atan2(z.x, z.z).to_degrees();
-        if let Some(to) = field("degrees", degrees, 0.5, -360.0..=360.0, 0.0).show(ui) {
+        if let Some(to) = number_with_default("degrees", degrees, 0.5, -360.0..=360.0, 0.0).show(ui) {
             let (sin, cos) = libm::sincos((to - degrees).to_radians() / 2.0);
             let turn = Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos));
-            wanted = Some(InspectorEdit::Actor(turn, values::typed(ui, to)));
+            edit = Some(InspectorEdit::Transform(turn, values::typed_number(ui, to)));
         }
-        wanted = key_button(ui, viewer, keyable, "rotation").or(wanted.take());
+        edit = key_button(ui, viewer, keyable, "rotation").or(edit.take());
         ui.end_row();
         let about =
             "along its own axes; a negative number mirrors it. Shift while a number is entered: all three\n";
-        wanted = name_with_menu(ui, written, ["scaled", about], &["scale"]).or(wanted.take());
+        edit = name_with_menu(ui, written, ["scaled", about], &["scale"]).or(edit.take());
         for (axis, name) in ["scale x", "scale y", "scale z"].into_iter().enumerate() {
-            if let Some(to) = field(name, placed.scale[axis], 0.01, -1e3..=1e3, 1.0).show(ui) {
+            if let Some(to) = number_with_default(name, placed.scale[axis], 0.01, -1e3..=1e3, 1.0).show(ui) {
                 // An object with a scale of 0 would vanish.
                 let to = if to.abs() < 1e-3 { 1e-3_f64.copysign(to) } else { to };
                 let by = to / placed.scale[axis];
                 let all = super::gesture::modifiers(ui).shift;
                 let mut scale = if all { DVec3::splat(by) } else { DVec3::ONE };
                 scale[axis] = by;
-                wanted = Some(InspectorEdit::Actor(Change::Scale(scale), values::typed(ui, to)));
+                edit = Some(InspectorEdit::Transform(Change::Scale(scale), values::typed_number(ui, to)));
             }
         }
-        wanted = key_button(ui, viewer, keyable, "scale").or(wanted.take());
+        edit = key_button(ui, viewer, keyable, "scale").or(edit.take());
         ui.end_row();
     });
-    wanted
+    edit
 }
 
 /// Projection of a camera at the playhead if it is active, else its initial one.
@@ -308,36 +313,36 @@ fn field_of_view_by_callback(
     let index = frame.snapshot.camera.camera?;
     let camera = scene.stage.cameras.get(index).filter(|camera| camera.name == name)?;
     let stated = stated_field_of_view(camera, frame.time, keyable)?;
-    ((stated - degrees).abs() > 1e-3).then(|| format!("{degrees:.3} ({})", callback_name(scene)))
+    ((stated - degrees).abs() > 1e-3).then(|| format!("{degrees:.3} ({})", callback_origin(scene)))
 }
 
-fn lens(
+fn field_of_view_fields(
     ui: &mut Ui,
     viewer: &Viewer,
     scene: &Scene,
-    (name, written): (&str, &stated::StatedValues),
+    (name, written): (&str, &fields::StatedValues),
     keyable: KeyableProperties,
 ) -> Option<InspectorEdit> {
     let Projection::Perspective { yfov, .. } = projection(viewer, &scene.stage, name)? else { return None };
-    let mut wanted = None;
+    let mut edit = None;
     ui.horizontal(|ui| {
         let about = "degrees, from the top to the bottom of the image\n";
-        wanted = name_with_menu(ui, written, ["field of view", about], &["fov", "focal_length"]);
+        edit = name_with_menu(ui, written, ["field of view", about], &["fov", "focal_length"]);
         let degrees = f64::from(yfov).to_degrees();
-        let Projection::Perspective { yfov: usual, .. } = Projection::default() else { return };
-        let usual = f64::from(usual).to_degrees();
+        let Projection::Perspective { yfov: default_value, .. } = Projection::default() else { return };
+        let default_value = f64::from(default_value).to_degrees();
         if let Some(text) = field_of_view_by_callback(viewer, scene, name, degrees, keyable) {
             ui.monospace(text);
             return;
         }
-        let number = field("field of view", degrees, 0.25, 1.0..=170.0, usual);
-        let set = number.show(ui).map(|to| InspectorEdit::FieldOfView(to, values::text(ui, to)));
-        wanted = set.or(wanted.take());
+        let number = number_with_default("field of view", degrees, 0.25, 1.0..=170.0, default_value);
+        let set = number.show(ui).map(|to| InspectorEdit::FieldOfView(to, values::source_text(ui, to)));
+        edit = set.or(edit.take());
         for name in ["fov", "focal_length"] {
-            wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
+            edit = key_button(ui, viewer, keyable, name).or(edit.take());
         }
     });
-    wanted
+    edit
 }
 
 /// Fields of a camera: position and target, or its motion with a target.
@@ -345,7 +350,7 @@ fn camera_placement_fields(
     ui: &mut Ui,
     viewer: &Viewer,
     stage: &Stage,
-    (name, written): (&str, &stated::StatedValues),
+    (name, written): (&str, &fields::StatedValues),
     keyable: KeyableProperties,
 ) -> Option<InspectorEdit> {
     let camera = stage.cameras.iter().find(|camera| camera.name == name)?;
@@ -370,33 +375,40 @@ fn light_fields(
     viewer: &Viewer,
     (stage, index): (&Stage, usize),
     keyable: KeyableProperties,
-    written: &stated::StatedValues,
+    written: &fields::StatedValues,
 ) -> Option<InspectorEdit> {
     let light = light_at(stage.lights.get(index)?, viewer.playhead.time());
-    let mut wanted = None;
+    let mut edit = None;
     Grid::new("light").num_columns(4).show(ui, |ui| {
         for field in StageLight::FIELDS.iter().filter(|field| (field.missing_reason)(&light).is_none()) {
             let name = format!("light {}", field.name);
             let set = match ((field.get)(&light), field.field_type) {
                 (FieldValue::Number(n), FieldType::Number(low, high, _)) => {
-                    wanted = default_menu(ui, written, field.name).or(wanted.take());
-                    values::written(ui, &name, n, 0.05, low..=high, written.get(field.name))
+                    edit = light_name_with_menu(ui, written, field.name).or(edit.take());
+                    values::number_source_field(ui, &name, n, 0.05, low..=high, written.get(field.name))
                 }
                 (FieldValue::Number(n), FieldType::Degrees(low, high)) => {
-                    wanted = default_menu(ui, written, field.name).or(wanted.take());
+                    edit = light_name_with_menu(ui, written, field.name).or(edit.take());
                     let range = cone_range(&light, field.name, written).unwrap_or(low..=high);
-                    values::written(ui, &name, n.to_degrees(), 0.25, range, written.get(field.name))
+                    values::number_source_field(
+                        ui,
+                        &name,
+                        n.to_degrees(),
+                        0.25,
+                        range,
+                        written.get(field.name),
+                    )
                 }
                 (_, FieldType::Color) => {
-                    wanted = default_menu(ui, written, field.name).or(wanted.take());
-                    let set = values::color(ui, &name, srgb(light.light.color));
+                    edit = light_name_with_menu(ui, written, field.name).or(edit.take());
+                    let set = values::color_field(ui, &name, srgb(light.light.color));
                     set.map(|[r, g, b]| format!("\"#{r:02x}{g:02x}{b:02x}\""))
                 }
                 _ => continue,
             };
-            wanted = set.map(|value| InspectorEdit::Value(field.name, value)).or(wanted.take());
+            edit = set.map(|value| InspectorEdit::Value(field.name, value)).or(edit.take());
             if let Some((name, _)) = field.keyed {
-                wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
+                edit = key_button(ui, viewer, keyable, name).or(edit.take());
             }
             ui.end_row();
         }
@@ -406,23 +418,24 @@ fn light_fields(
         };
         // A direction as stated by the script, which need not be a unit vector.
         let text = written.get(name).map(String::as_str);
-        let stated = text.and_then(super::fields::point);
+        let stated = text.and_then(fields::parse_point);
         let is_keyed = keyable.iter().any(|property| property.name == name && property.has_keys());
         let vector = stated.filter(|_| !is_keyed).unwrap_or(vector);
         let resets: &[&'static str] =
             if name == "position" { &["position", "at"] } else { &["direction", "look_at"] };
-        wanted = name_with_menu(ui, written, [label, ""], resets).or(wanted.take());
+        edit = name_with_menu(ui, written, [label, ""], resets).or(edit.take());
         let set = vector_field(ui, ["light x", "light y", "light z"], vector, speed, text);
-        wanted = set.map(|text| InspectorEdit::Value(name, text)).or(wanted.take());
-        wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
+        edit = set.map(|text| InspectorEdit::Value(name, text)).or(edit.take());
+        edit = key_button(ui, viewer, keyable, name).or(edit.take());
         ui.end_row();
-        wanted = aim(ui, &light, written, is_aimed(keyable)).or(wanted.take());
+        edit =
+            target_and_temperature_fields(ui, &light, written, has_direction_keys(keyable)).or(edit.take());
     });
-    wanted
+    edit
 }
 
 /// Range of a spot's cone angle, degrees: the inner angle is smaller than the outer one.
-fn cone_range(light: &StageLight, name: &str, written: &stated::StatedValues) -> Option<RangeInclusive<f64>> {
+fn cone_range(light: &StageLight, name: &str, written: &fields::StatedValues) -> Option<RangeInclusive<f64>> {
     const MIN_CONE_DIFFERENCE: f64 = 0.01;
     let LightKind::Spot { inner, outer } = light.light.kind else { return None };
     let [inner, outer] = [inner, outer].map(|angle| f64::from(angle).to_degrees());
@@ -435,20 +448,20 @@ fn cone_range(light: &StageLight, name: &str, written: &stated::StatedValues) ->
 }
 
 /// Whether keys rotate a light.
-fn is_aimed(keyable: KeyableProperties) -> bool {
+fn has_direction_keys(keyable: KeyableProperties) -> bool {
     keyable.iter().any(|property| property.name == "direction" && property.has_keys())
 }
 
 /// Fields of a spot's target or direction, and of the color temperature.
-fn aim(
+fn target_and_temperature_fields(
     ui: &mut Ui,
     light: &StageLight,
-    written: &stated::StatedValues,
+    written: &fields::StatedValues,
     keyed: bool,
 ) -> Option<InspectorEdit> {
-    let mut wanted = None;
+    let mut edit = None;
     if matches!(light.light.kind, LightKind::Spot { .. }) && !keyed {
-        let at = written.get("look_at").and_then(|text| super::fields::point(text));
+        let at = written.get("look_at").and_then(|text| fields::parse_point(text));
         let (name, vector) = match at {
             Some(at) => ("look_at", at),
             None => ("direction", light.direction.as_dvec3()),
@@ -457,10 +470,10 @@ fn aim(
         ui.label(label);
         let text = written.get(name).map(String::as_str);
         let set = vector_field(ui, ["aim x", "aim y", "aim z"], vector, 0.01, text);
-        wanted = set.map(|text| InspectorEdit::Value(name, text));
+        edit = set.map(|text| InspectorEdit::Value(name, text));
         ui.end_row();
     }
-    wanted = default_menu(ui, written, "kelvin").or(wanted);
+    edit = light_name_with_menu(ui, written, "kelvin").or(edit);
     let now = written.get("kelvin").and_then(|text| expression::value(text, 1.0));
     // Range of temperatures that scripts have colors for, kelvin.
     let range = choreo_script::KELVIN_RANGE.0..=choreo_script::KELVIN_RANGE.1;
@@ -469,12 +482,12 @@ fn aim(
             ui.weak("a color is set instead");
             None
         }
-        Some(now) => values::number(ui, "light kelvin", now, 10.0, range),
-        None => values::derived_number(ui, "light kelvin", None, range, false),
+        Some(now) => values::number_field(ui, "light kelvin", now, 10.0, range),
+        None => values::derived_number_field(ui, "light kelvin", None, range, false),
     };
-    wanted = set.map(|to| InspectorEdit::Value("kelvin", values::text(ui, to))).or(wanted);
+    edit = set.map(|to| InspectorEdit::Value("kelvin", values::source_text(ui, to))).or(edit);
     ui.end_row();
-    wanted
+    edit
 }
 
 /// Three number fields in one cell, which return the source text of a point or a direction. `stated`: the present source text.
@@ -485,16 +498,15 @@ fn vector_field(
     speed: f64,
     stated: Option<&str>,
 ) -> Option<String> {
-    let mut wanted = None;
+    let mut edit = None;
     ui.horizontal(|ui| {
         for (axis, name) in names.into_iter().enumerate() {
-            if let Some(to) = values::number(ui, name, now[axis], speed, -1e6..=1e6) {
-                wanted =
-                    Some(format!("[{}]", values::number_list_text(ui, stated, &now.to_array(), axis, to)));
+            if let Some(to) = values::number_field(ui, name, now[axis], speed, -1e6..=1e6) {
+                edit = Some(format!("[{}]", values::number_list_text(ui, stated, &now.to_array(), axis, to)));
             }
         }
     });
-    wanted
+    edit
 }
 
 /// Fields of the sky at the playhead.
@@ -504,7 +516,7 @@ fn sky_fields(
     stage: &Stage,
     keyable: KeyableProperties,
 ) -> Option<InspectorEdit> {
-    let (sky, mut wanted) = (stage.sky.as_ref()?, None);
+    let (sky, mut edit) = (stage.sky.as_ref()?, None);
     Grid::new("sky").num_columns(3).show(ui, |ui| {
         for field in Sky::FIELDS.iter() {
             let Some((key, _)) = field.keyed else { continue };
@@ -517,17 +529,22 @@ fn sky_fields(
             };
             ui.label(field.name);
             let name = format!("sky {}", field.name);
-            let set = values::number(ui, &name, now.unwrap_or(stated), speed, low..=high);
-            wanted = set.map(|to| InspectorEdit::Value(field.name, values::text(ui, to))).or(wanted.take());
-            wanted = key_button(ui, viewer, keyable, key).or(wanted.take());
+            let set = values::number_field(ui, &name, now.unwrap_or(stated), speed, low..=high);
+            edit =
+                set.map(|to| InspectorEdit::Value(field.name, values::source_text(ui, to))).or(edit.take());
+            edit = key_button(ui, viewer, keyable, key).or(edit.take());
             ui.end_row();
         }
     });
-    wanted
+    edit
 }
 
 /// Name of a light's field with a context menu that resets it; strong if the script states the value.
-fn default_menu(ui: &mut Ui, written: &stated::StatedValues, name: &'static str) -> Option<InspectorEdit> {
+fn light_name_with_menu(
+    ui: &mut Ui,
+    written: &fields::StatedValues,
+    name: &'static str,
+) -> Option<InspectorEdit> {
     let names: &[&'static str] = if name == "color" { &["color", "kelvin"] } else { &[name] };
     name_with_menu(ui, written, [name, ""], names)
 }
@@ -535,14 +552,14 @@ fn default_menu(ui: &mut Ui, written: &stated::StatedValues, name: &'static str)
 /// A name with a context menu that resets the values `names`; strong if the script states one of them. `about`: text before the hint.
 fn name_with_menu(
     ui: &mut Ui,
-    written: &stated::StatedValues,
+    written: &fields::StatedValues,
     [label, about]: [&str; 2],
     names: &[&'static str],
 ) -> Option<InspectorEdit> {
     let is_stated = names.iter().any(|name| written.contains_key(*name));
-    let response = ui.add(egui::Label::new(stated::name_text(label, is_stated)).sense(egui::Sense::click()));
+    let response = ui.add(egui::Label::new(fields::name_text(label, is_stated)).sense(egui::Sense::click()));
     let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
-    stated::reset(&response.hint(format!("{about}{hint}")), names).map(InspectorEdit::Field)
+    fields::reset_menu(&response.hint(format!("{about}{hint}")), names).map(InspectorEdit::Field)
 }
 
 /// Fields of an effect's parameters, as described by its manifest.
@@ -550,7 +567,7 @@ fn show_parameters(
     ui: &mut Ui,
     viewer: &Viewer,
     scene: &Scene,
-    (index, written): (usize, &stated::StatedValues),
+    (index, written): (usize, &fields::StatedValues),
     keyable: KeyableProperties,
 ) -> Option<InspectorEdit> {
     let used = scene.stage.effects.get(index)?;
@@ -562,39 +579,40 @@ fn show_parameters(
     let now = state.map(|state| choreo_render::effect_parameters(plugin, &state.parameters));
     let now = now.unwrap_or_else(|| given.clone());
     let defaults = choreo_render::effect_parameters(plugin, &[]);
-    let mut wanted = None;
+    let mut edit = None;
     Grid::new("parameters").num_columns(3).show(ui, |ui| {
         let mut first = 0;
         for option in &plugin.manifest().options {
             let numbers = first..first + option.number_count();
             first = numbers.end;
-            let (value, now, usual) = (&given[numbers.clone()], &now[numbers.clone()], &defaults[numbers]);
+            let (value, now, default_value) =
+                (&given[numbers.clone()], &now[numbers.clone()], &defaults[numbers]);
             let is_stated = written.keys().any(|name| name.starts_with(&option.name));
-            let label = ui.label(stated::name_text(&option.name, is_stated));
+            let label = ui.label(fields::name_text(&option.name, is_stated));
             let label = label.interact(egui::Sense::click()).hint(&option.about);
             let set = match now == value {
-                true => parameter(ui, used, option, &label, (value, usual)),
+                true => parameter_field(ui, used, option, &label, (value, default_value)),
                 // A literal in the script would not change a value that a callback sets.
                 false => {
                     let now: Vec<String> = now.iter().map(|n| format!("{n:.3}")).collect();
-                    ui.monospace(format!("{} ({})", now.join(" "), callback_name(scene)));
+                    ui.monospace(format!("{} ({})", now.join(" "), callback_origin(scene)));
                     None
                 }
             };
             let is_number = matches!(option.kind, OptionKind::Number { .. } | OptionKind::Integer { .. });
             let is_keyed = keyable.iter().any(|property| property.name == option.name && property.has_keys());
-            let is_usual =
-                |to: &str| is_number && !is_keyed && to.parse::<f32>().is_ok_and(|to| to == usual[0]);
-            let change = |(name, to): (String, String)| match is_usual(&to) {
+            let is_default =
+                |to: &str| is_number && !is_keyed && to.parse::<f32>().is_ok_and(|to| to == default_value[0]);
+            let change = |(name, to): (String, String)| match is_default(&to) {
                 true => InspectorEdit::RemoveParameter(name),
                 false => InspectorEdit::Parameter(name, to),
             };
-            wanted = set.map(change).or(wanted.take());
-            wanted = key_button(ui, viewer, keyable, &option.name).or(wanted.take());
+            edit = set.map(change).or(edit.take());
+            edit = key_button(ui, viewer, keyable, &option.name).or(edit.take());
             ui.end_row();
         }
     });
-    wanted
+    edit
 }
 
 /// The displayed frame, if it belongs to this version and callbacks may have set values in it.
@@ -603,7 +621,7 @@ fn frame_of_callbacks<'v>(viewer: &'v Viewer, scene: &Scene) -> Option<&'v Frame
 }
 
 /// Origin of a value that a callback sets: lines of the first calls of `on_frame`, any of which may set it.
-fn callback_name(scene: &Scene) -> String {
+fn callback_origin(scene: &Scene) -> String {
     /// Largest number of lines listed.
     const MAX_LINES: usize = 3;
     let mut all: Vec<&Place> = Vec::new();
@@ -616,7 +634,7 @@ fn callback_name(scene: &Scene) -> String {
     let is_here = all.iter().all(|place| place.file == scene.places.main);
     let named = |place: &&Place| match is_here {
         true => place.line.to_string(),
-        false => super::marks::report(place),
+        false => super::marks::file_and_line(place),
     };
     let names: Vec<String> = all.iter().take(MAX_LINES).map(named).collect();
     let listed = match (all.len().saturating_sub(MAX_LINES), names.as_slice()) {
@@ -633,38 +651,41 @@ fn callback_name(scene: &Scene) -> String {
     format!("by on_frame, {unit}{listed}")
 }
 
-/// Field of one parameter. `value`, `usual`: its present components and the default ones. Returns the name and the source text.
-fn parameter(
+/// Field of one parameter. `value`, `default_value`: its present components and the default ones. Returns the name and the source text.
+fn parameter_field(
     ui: &mut Ui,
     used: &EffectUse,
     option: &OptionSpec,
     label: &Response,
-    (value, usual): (&[f32], &[f32]),
+    (value, default_value): (&[f32], &[f32]),
 ) -> Option<(String, String)> {
-    let mut wanted = None;
+    let mut edit = None;
     let [min, max] = option.bounds().unwrap_or_default();
     match &option.kind {
         OptionKind::Number { .. } | OptionKind::Integer { .. } => {
-            let (value, usual) = (f64::from(value[0]), f64::from(usual[0]));
-            let reset = values::reset(label, usual).filter(|to| *to != value);
-            let set = field(&option.name, value, 0.01, min..=max, usual).slider(ui);
+            let (value, default_value) = (f64::from(value[0]), f64::from(default_value[0]));
+            let reset = values::reset_menu(label, default_value).filter(|to| *to != value);
+            let set =
+                number_with_default(&option.name, value, 0.01, min..=max, default_value).show_slider(ui);
             let is_whole = matches!(option.kind, OptionKind::Integer { .. });
             let to = reset.or(set).map(|to| if is_whole { to.round() } else { to });
-            wanted = to.map(|to| (option.name.clone(), values::text(ui, to)));
+            edit = to.map(|to| (option.name.clone(), values::source_text(ui, to)));
         }
         OptionKind::Color { .. }
             if value.len() == 3 && value.iter().all(|part| (0.0..=1.0).contains(part)) =>
         {
-            let set = values::color(ui, &option.name, srgb(Vec3::from_slice(value)));
-            wanted = set.map(|[r, g, b]| (option.name.clone(), format!("\"#{r:02x}{g:02x}{b:02x}\"")));
+            let set = values::color_field(ui, &option.name, srgb(Vec3::from_slice(value)));
+            edit = set.map(|[r, g, b]| (option.name.clone(), format!("\"#{r:02x}{g:02x}{b:02x}\"")));
         }
         OptionKind::Color { .. } | OptionKind::Vector { .. } => {
             ui.horizontal(|ui| {
                 for (number, (name, value)) in option.number_names().zip(value).enumerate() {
                     let (value, speed) = (f64::from(*value), ((max - min) * 0.002).min(0.01));
-                    let usual = f64::from(usual[number]);
-                    if let Some(to) = field(&name, value, speed, min..=max, usual).show(ui) {
-                        wanted = Some((name, values::text(ui, to)));
+                    let default_value = f64::from(default_value[number]);
+                    if let Some(to) =
+                        number_with_default(&name, value, speed, min..=max, default_value).show(ui)
+                    {
+                        edit = Some((name, values::source_text(ui, to)));
                     }
                 }
             });
@@ -680,7 +701,7 @@ fn parameter(
             checkbox
                 .widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, enabled, on, name));
             if checkbox.changed() {
-                wanted = Some((option.name.clone(), on.to_string()));
+                edit = Some((option.name.clone(), on.to_string()));
             }
         }
         OptionKind::Text { one_of, .. } => {
@@ -688,11 +709,11 @@ fn parameter(
             let combo = egui::ComboBox::from_id_salt(&option.name).selected_text(&shown).show_ui(ui, |ui| {
                 for choice in one_of {
                     if ui.selectable_label(*choice == shown, choice).clicked() && *choice != shown {
-                        wanted = Some((option.name.clone(), format!("\"{choice}\"")));
+                        edit = Some((option.name.clone(), format!("\"{choice}\"")));
                     }
                 }
             });
-            values::named(combo.response, egui::WidgetType::ComboBox, &option.name);
+            values::set_widget_name(combo.response, egui::WidgetType::ComboBox, &option.name);
         }
         OptionKind::Texture { default, .. } => {
             let chosen = used.images.iter().find(|chosen| chosen.parameter == option.name);
@@ -700,7 +721,7 @@ fn parameter(
         }
         _ => drop(ui.monospace(format!("{value:.3?}"))),
     }
-    wanted
+    edit
 }
 
 /// List of clips that can be dragged onto a row of the sequencer, or added at the playhead.
@@ -708,24 +729,25 @@ fn show_clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option
     if asset.clips.is_empty() {
         return None;
     }
-    let mut wanted = None;
+    let mut edit = None;
     let title = format!("clips ({})", asset.clips.len());
     egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
         for clip in asset.clips.iter().take(MAX_CLIPS) {
             ui.horizontal(|ui| {
                 let (label, hint) = (format!("play {}", clip.name), "from the playhead on");
-                if icons::small(ui, icons::PLUS, &label, hint).clicked() {
-                    wanted = Some(InspectorEdit::Clip(clip.name.clone(), viewer.playhead.time().as_secs()));
+                if icons::small_button(ui, icons::PLUS, &label, hint).clicked() {
+                    edit = Some(InspectorEdit::AddClip(clip.name.clone(), viewer.playhead.time().as_secs()));
                 }
                 let id = ui.id().with(("clip", &clip.name));
-                let payload = ClipDrag { of: ClipSource::Actor(name.to_string()), clip: clip.name.clone() };
+                let payload =
+                    ClipDrag { source: ClipSource::Actor(name.to_string()), clip: clip.name.clone() };
                 ui.dnd_drag_source(id, payload, |ui| {
                     ui.label(format!("{}  {:.2} s", clip.name, clip.duration.as_secs()));
                 });
             });
         }
     });
-    wanted
+    edit
 }
 
 fn show_materials(ui: &mut Ui, asset: &Asset) {
@@ -786,7 +808,7 @@ fn angles_text(angles: DVec3) -> String {
 }
 
 /// Values that have no field.
-fn add_value_rows(
+fn rows_without_field(
     viewer: &Viewer,
     scene: &Scene,
     selection: &Selected,
@@ -796,8 +818,10 @@ fn add_value_rows(
     let mut rows = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
     match selection {
-        Selected::Actor(name) => actor_rows(viewer, stage, name, &mut row),
-        Selected::Cue { actor: name, layer, cue } => cue_rows(viewer, stage, name, *layer, *cue, &mut row),
+        Selected::Actor(name) => add_actor_rows(viewer, stage, name, &mut row),
+        Selected::Cue { actor: name, layer, cue } => {
+            add_cue_rows(viewer, stage, name, *layer, *cue, &mut row)
+        }
         Selected::Camera(name) => {
             if let Some(camera) = stage.cameras.iter().find(|c| c.name == *name) {
                 row("rig", rig_name(&camera.rig).into());
@@ -844,7 +868,7 @@ fn add_value_rows(
     rows
 }
 
-fn cue_rows(
+fn add_cue_rows(
     viewer: &Viewer,
     stage: &Stage,
     name: &str,
@@ -856,7 +880,7 @@ fn cue_rows(
     let Some(played) = found.layers.get(layer).and_then(|l| l.cues.get(cue)) else { return };
     row("clip", played.clip.name.clone());
     let active = found.active_clips(viewer.playhead.time());
-    match layer_shares(&active, layer).find(|(h, _)| h.cue == cue) {
+    match layer_shares(&active, layer).find(|(clip, _)| clip.cue == cue) {
         Some((active, share)) => {
             row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, active.clip_time.as_secs()))
         }
@@ -866,15 +890,15 @@ fn cue_rows(
 
 /// Effective weight of each cue in a layer's pose, the last cue first: each leaves the rest to the ones below.
 fn layer_shares(active: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveClip, f32)> {
-    let of_layer = active.iter().filter(move |h| h.layer == layer).rev();
-    of_layer.scan(1.0, |rest, h| {
-        let share = if h.additive { h.weight } else { *rest * h.weight };
-        *rest -= if h.additive { 0.0 } else { share };
-        Some((h, share))
+    let of_layer = active.iter().filter(move |clip| clip.layer == layer).rev();
+    of_layer.scan(1.0, |rest, clip| {
+        let share = if clip.additive { clip.weight } else { *rest * clip.weight };
+        *rest -= if clip.additive { 0.0 } else { share };
+        Some((clip, share))
     })
 }
 
-fn actor_rows(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&str, String)) {
+fn add_actor_rows(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&str, String)) {
     let Some(index) = actor(stage, name) else { return };
     let found = &stage.actors[index];
     let asset = &found.asset;
@@ -897,8 +921,8 @@ fn actor_rows(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&
     for (number, layer) in found.layers.iter().enumerate() {
         let layer_name = if number == 0 { "base layer".to_string() } else { format!("layer {number}") };
         let lines: Vec<String> = layer_shares(&active, number)
-            .filter_map(|(h, share)| {
-                Some(format!("{:3.0} % {}", share * 100.0, layer.cues.get(h.cue)?.clip.name))
+            .filter_map(|(clip, share)| {
+                Some(format!("{:3.0} % {}", share * 100.0, layer.cues.get(clip.cue)?.clip.name))
             })
             .collect();
         row(&layer_name, if lines.is_empty() { "—".into() } else { lines.join("\n") });

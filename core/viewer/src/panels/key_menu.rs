@@ -18,19 +18,19 @@ use egui::{
 #[derive(Clone, Debug, PartialEq)]
 pub enum KeyAct {
     Select(Vec<KeyRef>),
-    Run(KeyCommand),
+    RunCommand(KeyCommand),
     /// Sets the easing of the spans before the selected keys, as source text.
-    Ease(Option<String>),
+    SetEase(Option<String>),
     /// Sets the interpolation of all keys of their properties, as source text.
-    Interpolation(Option<String>),
+    SetInterpolation(Option<String>),
     /// Moves a key to a time in seconds.
-    Time(KeyRef, TypedNumber),
+    SetTime(KeyRef, TypedNumber),
     /// Sets all components of a key's value; the last field is the one that was typed.
-    Value(KeyRef, Vec<f64>, TypedNumber),
+    SetValue(KeyRef, Vec<f64>, TypedNumber),
     /// Sets the tangents of the selected keys.
-    Tangents(TangentChoice),
+    SetTangents(TangentChoice),
     /// Sets easing and tangents of a key; the last field is the number that was typed.
-    Shape(KeyRef, KeyShape, Option<TypedNumber>),
+    SetShape(KeyRef, KeyShape, Option<TypedNumber>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,12 +58,12 @@ const COMMANDS: [(KeyCommand, &str, &str); 6] = [
 const DEFAULT_BEZIER: &str = "[0.42, 0.0, 0.58, 1.0]";
 
 /// Opens the menu of a mark that holds keys.
-pub fn show(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
+pub fn open_on_right_click(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     if !response.secondary_clicked() {
         return None;
     }
     let at = response.interact_pointer_pos().unwrap_or(response.rect.center());
-    response.ctx.data_mut(|d| d.insert_temp(menu_id(), OpenMenu { keys: keys.to_vec(), at }));
+    response.ctx.data_mut(|d| d.insert_temp(menu_id(), OpenMenu { keys: keys.to_vec(), position: at }));
     Popup::open_id(&response.ctx, menu_id());
     let is_selected = keys.iter().any(|key| viewer.is_key_selected(key));
     (!is_selected).then(|| KeyAct::Select(keys.to_vec()))
@@ -73,7 +73,7 @@ pub fn show(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<Key
 #[derive(Clone)]
 struct OpenMenu {
     keys: Vec<KeyRef>,
-    at: Pos2,
+    position: Pos2,
 }
 
 fn menu_id() -> Id {
@@ -81,20 +81,20 @@ fn menu_id() -> Id {
 }
 
 /// Shows the open menu, which stays until something else is clicked, a command is chosen or Escape is pressed.
-pub fn popup(ui: &Ui, viewer: &mut Viewer) {
+pub fn show_open_menu(ui: &Ui, viewer: &mut Viewer) {
     let Some(mut menu) = ui.data(|d| d.get_temp::<OpenMenu>(menu_id())) else { return };
-    menu.keys.iter_mut().for_each(|key| find_again(viewer, key));
-    let popup = Popup::new(menu_id(), ui.ctx().clone(), PopupAnchor::Position(menu.at), ui.layer_id())
+    menu.keys.iter_mut().for_each(|key| update_key_time(viewer, key));
+    let popup = Popup::new(menu_id(), ui.ctx().clone(), PopupAnchor::Position(menu.position), ui.layer_id())
         .kind(PopupKind::Menu)
         .layout(Layout::top_down_justified(Align::Min))
         .style(menu_style)
         .open_memory(None)
         .close_behavior(PopupCloseBehavior::CloseOnClickOutside);
-    let Some(shown) = popup.show(|ui| entries(ui, viewer, &menu.keys)) else {
+    let Some(shown) = popup.show(|ui| show_entries(ui, viewer, &menu.keys)) else {
         return ui.data_mut(|d| d.remove::<OpenMenu>(menu_id()));
     };
     let act = shown.inner;
-    if let Some(KeyAct::Time(moved, time)) = &act {
+    if let Some(KeyAct::SetTime(moved, time)) = &act {
         for key in menu.keys.iter_mut().filter(|key| *key == moved) {
             key.at = Time::from_secs(time.value);
         }
@@ -106,35 +106,35 @@ pub fn popup(ui: &Ui, viewer: &mut Viewer) {
 }
 
 /// Finds a key again after it was moved: the script has fewer digits, so its time on stage may differ slightly.
-fn find_again(viewer: &Viewer, key: &mut KeyRef) {
-    let near = viewer.playhead.fps().time_of(1).0 / 4;
+fn update_key_time(viewer: &Viewer, key: &mut KeyRef) {
+    let max_difference = viewer.playhead.fps().time_of(1).0 / 4;
     let property = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
-    let at = property.and_then(|p| p.keys.into_iter().find(|at| (*at - key.at).0.abs() <= near));
+    let at = property.and_then(|p| p.keys.into_iter().find(|at| (*at - key.at).0.abs() <= max_difference));
     key.at = at.unwrap_or(key.at);
 }
 
-fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
+fn show_entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     let (mut act, mut typed) = (None, None);
     for key in keys.iter().take(4) {
         let found = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
         if let Some(property) = found {
-            typed = numbers(ui, &property, key).or(typed);
+            typed = show_number_fields(ui, &property, key).or(typed);
         }
     }
     ui.separator();
-    act = tangents::menu(ui).or(act);
+    act = tangents::show_menu(ui).or(act);
     ui.menu_button("Easing into the key", |ui| {
-        act = choice(ui, "default: like all keys", &easing_names()).map(KeyAct::Ease).or(act.take());
+        act = show_choices(ui, "default: like all keys", &easing_names()).map(KeyAct::SetEase).or(act.take());
     });
     ui.menu_button("Between all keys", |ui| {
         let mut all: Vec<String> = KEY_INTERPOLATIONS.iter().map(ToString::to_string).collect();
         all.extend(easing_names().into_iter().filter(|name| name.contains('_')));
-        act = choice(ui, "default: linear", &all).map(KeyAct::Interpolation).or(act.take());
+        act = show_choices(ui, "default: linear", &all).map(KeyAct::SetInterpolation).or(act.take());
     });
     ui.separator();
     for (command, name, key) in COMMANDS {
-        if ui.add(Button::new(name).shortcut_text(super::actions::keys_of(viewer, key))).clicked() {
-            act = Some(KeyAct::Run(command));
+        if ui.add(Button::new(name).shortcut_text(super::actions::shortcut_text(viewer, key))).clicked() {
+            act = Some(KeyAct::RunCommand(command));
         }
     }
     if act.is_some() {
@@ -144,13 +144,13 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
 }
 
 /// Number fields for the time and value of a key.
-fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct> {
+fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct> {
     let mut act = None;
     ui.horizontal(|ui| {
         ui.label(property.title());
         let secs = key.at.as_secs();
-        let time = values::time(ui, &format!("time of {}", property.name), secs, 0.01, 0.0..=1e6);
-        act = time.map(|secs| KeyAct::Time(key.clone(), values::typed(ui, secs)));
+        let time = values::time_field(ui, &format!("time of {}", property.name), secs, 0.01, 0.0..=1e6);
+        act = time.map(|secs| KeyAct::SetTime(key.clone(), values::typed_number(ui, secs)));
         ui.weak("s");
         let now = property.at(key.at);
         for (part, number) in now.iter().enumerate().filter(|_| property.is_plain()) {
@@ -158,25 +158,25 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
             let name = format!("{} {part_name} of the key", property.name);
             let [low, high] = property.range;
             ui.weak(part_name);
-            if let Some(to) = values::number(ui, &name, *number, 0.01, low..=high) {
+            if let Some(to) = values::number_field(ui, &name, *number, 0.01, low..=high) {
                 let mut all = now.clone();
                 all[part] = to;
-                act = Some(KeyAct::Value(key.clone(), all, values::typed(ui, to)));
+                act = Some(KeyAct::SetValue(key.clone(), all, values::typed_number(ui, to)));
             }
         }
         ui.weak(property.unit);
     });
     let index = property.keys.iter().position(|at| *at == key.at);
-    index.and_then(|index| tangents::numbers(ui, property, index)).or(act)
+    index.and_then(|index| tangents::show_number_fields(ui, property, index)).or(act)
 }
 
 /// List of names with an entry for none. Easings are in one column for each direction, so that all are visible at once.
-fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
+fn show_choices(ui: &mut Ui, default_label: &str, names: &[String]) -> Option<Option<String>> {
     const EASING_PREFIXES: [&str; 3] = ["in_out_", "in_", "out_"];
-    let way_of = |name: &str| EASING_PREFIXES.iter().position(|way| name.starts_with(way));
-    let mut chosen = ui.button(none).clicked().then_some(None);
-    let mut column = |ui: &mut Ui, way: Option<usize>| {
-        for name in names.iter().filter(|name| way_of(name) == way) {
+    let prefix_index = |name: &str| EASING_PREFIXES.iter().position(|prefix| name.starts_with(prefix));
+    let mut chosen = ui.button(default_label).clicked().then_some(None);
+    let mut column = |ui: &mut Ui, prefix: Option<usize>| {
+        for name in names.iter().filter(|name| prefix_index(name) == prefix) {
             if ui.button(name).clicked() {
                 chosen = Some(Some(format!("\"{name}\"")));
             }
@@ -184,7 +184,7 @@ fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
     };
     column(ui, None);
     ui.horizontal_top(|ui| {
-        (0..EASING_PREFIXES.len()).for_each(|way| drop(ui.vertical(|ui| column(ui, Some(way)))));
+        (0..EASING_PREFIXES.len()).for_each(|prefix| drop(ui.vertical(|ui| column(ui, Some(prefix)))));
     });
     if ui.button("Bézier curve, with handles").clicked() {
         chosen = Some(Some(DEFAULT_BEZIER.to_string()));
@@ -193,11 +193,11 @@ fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
 }
 
 /// Handles copy and cut events if only keys are selected.
-pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
+pub fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
     if !viewer.has_only_keys_selected() {
         return;
     }
-    let mut asked = Vec::new();
+    let mut commands = Vec::new();
     ui.input_mut(|i| {
         i.events.retain(|event| {
             let command = match event {
@@ -205,29 +205,30 @@ pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
                 Event::Cut => KeyCommand::Cut,
                 _ => return true,
             };
-            asked.push(command);
+            commands.push(command);
             false
         });
     });
-    asked.into_iter().for_each(|command| run(ui, viewer, KeyAct::Run(command)));
+    commands.into_iter().for_each(|command| run(ui, viewer, KeyAct::RunCommand(command)));
 }
 
 /// Performs an action.
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
-    let keeps = matches!(act, KeyAct::Select(_) | KeyAct::Run(KeyCommand::Copy | KeyCommand::GoToLine));
-    if !keeps && headers::refuses_locked(viewer) {
+    let is_read_only =
+        matches!(act, KeyAct::Select(_) | KeyAct::RunCommand(KeyCommand::Copy | KeyCommand::GoToLine));
+    if !is_read_only && headers::refuses_locked(viewer) {
         return;
     }
     let keys = viewer.selected_keys().to_vec();
     match act {
         KeyAct::Select(keys) => viewer.select_keys(keys),
-        KeyAct::Ease(ease) => viewer.edit(|v| v.set_key_ease(&keys, ease.as_deref())),
-        KeyAct::Interpolation(how) => viewer.edit(|v| v.set_key_interpolation(&keys, how.as_deref())),
-        KeyAct::Time(key, time) => viewer.edit(|v| v.set_key_time(&key, &time)),
-        KeyAct::Value(key, numbers, typed) => viewer.edit(|v| v.set_key_value(&key, &numbers, &typed)),
-        KeyAct::Tangents(choice) => viewer.edit(|v| v.set_key_tangents(&keys, choice)),
-        KeyAct::Shape(key, shape, typed) => viewer.edit(|v| v.set_key_shape(key, shape, typed.as_ref())),
-        KeyAct::Run(command) => run_command(ui, viewer, command, &keys),
+        KeyAct::SetEase(ease) => viewer.edit(|v| v.set_key_ease(&keys, ease.as_deref())),
+        KeyAct::SetInterpolation(how) => viewer.edit(|v| v.set_key_interpolation(&keys, how.as_deref())),
+        KeyAct::SetTime(key, time) => viewer.edit(|v| v.set_key_time(&key, &time)),
+        KeyAct::SetValue(key, numbers, typed) => viewer.edit(|v| v.set_key_value(&key, &numbers, &typed)),
+        KeyAct::SetTangents(choice) => viewer.edit(|v| v.set_key_tangents(&keys, choice)),
+        KeyAct::SetShape(key, shape, typed) => viewer.edit(|v| v.set_key_shape(key, shape, typed.as_ref())),
+        KeyAct::RunCommand(command) => run_command(ui, viewer, command, &keys),
     }
 }
 
@@ -247,7 +248,7 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
         },
         KeyCommand::Paste => {
             let copied = viewer.copied_clips.clone();
-            paste(viewer, &copied);
+            paste_keys(viewer, &copied);
         }
         KeyCommand::Delete => viewer.edit(|v| v.delete_keys(keys)),
         KeyCommand::GoToLine => {
@@ -269,7 +270,7 @@ pub fn set_keys(viewer: &mut Viewer) {
 }
 
 /// Adds copied keys to the selection, at the playhead.
-pub(crate) fn paste(viewer: &mut Viewer, text: &str) {
+pub(crate) fn paste_keys(viewer: &mut Viewer, text: &str) {
     if headers::refuses_locked(viewer) {
         return;
     }

@@ -31,11 +31,11 @@ impl SplitFractions {
     pub fn restore(&mut self, dock: &mut DockState<Tab>, size: egui::Vec2) {
         if size != self.size {
             self.size = size;
-            self.put_into(dock);
+            self.apply_to(dock);
         }
     }
 
-    fn put_into(&self, dock: &mut DockState<Tab>) {
+    fn apply_to(&self, dock: &mut DockState<Tab>) {
         for (node, chosen) in dock.main_surface_mut().iter_mut().zip(&self.chosen) {
             if let (Node::Vertical(split) | Node::Horizontal(split), Some(chosen)) = (node, chosen) {
                 split.fraction = *chosen;
@@ -43,14 +43,14 @@ impl SplitFractions {
         }
     }
 
-    /// Records fractions that the user has changed in a frame. `before`: fractions before the frame; `acts`: whether a button or key is down.
-    pub fn keep(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], acts: bool) {
+    /// Records fractions that the user has changed in a frame. `before`: fractions before the frame; `has_input`: whether a button or key is down.
+    pub fn record_changes(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], has_input: bool) {
         let now = SplitFractions::of(dock);
         let same_nodes = self.chosen.len() == now.len()
             && self.chosen.iter().zip(&now).all(|(chosen, now)| chosen.is_some() == now.is_some());
         if !same_nodes {
             self.chosen = now;
-        } else if acts {
+        } else if has_input {
             for ((chosen, before), now) in self.chosen.iter_mut().zip(before).zip(now) {
                 if *before != now {
                     *chosen = now;
@@ -60,15 +60,15 @@ impl SplitFractions {
     }
 
     /// JSON of the dock's layout with the chosen fractions.
-    pub fn write(&self, dock: &DockState<Tab>) -> Value {
+    pub fn to_json(&self, dock: &DockState<Tab>) -> Value {
         let mut written = dock.clone();
-        self.put_into(&mut written);
-        write(&written)
+        self.apply_to(&mut written);
+        layout_json(&written)
     }
 }
 
-fn write(dock: &DockState<Tab>) -> Value {
-    let mut layout = node(dock.main_surface(), NodeIndex::root());
+fn layout_json(dock: &DockState<Tab>) -> Value {
+    let mut layout = node_json(dock.main_surface(), NodeIndex::root());
     let windows =
         dock.iter_all_tabs().filter(|(path, _)| !path.surface.is_main()).map(|(_, tab)| tab.title());
     let floating: Vec<&str> = windows.collect();
@@ -79,25 +79,25 @@ fn write(dock: &DockState<Tab>) -> Value {
     layout
 }
 
-fn node(tree: &Tree<Tab>, at: NodeIndex) -> Value {
-    let two = |how: &str, fraction: f32| json!({ how: (f64::from(fraction) * 1e4).round() / 1e4, "first": node(tree, at.left()), "second": node(tree, at.right()) });
+fn node_json(tree: &Tree<Tab>, at: NodeIndex) -> Value {
+    let split_json = |direction: &str, fraction: f32| json!({ direction: (f64::from(fraction) * 1e4).round() / 1e4, "first": node_json(tree, at.left()), "second": node_json(tree, at.right()) });
     match tree.iter().nth(at.0) {
         Some(Node::Leaf(leaf)) => {
             let titles: Vec<&str> = leaf.tabs.iter().map(|t| t.title()).collect();
             json!({ "tabs": titles, "active": leaf.active.0 })
         }
-        Some(Node::Vertical(split)) => two("below", split.fraction),
-        Some(Node::Horizontal(split)) => two("right", split.fraction),
+        Some(Node::Vertical(split)) => split_json("below", split.fraction),
+        Some(Node::Horizontal(split)) => split_json("right", split.fraction),
         Some(Node::Empty) | None => Value::Null,
     }
 }
 
 /// Parses a layout. `None` if it is invalid.
-pub fn read(layout: &Value) -> Option<DockState<Tab>> {
+pub fn parse_layout(layout: &Value) -> Option<DockState<Tab>> {
     let mut seen = BTreeSet::new();
-    let first = tabs(first_leaf(layout, 0)?, &mut BTreeSet::new())?;
+    let first = parse_tabs(first_leaf(layout, 0)?, &mut BTreeSet::new())?;
     let mut dock = DockState::new(first);
-    place(dock.main_surface_mut(), NodeIndex::root(), layout, &mut seen, 0)?;
+    build_tree(dock.main_surface_mut(), NodeIndex::root(), layout, &mut seen, 0)?;
     for tab in layout["floating"].as_array().into_iter().flatten().filter_map(tab) {
         if seen.insert(tab.title()) {
             dock.push_to_first_leaf(tab);
@@ -112,7 +112,7 @@ fn tab(title: &Value) -> Option<Tab> {
 }
 
 /// Panels of a leaf, each only once in the layout.
-fn tabs(leaf: &Value, seen: &mut BTreeSet<&'static str>) -> Option<Vec<Tab>> {
+fn parse_tabs(leaf: &Value, seen: &mut BTreeSet<&'static str>) -> Option<Vec<Tab>> {
     let all: Vec<Tab> =
         leaf["tabs"].as_array()?.iter().filter_map(tab).filter(|t| seen.insert(t.title())).collect();
     (!all.is_empty()).then_some(all)
@@ -129,7 +129,7 @@ fn first_leaf(layout: &Value, depth: usize) -> Option<&Value> {
 }
 
 /// Builds the part of the tree at `at`, which already holds the first leaf of that part.
-fn place(
+fn build_tree(
     tree: &mut Tree<Tab>,
     at: NodeIndex,
     layout: &Value,
@@ -139,18 +139,18 @@ fn place(
     if depth > MAX_DEPTH {
         return None;
     }
-    for (how, split) in [("below", Split::Below), ("right", Split::Right)] {
-        let Some(fraction) = layout.get(how).and_then(Value::as_f64) else { continue };
+    for (direction, split) in [("below", Split::Below), ("right", Split::Right)] {
+        let Some(fraction) = layout.get(direction).and_then(Value::as_f64) else { continue };
         if !(0.01..=0.99).contains(&fraction) {
             return None;
         }
         // The first leaf of the second part is read here for the split, and again when that part is built.
-        let second = tabs(first_leaf(&layout["second"], depth)?, &mut BTreeSet::new())?;
+        let second = parse_tabs(first_leaf(&layout["second"], depth)?, &mut BTreeSet::new())?;
         let [old, new] = tree.split(at, split, fraction as f32, Node::leaf_with(second));
-        place(tree, old, &layout["first"], seen, depth + 1)?;
-        return place(tree, new, &layout["second"], seen, depth + 1);
+        build_tree(tree, old, &layout["first"], seen, depth + 1)?;
+        return build_tree(tree, new, &layout["second"], seen, depth + 1);
     }
-    let all = tabs(layout, seen)?;
+    let all = parse_tabs(layout, seen)?;
     let active = (layout["active"].as_u64().unwrap_or(0) as usize).min(all.len() - 1);
     let leaf = tree.leaf_mut(at).ok()?;
     leaf.tabs = all;
@@ -168,10 +168,10 @@ mod tests {
         let mut panels = Panels::default();
         panels.set_open(Tab::Explain, false);
         panels.set_open(Tab::Viewport(1), true);
-        panels.bring(Tab::Messages);
-        let written = write(&panels.dock);
-        let again = read(&written).unwrap();
-        assert_eq!(write(&again), written);
+        panels.bring_to_front(Tab::Messages);
+        let written = layout_json(&panels.dock);
+        let again = parse_layout(&written).unwrap();
+        assert_eq!(layout_json(&again), written);
         assert!(again.find_tab(&Tab::Explain).is_none() && again.find_tab(&Tab::Viewport(1)).is_some());
         let place = again.find_tab(&Tab::Messages).unwrap();
         assert_eq!(again.leaf(place.node_path()).unwrap().active, place.tab);
@@ -219,8 +219,8 @@ mod tests {
             json!({ "right": 0.5, "first": leaf, "second": leaf }),
             nested,
         ] {
-            assert!(read(&bad).is_none(), "{bad}");
+            assert!(parse_layout(&bad).is_none(), "{bad}");
         }
-        assert!(read(&leaf).is_some());
+        assert!(parse_layout(&leaf).is_some());
     }
 }

@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_worst_messages_are_shown_when_there_are_too_many() {
+    fn only_the_most_severe_problems_are_shown_when_there_are_too_many() {
         let mut problems = vec![Problem::warning("gap"); 4 * MAX_MESSAGES];
         problems.push(Problem::error("late"));
         let shown = problems_to_show(&problems);

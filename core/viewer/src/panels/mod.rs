@@ -25,9 +25,8 @@ mod hint;
 mod icons;
 mod inspected;
 mod inspector;
-mod key_list;
 mod key_menu;
-mod keys;
+mod keyboard;
 mod layout;
 mod markers;
 mod marks;
@@ -35,7 +34,6 @@ mod messages;
 mod overlay;
 mod palette;
 mod performance;
-mod pictures;
 mod presets;
 mod property_row;
 mod refusal;
@@ -46,17 +44,19 @@ mod row_order;
 mod scene_icons;
 mod script;
 mod sequencer;
+mod shortcut_list;
 mod stage_fields;
 mod start;
 mod tangents;
 mod tests;
+mod thumbnail_textures;
 mod toolbar;
 mod trails;
 mod tree;
 mod values;
 mod viewport;
 
-pub(crate) use actions::problem as shortcut_problem;
+pub(crate) use actions::shortcuts_problem;
 
 pub use sequencer::color_of_clip;
 
@@ -162,9 +162,9 @@ pub fn set_colors(context: &egui::Context, light: bool) {
 pub struct Panels {
     dock: DockState<Tab>,
     splits: layout::SplitFractions,
-    key_list: key_list::KeyList,
-    waiting: drop::PendingDrop,
-    pictures: pictures::Pictures,
+    shortcut_list: shortcut_list::ShortcutList,
+    pending_drop: drop::PendingDrop,
+    thumbnails: thumbnail_textures::ThumbnailTextures,
     browser: assets::Browser,
     palette: palette::Palette,
     refusals: refusal::Refusals,
@@ -175,7 +175,7 @@ pub struct Panels {
     /// Overlays of the first viewport, which new viewports inherit.
     overlays: Overlays,
     /// Theme and scale that were last set in egui's context.
-    applied: Option<(bool, f32)>,
+    applied_theme_and_scale: Option<(bool, f32)>,
 }
 
 impl Default for Panels {
@@ -183,9 +183,9 @@ impl Default for Panels {
         Panels {
             dock: presets::Preset::General.dock(),
             splits: Default::default(),
-            key_list: Default::default(),
-            waiting: Default::default(),
-            pictures: Default::default(),
+            shortcut_list: Default::default(),
+            pending_drop: Default::default(),
+            thumbnails: Default::default(),
             browser: Default::default(),
             palette: Default::default(),
             refusals: Default::default(),
@@ -193,7 +193,7 @@ impl Default for Panels {
             light: false,
             scale: 1.0,
             overlays: Overlays::default(),
-            applied: None,
+            applied_theme_and_scale: None,
         }
     }
 }
@@ -202,7 +202,7 @@ impl Panels {
     pub fn new(settings: &Settings) -> Panels {
         let Settings { light, scale, overlays, .. } = *settings;
         let mut panels = Panels { light, scale, overlays, ..Panels::default() };
-        if let Some(dock) = settings.layout.as_ref().and_then(layout::read) {
+        if let Some(dock) = settings.layout.as_ref().and_then(layout::parse_layout) {
             panels.dock = dock;
         }
         panels
@@ -210,44 +210,44 @@ impl Panels {
 
     /// Sets the theme and scale again, since a new context has neither.
     pub(crate) fn forget_context(&mut self) {
-        self.applied = None;
-        self.pictures = Default::default();
+        self.applied_theme_and_scale = None;
+        self.thumbnails = Default::default();
     }
 
     pub fn settings(&self) -> Settings {
-        let layout = Some(self.splits.write(&self.dock));
+        let layout = Some(self.splits.to_json(&self.dock));
         let Panels { light, scale, overlays, .. } = *self;
         Settings { light, scale, layout, overlays, ..Settings::default() }
     }
 
-    /// Draws all panels. `pictures`: texture with the displayed frame of each view; `now`: clock, seconds.
-    pub fn show(&mut self, ui: &mut Ui, viewer: &mut Viewer, pictures: &[Option<TextureId>], now: f64) {
-        if self.applied != Some((self.light, self.scale)) {
+    /// Draws all panels. `view_textures`: texture with the displayed frame of each view; `now`: clock, seconds.
+    pub fn show(&mut self, ui: &mut Ui, viewer: &mut Viewer, view_textures: &[Option<TextureId>], now: f64) {
+        if self.applied_theme_and_scale != Some((self.light, self.scale)) {
             set_colors(ui.ctx(), self.light);
             ui.ctx().set_zoom_factor(self.scale);
-            self.applied = Some((self.light, self.scale));
+            self.applied_theme_and_scale = Some((self.light, self.scale));
         }
         hint::track_pointer(ui.ctx());
-        values::set_rate(ui, viewer.playhead.fps().as_fps());
-        drop::take_dropped_files(&mut self.waiting, ui, viewer);
+        values::set_frame_rate(ui, viewer.playhead.fps().as_fps());
+        drop::take_dropped_files(&mut self.pending_drop, ui, viewer);
         // A slow frame may contain both the release of the mouse button and Ctrl+Z: the drag is completed before it is undone.
         let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
         if !after_drag {
-            keys::handle(self, ui, viewer, now);
+            keyboard::handle_keyboard(self, ui, viewer, now);
         }
         bar::show(self, ui, viewer, now);
         bar::show_offer(ui, viewer);
-        files::dialogs(ui, viewer);
+        files::show_dialogs(ui, viewer);
         palette::show(self, ui, viewer, now);
-        if self.is_asking(viewer) {
+        if self.has_open_dialog(viewer) {
             // The mouse wheel must not scroll panels below the dialog.
             ui.input_mut(|i| i.smooth_scroll_delta = egui::Vec2::ZERO);
         }
-        if self.key_list.open {
-            key_list::show(ui, &mut self.key_list, viewer);
+        if self.shortcut_list.open {
+            shortcut_list::show(ui, &mut self.shortcut_list, viewer);
         }
         if viewer.go_to.is_some() {
-            self.bring(Tab::Script);
+            self.bring_to_front(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.is_visible = false);
         viewer.script_has_input = false;
@@ -260,8 +260,8 @@ impl Panels {
         // Fills the gaps at the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());
-        let (own_pictures, browser) = (&mut self.pictures, &mut self.browser);
-        let mut tabs = Tabs { viewer, pictures, own_pictures, browser, now };
+        let (thumbnails, browser) = (&mut self.thumbnails, &mut self.browser);
+        let mut tabs = Tabs { viewer, view_textures, thumbnails, browser, now };
         self.splits.restore(&mut self.dock, ui.available_size());
         let before = layout::SplitFractions::of(&self.dock);
         DockArea::new(&mut self.dock)
@@ -269,22 +269,23 @@ impl Panels {
             .show_leaf_collapse_buttons(false)
             .show_leaf_close_all_buttons(false)
             .show_inside(ui, &mut tabs);
-        let acts = ui.input(|i| i.pointer.any_down() || i.pointer.any_released() || !i.keys_down.is_empty());
-        self.splits.keep(&self.dock, &before, acts);
-        key_menu::popup(ui, viewer);
+        let has_input =
+            ui.input(|i| i.pointer.any_down() || i.pointer.any_released() || !i.keys_down.is_empty());
+        self.splits.record_changes(&self.dock, &before, has_input);
+        key_menu::show_open_menu(ui, viewer);
         rename::show(&mut self.name_field, ui, viewer);
         if after_drag {
-            keys::handle(self, ui, viewer, now);
+            keyboard::handle_keyboard(self, ui, viewer, now);
         }
         if values::take_refused_flag(ui) {
-            viewer.edit(|_| Err(EditError::refused(values::NO_TIME)));
+            viewer.edit(|_| Err(EditError::refused(values::NOT_A_TIME)));
         }
         refusal::show(&mut self.refusals, ui, viewer);
-        hovering(ui, viewer);
+        show_drop_hint(ui, viewer);
     }
 
     /// Whether a dialog or the command palette has the keyboard.
-    fn is_asking(&self, viewer: &Viewer) -> bool {
+    fn has_open_dialog(&self, viewer: &Viewer) -> bool {
         self.palette.is_open() || viewer.documents.dialog.is_some() || viewer.offer.is_some()
     }
 
@@ -296,7 +297,7 @@ impl Panels {
     fn set_open(&mut self, tab: Tab, open: bool) {
         match (self.dock.find_tab(&tab), open) {
             (Some(place), false) => drop(self.dock.remove_tab(place)),
-            (None, true) => match self.beside(tab) {
+            (None, true) => match self.viewport_split(tab) {
                 Some((node, split)) => {
                     self.dock.main_surface_mut().split_tabs(node, split, 0.5, vec![tab]);
                 }
@@ -307,7 +308,7 @@ impl Panels {
     }
 
     /// Position of a new viewport, so that four are arranged two by two: the node of another viewport, and the side.
-    fn beside(&self, tab: Tab) -> Option<(NodeIndex, Split)> {
+    fn viewport_split(&self, tab: Tab) -> Option<(NodeIndex, Split)> {
         let Tab::Viewport(number) = tab else { return None };
         let (right, below) = (Split::Right, Split::Below);
         let places: &[(u8, Split)] = match number {
@@ -323,7 +324,7 @@ impl Panels {
     }
 
     /// Opens a panel if it is closed, and brings it to the front.
-    fn bring(&mut self, tab: Tab) {
+    fn bring_to_front(&mut self, tab: Tab) {
         self.set_open(tab, true);
         if let Some(place) = self.dock.find_tab(&tab) {
             // The panel was found just before.
@@ -334,7 +335,7 @@ impl Panels {
 }
 
 /// Hint about the effect of a drop, while files are dragged over the window.
-fn hovering(ui: &Ui, viewer: &Viewer) {
+fn show_drop_hint(ui: &Ui, viewer: &Viewer) {
     let files = ui.input(|i| i.raw.hovered_files.clone());
     if files.is_empty() {
         return;
@@ -365,9 +366,9 @@ fn hovering(ui: &Ui, viewer: &Viewer) {
 
 struct Tabs<'a> {
     viewer: &'a mut Viewer,
-    pictures: &'a [Option<TextureId>],
+    view_textures: &'a [Option<TextureId>],
     /// Thumbnail textures.
-    own_pictures: &'a mut pictures::Pictures,
+    thumbnails: &'a mut thumbnail_textures::ThumbnailTextures,
     browser: &'a mut assets::Browser,
     now: f64,
 }
@@ -401,8 +402,8 @@ impl TabViewer for Tabs<'_> {
                     let overlays = self.viewer.views[0].overlays;
                     self.viewer.views.push(View { is_visible: false, overlays, ..View::default() });
                 }
-                let picture = self.pictures.get(view).copied().flatten();
-                viewport::show(ui, self.viewer, view, picture);
+                let frame_texture = self.view_textures.get(view).copied().flatten();
+                viewport::show(ui, self.viewer, view, frame_texture);
             }
             Tab::Sequencer => sequencer::show(ui, self.viewer, self.now),
             Tab::Tree => tree::show(ui, self.viewer),
@@ -412,7 +413,7 @@ impl TabViewer for Tabs<'_> {
             Tab::Explain => explain::show(ui, self.viewer),
             Tab::Performance => performance::show(ui, self.viewer),
             Tab::Curves => curves::show(ui, self.viewer),
-            Tab::Assets => assets::show(ui, self.viewer, self.browser, self.own_pictures),
+            Tab::Assets => assets::show(ui, self.viewer, self.browser, self.thumbnails),
             Tab::Render => render::show(ui, self.viewer),
             Tab::Tests => tests::show(ui, self.viewer),
         }
@@ -437,14 +438,14 @@ fn fixed_digits(value: f64, digits: usize) -> String {
 }
 
 /// A line of text that is truncated with … if it is too wide.
-fn elided(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) -> Arc<Galley> {
+fn truncated_text(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) -> Arc<Galley> {
     let mut job = LayoutJob::simple_singleline(text.to_string(), FontId::proportional(size), color);
     job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
     painter.layout_job(job)
 }
 
 #[cfg(test)]
-mod digits {
+mod fixed_digits_tests {
     use super::fixed_digits;
 
     #[test]

@@ -11,19 +11,19 @@ use glam::{DVec2, DVec3};
 /// Largest total number of joints that are drawn.
 const MAX_JOINTS: usize = 20_000;
 
-pub const X: Color32 = Color32::from_rgb(0xe0, 0x55, 0x4d);
-pub const Y: Color32 = Color32::from_rgb(0x6a, 0xb0, 0x3f);
-pub const Z: Color32 = Color32::from_rgb(0x4c, 0x8d, 0xe8);
+pub const X_COLOR: Color32 = Color32::from_rgb(0xe0, 0x55, 0x4d);
+pub const Y_COLOR: Color32 = Color32::from_rgb(0x6a, 0xb0, 0x3f);
+pub const Z_COLOR: Color32 = Color32::from_rgb(0x4c, 0x8d, 0xe8);
 
-pub fn point(p: DVec2) -> egui::Pos2 {
+pub fn to_pos2(p: DVec2) -> egui::Pos2 {
     pos2(p.x as f32, p.y as f32)
 }
 
-pub fn line(painter: &Painter, view_projection: &ViewProjection, a: DVec3, b: DVec3, stroke: Stroke) {
+pub fn draw_line(painter: &Painter, view_projection: &ViewProjection, a: DVec3, b: DVec3, stroke: Stroke) {
     let clip = painter.clip_rect();
     let ends = view_projection.project_line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
     if let Some(ends) = ends {
-        painter.line_segment(ends.map(point), stroke);
+        painter.line_segment(ends.map(to_pos2), stroke);
     }
 }
 
@@ -62,7 +62,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
             } else {
                 Color32::from_white_alpha(110)
             };
-            bounds(&painter, view_projection, low, high, Stroke::new(1.0, color));
+            draw_bounds(&painter, view_projection, low, high, Stroke::new(1.0, color));
         }
         joints += actor.asset.skeleton.len();
         if view.overlays.skeletons && joints <= MAX_JOINTS {
@@ -78,20 +78,20 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
             for (joint, parent) in actor.asset.skeleton.parents().iter().enumerate() {
                 let Some(to) = at(joint) else { continue };
                 if let Some(from) = parent.and_then(|p| at(p as usize)) {
-                    line(&painter, view_projection, from, to, Stroke::new(1.5, color));
+                    draw_line(&painter, view_projection, from, to, Stroke::new(1.5, color));
                 }
                 if let Some(p) = view_projection.project_point(to) {
-                    painter.circle_filled(point(p), 2.0, color);
+                    painter.circle_filled(to_pos2(p), 2.0, color);
                 }
             }
         }
     }
     if view.overlays.safe {
-        safe_areas(&painter, canvas.place, scene.stage.settings.size);
+        draw_safe_areas(&painter, canvas.image_rect, scene.stage.settings.size);
     }
 }
 
-fn bounds(painter: &Painter, view_projection: &ViewProjection, low: DVec3, high: DVec3, stroke: Stroke) {
+fn draw_bounds(painter: &Painter, view_projection: &ViewProjection, low: DVec3, high: DVec3, stroke: Stroke) {
     let corner = |i: usize| {
         let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
         DVec3::new(pick(0), pick(1), pick(2))
@@ -99,14 +99,14 @@ fn bounds(painter: &Painter, view_projection: &ViewProjection, low: DVec3, high:
     for i in 0..8usize {
         for axis in 0..3 {
             if i >> axis & 1 == 0 {
-                line(painter, view_projection, corner(i), corner(i | 1 << axis), stroke);
+                draw_line(painter, view_projection, corner(i), corner(i | 1 << axis), stroke);
             }
         }
     }
 }
 
 /// Safe areas of 93 % for action and 90 % for titles (EBU R 95), the center, and the size of the rendered image.
-fn safe_areas(painter: &Painter, place: Rect, size: [u32; 2]) {
+fn draw_safe_areas(painter: &Painter, place: Rect, size: [u32; 2]) {
     let stroke = Stroke::new(1.0, Color32::from_white_alpha(150));
     for share in [0.93, 0.90] {
         let inside = Rect::from_center_size(place.center(), place.size() * share);

@@ -20,26 +20,26 @@ const MAX_LIST_HEIGHT: f32 = 420.0;
 /// Effect of an entry.
 #[derive(Clone, Debug)]
 enum Target {
-    Action(&'static str),
-    Panel(Tab),
-    New(usize),
-    Open(PathBuf),
+    RunAction(&'static str),
+    OpenPanel(Tab),
+    NewScript(usize),
+    OpenFile(PathBuf),
     Select(Selected, Option<Time>),
     /// Adds an object. `None`: a camera at the view.
-    Add(Option<Addition>),
+    AddObject(Option<Addition>),
     /// Adds a constraint to the selected actor.
-    Constrain(NewConstraint),
+    AddConstraint(NewConstraint),
     /// Plays a clip of the actor's own file: name of the actor, and of the clip.
-    Play(String, String),
-    Line(usize),
+    PlayClip(String, String),
+    GoToLine(usize),
 }
 
 impl Target {
     /// Additional words to find the entry by.
-    fn other_words(&self) -> &'static str {
+    fn synonyms(&self) -> &'static str {
         match self {
-            Target::Action(id) => actions::other_words(id),
-            Target::Panel(tab) => actions::other_words(&actions::panel_id(*tab)),
+            Target::RunAction(id) => actions::synonyms(id),
+            Target::OpenPanel(tab) => actions::synonyms(&actions::panel_id(*tab)),
             _ => "",
         }
     }
@@ -57,11 +57,11 @@ struct Entry {
 pub struct Palette {
     open: bool,
     /// Whether the text field gets the keyboard focus.
-    fresh: bool,
+    needs_focus: bool,
     text: String,
     /// Index of the entry that Enter chooses.
-    at: usize,
-    all: Vec<Entry>,
+    highlighted: usize,
+    entries: Vec<Entry>,
 }
 
 impl Palette {
@@ -70,7 +70,7 @@ impl Palette {
     }
 
     pub(crate) fn toggle(&mut self) {
-        *self = Palette { open: !self.open, fresh: true, ..Palette::default() };
+        *self = Palette { open: !self.open, needs_focus: true, ..Palette::default() };
     }
 
     /// Entries that match the text, the best first.
@@ -78,9 +78,9 @@ impl Palette {
         let text = self.text.to_lowercase();
         let words: Vec<&str> = text.split_whitespace().collect();
         let mut found: Vec<(usize, usize, &Entry)> = Vec::new();
-        for (number, entry) in self.all.iter().enumerate() {
-            let other_words = entry.target.other_words();
-            let searched = format!("{} {} {other_words}", entry.text, entry.note).to_lowercase();
+        for (number, entry) in self.entries.iter().enumerate() {
+            let synonyms = entry.target.synonyms();
+            let searched = format!("{} {} {synonyms}", entry.text, entry.note).to_lowercase();
             if words.iter().all(|word| searched.contains(word)) {
                 let first = words.first().and_then(|word| searched.find(word)).unwrap_or(0);
                 found.push((usize::from(first > 0), number, entry));
@@ -96,8 +96,8 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     if !panels.palette.open {
         return;
     }
-    if panels.palette.fresh {
-        panels.palette.all = entries(viewer);
+    if panels.palette.needs_focus {
+        panels.palette.entries = all_entries(viewer);
     }
     // Keys of the list are handled before the text field.
     let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
@@ -105,34 +105,34 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     let (enter, escape) = (pressed(Key::Enter), pressed(Key::Escape));
     let palette = &mut panels.palette;
     let mut chosen = None;
-    let shown = dialog::modal(ui, "Commands", (Align2::CENTER_TOP, vec2(0.0, 60.0)), |ui| {
+    let shown = dialog::show_modal(ui, "Commands", (Align2::CENTER_TOP, vec2(0.0, 60.0)), |ui| {
         ui.set_width(560.0);
         let field = TextEdit::singleline(&mut palette.text).hint_text("action, panel, actor, clip or line");
         let field = ui.add(field.desired_width(f32::INFINITY));
-        let field = super::values::named(field, egui::WidgetType::TextEdit, "find a command");
-        if std::mem::take(&mut palette.fresh) {
+        let field = super::values::set_widget_name(field, egui::WidgetType::TextEdit, "find a command");
+        if std::mem::take(&mut palette.needs_focus) {
             field.request_focus();
         }
         if field.changed() {
-            palette.at = 0;
+            palette.highlighted = 0;
         }
         let found = palette.matching_entries();
         let last = found.len().saturating_sub(1);
-        palette.at = match (down, up) {
-            (true, false) => (palette.at + 1).min(last),
-            (false, true) => palette.at.saturating_sub(1),
-            _ => palette.at.min(last),
+        palette.highlighted = match (down, up) {
+            (true, false) => (palette.highlighted + 1).min(last),
+            (false, true) => palette.highlighted.saturating_sub(1),
+            _ => palette.highlighted.min(last),
         };
         ui.separator();
         // The list grows again after a search with few results.
         let list = ScrollArea::vertical().max_height(MAX_LIST_HEIGHT).min_scrolled_height(MAX_LIST_HEIGHT);
         list.auto_shrink([false, true]).show(ui, |ui| {
             for (number, entry) in found.iter().enumerate() {
-                let is_at = number == palette.at;
-                let button = egui::Button::selectable(is_at, &entry.text).truncate();
+                let is_highlighted = number == palette.highlighted;
+                let button = egui::Button::selectable(is_highlighted, &entry.text).truncate();
                 let button = button.right_text(RichText::new(&entry.note).weak().monospace());
                 let response = ui.add_sized([ui.available_width(), 20.0], button);
-                if is_at && (down || up) {
+                if is_highlighted && (down || up) {
                     response.scroll_to_me(None);
                 }
                 if response.clicked() {
@@ -144,31 +144,31 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
             }
         });
         if enter {
-            chosen = found.get(palette.at).map(|entry| entry.target.clone());
+            chosen = found.get(palette.highlighted).map(|entry| entry.target.clone());
         }
     });
-    let is_left = escape || shown.backdrop_response.clicked();
-    if is_left || chosen.is_some() {
+    let is_dismissed = escape || shown.backdrop_response.clicked();
+    if is_dismissed || chosen.is_some() {
         panels.palette = Palette::default();
     }
     if let Some(target) = chosen {
-        run(&mut Context { panels, ui, viewer, now }, target);
+        run_target(&mut Context { panels, ui, viewer, now }, target);
     }
 }
 
-fn run(c: &mut Context, target: Target) {
+fn run_target(c: &mut Context, target: Target) {
     match target {
-        Target::Action(id) => {
-            if let Some(action) = actions::action(id) {
+        Target::RunAction(id) => {
+            if let Some(action) = actions::find_action(id) {
                 (action.run)(c);
             }
         }
-        Target::Panel(tab) => c.panels.bring(tab),
-        Target::New(number) => {
+        Target::OpenPanel(tab) => c.panels.bring_to_front(tab),
+        Target::NewScript(number) => {
             let shown = c.viewer.path.clone();
             c.viewer.documents.ask(Purpose::New(TEMPLATES[number]), shown.as_deref());
         }
-        Target::Open(file) => c.viewer.documents.open = Some(file),
+        Target::OpenFile(file) => c.viewer.documents.open = Some(file),
         Target::Select(what, at) => {
             if let Some(at) = at {
                 c.viewer.playhead.pause();
@@ -176,54 +176,61 @@ fn run(c: &mut Context, target: Target) {
             }
             c.viewer.selection = Some(what);
         }
-        Target::Add(what) => super::add_menu::add(c.viewer, what.as_ref()),
-        Target::Constrain(new) => c.viewer.edit(|v| v.add_constraint(&new)),
-        Target::Play(actor, clip) => {
+        Target::AddObject(what) => super::add_menu::add_object(c.viewer, what.as_ref()),
+        Target::AddConstraint(new) => c.viewer.edit(|v| v.add_constraint(&new)),
+        Target::PlayClip(actor, clip) => {
             let secs = c.viewer.playhead.time().as_secs();
             c.viewer.edit(|v| v.add_clip(&actor, &actor, &clip, secs));
         }
-        Target::Line(line) => c.viewer.go_to = Some(line),
+        Target::GoToLine(line) => c.viewer.go_to = Some(line),
     }
 }
 
 /// All entries that can be found.
-fn entries(viewer: &Viewer) -> Vec<Entry> {
+fn all_entries(viewer: &Viewer) -> Vec<Entry> {
     let entry = |text: String, note: String, target: Target| Entry { text, note, target };
     let mut all: Vec<Entry> = ACTIONS
         .iter()
         .filter(|action| action.id != "palette")
         .map(|action| {
-            let keys = viewer.shortcuts.text(action.id, action.keys);
-            entry(action.title.to_string(), keys, Target::Action(action.id))
+            let keys = viewer.shortcuts.text(action.id, action.default_shortcuts);
+            entry(action.title.to_string(), keys, Target::RunAction(action.id))
         })
         .collect();
     for tab in Tab::ALL {
-        let keys: Vec<String> = actions::panel_keys(viewer, tab).iter().map(ToString::to_string).collect();
-        all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::Panel(tab)));
+        let keys: Vec<String> =
+            actions::panel_shortcuts(viewer, tab).iter().map(ToString::to_string).collect();
+        all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::OpenPanel(tab)));
     }
     if viewer.path.is_some() && viewer.previewed_files.is_empty() {
-        let additions = super::add_menu::commands(viewer).into_iter();
-        all.extend(additions.map(|(text, what)| entry(text, "new".into(), Target::Add(what))));
-        let constraints = super::add_menu::constraints(viewer).into_iter();
-        all.extend(constraints.map(|(text, new)| entry(text, "constraint".into(), Target::Constrain(new))));
+        let additions = super::add_menu::palette_additions(viewer).into_iter();
+        all.extend(additions.map(|(text, what)| entry(text, "new".into(), Target::AddObject(what))));
+        let constraints = super::add_menu::palette_constraints(viewer).into_iter();
+        all.extend(
+            constraints.map(|(text, new)| entry(text, "constraint".into(), Target::AddConstraint(new))),
+        );
     }
     for (number, template) in TEMPLATES.iter().enumerate() {
-        all.push(entry(format!("new: {}", template.name), "template".into(), Target::New(number)));
+        all.push(entry(format!("new: {}", template.name), "template".into(), Target::NewScript(number)));
     }
     for file in &viewer.documents.recent {
-        all.push(entry(format!("open {}", file.display()), "recent".into(), Target::Open(file.clone())));
+        all.push(entry(format!("open {}", file.display()), "recent".into(), Target::OpenFile(file.clone())));
     }
-    objects(viewer, &mut all);
+    add_object_entries(viewer, &mut all);
     let places = viewer.scene.as_ref().map(|scene| &scene.places);
     let text = places.and_then(|places| places.sources.get(&places.main).cloned()).unwrap_or_default();
     for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        all.push(entry(line.trim().to_string(), format!("line {}", number + 1), Target::Line(number + 1)));
+        all.push(entry(
+            line.trim().to_string(),
+            format!("line {}", number + 1),
+            Target::GoToLine(number + 1),
+        ));
     }
     all
 }
 
 /// Entries for objects of the stage, clips on the timeline, and clips that the selected actor could play.
-fn objects(viewer: &Viewer, all: &mut Vec<Entry>) {
+fn add_object_entries(viewer: &Viewer, all: &mut Vec<Entry>) {
     let Some(scene) = &viewer.scene else { return };
     let stage = &scene.stage;
     let mut select = |text: String, note: &str, what: Selected, at: Option<Time>| {
@@ -258,7 +265,7 @@ fn objects(viewer: &Viewer, all: &mut Vec<Entry>) {
         for clip in &actor.asset.clips {
             let (name, clip) = (actor.name.clone(), clip.name.clone());
             let text = format!("play {clip} on {name}");
-            all.push(Entry { text, note: "at the playhead".into(), target: Target::Play(name, clip) });
+            all.push(Entry { text, note: "at the playhead".into(), target: Target::PlayClip(name, clip) });
         }
     }
 }

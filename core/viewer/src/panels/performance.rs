@@ -5,7 +5,7 @@ use crate::state::performance::MAX_FRAMES;
 use egui::{Color32, Grid, Rect, Sense, Ui, pos2, vec2};
 
 /// Colors of the stages: poses, plan, drawing.
-const COLORS: [Color32; 3] = [
+const STAGE_COLORS: [Color32; 3] = [
     Color32::from_rgb(0x00, 0x8a, 0x66),
     Color32::from_rgb(0xd0, 0x8a, 0x20),
     Color32::from_rgb(0x2f, 0x7f, 0xc8),
@@ -72,7 +72,7 @@ fn draw_frame_graph(ui: &mut Ui, viewer: &Viewer) {
     for (index, frame) in frames.iter().rev().enumerate() {
         let right = rect.right() - index as f32 * width;
         let mut bottom = rect.bottom();
-        for (part, color) in frame.iter().zip(COLORS) {
+        for (part, color) in frame.iter().zip(STAGE_COLORS) {
             let top = bottom - part / highest * rect.height();
             painter.rect_filled(
                 Rect::from_min_max(pos2(right - width, top), pos2(right, bottom)),

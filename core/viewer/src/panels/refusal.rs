@@ -10,27 +10,27 @@ use egui::{
 /// Largest width, points.
 const MAX_WIDTH: f32 = 420.0;
 
-/// Position of the displayed refusal, and number of refusals seen so far.
+/// Position of the displayed refusal, and number of refusals shown so far.
 #[derive(Default)]
 pub struct Refusals {
-    seen: u64,
-    at: Option<Pos2>,
+    shown_count: u64,
+    position: Option<Pos2>,
 }
 
 pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
-    if refusals.seen != viewer.refusals {
-        refusals.seen = viewer.refusals;
+    if refusals.shown_count != viewer.refusals {
+        refusals.shown_count = viewer.refusals;
         let pointer = ui.input(|i| i.pointer.latest_pos());
-        refusals.at = Some(pointer.unwrap_or_else(|| ui.ctx().content_rect().center()));
+        refusals.position = Some(pointer.unwrap_or_else(|| ui.ctx().content_rect().center()));
     }
     if viewer.offer.is_some() || viewer.documents.dialog.is_some() {
-        refusals.at = None;
+        refusals.position = None;
     }
-    let shown = refusals.at.zip(viewer.message.clone());
+    let shown = refusals.position.zip(viewer.message.clone());
     // A tooltip at the mouse would cover the text.
     hint::set_hints_hidden(ui.ctx(), shown.is_some());
     let Some((at, why)) = shown else {
-        refusals.at = None;
+        refusals.position = None;
         return;
     };
     let place = at + vec2(14.0, 18.0);
@@ -64,11 +64,11 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
         pressed_link = link.response.contains_pointer();
         if link.inner.clicked() {
             viewer.go_to = viewer.message_line;
-            refusals.at = None;
+            refusals.position = None;
         }
     }
-    let elsewhere = ui.input(|i| i.pointer.any_pressed()) && !pressed_link;
-    if elsewhere || ui.input(|i| i.key_pressed(Key::Escape)) {
-        refusals.at = None;
+    let pressed_elsewhere = ui.input(|i| i.pointer.any_pressed()) && !pressed_link;
+    if pressed_elsewhere || ui.input(|i| i.key_pressed(Key::Escape)) {
+        refusals.position = None;
     }
 }

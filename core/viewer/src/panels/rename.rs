@@ -12,12 +12,12 @@ use egui::{Area, Frame, Key, Order, Pos2, TextEdit, Ui};
 pub struct NameField {
     what: Option<Selected>,
     text: String,
-    at: Pos2,
-    fresh: bool,
+    position: Pos2,
+    needs_focus: bool,
 }
 
 /// Opens the field for the selection.
-pub fn ask(viewer: &mut Viewer) {
+pub fn start_rename(viewer: &mut Viewer) {
     let what = viewer.selection.clone().filter(|what| viewer.name_of(what).is_some());
     match what {
         Some(what) => viewer.to_rename = Some(what),
@@ -30,14 +30,14 @@ pub fn ask(viewer: &mut Viewer) {
 
 pub fn show(field: &mut NameField, ui: &Ui, viewer: &mut Viewer) {
     if let Some(what) = viewer.to_rename.take() {
-        let row = sequencer::place_of(ui, viewer, &what).map(|row| row.left_bottom());
+        let row = sequencer::object_row_rect(ui, viewer, &what).map(|row| row.left_bottom());
         let pointer = || ui.input(|i| i.pointer.latest_pos());
         let at = row.or_else(pointer).unwrap_or_else(|| ui.ctx().content_rect().center());
         let text = viewer.name_of(&what).unwrap_or_default();
-        *field = NameField { what: Some(what), text, at, fresh: true };
+        *field = NameField { what: Some(what), text, position: at, needs_focus: true };
     }
     let Some(what) = field.what.clone() else { return };
-    let area = Area::new(egui::Id::new("rename")).order(Order::Foreground).fixed_pos(field.at);
+    let area = Area::new(egui::Id::new("rename")).order(Order::Foreground).fixed_pos(field.position);
     let shown = area.constrain(true).show(ui.ctx(), |ui| {
         Frame::popup(ui.style())
             .show(ui, |ui| {
@@ -46,7 +46,7 @@ pub fn show(field: &mut NameField, ui: &Ui, viewer: &mut Viewer) {
                 let response = output.response.response;
                 response
                     .widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, "new name"));
-                if std::mem::take(&mut field.fresh) {
+                if std::mem::take(&mut field.needs_focus) {
                     response.request_focus();
                     let all = CCursorRange::two(CCursor::new(0), CCursor::new(field.text.chars().count()));
                     output.state.cursor.set_char_range(Some(all));
@@ -59,9 +59,9 @@ pub fn show(field: &mut NameField, ui: &Ui, viewer: &mut Viewer) {
     if !shown.inner.lost_focus() {
         return;
     }
-    let is_meant = ui.input(|i| i.key_pressed(Key::Enter));
+    let is_confirmed = ui.input(|i| i.key_pressed(Key::Enter));
     let NameField { text, .. } = std::mem::take(field);
-    if is_meant {
+    if is_confirmed {
         viewer.edit(|v| v.rename(&what, &text));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::hint::Hint;
 use super::icons;
-use super::values::named;
+use super::values::set_widget_name;
 use crate::app::Viewer;
 use crate::commands::queue::{Job, JobState};
 use crate::commands::{Format, OutputKind};
@@ -34,7 +34,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let form = &mut viewer.render_form;
     form.format = form.format.min(formats.len().saturating_sub(1));
     if let Some(format) = formats.get(form.format) {
-        Grid::new("render").num_columns(2).show(ui, |ui| fields(ui, form, &scene, &formats));
+        Grid::new("render").num_columns(2).show(ui, |ui| show_fields(ui, form, &scene, &formats));
         let request = form.request(&scene, format);
         let jobs = viewer.renders.jobs();
         let writer = jobs.iter().find(|job| job.is_to_write(&request.output));
@@ -43,7 +43,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             let add = ui.add_enabled(writer.is_none(), Button::new(RichText::new(what).strong()));
             let add = add.hint(request.about.clone());
             if let Some(writer) = writer {
-                ui.colored_label(ui.visuals().warn_fg_color, is_written(writer));
+                ui.colored_label(ui.visuals().warn_fg_color, busy_output_message(writer));
                 let is_taken = |path: &Path| jobs.iter().any(|job| job.is_to_write(path));
                 let free = free_output(&request.output, is_taken);
                 if ui
@@ -67,15 +67,15 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     show_queue(ui, viewer);
 }
 
-fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Format]) {
+fn show_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Format]) {
     let format = &formats[form.format];
     ui.label("format");
-    let combo = ComboBox::from_id_salt("format").selected_text(name(format)).show_ui(ui, |ui| {
+    let combo = ComboBox::from_id_salt("format").selected_text(format_name(format)).show_ui(ui, |ui| {
         for (index, one) in formats.iter().enumerate() {
-            ui.selectable_value(&mut form.format, index, name(one)).hint(&one.about);
+            ui.selectable_value(&mut form.format, index, format_name(one)).hint(&one.about);
         }
     });
-    named(combo.response, WidgetType::ComboBox, "format");
+    set_widget_name(combo.response, WidgetType::ComboBox, "format");
     ui.end_row();
 
     let label = ui.label("output");
@@ -102,7 +102,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
             Range::Chosen => {
                 form.chosen.iter_mut().zip(["first frame", "last frame"]).for_each(|(at, name)| {
                     let value = ui.add(DragValue::new(at).range(0..=scene.frames - 1));
-                    named(value, WidgetType::DragValue, name).hint(name);
+                    set_widget_name(value, WidgetType::DragValue, name).hint(name);
                 })
             }
             _ => drop(ui.add(Label::new(format!("{first} to {last}")).extend())),
@@ -110,7 +110,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     });
     ui.end_row();
     if format.kind != OutputKind::Scene {
-        image_fields(ui, form, scene);
+        show_image_fields(ui, form, scene);
     }
 
     let label = ui.label("options");
@@ -126,7 +126,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     ui.end_row();
 }
 
-fn image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
+fn show_image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
     ui.label("size");
     ui.horizontal_wrapped(|ui| {
         let scales = [(1, 4, "¼"), (1, 2, "½"), (1, 1, "as written"), (2, 1, "double")];
@@ -141,7 +141,7 @@ fn image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
         match form.size {
             Size::Chosen => form.chosen_size.iter_mut().zip(["width", "height"]).for_each(|(side, name)| {
                 let value = ui.add(DragValue::new(side).range(IMAGE_SIDE_RANGE));
-                named(value, WidgetType::DragValue, name).hint(name);
+                set_widget_name(value, WidgetType::DragValue, name).hint(name);
             }),
             Size::Scaled(..) => drop(ui.add(Label::new(format!("{}×{}", pixels[0], pixels[1])).extend())),
         }
@@ -158,7 +158,7 @@ fn image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
     ui.end_row();
 }
 
-fn name(format: &Format) -> String {
+fn format_name(format: &Format) -> String {
     let what = match format.kind {
         OutputKind::Film => "film",
         OutputKind::Images => "images",
@@ -168,7 +168,7 @@ fn name(format: &Format) -> String {
 }
 
 /// Message that another job already writes to the output.
-fn is_written(job: &Job) -> String {
+fn busy_output_message(job: &Job) -> String {
     let name = shown_name(&job.output);
     match job.state {
         JobState::Waiting => format!("{name} will be written by a waiting {}", job.command),
@@ -185,9 +185,10 @@ fn show_queue(ui: &mut Ui, viewer: &Viewer) {
     for job in jobs {
         ui.push_id(job.number, |ui| {
             ui.horizontal(|ui| {
-                let ends = matches!(job.state, JobState::Running { .. } | JobState::Waiting);
-                let (icon, name) = if ends { (icons::X, "Cancel") } else { (icons::TRASH, "Remove") };
-                if icons::small(ui, icon, name, "").clicked() {
+                let is_cancelable = matches!(job.state, JobState::Running { .. } | JobState::Waiting);
+                let (icon, name) =
+                    if is_cancelable { (icons::X, "Cancel") } else { (icons::TRASH, "Remove") };
+                if icons::small_button(ui, icon, name, "").clicked() {
                     viewer.renders.cancel(job.number);
                 }
                 let name = shown_name(&job.output);

@@ -1,7 +1,7 @@
 //! Inspector fields of an actor's attachments, constraints and spring bones, for each call in the script that states one. Values are those of the
 //! stage if it has them, else those in the script.
 
-use super::fields::{Form, described};
+use super::fields::{Form, described_field};
 use super::hint::Hint;
 use crate::app::Viewer;
 use crate::editing::{FieldChange, StatedCall, expression};
@@ -34,50 +34,50 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
     if count == 0 {
         return None;
     }
-    let mut wanted = None;
+    let mut edit = None;
     let title = format!("constraints and springs ({count})");
     egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
         for call in attached.into_iter().take(MAX_CALLS) {
             let all = with_stated_literals::<ParentChange>(ParentChange::default(), viewer, &call);
-            let change = section(ui, &call, |ui, form| fields(ui, form, &all));
-            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+            let change = show_call_section(ui, &call, |ui, form| described_fields(ui, form, &all));
+            edit = change.map(|change| CallChange(call, change)).or(edit.take());
         }
         for (number, look) in actor.look_at.iter().enumerate().take(MAX_CALLS) {
             let call = shown(&places.look_at_constraints, number, "look_at");
-            let change = section(ui, &call, |ui, form| fields(ui, form, look));
-            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+            let change = show_call_section(ui, &call, |ui, form| described_fields(ui, form, look));
+            edit = change.map(|change| CallChange(call, change)).or(edit.take());
         }
         for (number, constraint) in actor.constraints.iter().enumerate().take(MAX_CALLS) {
             let call = shown(&places.constraints, number, constraint.kind.name());
-            let change = section(ui, &call, |ui, form| {
+            let change = show_call_section(ui, &call, |ui, form| {
                 let own = match &constraint.kind {
-                    ConstraintKind::Reach(reach) => fields(ui, form, reach),
-                    ConstraintKind::Aim(aim) => fields(ui, form, aim),
+                    ConstraintKind::Reach(reach) => described_fields(ui, form, reach),
+                    ConstraintKind::Aim(aim) => described_fields(ui, form, aim),
                     ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,
                 };
-                fields(ui, form, constraint).or(own)
+                described_fields(ui, form, constraint).or(own)
             });
-            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+            edit = change.map(|change| CallChange(call, change)).or(edit.take());
         }
         for call in springs.into_iter().take(MAX_CALLS) {
             let all = with_stated_literals(SpringParameters::default(), viewer, &call);
-            let change = section(ui, &call, |ui, form| fields(ui, form, &all));
-            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+            let change = show_call_section(ui, &call, |ui, form| described_fields(ui, form, &all));
+            edit = change.map(|change| CallChange(call, change)).or(edit.take());
         }
     });
-    wanted
+    edit
 }
 
 /// A call with its name and arguments, followed by its fields.
-fn section(
+fn show_call_section(
     ui: &mut Ui,
     call: &StatedCall,
     show: impl FnOnce(&mut Ui, &Form) -> Option<FieldChange>,
 ) -> Option<FieldChange> {
     let name = call.title.split_whitespace().next().unwrap_or_default();
-    let owner = format!("{name} ");
-    let form = Form { stated: &call.written, owner: &owner, is_cue: false, end: None };
-    let mut wanted = None;
+    let name_prefix = format!("{name} ");
+    let form = Form { stated: &call.values, name_prefix: &name_prefix, is_cue: false, end: None };
+    let mut edit = None;
     ui.push_id((call.place.line, call.place.column, &call.title), |ui| {
         let line = format!("line {}", call.place.line);
         ui.label(RichText::new(&call.title).monospace()).hint(line);
@@ -85,30 +85,30 @@ fn section(
             ui.weak("of the character itself");
             return;
         }
-        Grid::new("call").num_columns(2).show(ui, |ui| wanted = show(ui, &form));
+        Grid::new("call").num_columns(2).show(ui, |ui| edit = show(ui, &form));
     });
-    wanted
+    edit
 }
 
-fn fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange> {
-    let mut wanted = None;
+fn described_fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange> {
+    let mut edit = None;
     for field in T::FIELDS {
-        wanted = described(ui, form, of, field).or(wanted);
+        edit = described_field(ui, form, of, field).or(edit);
     }
-    wanted
+    edit
 }
 
 /// Values that a call states as literals; others have their defaults.
 fn with_stated_literals<T: Described>(mut of: T, viewer: &Viewer, call: &StatedCall) -> T {
     let fps = viewer.playhead.fps().as_fps();
     for field in T::FIELDS {
-        let value = call.written.get(field.name).and_then(|text| value(field, text, fps));
+        let value = call.values.get(field.name).and_then(|text| parse_field_value(field, text, fps));
         value.into_iter().for_each(|value| (field.set)(&mut of, value));
     }
     of
 }
 
-fn value<T: Described>(field: &Field<T>, text: &str, fps: f64) -> Option<FieldValue> {
+fn parse_field_value<T: Described>(field: &Field<T>, text: &str, fps: f64) -> Option<FieldValue> {
     match field.field_type {
         FieldType::Number(..) => expression::value(text, fps).map(FieldValue::Number),
         FieldType::Time | FieldType::Duration => {

@@ -1,7 +1,7 @@
 //! Icons of lights, cameras and IK targets over the image: a click selects an object, a drag moves it in the script.
 
 use super::canvas::Canvas;
-use super::overlay::{line, point};
+use super::overlay::{draw_line, to_pos2};
 use crate::app::Viewer;
 use crate::geometry::gizmo::distance_to_segment;
 use crate::geometry::projection::ViewProjection;
@@ -51,7 +51,7 @@ fn collect_icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon>
         let direction = light.direction.as_dvec3();
         let (at, kind) = match light.light.kind {
             LightKind::Directional => {
-                (viewer.sunlit() - direction * SUN_ICON_DISTANCE, IconKind::Sun(viewer.sunlit()))
+                (viewer.sun_target() - direction * SUN_ICON_DISTANCE, IconKind::Sun(viewer.sun_target()))
             }
             LightKind::Spot { outer, .. } => (light.position, IconKind::Spot(direction, f64::from(outer))),
             LightKind::Point => (light.position, IconKind::Point),
@@ -94,17 +94,17 @@ fn reach_targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
 }
 
 /// Parts of an icon that the mouse picks: its disc, and the cone of a spot light.
-struct Handle {
+struct PickArea {
     disc: Option<DVec2>,
     lines: Vec<[DVec2; 2]>,
 }
 
-impl Handle {
-    fn of(viewer: &Viewer, icon: &SceneIcon, view_projection: &ViewProjection) -> Handle {
-        let chosen = viewer.selection == Some(icon.what.selected());
-        let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
+impl PickArea {
+    fn of(viewer: &Viewer, icon: &SceneIcon, view_projection: &ViewProjection) -> PickArea {
+        let is_selected = viewer.selection == Some(icon.what.selected());
+        let lines = icon.beam(is_selected).map(|beam| beam.cone()).unwrap_or_default();
         let lines = lines.into_iter().filter_map(|[a, b]| view_projection.project_line(a, b));
-        Handle { disc: view_projection.project_point(icon.at), lines: lines.collect() }
+        PickArea { disc: view_projection.project_point(icon.at), lines: lines.collect() }
     }
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
@@ -117,9 +117,9 @@ impl Handle {
 
 impl SceneIcon {
     /// The cone of a spot light, as drawn.
-    fn beam(&self, chosen: bool) -> Option<Beam> {
-        let IconKind::Spot(along, angle) = self.kind else { return None };
-        Some(Beam { at: self.at, along, angle, length: if chosen { 1.0 } else { 0.4 } })
+    fn beam(&self, is_selected: bool) -> Option<Beam> {
+        let IconKind::Spot(direction, angle) = self.kind else { return None };
+        Some(Beam { at: self.at, direction, angle, length: if is_selected { 1.0 } else { 0.4 } })
     }
 }
 
@@ -136,29 +136,32 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     if let Some(dragged) = &viewer.dragged_icon {
         icons.iter_mut().filter(|icon| icon.what == dragged.what).for_each(|icon| icon.at = dragged.to);
     }
-    let handles: Vec<Handle> = icons.iter().map(|icon| Handle::of(viewer, icon, view_projection)).collect();
+    let pick_areas: Vec<PickArea> =
+        icons.iter().map(|icon| PickArea::of(viewer, icon, view_projection)).collect();
     let near = |at: DVec2| {
-        let reached =
-            icons.iter().zip(&handles).filter_map(|(icon, handle)| Some((icon, handle.distance(at)?)));
+        let reached = icons
+            .iter()
+            .zip(&pick_areas)
+            .filter_map(|(icon, pick_area)| Some((icon, pick_area.distance(at)?)));
         reached.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(icon, _)| icon.clone())
     };
-    let hot = canvas.hovered().and_then(near);
+    let hovered = canvas.hover_position().and_then(near);
     for icon in &icons {
-        let chosen = viewer.selection == Some(icon.what.selected());
-        let is_hot = hot.as_ref().is_some_and(|hot| hot.what == icon.what);
-        draw(&canvas.painter(ui), icon, chosen, is_hot, view_projection);
+        let is_selected = viewer.selection == Some(icon.what.selected());
+        let is_hovered = hovered.as_ref().is_some_and(|hovered| hovered.what == icon.what);
+        draw_icon(&canvas.painter(ui), icon, is_selected, is_hovered, view_projection);
     }
-    if let Some(hot) = &hot {
-        canvas.response.clone().on_hover_text_at_pointer(name(&hot.what));
+    if let Some(hovered) = &hovered {
+        canvas.response.clone().on_hover_text_at_pointer(icon_hint(&hovered.what));
         if response.clicked() {
-            viewer.selection = Some(hot.what.selected());
+            viewer.selection = Some(hovered.what.selected());
         }
     }
-    drag(ui, viewer, canvas, &scene, near) || hot.is_some()
+    drag_icon(ui, viewer, canvas, &scene, near) || hovered.is_some()
 }
 
 /// Drags an icon in the plane of the image, at its own depth. Returns whether one is being dragged.
-fn drag(
+fn drag_icon(
     ui: &Ui,
     viewer: &mut Viewer,
     canvas: &Canvas,
@@ -166,7 +169,7 @@ fn drag(
     near: impl Fn(DVec2) -> Option<SceneIcon>,
 ) -> bool {
     let Canvas { index, response, view_projection, .. } = canvas;
-    let start = canvas.drag_start(ui);
+    let start = canvas.drag_start_position(ui);
     if let Some((icon, start)) = start.and_then(|start| Some((near(start)?, start))) {
         let (what, from) = (icon.what, icon.at);
         let taken_at = point_at_depth_of(view_projection, from, start).unwrap_or(from);
@@ -177,7 +180,7 @@ fn drag(
     let Some(dragged) = viewer.dragged_icon.as_mut().filter(|dragged| dragged.view == *index) else {
         return false;
     };
-    let pointer = canvas.pointer().filter(|_| response.dragged());
+    let pointer = canvas.pointer_position().filter(|_| response.dragged());
     if let Some(at) = pointer.and_then(|at| point_at_depth_of(view_projection, dragged.from, at)) {
         dragged.to = dragged.from + (at - dragged.taken_at);
     }
@@ -199,8 +202,8 @@ fn drag(
 fn point_at_depth_of(view_projection: &ViewProjection, place: DVec3, at: DVec2) -> Option<DVec3> {
     let (origin, direction) = view_projection.ray(at);
     let normal = view_projection.forward();
-    let along = (place - origin).dot(normal) / direction.dot(normal);
-    (along.is_finite() && along > 0.0).then(|| origin + direction * along)
+    let distance = (place - origin).dot(normal) / direction.dot(normal);
+    (distance.is_finite() && distance > 0.0).then(|| origin + direction * distance)
 }
 
 /// Writes the new position of an icon into the script.
@@ -210,13 +213,13 @@ fn write_position(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at:
         format!("[{x:?}, {y:?}, {z:?}]")
     };
     // The object stays at its new position until the reload shows it.
-    viewer.placement_override = viewer.place_of_icon(&scene.stage, dragged);
+    viewer.placement_override = viewer.icon_placement(&scene.stage, dragged);
     match &dragged.what {
         IconObject::Light(number) => {
             let light = scene.stage.lights.get(*number);
             let sun = light.is_some_and(|l| matches!(l.light.kind, LightKind::Directional));
             let (name, value) = match sun {
-                true => ("direction", list(viewer.direction_from(at))),
+                true => ("direction", list(viewer.sun_direction_from(at))),
                 false => ("position", list(at)),
             };
             viewer.edit(|v| v.set_value(&dragged.what.selected(), name, &value));
@@ -229,7 +232,7 @@ fn write_position(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at:
     }
 }
 
-fn name(what: &IconObject) -> String {
+fn icon_hint(what: &IconObject) -> String {
     match what {
         IconObject::Light(index) => format!("light {}: drag to move it", index + 1),
         IconObject::Camera(name) => format!("camera {name}: drag to move it"),
@@ -237,9 +240,15 @@ fn name(what: &IconObject) -> String {
     }
 }
 
-fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, view_projection: &ViewProjection) {
-    let Some(at) = view_projection.project_point(icon.at).map(point) else { return };
-    let color = match (chosen, hot) {
+fn draw_icon(
+    painter: &Painter,
+    icon: &SceneIcon,
+    is_selected: bool,
+    hovered: bool,
+    view_projection: &ViewProjection,
+) {
+    let Some(at) = view_projection.project_point(icon.at).map(to_pos2) else { return };
+    let color = match (is_selected, hovered) {
         (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
         (_, true) => Color32::from_rgb(0xff, 0xe0, 0x70),
         _ => Color32::from_gray(225),
@@ -249,15 +258,15 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, view_proje
     // A dark disc makes the icon visible on dark and on light backgrounds.
     painter.circle_filled(at, 9.0, Color32::from_black_alpha(150));
     let ray = |angle: f32, from: f32, to: f32| {
-        let along = egui::Vec2::angled(angle);
-        painter.line_segment([at + along * from, at + along * to], stroke);
+        let direction = egui::Vec2::angled(angle);
+        painter.line_segment([at + direction * from, at + direction * to], stroke);
     };
     let turn = std::f32::consts::TAU;
     match &icon.kind {
         IconKind::Sun(on) => {
             painter.circle_filled(at, 3.5, color);
             (0..8).for_each(|i| ray(turn * i as f32 / 8.0, 5.5, 8.0));
-            line(painter, view_projection, icon.at, *on, thin);
+            draw_line(painter, view_projection, icon.at, *on, thin);
         }
         IconKind::Point => {
             painter.circle_stroke(at, 4.0, stroke);
@@ -266,13 +275,13 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, view_proje
         }
         IconKind::Spot(..) => {
             painter.circle_filled(at, 3.0, color);
-            let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
-            lines.into_iter().for_each(|[a, b]| line(painter, view_projection, a, b, stroke));
+            let lines = icon.beam(is_selected).map(|beam| beam.cone()).unwrap_or_default();
+            lines.into_iter().for_each(|[a, b]| draw_line(painter, view_projection, a, b, stroke));
         }
         IconKind::Reach(joint) => {
             painter.circle_stroke(at, 6.0, stroke);
             (0..4).for_each(|i| ray(turn * i as f32 / 4.0, 2.0, 9.0));
-            line(painter, view_projection, icon.at, *joint, thin);
+            draw_line(painter, view_projection, icon.at, *joint, thin);
         }
         IconKind::Camera(target, angle) => {
             let body = Rect::from_center_size(at, egui::vec2(9.0, 7.0));
@@ -280,11 +289,11 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, view_proje
             let beak = [at + egui::vec2(4.5, 0.0), at + egui::vec2(8.0, -3.5), at + egui::vec2(8.0, 3.5)];
             painter.add(egui::Shape::convex_polygon(beak.to_vec(), color, Stroke::NONE));
             let toward = (*target - icon.at).normalize_or(DVec3::NEG_Z);
-            let length = if chosen { 1.0 } else { 0.5 };
-            frame(
+            let length = if is_selected { 1.0 } else { 0.5 };
+            draw_frustum(
                 painter,
                 view_projection,
-                &Beam { at: icon.at, along: toward, angle: *angle, length },
+                &Beam { at: icon.at, direction: toward, angle: *angle, length },
                 thin,
             );
         }
@@ -295,7 +304,7 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, view_proje
 struct Beam {
     at: DVec3,
     /// Direction, unit vector in world space.
-    along: DVec3,
+    direction: DVec3,
     /// Half angle of the cone, or field of view of the camera, radians.
     angle: f64,
     /// Length as drawn, metres.
@@ -311,12 +320,12 @@ fn perpendicular_axes(direction: DVec3) -> [DVec3; 2] {
 impl Beam {
     /// Lines of a cone: its ring and its sides.
     fn cone(&self) -> Vec<[DVec3; 2]> {
-        let Beam { at, along, angle, length } = *self;
-        let [right, up] = perpendicular_axes(along);
+        let Beam { at, direction, angle, length } = *self;
+        let [right, up] = perpendicular_axes(direction);
         let radius = libm::tan(angle.min(1.4)) * length;
         let ring = (0..=16).map(|i| {
             let (sin, cos) = libm::sincos(f64::from(i) / 16.0 * core::f64::consts::TAU);
-            at + along * length + (right * cos + up * sin) * radius
+            at + direction * length + (right * cos + up * sin) * radius
         });
         let ring: Vec<DVec3> = ring.collect();
         let sides = [0, 4, 8, 12].map(|i: usize| [at, ring[i]]);
@@ -325,15 +334,15 @@ impl Beam {
 }
 
 /// Draws the view frustum of a camera, with an aspect ratio of 16:9.
-fn frame(painter: &Painter, view_projection: &ViewProjection, beam: &Beam, stroke: Stroke) {
-    let Beam { at, along, angle, length } = *beam;
-    let [right, up] = perpendicular_axes(along);
-    let high = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
-    let wide = high * 16.0 / 9.0;
+fn draw_frustum(painter: &Painter, view_projection: &ViewProjection, beam: &Beam, stroke: Stroke) {
+    let Beam { at, direction, angle, length } = *beam;
+    let [right, up] = perpendicular_axes(direction);
+    let half_height = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
+    let half_width = half_height * 16.0 / 9.0;
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-        .map(|(x, y)| at + along * length + right * (x * wide) + up * (y * high));
+        .map(|(x, y)| at + direction * length + right * (x * half_width) + up * (y * half_height));
     for i in 0..4 {
-        line(painter, view_projection, at, corners[i], stroke);
-        line(painter, view_projection, corners[i], corners[(i + 1) % 4], stroke);
+        draw_line(painter, view_projection, at, corners[i], stroke);
+        draw_line(painter, view_projection, corners[i], corners[(i + 1) % 4], stroke);
     }
 }

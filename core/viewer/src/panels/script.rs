@@ -2,7 +2,7 @@
 
 use super::hint::Hint;
 use crate::app::Viewer;
-use crate::editing::{EditError, read};
+use crate::editing::{EditError, read_script};
 use crate::state::selection::Selected;
 use choreo_script::Severity;
 use egui::{Color32, CursorIcon, FontId, RichText, ScrollArea, Sense, TextStyle, Ui, Visuals};
@@ -13,7 +13,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let places = viewer.scene.as_ref().map(|s| s.places.clone());
     let shown = places.as_ref().and_then(|p| p.sources.get(&p.main).cloned());
     // The messages of a faulty version refer to its own text.
-    let newest = viewer.faulty.then(|| viewer.path.as_ref().and_then(|p| read(p).ok())).flatten();
+    let newest = viewer.faulty.then(|| viewer.path.as_ref().and_then(|p| read_script(p).ok())).flatten();
     let Some(text) = newest.map(Arc::<str>::from).or(shown) else {
         ui.label("there is no script");
         return;
@@ -46,9 +46,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     area.show_rows(ui, height, lines.len(), |ui, rows| {
         for row in rows {
             let line = row + 1;
-            let back = marked.background(line, &visuals);
-            let text =
-                RichText::new(format!("{line:4} {}", lines[row])).font(font.clone()).background_color(back);
+            let background_color = marked.background(line, &visuals);
+            let text = RichText::new(format!("{line:4} {}", lines[row]))
+                .font(font.clone())
+                .background_color(background_color);
             let label = ui.add(egui::Label::new(text).extend().sense(Sense::click()));
             // The pointer is not a text cursor, which would suggest that text can be typed.
             let label = label.on_hover_cursor(CursorIcon::PointingHand);
@@ -86,12 +87,12 @@ struct MarkedLines {
 impl MarkedLines {
     /// `main`: name of the main file; `None` if no version was loaded.
     fn new(viewer: &Viewer, main: Option<&str>) -> MarkedLines {
-        let here = |file: &str, line: usize| main.is_none_or(|m| m == file).then_some(line);
-        let with = |severity| {
+        let line_in_main_file = |file: &str, line: usize| main.is_none_or(|m| m == file).then_some(line);
+        let lines_with = |severity| {
             let problems = viewer.problems.iter().filter(move |p| p.severity == severity);
-            problems.filter_map(|p| here(&p.file, p.line)).collect()
+            problems.filter_map(|p| line_in_main_file(&p.file, p.line)).collect()
         };
-        let (errors, warnings) = (with(Severity::Error), with(Severity::Warning));
+        let (errors, warnings) = (lines_with(Severity::Error), lines_with(Severity::Warning));
         // The timeline shows the last good version, whose lines may differ from the faulty text.
         if viewer.faulty {
             return MarkedLines { selected: None, errors, warnings, active: BTreeSet::new() };
@@ -101,7 +102,7 @@ impl MarkedLines {
             selected: viewer.selection.as_ref().and_then(|s| line_of(viewer, s)),
             errors,
             warnings,
-            active: bars.filter_map(|bar| here(&bar.place.file, bar.place.line)).collect(),
+            active: bars.filter_map(|bar| line_in_main_file(&bar.place.file, bar.place.line)).collect(),
         }
     }
 
@@ -122,10 +123,10 @@ impl MarkedLines {
 
 /// Refuses an edit of the selection by a key while the panel has the pointer or the keyboard. Returns whether it does.
 pub(super) fn refuses_keys(viewer: &mut Viewer) -> bool {
-    const REASON: &str = "the script is read only here: open it in the editor to type; \
+    const READ_ONLY_MESSAGE: &str = "the script is read only here: open it in the editor to type; \
         with the pointer elsewhere, the key acts on the selection";
     if viewer.script_has_input {
-        viewer.edit(|_| Err(EditError::refused(REASON)));
+        viewer.edit(|_| Err(EditError::refused(READ_ONLY_MESSAGE)));
     }
     viewer.script_has_input
 }

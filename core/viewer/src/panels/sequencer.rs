@@ -1,6 +1,6 @@
 //! Sequencer: rows of bars over time for cues and active cameras, the playhead, and its controls.
 
-use super::actions::hint_of;
+use super::actions::hint_with_shortcut;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks::MarkAct;
@@ -29,7 +29,7 @@ pub(super) const RULER_HEIGHT: f32 = 22.0;
 const MIN_BEAT_DISTANCE: f32 = 6.0;
 
 /// Colors that remain distinguishable with a red-green color vision deficiency (after Okabe and Ito, "Color Universal Design").
-pub const COLORS: [[u8; 3]; 8] = [
+pub const BAR_COLORS: [[u8; 3]; 8] = [
     [0x00, 0x72, 0xb2],
     [0x00, 0x86, 0x62],
     [0xa8, 0x5c, 0x00],
@@ -41,21 +41,21 @@ pub const COLORS: [[u8; 3]; 8] = [
 ];
 
 /// Color of a bar by its number: eight hues, each bright or dark.
-pub(super) fn color_of(color_index: usize) -> Color32 {
-    let [r, g, b] = COLORS[color_index % COLORS.len()];
-    let is_dark = color_index / COLORS.len() % 2 == 1;
+pub(super) fn bar_color(color_index: usize) -> Color32 {
+    let [r, g, b] = BAR_COLORS[color_index % BAR_COLORS.len()];
+    let is_dark = color_index / BAR_COLORS.len() % 2 == 1;
     let shade = |value: u8| if is_dark { (u16::from(value) * 7 / 10) as u8 } else { value };
     Color32::from_rgb(shade(r), shade(g), shade(b))
 }
 
 /// Color of a clip's bars, sRGB.
 pub fn color_of_clip(name: &str) -> [u8; 3] {
-    let [r, g, b, _] = color_of(color_index(name)).to_array();
+    let [r, g, b, _] = bar_color(color_index(name)).to_array();
     [r, g, b]
 }
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
-    transport(ui, viewer, now);
+    show_transport(ui, viewer, now);
     let area = ui.available_rect_before_wrap();
     let ruler = Rect::from_min_max(
         pos2(area.left() + LABELS_WIDTH, area.top()),
@@ -64,18 +64,18 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     if ruler.width() < 20.0 {
         return;
     }
-    scrub(ui, viewer, (ruler, viewer.span), "time");
+    show_ruler(ui, viewer, (ruler, viewer.span), "time");
     ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
     zoom_and_scroll_with_wheel(ui, viewer, area, ruler);
     let rows = viewer.shown_rows();
     let spacing = std::mem::replace(&mut ui.spacing_mut().item_spacing.y, 0.0);
     if let Some((camera, _)) = rows.split_first() {
         // The camera row does not scroll with the others.
-        row(ui, viewer, camera.row, ruler);
+        show_row(ui, viewer, camera.row, ruler);
     }
     let others = rows.get(1..).unwrap_or_default();
-    let below = Rect::from_min_max(pos2(ruler.left(), ruler.bottom() + ROW_HEIGHT), area.max);
-    select_box(ui, viewer, below, others);
+    let scrolling_lanes = Rect::from_min_max(pos2(ruler.left(), ruler.bottom() + ROW_HEIGHT), area.max);
+    show_selection_box(ui, viewer, scrolling_lanes, others);
     egui::ScrollArea::vertical().auto_shrink([false, false]).show_rows(
         ui,
         ROW_HEIGHT,
@@ -83,7 +83,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         |ui, shown| {
             for index in shown {
                 match others[index] {
-                    RowNumber { row: index, part: None } => row(ui, viewer, index, ruler),
+                    RowNumber { row: index, part: None } => show_row(ui, viewer, index, ruler),
                     part => property_row::show(ui, viewer, part, ruler),
                 }
             }
@@ -92,20 +92,20 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     ui.spacing_mut().item_spacing.y = spacing;
     draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.span));
     markers::show(ui, viewer, area, ruler);
-    problem_count(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
+    show_problem_count(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
 }
 
-fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+fn show_transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     ui.horizontal(|ui| {
         let mut bar = Toolbar::new("timeline");
-        playhead_buttons(&mut bar, viewer, now);
-        bar.separator();
+        add_playhead_buttons(&mut bar, viewer, now);
+        bar.add_separator();
         let playhead = &viewer.playhead;
         let (time, last) = (playhead.time().as_secs(), playhead.length().as_secs());
-        bar.widget("time of the playhead", false, move |ui, viewer| {
-            if let Some(to) = values::time(ui, "time of the playhead", time, 0.01, 0.0..=last) {
+        bar.add_widget("time of the playhead", false, move |ui, viewer| {
+            if let Some(to) = values::time_field(ui, "time of the playhead", time, 0.01, 0.0..=last) {
                 let playhead = &mut viewer.playhead;
-                playhead.seek(Time::from_secs(nearest_frame(playhead.fps().as_fps(), to)));
+                playhead.seek(Time::from_secs(nearest_frame_secs(playhead.fps().as_fps(), to)));
             }
         });
         // The text has the same width in each frame, so that the entries after it do not move.
@@ -116,23 +116,23 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             playhead.frames(),
             playhead.fps().as_fps()
         );
-        bar.text(&text, "", egui::TextStyle::Monospace);
-        bar.separator();
+        bar.add_text(&text, "", egui::TextStyle::Monospace);
+        bar.add_separator();
         let units = if viewer.in_seconds { "seconds" } else { "frames" };
-        let hint = hint_of(viewer, "seconds", "times as seconds or as frames");
-        bar.button(units, &hint, |viewer| {
+        let hint = hint_with_shortcut(viewer, "seconds", "times as seconds or as frames");
+        bar.add_button(units, &hint, |viewer| {
             viewer.in_seconds = !viewer.in_seconds;
         });
-        bar.other_faces(["seconds", "frames"].into_iter());
-        let hint = hint_of(viewer, "previous_event", "go to the previous start, end or event");
-        bar.icon(icons::ARROW_LINE_LEFT, "Previous event", &hint, |viewer| viewer.seek_to_next(true));
-        let hint = hint_of(viewer, "next_event", "go to the next start, end or event");
-        bar.icon(icons::ARROW_LINE_RIGHT, "Next event", &hint, |viewer| viewer.seek_to_next(false));
+        bar.reserve_width_for(["seconds", "frames"].into_iter());
+        let hint = hint_with_shortcut(viewer, "previous_event", "go to the previous start, end or event");
+        bar.add_icon(icons::ARROW_LINE_LEFT, "Previous event", &hint, |viewer| viewer.seek_to_next(true));
+        let hint = hint_with_shortcut(viewer, "next_event", "go to the next start, end or event");
+        bar.add_icon(icons::ARROW_LINE_RIGHT, "Next event", &hint, |viewer| viewer.seek_to_next(false));
         let hint = "show the whole scene";
-        bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
+        bar.add_icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
         });
-        speed_menu(&mut bar, viewer.playhead.speed());
+        add_speed_menu(&mut bar, viewer.playhead.speed());
         bar.show(ui, viewer, 0.0);
     });
 }
@@ -140,12 +140,13 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 /// Fields for the tempo of the music, whose beats dragged times snap to.
 fn tempo_fields(ui: &mut Ui, viewer: &mut Viewer) {
     let mut tempo = viewer.tempo;
-    let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::MAX_BEATS_PER_MINUTE);
+    let set =
+        values::number_field(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::MAX_BEATS_PER_MINUTE);
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
     // The field is also there without a tempo, so that the entries after it do not move.
     ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
-        let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::MAX_FIRST_BEAT_SECS);
+        let set = values::time_field(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::MAX_FIRST_BEAT_SECS);
         tempo.first = set.unwrap_or(tempo.first);
         ui.weak("s").hint("time of the first beat");
     });
@@ -158,27 +159,29 @@ fn tempo_fields(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// Buttons that move the playhead and control playback.
-fn playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
+fn add_playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     let playhead = &viewer.playhead;
-    let keys = |id| hint_of(viewer, id, "");
-    bar.icon(icons::SKIP_BACK, "First frame", &keys("first_frame"), |viewer| {
+    let keys = |id| hint_with_shortcut(viewer, id, "");
+    bar.add_icon(icons::SKIP_BACK, "First frame", &keys("first_frame"), |viewer| {
         viewer.playhead.step(i64::MIN / 2);
     });
     let hint = keys("previous_frame");
-    bar.icon(icons::CARET_LEFT, "One frame back", &hint, |viewer| viewer.playhead.step(-1));
+    bar.add_icon(icons::CARET_LEFT, "One frame back", &hint, |viewer| viewer.playhead.step(-1));
     let (icon, name) = match playhead.is_playing() {
         true => (icons::PAUSE, "Pause"),
         false => (icons::PLAY, "Play"),
     };
-    bar.icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle(now));
-    bar.other_faces([icons::PAUSE, icons::PLAY].into_iter());
+    bar.add_icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle(now));
+    bar.reserve_width_for([icons::PAUSE, icons::PLAY].into_iter());
     let hint = keys("next_frame");
-    bar.icon(icons::CARET_RIGHT, "One frame forward", &hint, |viewer| viewer.playhead.step(1));
-    bar.icon(icons::SKIP_FORWARD, "Last frame", &keys("last_frame"), |viewer| {
+    bar.add_icon(icons::CARET_RIGHT, "One frame forward", &hint, |viewer| viewer.playhead.step(1));
+    bar.add_icon(icons::SKIP_FORWARD, "Last frame", &keys("last_frame"), |viewer| {
         viewer.playhead.step(i64::MAX / 2);
     });
-    let hint = hint_of(viewer, "loop", "play again and again, or once");
-    bar.icon_toggle(icons::REPEAT, playhead.looping, "Loop", &hint, |viewer| viewer.playhead.looping ^= true);
+    let hint = hint_with_shortcut(viewer, "loop", "play again and again, or once");
+    bar.add_icon_toggle(icons::REPEAT, playhead.looping, "Loop", &hint, |viewer| {
+        viewer.playhead.looping ^= true
+    });
     let text = |from: Time, to: Time| format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
     let length = playhead.length();
     let (from, to) = playhead.range().unwrap_or((Time::ZERO, length));
@@ -186,44 +189,44 @@ fn playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
         Some(_) => "the range that is played; click to play everything",
         None => "everything is played; Shift drag on the ruler to play a range",
     };
-    bar.button(&text(from, to), hint, |viewer| viewer.playhead.set_range(None));
-    bar.enabled(playhead.range().is_some());
+    bar.add_button(&text(from, to), hint, |viewer| viewer.playhead.set_range(None));
+    bar.set_enabled(playhead.range().is_some());
     // The button is as wide as its longest text, so that the entries after it do not move.
     let widest = text(length, length).replace(|c: char| c.is_ascii_digit(), "8");
-    bar.other_faces([widest.as_str()].into_iter());
+    bar.reserve_width_for([widest.as_str()].into_iter());
     let hint = "dragged times snap to whole frames (N)";
-    bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
-    bar.widget("tempo", true, tempo_fields);
+    bar.add_icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
+    bar.add_widget("tempo", true, tempo_fields);
 }
 
 /// Menu of the playback speed.
-fn speed_menu(bar: &mut Toolbar<Viewer>, now: f64) {
-    let name = |speed: f64| format!("{speed}×");
-    bar.menu(&name(now), "speed of playback; the script stays as it is", move |ui, viewer| {
+fn add_speed_menu(bar: &mut Toolbar<Viewer>, now: f64) {
+    let label = |speed: f64| format!("{speed}×");
+    bar.add_menu(&label(now), "speed of playback; the script stays as it is", move |ui, viewer| {
         for speed in SPEEDS {
-            if ui.selectable_label(speed == now, name(speed)).clicked() {
+            if ui.selectable_label(speed == now, label(speed)).clicked() {
                 viewer.playhead.set_speed(speed);
             }
         }
     });
-    bar.other_faces(SPEEDS.map(name).iter().map(String::as_str));
+    bar.reserve_width_for(SPEEDS.map(label).iter().map(String::as_str));
 }
 
 /// Time of the frame nearest to a time, seconds.
-fn nearest_frame(fps: f64, secs: f64) -> f64 {
+fn nearest_frame_secs(fps: f64, secs: f64) -> f64 {
     // A frame begins at the nearest tick, so a small offset makes sure that it has begun.
     (secs * fps).round() / fps + 1e-6
 }
 
 /// Draws the ruler; a press or a drag on it moves the playhead.
-pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span), label: &str) {
+pub(super) fn show_ruler(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span), label: &str) {
     let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
     viewer.is_scrubbing |= response.dragged();
     if let Some(pointer) = response.interact_pointer_pos() {
         let time = |x: f32| {
             let secs = span.secs_at(x - ruler.left(), ruler.width());
-            let secs = nearest_frame(viewer.playhead.fps().as_fps(), secs);
+            let secs = nearest_frame_secs(viewer.playhead.fps().as_fps(), secs);
             Time::from_secs(secs.clamp(0.0, viewer.playhead.length().as_secs()))
         };
         let from = ui.input(|i| i.pointer.press_origin()).map_or(pointer.x, |p| p.x);
@@ -270,7 +273,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
 }
 
 /// Allocates the next row: the rectangles of its label and of its lane.
-pub(super) fn next_row(ui: &mut Ui, number: RowNumber, ruler: Rect) -> (Rect, Rect) {
+pub(super) fn allocate_row(ui: &mut Ui, number: RowNumber, ruler: Rect) -> (Rect, Rect) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW_HEIGHT), Sense::hover());
     let pass = ui.ctx().cumulative_pass_nr();
     ui.data_mut(|d| d.insert_temp(row_id(number), (pass, rect)));
@@ -282,15 +285,15 @@ pub(super) fn next_row(ui: &mut Ui, number: RowNumber, ruler: Rect) -> (Rect, Re
     (label, lane)
 }
 
-fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
+fn show_row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let number = RowNumber::whole(index);
-    let (label, lane) = next_row(ui, number, ruler);
+    let (label, lane) = allocate_row(ui, number, ruler);
     let visuals = ui.visuals().clone();
     let row = &viewer.timeline.rows[index];
     let selected_actor = row.what.is_some() && row.what == viewer.selection;
-    let mut moment = None;
+    let mut seek_time = None;
     if index > 0 && !row.bars.is_empty() {
-        moment = marks::draw_foot_contacts(ui, viewer, row, lane);
+        seek_time = marks::draw_foot_contacts(ui, viewer, row, lane);
     }
     let mut clicked = None;
     let response = ui.interact(label, ui.id().with(("row", index)), Sense::click_and_drag());
@@ -306,25 +309,25 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         _ if selected_actor => visuals.strong_text_color(),
         _ => visuals.text_color(),
     };
-    let command = row.what.as_ref().and_then(|what| headers::menu(&response, viewer, what));
+    let command = row.what.as_ref().and_then(|what| headers::show_menu(&response, viewer, what));
     let command = command.zip(row.what.clone());
-    let toggled = headers::buttons(ui, viewer, index, label);
-    name(ui, &row.label, headers::name_place(&viewer.timeline, index, label), color);
+    let toggled = headers::show_buttons(ui, viewer, index, label);
+    draw_row_name(ui, &row.label, headers::name_rect(&viewer.timeline, index, label), color);
     let response = response.hint(&row.label);
-    let reordered = row_order::drag(ui, viewer, index, &response);
+    let reordered = row_order::drag_row(ui, viewer, index, &response);
     let lane_of = bars::Lane { rect: lane, row: index };
     let locked =
         row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.toggles.locked.contains(a));
     let act = bars::show(ui, viewer, &row.bars, &row.label, &lane_of, locked);
-    let marked = marks::events(ui, viewer, row, number, lane);
-    if let Some(MarkAct::Click(event, _)) = &marked {
-        moment = Some(event.at);
+    let mark_act = marks::show_events(ui, viewer, row, number, lane);
+    if let Some(MarkAct::Click(event, _)) = &mark_act {
+        seek_time = Some(event.at);
         let is_other = |what: &Selected| viewer.selection.as_ref() != Some(what);
         clicked = event.what.clone().filter(|what| event.keys.is_empty() && is_other(what));
     }
     add_dropped_clip(ui, viewer, number, lane);
     if let Some(toggle) = toggled {
-        headers::toggle(viewer, toggle);
+        headers::apply_toggle(viewer, toggle);
     }
     if let Some((to, side)) = reordered {
         viewer.edit(|v| v.move_row(index, to, side));
@@ -332,14 +335,14 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     if let Some((command, what)) = command {
         run_command(ui, viewer, index, command, what);
     }
-    if let Some(at) = moment {
+    if let Some(at) = seek_time {
         viewer.playhead.seek(at);
     }
     if let Some(act) = act {
         bars::run(ui, viewer, act);
     }
-    if let Some(marked) = marked {
-        run_mark(ui, viewer, marked);
+    if let Some(mark_act) = mark_act {
+        run_mark(ui, viewer, mark_act);
     }
     if let Some(what) = clicked {
         viewer.select_all(vec![what]);
@@ -349,18 +352,19 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
 /// Performs a command of a row's menu.
 fn run_command(ui: &Ui, viewer: &mut Viewer, index: usize, command: bar_menu::Command, what: Selected) {
     viewer.selection = Some(what);
-    match command.side() {
+    match command.row_side() {
         Some(side) => viewer.edit(|v| v.shift_row(index, side)),
         None => bar_menu::run(ui, viewer, command),
     }
 }
 
 /// Menu of an empty place in a row, which applies to the object of the row.
-fn menu_of_free_place(ui: &Ui, viewer: &mut Viewer, response: &Response, rows: &[RowNumber]) {
+fn show_free_place_menu(ui: &Ui, viewer: &mut Viewer, response: &Response, rows: &[RowNumber]) {
     let id = response.id.with("menu of row");
     if let Some(at) = response.interact_pointer_pos().filter(|_| response.secondary_clicked()) {
-        let is_there =
-            |number: &&RowNumber| drawn_at(ui, **number).is_some_and(|rect| rect.y_range().contains(at.y));
+        let is_there = |number: &&RowNumber| {
+            drawn_row_rect(ui, **number).is_some_and(|rect| rect.y_range().contains(at.y))
+        };
         let row = rows.iter().find(is_there).map(|number| number.row);
         ui.data_mut(|d| d.insert_temp(id, row));
         viewer.selection = row.and_then(|row| viewer.timeline.rows[row].what.clone());
@@ -368,7 +372,7 @@ fn menu_of_free_place(ui: &Ui, viewer: &mut Viewer, response: &Response, rows: &
     let row: Option<usize> = ui.data(|d| d.get_temp(id)).flatten();
     let what = row.and_then(|row| Some((row, viewer.timeline.rows.get(row)?.what.clone()?)));
     let Some((row, what)) = what else { return };
-    if let Some(command) = headers::menu(response, viewer, &what) {
+    if let Some(command) = headers::show_menu(response, viewer, &what) {
         run_command(ui, viewer, row, command, what);
     }
 }
@@ -389,7 +393,7 @@ pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
             }
             let locked =
                 keys.iter().filter_map(|key| key.what.actor()).find(|a| viewer.toggles.locked.contains(*a));
-            if let Some(why) = locked.map(headers::is_locked) {
+            if let Some(why) = locked.map(headers::locked_row_message) {
                 return viewer.edit(|_| Err(EditError::refused(why)));
             }
             // If only some keys of a diamond are selected, all of its keys are moved.
@@ -404,13 +408,13 @@ pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
 }
 
 /// Box selection: a drag over empty places selects the bars and keys that it touches; with Shift, it adds them to the selection.
-fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
+fn show_selection_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
     let response = ui.interact(lanes, ui.id().with("box"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "rows"));
     if response.clicked() {
         viewer.selection = None;
     }
-    menu_of_free_place(ui, viewer, &response, rows);
+    show_free_place_menu(ui, viewer, &response, rows);
     let (Some(to), true) = (response.interact_pointer_pos(), response.dragged() || response.drag_stopped())
     else {
         return;
@@ -431,7 +435,7 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
     let secs = |x: f32| viewer.span.secs_at(x - lanes.left(), lanes.width());
     let (first, last) = (secs(area.left()), secs(area.right()));
     let drawn: Vec<(RowNumber, Rect)> =
-        rows.iter().filter_map(|number| Some((*number, drawn_at(ui, *number)?))).collect();
+        rows.iter().filter_map(|number| Some((*number, drawn_row_rect(ui, *number)?))).collect();
     let touched = drawn.iter().filter(|(_, rect)| rect.intersects(area));
     let bars = touched.flat_map(|(number, _)| viewer.timeline.row(*number)).flat_map(|row| &row.bars);
     let inside = bars.filter(|bar| bar.end.as_secs() > first && bar.start.as_secs() < last);
@@ -453,28 +457,28 @@ fn row_id(number: RowNumber) -> egui::Id {
 }
 
 /// Rectangle of a row, if it was drawn in this frame or in the last one.
-fn drawn_at(ui: &Ui, number: RowNumber) -> Option<Rect> {
+fn drawn_row_rect(ui: &Ui, number: RowNumber) -> Option<Rect> {
     let (drawn, rect): (u64, Rect) = ui.data(|d| d.get_temp(row_id(number)))?;
     (drawn + 1 >= ui.ctx().cumulative_pass_nr()).then_some(rect)
 }
 
 /// Visible rows with their rectangles: those drawn in this frame or in the last one.
-pub(super) fn row_places(ui: &Ui, viewer: &Viewer) -> Vec<(usize, Rect)> {
-    let place = |index: usize| Some((index, drawn_at(ui, RowNumber::whole(index))?));
+pub(super) fn visible_row_rects(ui: &Ui, viewer: &Viewer) -> Vec<(usize, Rect)> {
+    let place = |index: usize| Some((index, drawn_row_rect(ui, RowNumber::whole(index))?));
     (0..viewer.timeline.rows.len()).filter_map(place).collect()
 }
 
 /// Rectangle of an object's row, if it is visible.
-pub(super) fn place_of(ui: &Ui, viewer: &Viewer, what: &Selected) -> Option<Rect> {
+pub(super) fn object_row_rect(ui: &Ui, viewer: &Viewer, what: &Selected) -> Option<Rect> {
     let is_of_it = |(index, _): &(usize, Rect)| {
         let row = &viewer.timeline.rows[*index];
         row.what.as_ref() == Some(what) || row.bars.iter().any(|bar| bar.what == *what)
     };
-    row_places(ui, viewer).into_iter().find(is_of_it).map(|(_, rect)| rect)
+    visible_row_rects(ui, viewer).into_iter().find(is_of_it).map(|(_, rect)| rect)
 }
 
 /// Draws the name of a row. The number of the layer stays visible for long names.
-pub(super) fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
+pub(super) fn draw_row_name(ui: &Ui, name: &str, place: Rect, color: Color32) {
     let painter = ui.painter_at(place);
     let (name, layer) = match name.rsplit_once(" +") {
         Some((name, layer)) if layer.bytes().all(|b| b.is_ascii_digit()) => (name, format!(" +{layer}")),
@@ -482,7 +486,8 @@ pub(super) fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
     };
     let layer = painter.layout_no_wrap(layer, FontId::proportional(12.0), color);
     let left = place.left() + 6.0;
-    let name = super::elided(&painter, name, 12.0, color, place.right() - 4.0 - layer.size().x - left);
+    let name =
+        super::truncated_text(&painter, name, 12.0, color, place.right() - 4.0 - layer.size().x - left);
     let at = |x: f32, height: f32| pos2(x, place.center().y - height / 2.0);
     let (width, height) = (name.size().x, name.size().y);
     painter.galley(at(left, height), name, color);
@@ -491,13 +496,13 @@ pub(super) fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
 
 /// Adds a clip that was dropped on a lane to the actor of its row.
 pub(super) fn add_dropped_clip(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) {
-    let Some((clip, on, secs)) = dropped_clip(ui, viewer, number, lane) else { return };
+    let Some((clip, target, secs)) = take_dropped_clip(ui, viewer, number, lane) else { return };
     let layer = viewer.timeline.rows.get(number.row).and_then(|row| row.layer).unwrap_or(0);
-    viewer.edit(|v| v.add_clip_to_layer(&on, &clip.of, &clip.clip, Some(secs), layer));
+    viewer.edit(|v| v.add_clip_to_layer(&target, &clip.source, &clip.clip, Some(secs), layer));
 }
 
 /// A clip that was dropped on a lane: the clip, the actor of the row, and the time in seconds.
-fn dropped_clip(
+fn take_dropped_clip(
     ui: &Ui,
     viewer: &mut Viewer,
     number: RowNumber,
@@ -509,20 +514,25 @@ fn dropped_clip(
     let pointer = ui.ctx().pointer_interact_pos().filter(|p| lane.contains(*p))?;
     let secs = bars::Lane { rect: lane, row: index }.snapped(viewer, pointer.x, None);
     let row = viewer.timeline.rows[index].what.clone();
-    let on = row.as_ref().and_then(Selected::actor);
-    if let (Some(clip), Some(on)) = (hovering, on) {
+    let target = row.as_ref().and_then(Selected::actor);
+    if let (Some(clip), Some(target)) = (hovering, target) {
         let x = lane.left() + viewer.span.x_of(secs, lane.width());
         ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
-        if let Some((joints, moved)) = count_following_joints(ui, viewer, &clip, on) {
-            bars::draw_text_at_pointer(ui, pointer, &format!("on {on}: {joints} of {moved} joints follow"));
+        if let Some((joints, moved)) = count_following_joints(ui, viewer, &clip, target) {
+            bars::draw_text_at_pointer(
+                ui,
+                pointer,
+                &format!("on {target}: {joints} of {moved} joints follow"),
+            );
         }
     }
     let clip = response.dnd_release_payload::<ClipDrag>()?;
-    match on {
-        Some(on) => Some(((*clip).clone(), on.to_string(), secs)),
+    match target {
+        Some(target) => Some(((*clip).clone(), target.to_string(), secs)),
         None => {
-            viewer
-                .edit(|_| Err(EditError::refused("only actors play clips: drop it on the row of an actor")));
+            viewer.edit(|_| {
+                Err(EditError::refused("only actors play clips: drop the clip on the row of an actor"))
+            });
             None
         }
     }
@@ -533,15 +543,15 @@ pub(super) fn count_following_joints(
     ui: &Ui,
     viewer: &Viewer,
     clip: &ClipDrag,
-    on: &str,
+    target: &str,
 ) -> Option<(usize, usize)> {
-    let ClipSource::Actor(of) = &clip.of else { return None };
+    let ClipSource::Actor(of) = &clip.source else { return None };
     let number = viewer.scene.as_ref()?.number;
-    let id = egui::Id::new("followed").with((number, of, &clip.clip, on));
+    let id = egui::Id::new("followed").with((number, of, &clip.clip, target));
     if let Some(known) = ui.data(|d| d.get_temp(id)) {
         return known;
     }
-    let found = viewer.joints_that_follow(of, &clip.clip, on);
+    let found = viewer.joints_that_follow(of, &clip.clip, target);
     ui.data_mut(|d| d.insert_temp(id, found));
     found
 }
@@ -575,8 +585,9 @@ pub(super) fn draw_beats_and_playhead(ui: &Ui, viewer: &Viewer, area: Rect, (rul
     let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
     let faint = Stroke::new(1.0, ui.visuals().weak_text_color().gamma_multiply(0.35));
-    let least = span.secs_at(MIN_BEAT_DISTANCE, ruler.width()) - span.from;
-    for beat in viewer.tempo.between(span.from, span.to.min(viewer.timeline.length.as_secs()), least) {
+    let min_beat_secs = span.secs_at(MIN_BEAT_DISTANCE, ruler.width()) - span.from;
+    for beat in viewer.tempo.between(span.from, span.to.min(viewer.timeline.length.as_secs()), min_beat_secs)
+    {
         painter.vline(ruler.left() + span.x_of(beat, ruler.width()), lanes.y_range(), faint);
     }
     let head = x(viewer.playhead.time());
@@ -587,16 +598,21 @@ pub(super) fn draw_beats_and_playhead(ui: &Ui, viewer: &Viewer, area: Rect, (rul
 }
 
 /// Number of errors or warnings, if there are any; a click goes to the first.
-fn problem_count(ui: &Ui, viewer: &mut Viewer, place: Rect) {
+fn show_problem_count(ui: &Ui, viewer: &mut Viewer, place: Rect) {
     let of = |severity| viewer.problems.iter().filter(move |p| p.severity == severity);
-    let worst = [Severity::Error, Severity::Warning].into_iter().find(|worst| of(*worst).next().is_some());
-    let Some((worst, first)) = worst.and_then(|worst| Some((worst, of(worst).next()?))) else { return };
+    let highest_severity =
+        [Severity::Error, Severity::Warning].into_iter().find(|severity| of(*severity).next().is_some());
+    let Some((highest_severity, first)) =
+        highest_severity.and_then(|severity| Some((severity, of(severity).next()?)))
+    else {
+        return;
+    };
     let visuals = ui.visuals();
-    let (color, word) = match worst {
+    let (color, word) = match highest_severity {
         Severity::Error => (visuals.error_fg_color, "error"),
         _ => (visuals.warn_fg_color, "warning"),
     };
-    let text = match of(worst).count() {
+    let text = match of(highest_severity).count() {
         1 => format!("1 {word}"),
         n => format!("{n} {word}s"),
     };
@@ -606,7 +622,7 @@ fn problem_count(ui: &Ui, viewer: &mut Viewer, place: Rect) {
         egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("problems: {text}"))
     });
     let painter = ui.painter_at(place);
-    let galley = super::elided(&painter, &text, 11.5, color, place.width() - 12.0);
+    let galley = super::truncated_text(&painter, &text, 11.5, color, place.width() - 12.0);
     painter.galley(place.left_center() + vec2(6.0, -galley.size().y / 2.0), galley, color);
     let line = first.line;
     if response.hint(format!("{text}\n{}", first.message)).clicked() && line > 0 {

@@ -2,7 +2,7 @@
 
 use super::Panels;
 use super::hint::Hint;
-use super::pictures::{self, Pictures};
+use super::thumbnail_textures::{ThumbnailTextures, thumbnail_height};
 use crate::app::Viewer;
 use crate::library::file_dialog::Purpose;
 use crate::library::templates::TEMPLATES;
@@ -26,7 +26,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
             if ui.button("Open…").hint("a script or a model").clicked() {
                 viewer.documents.ask(Purpose::Open, None);
             }
-            section(ui, "New");
+            show_section_title(ui, "New");
             ui.horizontal_wrapped(|ui| {
                 for template in TEMPLATES {
                     let button = egui::Button::new(template.name).min_size(vec2(TILE_WIDTH, 44.0));
@@ -43,8 +43,8 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                 .map(|file| (file.clone(), file_name(file)))
                 .collect();
             if !recent.is_empty() {
-                section(ui, "Recent");
-                if let Some(clicked) = tiles(ui, viewer, &mut panels.pictures, &recent) {
+                show_section_title(ui, "Recent");
+                if let Some(clicked) = show_tiles(ui, viewer, &mut panels.thumbnails, &recent) {
                     viewer.documents.open = Some(recent[clicked].0.clone());
                 }
             }
@@ -55,9 +55,9 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                 .map(|lesson| (lesson.file.clone(), lesson.title.clone()))
                 .collect();
             if !lessons.is_empty() {
-                section(ui, "Lessons");
+                show_section_title(ui, "Lessons");
                 // A lesson is opened as a copy, so that an edit does not change the lesson itself.
-                if let Some(clicked) = tiles(ui, viewer, &mut panels.pictures, &lessons) {
+                if let Some(clicked) = show_tiles(ui, viewer, &mut panels.thumbnails, &lessons) {
                     viewer.documents.ask(Purpose::Lesson(clicked), None);
                 }
             }
@@ -65,7 +65,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     });
 }
 
-fn section(ui: &mut Ui, title: &str) {
+fn show_section_title(ui: &mut Ui, title: &str) {
     ui.add_space(16.0);
     ui.label(RichText::new(title).strong());
     ui.add_space(4.0);
@@ -76,25 +76,25 @@ fn file_name(file: &Path) -> String {
 }
 
 /// Draws files as images with names. Returns the index of the one that was clicked.
-fn tiles(
+fn show_tiles(
     ui: &mut Ui,
     viewer: &mut Viewer,
-    pictures: &mut Pictures,
+    thumbnails: &mut ThumbnailTextures,
     files: &[(PathBuf, String)],
 ) -> Option<usize> {
     let mut clicked = None;
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing = vec2(12.0, 12.0);
         for (number, (file, title)) in files.iter().enumerate() {
-            let size = vec2(TILE_WIDTH, pictures::height(TILE_WIDTH) + 22.0);
+            let size = vec2(TILE_WIDTH, thumbnail_height(TILE_WIDTH) + 22.0);
             let (place, response) = ui.allocate_exact_size(size, Sense::click());
             response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, title.clone()));
             // Images outside the visible area are not drawn.
             if !ui.is_rect_visible(place) {
                 continue;
             }
-            let image = egui::Rect::from_min_size(place.min, vec2(TILE_WIDTH, pictures::height(TILE_WIDTH)));
-            let made = pictures.show(ui, viewer, &Subject::file(file.clone()), None, image);
+            let image = egui::Rect::from_min_size(place.min, vec2(TILE_WIDTH, thumbnail_height(TILE_WIDTH)));
+            let made = thumbnails.show(ui, viewer, &Subject::file(file.clone()), None, image);
             let color = match response.hovered() || response.has_focus() {
                 true => ui.visuals().strong_text_color(),
                 false => ui.visuals().text_color(),
@@ -103,7 +103,7 @@ fn tiles(
                 let stroke = egui::Stroke::new(2.0, ui.visuals().selection.bg_fill);
                 ui.painter().rect_stroke(image, 3.0, stroke, egui::StrokeKind::Outside);
             }
-            let name = super::elided(ui.painter(), title, 13.0, color, TILE_WIDTH);
+            let name = super::truncated_text(ui.painter(), title, 13.0, color, TILE_WIDTH);
             ui.painter().galley(egui::pos2(place.left(), image.bottom() + 4.0), name, color);
             let mut hint = file.display().to_string();
             if let ThumbnailState::Failed(why) = made {

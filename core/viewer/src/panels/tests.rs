@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Size of the longer side of an image, points, depending on the room for all compared images.
-const IMAGE_SIDE: std::ops::RangeInclusive<f32> = 96.0..=220.0;
+const IMAGE_SIDE_RANGE: std::ops::RangeInclusive<f32> = 96.0..=220.0;
 /// Indentation of the title of a section, points.
 const INDENT: f32 = 24.0;
 
@@ -39,11 +39,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let sections = viewer.tests.sections();
     if !sections.is_empty() {
-        ui.label(counts(&sections));
+        ui.label(count_text(&sections));
     }
-    let run = viewer.tests.runs();
+    let run_number = viewer.tests.runs();
     for section in sections.iter().filter(|s| s.is_bad()).chain(sections.iter().filter(|s| !s.is_bad())) {
-        show_section(ui, viewer, section, run, &mut choice);
+        show_section(ui, viewer, section, run_number, &mut choice);
     }
     if let Some(choice) = choice {
         let path = match viewer.test_path.trim() {
@@ -55,19 +55,25 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-fn counts(sections: &[Section]) -> String {
-    let of = |status: Status| sections.iter().filter(|s| s.status == status).count();
+fn count_text(sections: &[Section]) -> String {
+    let count_of = |status: Status| sections.iter().filter(|s| s.status == status).count();
     let all = [
         (Status::Failed, "failed"),
         (Status::Error, "with errors"),
         (Status::Passed, "passed"),
         (Status::Skipped, "skipped"),
     ];
-    let parts = all.iter().map(|(status, name)| (of(*status), name)).filter(|(count, _)| *count > 0);
+    let parts = all.iter().map(|(status, name)| (count_of(*status), name)).filter(|(count, _)| *count > 0);
     parts.map(|(count, name)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
 }
 
-fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &mut Option<Choice>) {
+fn show_section(
+    ui: &mut Ui,
+    viewer: &mut Viewer,
+    section: &Section,
+    run_number: u64,
+    choice: &mut Option<Choice>,
+) {
     let visuals = ui.visuals();
     let (sign, color) = match section.status {
         Status::Passed => ("✔", visuals.text_color()),
@@ -78,20 +84,20 @@ fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, c
     let name = if section.name.is_empty() { &section.file } else { &section.name };
     let reused = if section.reused { ", reused" } else { "" };
     // The duration stays visible for long names, and nothing is wider than the panel.
-    let taken = format!(" ({:.1} s{reused})", section.seconds);
+    let duration = format!(" ({:.1} s{reused})", section.seconds);
     let font = egui::TextStyle::Button.resolve(ui.style());
-    let end = ui.painter().layout_no_wrap(taken.clone(), font.clone(), color).size().x;
+    let end = ui.painter().layout_no_wrap(duration.clone(), font.clone(), color).size().x;
     let room = ui.available_width() - INDENT - end;
-    let shown = super::elided(ui.painter(), &format!("{sign} {name}"), font.size, color, room);
+    let shown = super::truncated_text(ui.painter(), &format!("{sign} {name}"), font.size, color, room);
     let is_cut = shown.elided;
     let text: String = shown.rows.iter().map(|row| row.text()).collect();
-    let title = RichText::new(format!("{text}{taken}")).color(color);
+    let title = RichText::new(format!("{text}{duration}")).color(color);
     let header = CollapsingHeader::new(title).id_salt((&section.file, &section.name));
     let header = header.default_open(section.is_bad());
     let shown = header.show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
             if ui.link(format!("{}:{}", section.file, section.line)).clicked() {
-                go_to(viewer, section, section.line);
+                go_to_test_line(viewer, section, section.line);
             }
             if ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Run again").small()).clicked() {
                 *choice = Some(Choice::Section(section.clone()));
@@ -102,7 +108,7 @@ fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, c
         }
         let checks = section.checks.iter();
         for (index, check) in checks.enumerate().filter(|(_, c)| !c.passed || c.images.is_some()) {
-            ui.push_id(index, |ui| section_row(ui, viewer, section, check, run, choice));
+            ui.push_id(index, |ui| show_check(ui, viewer, section, check, run_number, choice));
         }
     });
     if is_cut {
@@ -111,7 +117,7 @@ fn show_section(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, c
 }
 
 /// Goes to a line of the open script; a line of another file opens in the external editor.
-fn go_to(viewer: &mut Viewer, section: &Section, line: usize) {
+fn go_to_test_line(viewer: &mut Viewer, section: &Section, line: usize) {
     let shown = viewer.path.as_ref().and_then(|path| path.canonicalize().ok());
     if shown.is_some() && Path::new(&section.file).canonicalize().ok() == shown {
         viewer.go_to = Some(line);
@@ -120,19 +126,19 @@ fn go_to(viewer: &mut Viewer, section: &Section, line: usize) {
     }
 }
 
-fn section_row(
+fn show_check(
     ui: &mut Ui,
     viewer: &mut Viewer,
     section: &Section,
     check: &Check,
-    run: u64,
+    run_number: u64,
     choice: &mut Option<Choice>,
 ) {
     let color = if check.passed { ui.visuals().text_color() } else { ui.visuals().error_fg_color };
     let title = RichText::new(format!("line {}: {}", check.line, check.title)).color(color);
     let label = ui.add(egui::Label::new(title).sense(egui::Sense::click()));
     if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
-        go_to(viewer, section, check.line);
+        go_to_test_line(viewer, section, check.line);
     }
     let texts =
         [("expected", &check.expected), ("got", &check.got), ("off by", &check.by), ("hint", &check.hint)];
@@ -142,7 +148,7 @@ fn section_row(
         }
     }
     let Some(images) = check.images.as_ref().filter(|_| !check.passed) else { return };
-    draw_comparison(ui, images, run);
+    draw_comparison(ui, images, run_number);
     let accept = ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Accept"));
     let accept =
         accept.hint(format!("the rendered image becomes the golden image {}", images.stored.display()));
@@ -152,7 +158,7 @@ fn section_row(
 }
 
 /// Draws the golden image, the rendered image and their difference, side by side.
-fn draw_comparison(ui: &mut Ui, images: &Images, run: u64) {
+fn draw_comparison(ui: &mut Ui, images: &Images, run_number: u64) {
     let files = [
         ("expected", images.expected.as_ref()),
         ("actual", images.got.as_ref()),
@@ -160,14 +166,14 @@ fn draw_comparison(ui: &mut Ui, images: &Images, run: u64) {
     ];
     let count = files.iter().filter(|(_, file)| file.is_some()).count().max(1) as f32;
     let space = ui.spacing().item_spacing.x + 4.0;
-    let side =
-        ((ui.available_width() - INDENT) / count - space).clamp(*IMAGE_SIDE.start(), *IMAGE_SIDE.end());
+    let side = ((ui.available_width() - INDENT) / count - space)
+        .clamp(*IMAGE_SIDE_RANGE.start(), *IMAGE_SIDE_RANGE.end());
     ui.horizontal_wrapped(|ui| {
         for (name, file) in files {
             let Some(file) = file else { continue };
             ui.vertical(|ui| {
                 ui.label(name);
-                match texture(ui, file, run) {
+                match load_texture(ui, file, run_number) {
                     Some(texture) => {
                         let size = texture.size_vec2();
                         let scale = side / size.max_elem().max(1.0);
@@ -190,16 +196,16 @@ fn draw_comparison(ui: &mut Ui, images: &Images, run: u64) {
 /// Textures of the images of the last results.
 #[derive(Clone, Default)]
 struct TestImages {
-    run: u64,
+    run_number: u64,
     textures: BTreeMap<PathBuf, Option<TextureHandle>>,
 }
 
-fn texture(ui: &Ui, file: &Path, run: u64) -> Option<TextureHandle> {
+fn load_texture(ui: &Ui, file: &Path, run_number: u64) -> Option<TextureHandle> {
     let id = egui::Id::new("images of tests");
     let mut read: Arc<TestImages> =
         ui.data_mut(|data| data.get_temp_mut_or_default::<Arc<TestImages>>(id).clone());
-    if read.run != run {
-        read = Arc::new(TestImages { run, ..TestImages::default() });
+    if read.run_number != run_number {
+        read = Arc::new(TestImages { run_number, ..TestImages::default() });
     }
     if let Some(known) = read.textures.get(file) {
         return known.clone();

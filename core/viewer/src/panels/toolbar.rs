@@ -16,13 +16,13 @@ const ASSUMED_WIDGET_WIDTH: f32 = 60.0;
 const ROUNDING_ALLOWANCE: f32 = 1.0;
 const OVERFLOW_LABEL: &str = "»";
 
-type Act<'a, C> = Box<dyn FnOnce(&mut C) + 'a>;
+type Action<'a, C> = Box<dyn FnOnce(&mut C) + 'a>;
 type Show<'a, C> = Box<dyn FnOnce(&mut Ui, &mut C) + 'a>;
 
 enum EntryKind<'a, C> {
-    Button(Act<'a, C>),
+    Button(Action<'a, C>),
     /// A button that is on or off.
-    Toggle(bool, Act<'a, C>),
+    Toggle(bool, Action<'a, C>),
     Menu(Show<'a, C>),
     /// Another widget, which draws itself.
     Widget(Show<'a, C>),
@@ -32,17 +32,17 @@ enum EntryKind<'a, C> {
 
 struct Entry<'a, C> {
     /// Displayed icon or text.
-    face: String,
+    caption: String,
     /// Name in the menu and for screen readers.
     name: String,
     hint: String,
     enabled: bool,
-    /// Faces that the entry has at other times; it is as wide as the widest of them.
-    other_faces: Vec<String>,
+    /// Captions that the entry has at other times; it is as wide as the widest of them.
+    other_captions: Vec<String>,
     /// Whether clicks in its menu leave the menu open.
     stays_open: bool,
-    /// Whether the entry moves to the menu before those that do not yield.
-    yields: bool,
+    /// Whether the entry moves to the menu before those without this flag.
+    moves_to_menu_first: bool,
     kind: EntryKind<'a, C>,
 }
 
@@ -52,7 +52,7 @@ impl<C> Entry<'_, C> {
     }
 
     fn is_icon(&self) -> bool {
-        self.face != self.name
+        self.caption != self.name
     }
 
     /// Closing behavior of the entry's menu.
@@ -76,86 +76,91 @@ impl<'a, C> Toolbar<'a, C> {
         Toolbar { id: egui::Id::new(("toolbar", id)), entries: Vec::new() }
     }
 
-    fn add(&mut self, face: &str, name: &str, hint: &str, kind: EntryKind<'a, C>) {
-        let [face, name, hint] = [face, name, hint].map(str::to_string);
-        let (other_faces, stays_open) = (Vec::new(), false);
+    fn add(&mut self, caption: &str, name: &str, hint: &str, kind: EntryKind<'a, C>) {
+        let [caption, name, hint] = [caption, name, hint].map(str::to_string);
+        let (other_captions, stays_open) = (Vec::new(), false);
         self.entries.push(Entry {
-            face,
+            caption,
             name,
             hint,
             enabled: true,
-            other_faces,
+            other_captions,
             stays_open,
-            yields: false,
+            moves_to_menu_first: false,
             kind,
         });
     }
 
-    /// Reserves room in the last entry for these faces, so that the entries after it do not move.
-    pub fn other_faces<'f>(&mut self, faces: impl Iterator<Item = &'f str>) {
+    /// Reserves room in the last entry for these captions, so that the entries after it do not move.
+    pub fn reserve_width_for<'f>(&mut self, captions: impl Iterator<Item = &'f str>) {
         if let Some(last) = self.entries.last_mut() {
-            last.other_faces = faces.map(str::to_string).collect();
+            last.other_captions = captions.map(str::to_string).collect();
         }
     }
 
     /// Keeps the menu of the last entry open until a click outside it.
-    pub fn stays_open(&mut self) {
+    pub fn keep_menu_open(&mut self) {
         if let Some(last) = self.entries.last_mut() {
             last.stays_open = true;
         }
     }
 
     /// Enables or disables the last entry.
-    pub fn enabled(&mut self, enabled: bool) {
+    pub fn set_enabled(&mut self, enabled: bool) {
         if let Some(last) = self.entries.last_mut() {
             last.enabled = enabled;
         }
     }
 
-    pub fn button(&mut self, text: &str, hint: &str, act: impl FnOnce(&mut C) + 'a) {
-        self.add(text, text, hint, EntryKind::Button(Box::new(act)));
+    pub fn add_button(&mut self, text: &str, hint: &str, action: impl FnOnce(&mut C) + 'a) {
+        self.add(text, text, hint, EntryKind::Button(Box::new(action)));
     }
 
-    pub fn icon(&mut self, icon: &str, name: &str, hint: &str, act: impl FnOnce(&mut C) + 'a) {
-        self.add(icon, name, hint, EntryKind::Button(Box::new(act)));
+    pub fn add_icon(&mut self, icon: &str, name: &str, hint: &str, action: impl FnOnce(&mut C) + 'a) {
+        self.add(icon, name, hint, EntryKind::Button(Box::new(action)));
     }
 
-    pub fn toggle(&mut self, on: bool, text: &str, hint: &str, act: impl FnOnce(&mut C) + 'a) {
-        self.add(text, text, hint, EntryKind::Toggle(on, Box::new(act)));
+    pub fn add_toggle(&mut self, on: bool, text: &str, hint: &str, action: impl FnOnce(&mut C) + 'a) {
+        self.add(text, text, hint, EntryKind::Toggle(on, Box::new(action)));
     }
 
-    pub fn icon_toggle(
+    pub fn add_icon_toggle(
         &mut self,
         icon: &str,
         on: bool,
         name: &str,
         hint: &str,
-        act: impl FnOnce(&mut C) + 'a,
+        action: impl FnOnce(&mut C) + 'a,
     ) {
-        self.add(icon, name, hint, EntryKind::Toggle(on, Box::new(act)));
+        self.add(icon, name, hint, EntryKind::Toggle(on, Box::new(action)));
     }
 
-    pub fn menu(&mut self, text: &str, hint: &str, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
+    pub fn add_menu(&mut self, text: &str, hint: &str, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
         self.add(text, text, hint, EntryKind::Menu(Box::new(show)));
     }
 
     /// Adds a widget. `name`: distinguishes it from others.
-    pub fn widget(&mut self, name: &str, yields: bool, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
+    pub fn add_widget(
+        &mut self,
+        name: &str,
+        moves_to_menu_first: bool,
+        show: impl FnOnce(&mut Ui, &mut C) + 'a,
+    ) {
         self.add(name, name, "", EntryKind::Widget(Box::new(show)));
         if let Some(last) = self.entries.last_mut() {
-            last.yields = yields;
+            last.moves_to_menu_first = moves_to_menu_first;
         }
     }
 
     /// Adds a text, which moves to the menu before buttons do.
-    pub fn text(&mut self, text: &str, hint: &str, style: TextStyle) {
+    pub fn add_text(&mut self, text: &str, hint: &str, style: TextStyle) {
         self.add(text, text, hint, EntryKind::Text(style));
         if let Some(last) = self.entries.last_mut() {
-            last.yields = true;
+            last.moves_to_menu_first = true;
         }
     }
 
-    pub fn separator(&mut self) {
+    pub fn add_separator(&mut self) {
         self.add("", "", "", EntryKind::Separator);
     }
 
@@ -172,10 +177,10 @@ impl<'a, C> Toolbar<'a, C> {
             EntryKind::Widget(_) => {
                 ui.data(|d| d.get_temp(self.id.with(&entry.name))).unwrap_or(ASSUMED_WIDGET_WIDTH)
             }
-            EntryKind::Text(style) => text_width(ui, &entry.face, style.clone()),
+            EntryKind::Text(style) => text_width(ui, &entry.caption, style.clone()),
             _ => {
-                let faces = std::iter::once(&entry.face).chain(&entry.other_faces);
-                let widths = faces.map(|face| text_width(ui, face, TextStyle::Button));
+                let captions = std::iter::once(&entry.caption).chain(&entry.other_captions);
+                let widths = captions.map(|caption| text_width(ui, caption, TextStyle::Button));
                 widths.fold(0.0, f32::max) + padding
             }
         };
@@ -185,21 +190,22 @@ impl<'a, C> Toolbar<'a, C> {
     /// Draws the toolbar. `reserved`: width at its end that it leaves free, points.
     pub fn show(self, ui: &mut Ui, context: &mut C, reserved: f32) {
         let spacing = ui.spacing().item_spacing.x;
-        let more = text_width(ui, OVERFLOW_LABEL, TextStyle::Button) + 2.0 * ui.spacing().button_padding.x;
+        let menu_button_width =
+            text_width(ui, OVERFLOW_LABEL, TextStyle::Button) + 2.0 * ui.spacing().button_padding.x;
         let widths = self.widths(ui);
         let parts: Vec<EntryLayout> = std::iter::zip(&self.entries, &widths)
             .map(|(entry, width)| EntryLayout {
                 width: *width,
-                yields: entry.yields,
+                moves_to_menu_first: entry.moves_to_menu_first,
                 is_separator: entry.is_separator(),
             })
             .collect();
         let room = ui.available_width() - reserved - ROUNDING_ALLOWANCE;
-        let on_line = fits_in_line(&parts, spacing, room, more);
+        let on_line = entries_on_line(&parts, spacing, room, menu_button_width);
         let (id, mut rest) = (self.id, Vec::new());
         for (number, (entry, is_on_line)) in self.entries.into_iter().zip(on_line).enumerate() {
             match is_on_line {
-                true => line_entry(ui, (id, number), entry, widths[number], context),
+                true => show_line_entry(ui, (id, number), entry, widths[number], context),
                 false => rest.push(entry),
             }
         }
@@ -215,7 +221,7 @@ impl<'a, C> Toolbar<'a, C> {
             ui.style_mut().wrap_mode = Some(TextWrapMode::Extend);
             let last = rest.iter().rposition(|entry| !entry.is_separator()).unwrap_or(0);
             for (number, entry) in rest.into_iter().enumerate().take(last + 1) {
-                ui.push_id((id, number), |ui| menu_entry(ui, entry, context));
+                ui.push_id((id, number), |ui| show_menu_entry(ui, entry, context));
             }
         });
         response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, "more"));
@@ -231,14 +237,14 @@ pub(super) fn text_width(ui: &Ui, text: &str, style: TextStyle) -> f32 {
 }
 
 /// Draws an entry in the line. `id`: id of the toolbar, and index of the entry.
-fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width: f32, context: &mut C) {
+fn show_line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width: f32, context: &mut C) {
     let (is_icon, menu) = (entry.is_icon(), entry.menu());
-    let Entry { face, name, hint, enabled, kind, other_faces, .. } = entry;
-    let least = if other_faces.is_empty() { 0.0 } else { width };
+    let Entry { caption, name, hint, enabled, kind, other_captions, .. } = entry;
+    let min_width = if other_captions.is_empty() { 0.0 } else { width };
     let add = |ui: &mut Ui| match kind {
         EntryKind::Separator => drop(ui.separator()),
         EntryKind::Text(style) => {
-            let label = ui.add(egui::Label::new(RichText::new(face).text_style(style)).extend());
+            let label = ui.add(egui::Label::new(RichText::new(caption).text_style(style)).extend());
             set_name_and_hint(label, false, &name, &hint, None);
         }
         EntryKind::Widget(show) => {
@@ -251,20 +257,20 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
                 ui.ctx().request_repaint();
             }
         }
-        EntryKind::Button(act) => {
-            let button = ui.add(Button::new(face).min_size(vec2(least, 0.0)));
+        EntryKind::Button(action) => {
+            let button = ui.add(Button::new(caption).min_size(vec2(min_width, 0.0)));
             if set_name_and_hint(button, is_icon, &name, &hint, None).clicked() {
-                act(context);
+                action(context);
             }
         }
-        EntryKind::Toggle(on, act) => {
-            let button = ui.add(Button::selectable(on, face).min_size(vec2(least, 0.0)));
+        EntryKind::Toggle(on, action) => {
+            let button = ui.add(Button::selectable(on, caption).min_size(vec2(min_width, 0.0)));
             if set_name_and_hint(button, is_icon, &name, &hint, Some(on)).clicked() {
-                act(context);
+                action(context);
             }
         }
         EntryKind::Menu(show) => {
-            let button = Button::new(face).min_size(vec2(width, 0.0));
+            let button = Button::new(caption).min_size(vec2(width, 0.0));
             let (response, _) = MenuButton::from_button(button).config(menu).ui(ui, |ui| show(ui, context));
             set_name_and_hint(response, false, &name, &hint, None);
         }
@@ -273,16 +279,16 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
     ui.push_id(id, |ui| if enabled { add(ui) } else { ui.add_enabled_ui(false, add).inner });
 }
 
-fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
+fn show_menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
     let (is_icon, menu) = (entry.is_icon(), entry.menu());
-    let Entry { face, name, hint, enabled, kind, .. } = entry;
-    let words = if is_icon { format!("{face}  {name}") } else { name.clone() };
+    let Entry { caption, name, hint, enabled, kind, .. } = entry;
+    let text = if is_icon { format!("{caption}  {name}") } else { name.clone() };
     match kind {
         EntryKind::Separator => drop(ui.separator()),
         EntryKind::Text(style) => {
             let room = ui.ctx().content_rect().width() - 40.0;
-            let label = egui::Label::new(RichText::new(&face).text_style(style.clone()));
-            let label = match text_width(ui, &face, style) > room {
+            let label = egui::Label::new(RichText::new(&caption).text_style(style.clone()));
+            let label = match text_width(ui, &caption, style) > room {
                 true => {
                     ui.set_max_width(room);
                     ui.add(label.wrap())
@@ -292,23 +298,23 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
             set_name_and_hint(label, false, &name, &hint, None);
         }
         EntryKind::Widget(show) => drop(ui.horizontal(|ui| show(ui, context))),
-        EntryKind::Button(act) => {
-            let response = ui.add_enabled(enabled, Button::new(words));
+        EntryKind::Button(action) => {
+            let response = ui.add_enabled(enabled, Button::new(text));
             if set_name_and_hint(response, is_icon, &name, &hint, None).clicked() {
-                act(context);
+                action(context);
                 ui.close();
             }
         }
-        EntryKind::Toggle(on, act) => {
-            let response = ui.add_enabled(enabled, Button::selectable(on, words));
+        EntryKind::Toggle(on, action) => {
+            let response = ui.add_enabled(enabled, Button::selectable(on, text));
             if set_name_and_hint(response, is_icon, &name, &hint, Some(on)).clicked() {
-                act(context);
+                action(context);
                 ui.close();
             }
         }
         EntryKind::Menu(show) => {
             ui.add_enabled_ui(enabled, |ui| {
-                let menu = SubMenuButton::new(words).config(menu);
+                let menu = SubMenuButton::new(text).config(menu);
                 let (response, _) = menu.ui(ui, |ui| show(ui, context));
                 set_name_and_hint(response, is_icon, &name, &hint, None);
             });
@@ -331,7 +337,7 @@ fn set_name_and_hint(
             None => WidgetInfo::labeled(WidgetType::Button, enabled, name),
         });
     }
-    let hint = if is_icon { icons::hinted(name, hint) } else { hint.to_string() };
+    let hint = if is_icon { icons::name_and_hint(name, hint) } else { hint.to_string() };
     match hint.is_empty() {
         true => response,
         false if enabled => response.hint(hint),
@@ -342,46 +348,48 @@ fn set_name_and_hint(
 /// Properties of an entry that decide where it is placed.
 struct EntryLayout {
     width: f32,
-    yields: bool,
+    moves_to_menu_first: bool,
     is_separator: bool,
 }
 
-/// Whether each entry is in the line. If there is no room for all, those that yield leave first, then the others, from the last to the first, until
-/// the rest fits next to the menu button, which is `more` wide. Separators without neighbors leave, too.
-fn fits_in_line(parts: &[EntryLayout], spacing: f32, room: f32, more: f32) -> Vec<bool> {
+/// Whether each entry is in the line. If there is no room for all, those with `moves_to_menu_first` leave first, then the others, from the last to
+/// the first, until the rest fits next to the menu button, which is `menu_button_width` wide. Separators without neighbors leave, too.
+fn entries_on_line(parts: &[EntryLayout], spacing: f32, room: f32, menu_button_width: f32) -> Vec<bool> {
     let mut on_line = vec![true; parts.len()];
-    let taken = |on_line: &[bool]| {
+    let used_width = |on_line: &[bool]| {
         let widths =
             std::iter::zip(parts, on_line).filter(|(_, on)| **on).map(|(part, _)| part.width + spacing);
         widths.sum::<f32>() - spacing
     };
-    if taken(&on_line) <= room {
+    if used_width(&on_line) <= room {
         return on_line;
     }
-    let order = |yields: bool| {
-        (0..parts.len()).rev().filter(move |i| parts[*i].yields == yields && !parts[*i].is_separator)
+    let order = |moves_to_menu_first: bool| {
+        (0..parts.len())
+            .rev()
+            .filter(move |i| parts[*i].moves_to_menu_first == moves_to_menu_first && !parts[*i].is_separator)
     };
     for leaving in order(true).chain(order(false)) {
         on_line[leaving] = false;
         // A separator stays if entries of the line are on both sides.
-        let mut is_behind = false;
+        let mut follows_entry = false;
         let mut last = None;
         for (i, part) in parts.iter().enumerate() {
             match part.is_separator {
                 true => {
                     on_line[i] = false;
-                    last = last.or(is_behind.then_some(i));
+                    last = last.or(follows_entry.then_some(i));
                 }
                 false if on_line[i] => {
                     if let Some(separator) = last.take() {
                         on_line[separator] = true;
                     }
-                    is_behind = true;
+                    follows_entry = true;
                 }
                 false => {}
             }
         }
-        if taken(&on_line) + spacing + more <= room {
+        if used_width(&on_line) + spacing + menu_button_width <= room {
             break;
         }
     }
@@ -392,17 +400,27 @@ fn fits_in_line(parts: &[EntryLayout], spacing: f32, room: f32, more: f32) -> Ve
 mod tests {
     use super::*;
 
-    fn part(width: f32) -> EntryLayout {
-        EntryLayout { width, yields: false, is_separator: false }
+    fn entry_of_width(width: f32) -> EntryLayout {
+        EntryLayout { width, moves_to_menu_first: false, is_separator: false }
     }
 
     #[test]
-    fn entries_without_room_leave_from_the_end_texts_first() {
-        let separator = || EntryLayout { is_separator: true, ..part(6.0) };
-        let text = || EntryLayout { yields: true, ..part(100.0) };
-        let parts = [part(20.0), separator(), text(), separator(), part(20.0), part(20.0)];
+    fn toolbar_entries_without_room_move_to_the_menu_from_the_end_texts_first() {
+        let separator = || EntryLayout { is_separator: true, ..entry_of_width(6.0) };
+        let text = || EntryLayout { moves_to_menu_first: true, ..entry_of_width(100.0) };
+        let parts = [
+            entry_of_width(20.0),
+            separator(),
+            text(),
+            separator(),
+            entry_of_width(20.0),
+            entry_of_width(20.0),
+        ];
         let shown = |room: f32| -> String {
-            fits_in_line(&parts, 4.0, room, 10.0).into_iter().map(|on| if on { '1' } else { '0' }).collect()
+            entries_on_line(&parts, 4.0, room, 10.0)
+                .into_iter()
+                .map(|on| if on { '1' } else { '0' })
+                .collect()
         };
         // 192 points of entries and five gaps.
         assert_eq!(shown(192.0), "111111");

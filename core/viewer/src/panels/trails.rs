@@ -1,7 +1,7 @@
 //! Joints over the image: picking where skeletons are shown, motion trails, and onion skins of the selected actor.
 
 use super::canvas::Canvas;
-use super::overlay::{line, point};
+use super::overlay::{draw_line, to_pos2};
 use crate::app::Viewer;
 use crate::geometry::projection::ViewProjection;
 use crate::state::selection::Selected;
@@ -14,9 +14,9 @@ use glam::{DVec2, DVec3};
 const PICK_RADIUS: f64 = 7.0;
 /// Offsets of the onion skins from the playhead, frames.
 const ONION_SKIN_OFFSETS: [i64; 4] = [-10, -5, 5, 10];
-pub(crate) const BEFORE: Color32 = Color32::from_rgb(0x5a, 0xa9, 0xf0);
-pub const AFTER: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
-const NOW: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
+pub(crate) const PAST_COLOR: Color32 = Color32::from_rgb(0x5a, 0xa9, 0xf0);
+pub const FUTURE_COLOR: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
+const PRESENT_COLOR: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
 
 /// Draws the overlays and handles the mouse. Returns whether the mouse is over a joint.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
@@ -45,7 +45,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
                 );
             }
             if overlays.trail {
-                draw_path(
+                draw_trail(
                     &painter,
                     view_projection,
                     &trail,
@@ -55,11 +55,11 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
             }
         }
     }
-    if overlays.skeletons { pick(viewer, canvas, &painter) } else { false }
+    if overlays.skeletons { pick_joint(viewer, canvas, &painter) } else { false }
 }
 
 /// Shows the name of the joint under the mouse; a click selects it.
-fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
+fn pick_joint(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     let shown = &viewer.views[canvas.index].shown;
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), shown) else { return false };
     let at_joint = |actor: usize, joint: usize| -> Option<DVec2> {
@@ -72,9 +72,9 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
         && let Some(number) = names.iter().position(|a| a.name == *actor)
         && let Some(at) = at_joint(number, *joint)
     {
-        painter.circle_stroke(point(at), 6.0, Stroke::new(2.0, NOW));
+        painter.circle_stroke(to_pos2(at), 6.0, Stroke::new(2.0, PRESENT_COLOR));
     }
-    let Some(mouse) = canvas.hovered() else { return false };
+    let Some(mouse) = canvas.hover_position() else { return false };
     let mut best: Option<(f64, usize, usize)> = None;
     for (number, actor) in names.iter().enumerate().filter(|(_, a)| !viewer.toggles.locked.contains(&a.name))
     {
@@ -89,7 +89,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     let actor = &names[number];
     let name = actor.asset.skeleton.names().get(joint).cloned().unwrap_or_default();
     if let Some(at) = at_joint(number, joint) {
-        painter.circle_filled(point(at), 4.5, NOW);
+        painter.circle_filled(to_pos2(at), 4.5, PRESENT_COLOR);
     }
     canvas.response.clone().on_hover_text_at_pointer(format!("{}: {name}", actor.name));
     if canvas.response.clicked() {
@@ -100,21 +100,21 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
 }
 
 /// Draws the trail of a joint: a line through all frames, with a dot for each and a larger one for the present frame.
-fn draw_path(painter: &Painter, view_projection: &ViewProjection, trail: &Trail, now: Time, joint: usize) {
+fn draw_trail(painter: &Painter, view_projection: &ViewProjection, trail: &Trail, now: Time, joint: usize) {
     let at = |index: usize| -> Option<DVec3> { trail.frames.get(index)?.1.get(joint).copied() };
     for index in 0..trail.frames.len() {
         let Some(here) = at(index) else { continue };
-        let color = if trail.frames[index].0 < now { BEFORE } else { AFTER };
+        let color = if trail.frames[index].0 < now { PAST_COLOR } else { FUTURE_COLOR };
         if let Some(next) = at(index + 1) {
-            line(painter, view_projection, here, next, Stroke::new(1.5, color));
+            draw_line(painter, view_projection, here, next, Stroke::new(1.5, color));
         }
         if let Some(dot) = view_projection.project_point(here) {
-            painter.circle_filled(point(dot), 1.8, color);
+            painter.circle_filled(to_pos2(dot), 1.8, color);
         }
     }
     if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| view_projection.project_point(at))
     {
-        painter.circle_filled(point(dot), 4.0, NOW);
+        painter.circle_filled(to_pos2(dot), 4.0, PRESENT_COLOR);
     }
 }
 
@@ -136,12 +136,12 @@ fn draw_onion_skins(
             continue;
         };
         let joints = &trail.frames[index].1;
-        let color = if skin < 0 { BEFORE } else { AFTER };
+        let color = if skin < 0 { PAST_COLOR } else { FUTURE_COLOR };
         let stroke = Stroke::new(2.0, color.gamma_multiply(if skin.abs() > 5 { 0.35 } else { 0.65 }));
         for (joint, parent) in parents.iter().enumerate() {
             let ends = joints.get(joint).zip(parent.and_then(|parent| joints.get(parent as usize)));
             if let Some((to, from)) = ends {
-                line(painter, view_projection, *from, *to, stroke);
+                draw_line(painter, view_projection, *from, *to, stroke);
             }
         }
     }

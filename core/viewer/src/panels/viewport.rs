@@ -29,7 +29,7 @@ pub(crate) fn toggle_camera(viewer: &mut Viewer) {
 }
 
 /// Centers the orbit of the free camera on the selection.
-pub fn focus(viewer: &mut Viewer) {
+pub fn focus_selection(viewer: &mut Viewer) {
     let Some(point) = viewer.point_of_interest() else { return };
     let active = viewer.active.min(viewer.views.len() - 1);
     if let Some(orbit) = viewer.free_camera(active) {
@@ -39,7 +39,7 @@ pub fn focus(viewer: &mut Viewer) {
 }
 
 /// Saves the next image of the active viewport next to the script: `NAME_12.png`, numbered by frame.
-pub fn screenshot(viewer: &mut Viewer) {
+pub fn request_screenshot(viewer: &mut Viewer) {
     let folder = viewer.path.as_ref().and_then(|p| p.parent()).unwrap_or(std::path::Path::new(""));
     let stem = viewer.name.rsplit_once('.').map_or(viewer.name.as_str(), |(stem, _)| stem).to_string();
     viewer.screenshot = Some(folder.join(format!("{stem}_{}.png", viewer.playhead.frame())));
@@ -47,8 +47,8 @@ pub fn screenshot(viewer: &mut Viewer) {
     viewer.view_mut().requested = None;
 }
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<TextureId>) {
-    toolbar(ui, viewer, index);
+pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, frame_texture: Option<TextureId>) {
+    show_toolbar(ui, viewer, index);
     let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = if index == 0 { "picture".to_string() } else { format!("image {}", index + 1) };
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, name.clone()));
@@ -62,7 +62,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, 0.0, Color32::from_gray(24));
     let size = view.shown.as_ref().map(|shown| shown.size);
-    let Some((texture, size)) = picture.zip(size) else {
+    let Some((texture, size)) = frame_texture.zip(size) else {
         let first = viewer.problems.first().filter(|_| viewer.faulty);
         let text = first.map_or("…".to_string(), |problem| format!("nothing to show yet\n\n{problem}"));
         let font = egui::TextStyle::Body.resolve(ui.style());
@@ -76,8 +76,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         viewer.dropped_models = Some(DroppedModels { files: vec![model.0.clone()], at, beside: false });
     }
     viewer.is_scrubbing |= response.dragged();
-    let fills = viewer.views[index].resolution == Resolution::Fitted;
-    let place = image_rect(rect, size, pixels, fills);
+    let fills_panel = viewer.views[index].resolution == Resolution::Fitted;
+    let place = image_rect(rect, size, pixels, fills_panel);
     viewer.views[index].place = [place.left(), place.top(), place.right(), place.bottom()];
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
@@ -92,81 +92,81 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
         let corner = vector(place.left(), place.top());
         let view_projection = ViewProjection::new(&camera, corner, vector(place.width(), place.height()));
-        let canvas = Canvas { index, response: &response, place, view_projection };
+        let canvas = Canvas { index, response: &response, image_rect: place, view_projection };
         overlay::show(ui, viewer, &canvas);
-        let at_axis = axes::show(ui, viewer, index, place, &camera.world_from_view);
-        let at_icon = scene_icons::show(ui, viewer, &canvas);
-        let at_joint = trails::show(ui, viewer, &canvas);
+        let is_over_axes = axes::show(ui, viewer, index, place, &camera.world_from_view);
+        let is_over_icon = scene_icons::show(ui, viewer, &canvas);
+        let is_over_joint = trails::show(ui, viewer, &canvas);
         let drags_icon = viewer.dragged_icon.is_some();
-        let at_handle = !drags_icon && handles::show(ui, viewer, &canvas);
-        if at_handle || viewer.dragged_icon.is_some() {
+        let is_over_gizmo = !drags_icon && handles::show(ui, viewer, &canvas);
+        if is_over_gizmo || viewer.dragged_icon.is_some() {
             return;
         }
-        let at_other = at_axis || at_icon || at_joint;
-        if let Some(at) = canvas.clicked().filter(|_| !at_other) {
+        let is_over_overlay = is_over_axes || is_over_icon || is_over_joint;
+        if let Some(at) = canvas.click_position().filter(|_| !is_over_overlay) {
             pick_at(viewer, index, &canvas.view_projection, at);
         }
     }
     handle_mouse(ui, viewer, index, &response, place.height());
 }
 
-fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+fn show_toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     ui.horizontal(|ui| {
         let mut bar = Toolbar::new(("viewport", index));
         let free = matches!(viewer.views[index].camera, ViewCamera::Free(_) | ViewCamera::Follow { .. });
         let script = viewer.views[index].camera == ViewCamera::Script;
-        bar.toggle(script, "script's camera", "", move |viewer: &mut Viewer| {
+        bar.add_toggle(script, "script's camera", "", move |viewer: &mut Viewer| {
             viewer.views[index].camera = ViewCamera::Script;
         });
-        camera_menu(&mut bar, viewer, index);
-        bar.toggle(free, "free camera", "", move |viewer| {
+        add_camera_menu(&mut bar, viewer, index);
+        bar.add_toggle(free, "free camera", "", move |viewer| {
             if !free {
                 let _ = viewer.free_camera(index);
             }
         });
-        script_menu(&mut bar, viewer, index);
-        follow_toggle(&mut bar, viewer, index);
-        let side = axes::menu_name(viewer, index);
-        bar.menu(side, "", move |ui, viewer| axes::entries(ui, viewer, index));
-        bar.other_faces(axes::menu_names());
-        bar.separator();
+        add_script_menu(&mut bar, viewer, index);
+        add_follow_toggle(&mut bar, viewer, index);
+        let side = axes::menu_label(viewer, index);
+        bar.add_menu(side, "", move |ui, viewer| axes::show_view_menu(ui, viewer, index));
+        bar.reserve_width_for(axes::menu_labels());
+        bar.add_separator();
         let full = viewer.views[index].resolution == Resolution::Full;
         let hint = "show as many pixels as the rendered image has";
-        bar.icon_toggle(icons::FRAME_CORNERS, full, "full size", hint, move |viewer| {
+        bar.add_icon_toggle(icons::FRAME_CORNERS, full, "full size", hint, move |viewer| {
             viewer.views[index].resolution = if full { Resolution::Fitted } else { Resolution::Full };
         });
-        bar.menu("Show", "", move |ui, viewer| {
+        bar.add_menu("Show", "", move |ui, viewer| {
             for (_, name, shown) in viewer.views[index].overlays.all() {
                 ui.checkbox(shown, name);
             }
         });
-        bar.stays_open();
-        bar.separator();
+        bar.keep_menu_open();
+        bar.add_separator();
         for (tool, icon, name, key) in [
             (Tool::Move, icons::ARROWS_OUT_CARDINAL, "Move", "G"),
             (Tool::Turn, icons::ARROWS_CLOCKWISE, "Turn", "R"),
             (Tool::Scale, icons::RESIZE, "Scale", "B"),
         ] {
-            bar.icon_toggle(icon, viewer.tool == tool, name, key, move |viewer| viewer.tool = tool);
+            bar.add_icon_toggle(icon, viewer.tool == tool, name, key, move |viewer| viewer.tool = tool);
         }
-        bar.separator();
-        bar.icon(icons::CAMERA, "Save image", "saves it beside the script (P)", move |viewer| {
+        bar.add_separator();
+        bar.add_icon(icons::CAMERA, "Save image", "saves it beside the script (P)", move |viewer| {
             viewer.active = index;
-            screenshot(viewer);
+            request_screenshot(viewer);
         });
         bar.show(ui, viewer, 0.0);
     });
 }
 
-fn camera_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
+fn add_camera_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone().filter(|scene| !scene.stage.cameras.is_empty()) else { return };
-    const NONE: &str = "camera";
+    const NO_CAMERA_LABEL: &str = "camera";
     let name = match &viewer.views[index].camera {
         ViewCamera::Named(name) => name.as_str(),
-        _ => NONE,
+        _ => NO_CAMERA_LABEL,
     };
     let names = scene.clone();
-    bar.menu(name, "", move |ui, viewer| {
+    bar.add_menu(name, "", move |ui, viewer| {
         let view = &mut viewer.views[index];
         for camera in &scene.stage.cameras {
             let on = view.camera == ViewCamera::Named(camera.name.clone());
@@ -175,18 +175,20 @@ fn camera_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
             }
         }
     });
-    bar.other_faces(names.stage.cameras.iter().map(|camera| camera.name.as_str()).chain([NONE]));
+    bar.reserve_width_for(
+        names.stage.cameras.iter().map(|camera| camera.name.as_str()).chain([NO_CAMERA_LABEL]),
+    );
 }
 
 /// Menu that writes the free camera into the script: into one of its cameras, or as a new one.
-fn script_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
+fn add_script_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone().filter(|_| viewer.path.is_some()) else { return };
     let orbit = match viewer.views[index].camera {
         ViewCamera::Free(orbit) => Some(orbit),
         _ => None,
     };
     let hint = "writes the free camera into the script, as .at and .look_at of a camera";
-    bar.menu("into the script", hint, move |ui, viewer| {
+    bar.add_menu("into the script", hint, move |ui, viewer| {
         let Some(orbit) = orbit else { return };
         for camera in &scene.stage.cameras {
             if ui.button(format!("as \"{}\"", camera.name)).clicked() {
@@ -202,18 +204,20 @@ fn script_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
         }
     });
     // The entry is disabled and not hidden, so that the entries after it do not move.
-    bar.enabled(orbit.is_some());
+    bar.set_enabled(orbit.is_some());
 }
 
-fn follow_toggle(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
+fn add_follow_toggle(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     if viewer.scene.is_none() {
         return;
     }
     let following = matches!(viewer.views[index].camera, ViewCamera::Follow { .. });
     let selected = viewer.selection.as_ref().and_then(Selected::actor).is_some();
     let hint = "follow the selected actor";
-    bar.icon_toggle(icons::CROSSHAIR, following, "follow", hint, move |viewer| toggle_follow(viewer, index));
-    bar.enabled(following || selected);
+    bar.add_icon_toggle(icons::CROSSHAIR, following, "follow", hint, move |viewer| {
+        toggle_follow(viewer, index)
+    });
+    bar.set_enabled(following || selected);
 }
 
 /// Starts or stops following the selected actor with the camera of a view.
@@ -225,12 +229,12 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
         _ => None,
     };
     let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
-    let near = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
+    let pivot = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
     let view = &mut viewer.views[index];
     match (following, selected) {
         (Some(name), _) => {
             // The orbit is converted to world space, so that the camera stays where it is.
-            view.follow(find(&name), near);
+            view.follow(find(&name), pivot);
             if let (ViewCamera::Follow { orbit, .. }, Some(shown), Some((_, index))) =
                 (&view.camera, &view.shown, find(&name))
             {
@@ -240,7 +244,7 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
                 view.camera = ViewCamera::Free(orbit);
             }
         }
-        (None, Some(name)) => view.follow(find(&name), near),
+        (None, Some(name)) => view.follow(find(&name), pivot),
         (None, None) => {}
     }
 }
@@ -283,20 +287,21 @@ fn draw_quality_note(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     let painter = ui.painter_at(place);
     // The axes are to the right of the text.
     let right = axes::axes_rect(viewer, index, place).map_or(place.right(), |axes| axes.left());
-    let galley = super::elided(&painter, &text, 11.5, Color32::WHITE, right - place.left() - 12.0);
+    let galley = super::truncated_text(&painter, &text, 11.5, Color32::WHITE, right - place.left() - 12.0);
     if galley.elided {
         response.hint(text);
     }
-    let back = Rect::from_min_size(place.left_top() + egui::vec2(6.0, 6.0), galley.size()).expand(3.0);
-    painter.rect_filled(back, 3.0, Color32::from_black_alpha(170));
-    painter.galley(back.min + egui::vec2(3.0, 3.0), galley, Color32::WHITE);
+    let background_rect =
+        Rect::from_min_size(place.left_top() + egui::vec2(6.0, 6.0), galley.size()).expand(3.0);
+    painter.rect_filled(background_rect, 3.0, Color32::from_black_alpha(170));
+    painter.galley(background_rect.min + egui::vec2(3.0, 3.0), galley, Color32::WHITE);
 }
 
-/// Centered rectangle of an image: as large as possible if `fills`, else at most one screen pixel per pixel of the image. Edges are aligned to
+/// Centered rectangle of an image: as large as possible if `fills_panel`, else at most one screen pixel per pixel of the image. Edges are aligned to
 /// screen pixels.
-fn image_rect(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rect {
+fn image_rect(room: Rect, size: [u32; 2], pixels_per_point: f32, fills_panel: bool) -> Rect {
     let size = Vec2::new(size[0] as f32, size[1] as f32) / pixels_per_point;
-    let largest = if fills { f32::INFINITY } else { 1.0 };
+    let largest = if fills_panel { f32::INFINITY } else { 1.0 };
     let scale = (room.width() / size.x).min(room.height() / size.y).min(largest);
     let size = size * scale;
     let on_pixels = |v: f32| (v * pixels_per_point).round() / pixels_per_point;
@@ -328,11 +333,11 @@ fn handle_mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Res
     {
         orbit.zoom(notches);
     }
-    let held = |a, b| ui.input(|i| f64::from(i8::from(i.key_down(a)) - i8::from(i.key_down(b))));
-    let step = DVec3::new(held(Key::D, Key::A), held(Key::E, Key::Q), held(Key::W, Key::S));
+    let axis_input = |a, b| ui.input(|i| f64::from(i8::from(i.key_down(a)) - i8::from(i.key_down(b))));
+    let step = DVec3::new(axis_input(Key::D, Key::A), axis_input(Key::E, Key::Q), axis_input(Key::W, Key::S));
     // If letters are shortcuts, they walk only while the right button is held.
     let command = ui.input(|i| i.modifiers.command)
-        || super::actions::takes_walking_keys(viewer) && !ui.input(|i| i.pointer.secondary_down());
+        || super::actions::uses_walking_keys(viewer) && !ui.input(|i| i.pointer.secondary_down());
     if step != DVec3::ZERO && !command && !ui.ctx().egui_wants_keyboard_input() {
         let secs = ui.input(|i| f64::from(i.stable_dt.min(0.1)));
         let pace = if shift { WALKING_SPEED * 4.0 } else { WALKING_SPEED };

@@ -39,7 +39,7 @@ pub(crate) fn first_viewer(
 pub(crate) fn read_shortcuts(viewer: &mut Viewer, file: Option<&Path>) -> Option<String> {
     let (shortcuts, problem) = file.map(Shortcuts::read).unwrap_or_default();
     viewer.shortcuts = shortcuts;
-    problem.or_else(|| crate::panels::shortcut_problem(viewer))
+    problem.or_else(|| crate::panels::shortcuts_problem(viewer))
 }
 
 /// File name for titles.

@@ -342,7 +342,7 @@ fn models_dropped_together_do_not_overlap() {
         assert_eq!(place.viewer.message, None);
         place.reload();
     }
-    place.viewer.add(&choreo_session::edit::Addition::Shape("torus")).unwrap();
+    place.viewer.add_object(&choreo_session::edit::Addition::Shape("torus")).unwrap();
     place.reload();
     let stage = &place.viewer.scene.as_ref().unwrap().stage;
     let snapshot = stage.at(Time::ZERO).unwrap();

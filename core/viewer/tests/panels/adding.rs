@@ -65,7 +65,7 @@ fn every_addition_loads_without_an_error() {
     for what in all {
         // Each entry on a separate stage, so that none depends on another.
         let mut place = Place::new(SCRIPT);
-        place.viewer.add(&what).unwrap();
+        place.viewer.add_object(&what).unwrap();
         let before = place.viewer.selection.clone();
         place.reload();
         assert!(place.viewer.problems.is_empty(), "{what:?}: {:?}", place.viewer.problems);
@@ -101,7 +101,7 @@ fn additions_are_written_to_the_script_in_order() {
     ];
     for kind in kinds.iter().flat_map(|kind| [kind, kind]) {
         let before = place.text();
-        place.viewer.add(kind).unwrap();
+        place.viewer.add_object(kind).unwrap();
         assert!(place.text().starts_with(&before), "{kind:?} in {}", place.text());
         place.reload();
     }
@@ -345,7 +345,7 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
         ),
     ] {
         let mut place = Place::new(script);
-        place.viewer.add(&Addition::Follow("my box".into())).unwrap();
+        place.viewer.add_object(&Addition::Follow("my box".into())).unwrap();
         let text = place.text();
         assert!(text.starts_with(&format!("{wanted}camera(\"with my box\").follow(my_box, [")), "{text}");
         place.reload();
@@ -355,7 +355,7 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
     }
     // An actor that the script cannot name is refused, with its line.
     let mut place = Place::new("for n in 0..1 { cast(\"box\", shape(\"box\")) }\n");
-    let error = place.viewer.add(&Addition::Follow("box".into())).unwrap_err().to_string();
+    let error = place.viewer.add_object(&Addition::Follow("box".into())).unwrap_err().to_string();
     assert!(error.contains("a.rhai:1: a camera needs its name in the script; write let NAME"), "{error}");
 }
 
@@ -364,7 +364,7 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
 fn a_second_ambient_light_is_refused_with_a_note() {
     let mut place = Place::new(SCRIPT);
     for _ in 0..2 {
-        place.viewer.add(&Addition::Ambient).unwrap();
+        place.viewer.add_object(&Addition::Ambient).unwrap();
         place.reload();
     }
     assert_eq!(place.text().matches("ambient(").count(), 1, "{}", place.text());
@@ -490,8 +490,9 @@ fn typed_text_is_applied_to_its_own_object_when_another_is_clicked() {
 fn an_end_before_the_start_is_refused() {
     let mut place = Place::new(SCRIPT);
     let wave = Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 };
-    let error = place.viewer.set_cue(&wave, choreo_session::edit::CueTime::End, 1.0).unwrap_err().to_string();
-    assert!(error.contains("it would end at 1.000 s, but it begins at 2.000 s"), "{error}");
+    let error =
+        place.viewer.set_cue_time(&wave, choreo_session::edit::CueTime::End, 1.0).unwrap_err().to_string();
+    assert!(error.contains("Wave would end at 1.000 s, but it begins at 2.000 s"), "{error}");
     assert_eq!(place.text(), SCRIPT);
 }
 

@@ -227,7 +227,7 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
     back(&mut desk);
     // Each clip keeps a positive length.
     for (secs, why) in [
-        (5.0, "it would begin at 5.000 s, but it ends at 5.000 s"),
+        (5.0, "Run would begin at 5.000 s, but it ends at 5.000 s"),
         (0.0, "Walk, the clip before it, begins at 0.000 s and would have no length"),
     ] {
         let error = desk.state_mut().viewer.trim_cue(&cue(0, 1), secs).unwrap_err().to_string();
@@ -235,7 +235,7 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
     }
     // A bar without a neighbor at its edge cannot be rolled.
     let why = desk.state_mut().viewer.trim_cue(&cue(0, 0), 0.5).unwrap_err().to_string();
-    assert!(why.contains("it repeats, so a trim would shorten every repetition"), "{why}");
+    assert!(why.contains("the clip repeats, so a trim would shorten every repetition"), "{why}");
 }
 
 /// A roll begins on either side of a boundary, also at the bottom of a selected bar, where the speed handle is next to it.
@@ -278,7 +278,7 @@ fn a_slip_needs_an_unplayed_part_of_the_clip() {
     );
     place.reload_with(SCRIPT);
     let why = place.viewer.slip_cue(&cue(0, 0), 0.25).unwrap_err().to_string();
-    assert!(why.contains("it repeats its whole clip"), "{why}");
+    assert!(why.contains("the bar repeats its whole clip"), "{why}");
 }
 
 #[test]
@@ -446,7 +446,7 @@ fn upper_layers_are_edited_like_the_base_layer() {
     assert_eq!((bars[1].fade_in, bars[1].fade_out), (Time::from_secs(0.6), Time::ZERO));
     assert_eq!(bars[0].end, Time::from_secs(3.0), "it is seen until the other one has faded in");
     // A fade that is written as a method.
-    desk.state_mut().viewer.set_cue(&cue(1, 0), choreo_session::edit::CueTime::FadeIn, 0.5).unwrap();
+    desk.state_mut().viewer.set_cue_time(&cue(1, 0), choreo_session::edit::CueTime::FadeIn, 0.5).unwrap();
     assert!(desk.state().text().contains(".fade(0.5)\n"), "{}", desk.state().text());
     for (layer, row, label) in [(0, 1, "Run"), (1, 2, "Wave")] {
         back(&mut desk);

@@ -22,11 +22,11 @@ fn cue(cue: usize) -> Selected {
 #[test]
 fn an_edit_changes_one_number_of_the_file_and_can_be_undone() {
     let mut place = Place::new(SCRIPT);
-    place.viewer.set_cue(&cue(0), CueTime::Start, 0.72).unwrap();
+    place.viewer.set_cue_time(&cue(0), CueTime::Start, 0.72).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5)", ".from(0.72)"));
     place.reload();
     assert_eq!(place.viewer.timeline.rows[1].bars[0].start, Time::from_secs(0.72));
-    place.viewer.set_cue(&cue(1), CueTime::FadeIn, 0.25).unwrap();
+    place.viewer.set_cue_time(&cue(1), CueTime::FadeIn, 0.25).unwrap();
     assert!(place.text().contains("#{ fade: 0.25 }"));
     // Meanwhile the text editor saves another change.
     place.write(&format!("// a note\n{}", place.text()));
@@ -42,7 +42,7 @@ fn an_edit_changes_one_number_of_the_file_and_can_be_undone() {
 fn a_byte_order_mark_stays_before_the_text() {
     let script = SCRIPT.replacen('\n', " ", 3);
     let mut place = Place::new(&format!("\u{feff}{script}"));
-    place.viewer.set_cue(&cue(0), CueTime::Start, 0.72).unwrap();
+    place.viewer.set_cue_time(&cue(0), CueTime::Start, 0.72).unwrap();
     assert_eq!(place.text(), format!("\u{feff}{}", script.replace(".from(0.5)", ".from(0.72)")));
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), format!("\u{feff}{script}"));
@@ -89,7 +89,7 @@ fn added_clips_are_written_after_all_others_in_order() {
 #[test]
 fn moving_a_clip_boundary_changes_the_end_of_the_first_clip() {
     let mut place = Place::new(SCRIPT);
-    place.viewer.set_cue(&cue(1), CueTime::Start, 1.6).unwrap();
+    place.viewer.set_cue_time(&cue(1), CueTime::Start, 1.6).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".until(2.0)", ".until(1.6)"));
     place.reload();
     let bars = &place.viewer.timeline.rows[1].bars;
@@ -100,13 +100,13 @@ fn moving_a_clip_boundary_changes_the_end_of_the_first_clip() {
 fn a_time_that_is_not_one_number_is_refused_unchanged() {
     let mut place = Place::new(SCRIPT);
     let in_loop = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
-    let why = place.viewer.set_cue(&in_loop, CueTime::Start, 0.1).unwrap_err().to_string();
+    let why = place.viewer.set_cue_time(&in_loop, CueTime::Start, 0.1).unwrap_err().to_string();
     assert!(why.contains("a.rhai:6: this line makes 2 objects"), "{why}");
     assert_eq!(place.text(), SCRIPT);
     // The file has changed on disk and is not shown yet.
     let other = SCRIPT.replace("she", "he");
     place.write(&other);
-    let why = place.viewer.set_cue(&cue(0), CueTime::Start, 0.1).unwrap_err().to_string();
+    let why = place.viewer.set_cue_time(&cue(0), CueTime::Start, 0.1).unwrap_err().to_string();
     assert!(why.contains("changed on disk"), "{why}");
     assert_eq!(place.text(), other);
 }

@@ -144,19 +144,19 @@ fn several_keys_are_moved_or_deleted_in_one_undo_step() {
 #[test]
 fn one_value_of_several_keys_is_changed_in_place() {
     let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
-    let value = ValueDrag { property: "position".into(), part: 1, by: 0.25 };
+    let value = ValueDrag { property: "position".into(), part: 1, offset: 0.25 };
     let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&keys, 0.2, Some(&value))));
     assert_eq!(
         text,
         replaced(&[("[1.0, [1, 0, 0]]", "[1.2, [1, 0.25, 0]]"), ("[2.0, [1, 2, 0]", "[2.2, [1, 2.25, 0]")])
     );
     let turned = [key(ball(), "rotation", 2.0)];
-    let value = ValueDrag { property: "rotation".into(), part: 0, by: 200.0 };
+    let value = ValueDrag { property: "rotation".into(), part: 0, offset: 200.0 };
     let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&turned, 0.0, Some(&value))));
     assert_eq!(text, replaced(&[("720", "920")]));
     // A value is clamped to the range of its property.
     let strength = [key(Selected::Effect(0), "strength", 2.0)];
-    let value = ValueDrag { property: "strength".into(), part: 0, by: 5.0 };
+    let value = ValueDrag { property: "strength".into(), part: 0, offset: 5.0 };
     let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&strength, 0.0, Some(&value))));
     assert_eq!(text, replaced(&[("[2.0, 0.9]", "[2.0, 1.0]")]));
 }
@@ -170,7 +170,7 @@ fn editing_one_number_of_a_key_keeps_the_others() {
         + "text(\"Hi\").key(\"position\", [[0.0, [0.0, 0.0]], [1.0 / 3.0, [1.0 / 3.0, 0.5]]]);\n";
     let changed = |key: KeyRef, part: usize| {
         let mut place = Place::new(&script);
-        let value = ValueDrag { property: "position".into(), part, by: 0.25 };
+        let value = ValueDrag { property: "position".into(), part, offset: 0.25 };
         place.viewer.edit(|v| v.drag_keys(&[key], 0.0, Some(&value)));
         (place.text(), place.viewer.message.clone().unwrap_or_default())
     };
@@ -289,7 +289,7 @@ fn keys_are_copied_to_another_time_and_to_another_object() {
     let mut place = Place::new(SCRIPT);
     let copied = place.viewer.copy_keys(&keys).unwrap();
     let why = place.viewer.paste_keys(&Selected::Effect(0), &copied, 0.0).unwrap_err().to_string();
-    assert_eq!(why, "it has no position that keys could animate");
+    assert_eq!(why, "the object has no position that keys could animate");
 }
 
 #[test]
@@ -769,7 +769,7 @@ fn the_k_key_sets_no_keys_on_hidden_curves() {
     desk.run();
     press(&mut desk, Modifiers::NONE, Key::K);
     let message = desk.state().viewer.message.clone().unwrap_or_default();
-    assert!(message.starts_with("all of its curves are hidden"), "{message}");
+    assert!(message.starts_with("all curves of the selection are hidden"), "{message}");
     assert_eq!(desk.state().text(), SCRIPT);
 }
 
@@ -1003,7 +1003,7 @@ fn tangents_are_chosen_for_all_selected_keys() {
     assert_eq!(place.text(), SCRIPT);
     let kelvin = [key(Selected::Light(0), "kelvin", 0.0)];
     let refused = place.viewer.set_key_tangents(&kelvin, TangentChoice::Flat).unwrap_err().to_string();
-    assert!(refused.contains("a.rhai:12: keys of its kelvin cannot have tangents"), "{refused}");
+    assert!(refused.contains("a.rhai:12: keys of the property kelvin cannot have tangents"), "{refused}");
 }
 
 /// Drags with modifier keys held.
@@ -1223,7 +1223,7 @@ fn keys_of_joints_cues_and_the_sky_are_edited_like_actor_keys() {
     assert!(set.contains(".key(\"turn\", [[0.0, 0], [2.0, 90]]).key(\"strength\", [[0.0, 0.5]]);"), "{set}");
     let set = changed(&|place| place.viewer.edit(|v| v.set_value(&Selected::Sky, "turn", "30.0")));
     assert_eq!(set, PARTS.replace("[0.0, 0], [2.0, 90]", "[0.0, 30], [2.0, 90]"));
-    let value = ValueDrag { property: "joint:Head:rotation".into(), part: 1, by: 5.0 };
+    let value = ValueDrag { property: "joint:Head:rotation".into(), part: 1, offset: 5.0 };
     let turned = changed(&|place| place.viewer.edit(|v| v.drag_keys(&all[..1], 0.0, Some(&value))));
     assert_eq!(turned, PARTS.replace("[0, 40, 10]", "[0, 45, 10]"));
 }

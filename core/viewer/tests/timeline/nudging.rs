@@ -55,7 +55,7 @@ fn the_end_of_a_camera_is_the_next_cut() {
         assert_eq!(press(&mut desk, camera, modifiers, key), moved);
     }
     let why = refused(&mut desk, &three, END, Key::ArrowLeft);
-    assert!(why.ends_with("it is on until the scene ends: no camera takes over from it"), "{why}");
+    assert!(why.ends_with("the camera is active until the scene ends: no other camera takes over"), "{why}");
     let why = refused(&mut desk, &one, Modifiers::ALT, Key::ArrowRight);
     assert!(why.contains("the first camera is on from the start"), "{why}");
 }

@@ -123,7 +123,7 @@ fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
     let title = desk.get_by_label("\u{201c}Hello\u{201d} on titles").rect().center();
     for (from, row, why) in [
         (bow, "ball", "no joint of ball follows Bow of ada"),
-        (bow, "sun 1", "only actors play clips: drop it on the row of an actor"),
+        (bow, "sun 1", "only actors play clips: drop the clip on the row of an actor"),
         (bow, "ada", "a layer of an actor is made by .on(…)"),
         (title, "bob", "only actors play clips"),
     ] {

@@ -93,7 +93,7 @@ fn trims_rolls_and_slips_change_only_their_own_part() {
     assert_eq!(place.text(), short.replace("\"once\" })", "\"once\", trim: [0.25, 3.0] })"));
     place.reload();
     let why = place.viewer.trim_cue(&cue(0, 0), 0.5).unwrap_err().to_string();
-    assert!(why.contains("it repeats, so a trim would shorten every repetition"), "{why}");
+    assert!(why.contains("the clip repeats, so a trim would shorten every repetition"), "{why}");
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn clips_that_overlap_crossfade() {
     let mut place = Place::new(SCRIPT);
     let why = place.viewer.overlap_cue(&cue(0, 1), 3.0).unwrap_err().to_string();
     assert!(
-        why.ends_with("its start must be within the clip before it: they crossfade where they overlap"),
+        why.ends_with("the start must be within the previous clip: the clips crossfade where they overlap"),
         "{why}"
     );
 }
@@ -353,7 +353,7 @@ fn a_clip_follows_the_one_before_it_in_its_chain() {
         let mut place = Place::new(script);
         let starts: Vec<Time> = place.viewer.timeline.rows[1].bars.iter().map(|bar| bar.start).collect();
         assert_eq!(starts, [0.0, 1.0, 2.0].map(Time::from_secs));
-        place.viewer.set_cue(&wave, choreo_session::edit::CueTime::Start, 1.8).unwrap();
+        place.viewer.set_cue_time(&wave, choreo_session::edit::CueTime::Start, 1.8).unwrap();
         assert_eq!(place.text(), script.replace("until(2.0)", "until(1.8)"));
         place.reload_with(script);
         for moves_bars in [false, true] {

@@ -2,7 +2,7 @@
 
 use crate::place::Place;
 use choreo_motion::Time;
-use choreo_viewer::editing::placing::placement;
+use choreo_viewer::editing::placing::placement_at;
 use choreo_viewer::geometry::gizmo::Change;
 use choreo_viewer::state::selection::Selected;
 use egui::vec2;
@@ -58,7 +58,7 @@ fn moving_a_keyed_actor_writes_a_key_at_the_playhead() {
     place.reload();
     let scene = place.viewer.scene.clone().unwrap();
     assert_eq!(
-        placement(&scene.stage.actors[0], Time::from_secs(1.0)).translation,
+        placement_at(&scene.stage.actors[0], Time::from_secs(1.0)).translation,
         DVec3::new(1.25, 0.0, 0.5)
     );
     place.viewer.undo().unwrap();
@@ -138,7 +138,7 @@ fn an_actor_that_faces_a_target_can_be_moved_but_not_turned() {
     let mut place = Place::new(SCRIPT);
     let why =
         place.viewer.change_actor("fan", Change::Turn(DQuat::from_rotation_y(0.5))).unwrap_err().to_string();
-    assert_ends(&why, "a.rhai: line 10: .face(…) turns it; change or remove that call");
+    assert_ends(&why, "a.rhai: line 10: .face(…) turns the actor; change or remove that call");
     assert_eq!(place.text(), SCRIPT);
     place.viewer.change_actor("fan", Change::Move(DVec3::X)).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".at(0.0, 0.0, -2.0)", ".at(1.0, 0.0, -2.0)"));
@@ -288,7 +288,7 @@ fn a_camera_added_from_a_view_shows_the_same_image() {
             place.viewer.edit(|v| v.set_camera("to", &orbit));
             if lens.contains("ortho") && other.contains("key") {
                 let why = place.viewer.message.clone().unwrap();
-                assert!(why.contains("its \"fov\" has keys"), "{why}");
+                assert!(why.contains("the \"fov\" of the camera has keys"), "{why}");
                 continue;
             }
             assert_eq!(place.viewer.message, None, "{lens} to {other}");

@@ -14,9 +14,9 @@ const MAX_TEXTURES: usize = 256;
 
 /// Textures with the images that they were made from.
 #[derive(Default)]
-pub struct Pictures(BTreeMap<Subject, (Arc<Thumbnail>, Vec<TextureHandle>)>);
+pub struct ThumbnailTextures(BTreeMap<Subject, (Arc<Thumbnail>, Vec<TextureHandle>)>);
 
-impl Pictures {
+impl ThumbnailTextures {
     /// Draws the thumbnail of a subject into a rectangle, and returns its state. Previews play continuously.
     pub fn show(
         &mut self,
@@ -26,7 +26,7 @@ impl Pictures {
         asset: Option<&Arc<Asset>>,
         place: Rect,
     ) -> ThumbnailState {
-        let made = viewer.documents.thumbnails.get(subject, asset, || wake(ui.ctx()));
+        let made = viewer.documents.thumbnails.get(subject, asset, || repaint_request(ui.ctx()));
         let painter = ui.painter_at(place);
         painter.rect_filled(place, 3.0, ui.visuals().extreme_bg_color);
         match &made {
@@ -67,11 +67,11 @@ impl Pictures {
 }
 
 /// Height of a thumbnail with a given width.
-pub fn height(width: f32) -> f32 {
+pub fn thumbnail_height(width: f32) -> f32 {
     (width * SIZE[1] as f32 / SIZE[0] as f32).round()
 }
 
-fn wake(context: &Context) -> Box<dyn Fn() + Send> {
+fn repaint_request(context: &Context) -> Box<dyn Fn() + Send> {
     let context = context.clone();
     Box::new(move || context.request_repaint())
 }
@@ -86,8 +86,8 @@ fn shown_frame(ui: &Ui, thumbnail: &Thumbnail) -> usize {
     if count < 2 {
         return 0;
     }
-    let each = thumbnail.secs / count as f64;
+    let frame_secs = thumbnail.secs / count as f64;
     let now = ui.input(|i| i.time);
-    ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(each.clamp(0.02, 1.0)));
-    ((now / each) as usize) % count
+    ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(frame_secs.clamp(0.02, 1.0)));
+    ((now / frame_secs) as usize) % count
 }

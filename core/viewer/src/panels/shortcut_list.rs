@@ -1,6 +1,6 @@
 //! List of keyboard shortcuts, in which the keys of each action can be changed.
 
-use super::actions::{self, KeyedAction};
+use super::actions::{self, ActionWithShortcuts};
 use super::hint::Hint;
 use super::{icons, values};
 use crate::app::Viewer;
@@ -12,10 +12,10 @@ const TEXT_WIDTH: f32 = 600.0;
 
 /// State of the list.
 #[derive(Default)]
-pub struct KeyList {
+pub struct ShortcutList {
     pub open: bool,
     /// Id of the action whose new keys are being pressed.
-    choosing: Option<String>,
+    action_to_assign: Option<String>,
 }
 
 /// Rows that are not actions: keys of the toolkit, and the mouse.
@@ -54,13 +54,13 @@ const FIXED_INPUTS: [(&str, &str); 22] = [
 ];
 
 /// Takes a pressed key as the shortcut of the chosen action. Returns whether the list waits for a key.
-pub(super) fn takes_key(list: &mut KeyList, ui: &Ui, viewer: &mut Viewer) -> bool {
-    let Some(action) = list.choosing.take().filter(|_| list.open) else { return false };
+pub(super) fn record_shortcut(list: &mut ShortcutList, ui: &Ui, viewer: &mut Viewer) -> bool {
+    let Some(action) = list.action_to_assign.take().filter(|_| list.open) else { return false };
     let mut pressed = None;
     ui.input_mut(|i| {
         i.events.retain(|event| match event {
             Event::Key { key, pressed: true, repeat: false, modifiers, .. } => {
-                pressed = pressed.or(Some((*key, *modifiers)).filter(|(key, _)| !is_held(*key)));
+                pressed = pressed.or(Some((*key, *modifiers)).filter(|(key, _)| !is_modifier(*key)));
                 false
             }
             Event::Key { pressed, .. } => !pressed,
@@ -69,13 +69,13 @@ pub(super) fn takes_key(list: &mut KeyList, ui: &Ui, viewer: &mut Viewer) -> boo
         });
     });
     match pressed {
-        None => list.choosing = Some(action),
+        None => list.action_to_assign = Some(action),
         Some((Key::Escape, Modifiers::NONE)) => {}
         Some((Key::Delete | Key::Backspace, Modifiers::NONE)) => {
             viewer.shortcuts.set(&action, Some(String::new()));
         }
-        Some((key, held)) => {
-            let (ctrl, shift, alt) = (held.command, held.shift, held.alt);
+        Some((key, modifiers)) => {
+            let (ctrl, shift, alt) = (modifiers.command, modifiers.shift, modifiers.alt);
             let chord = Chord { ctrl, shift, alt, key: key.name().to_string() };
             viewer.shortcuts.set(&action, Some(chord.written()));
         }
@@ -84,16 +84,17 @@ pub(super) fn takes_key(list: &mut KeyList, ui: &Ui, viewer: &mut Viewer) -> boo
 }
 
 /// Whether a key is a modifier.
-fn is_held(key: Key) -> bool {
+fn is_modifier(key: Key) -> bool {
     use Key::{AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight};
-    let held = [AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight];
-    held.contains(&key)
+    let modifiers =
+        [AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight];
+    modifiers.contains(&key)
 }
 
-pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
+pub fn show(ui: &Ui, list: &mut ShortcutList, viewer: &mut Viewer) {
     // The list uses all available height; egui would limit a window to 400 points.
     let room = ui.ctx().content_rect().height() - 80.0;
-    let KeyList { open, choosing } = list;
+    let ShortcutList { open, action_to_assign } = list;
     let window = egui::Window::new("Shortcuts").open(open).resizable(false).collapsible(false);
     let window = window.default_height(room).anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]);
     window.show(ui.ctx(), |ui| {
@@ -108,16 +109,16 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
         });
         ui.weak("Click a shortcut, then press the new key. Escape keeps the old one, Delete removes it.");
         ui.separator();
-        let all = actions::all_keyed_actions(viewer);
+        let all = actions::actions_with_shortcuts(viewer);
         ScrollArea::vertical().max_height(room - 60.0).show(ui, |ui| {
             Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
-                for keyed in &all {
-                    ui.horizontal(|ui| key_row(ui, choosing, keyed, viewer));
+                for action in &all {
+                    ui.horizontal(|ui| shortcut_row(ui, action_to_assign, action, viewer));
                     ui.vertical(|ui| {
                         ui.set_max_width(TEXT_WIDTH);
-                        ui.add(Label::new(&keyed.title).wrap())
-                            .hint(format!("in shortcuts.json: \"{}\"", keyed.id));
-                        if let Some(others) = conflicting_titles(keyed, &all) {
+                        ui.add(Label::new(&action.title).wrap())
+                            .hint(format!("in shortcuts.json: \"{}\"", action.id));
+                        if let Some(others) = conflicting_titles(action, &all) {
                             ui.label(RichText::new(others).small().color(ui.visuals().warn_fg_color));
                         }
                     });
@@ -135,39 +136,44 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
         });
     });
     if !*open {
-        *choosing = None;
+        *action_to_assign = None;
     }
 }
 
 /// Row of the keyboard shortcuts of an action; a click assigns a new one, a button restores the default.
-fn key_row(ui: &mut Ui, choosing: &mut Option<String>, keyed: &KeyedAction, viewer: &mut Viewer) {
-    let KeyedAction { id, title, chords } = keyed;
-    let is_chosen = choosing.as_ref() == Some(id);
-    let keys = actions::system_key(id).map(str::to_string).into_iter();
+fn shortcut_row(
+    ui: &mut Ui,
+    action_to_assign: &mut Option<String>,
+    action: &ActionWithShortcuts,
+    viewer: &mut Viewer,
+) {
+    let ActionWithShortcuts { id, title, chords } = action;
+    let is_chosen = action_to_assign.as_ref() == Some(id);
+    let keys = actions::system_shortcut(id).map(str::to_string).into_iter();
     let keys = keys.chain(chords.iter().map(ToString::to_string)).collect::<Vec<_>>().join(", ");
     let name = if is_chosen { format!("press a key for {title}") } else { format!("key of {title}") };
-    let face = match (is_chosen, keys.is_empty()) {
+    let button_text = match (is_chosen, keys.is_empty()) {
         (true, _) => "press a key…",
         (false, true) => "none",
         (false, false) => keys.as_str(),
     };
-    let button = ui.add(egui::Button::selectable(is_chosen, RichText::new(face).monospace()));
-    if values::named(button, WidgetType::Button, &name).clicked() {
-        *choosing = Some(id.clone()).filter(|_| !is_chosen);
+    let button = ui.add(egui::Button::selectable(is_chosen, RichText::new(button_text).monospace()));
+    if values::set_widget_name(button, WidgetType::Button, &name).clicked() {
+        *action_to_assign = Some(id.clone()).filter(|_| !is_chosen);
     }
     let name = format!("usual key of {title}");
     let is_own = viewer.shortcuts.own.contains_key(id);
-    if is_own && icons::small(ui, icons::ARROWS_CLOCKWISE, &name, "").clicked() {
+    if is_own && icons::small_button(ui, icons::ARROWS_CLOCKWISE, &name, "").clicked() {
         viewer.shortcuts.set(id, None);
     }
 }
 
 /// Names of other actions with one of these keys.
-fn conflicting_titles(keyed: &KeyedAction, all: &[KeyedAction]) -> Option<String> {
-    let own: Vec<_> = keyed.chords.iter().filter_map(actions::egui_shortcut).collect();
-    let has_one = |other: &&KeyedAction| {
+fn conflicting_titles(action: &ActionWithShortcuts, all: &[ActionWithShortcuts]) -> Option<String> {
+    let own: Vec<_> = action.chords.iter().filter_map(actions::egui_shortcut).collect();
+    let has_one = |other: &&ActionWithShortcuts| {
         let mut keys = other.chords.iter().filter_map(actions::egui_shortcut);
-        other.id != keyed.id && keys.any(|key| own.contains(&key))
+        other.id != action.id && keys.any(|key| own.contains(&key))
     };
     let titles: Vec<&str> = all.iter().filter(has_one).map(|other| other.title.as_str()).collect();
     (!titles.is_empty()).then(|| format!("also: {}", titles.join("; ")))

@@ -2,31 +2,32 @@
 
 use super::Panels;
 use super::actions::{self, Context};
-use super::bars::Drag;
-use super::key_list;
+use super::bars::MoveKind;
+use super::shortcut_list;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
 /// Handles pressed keys: some always, others unless a text field or a widget uses them.
-pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
-    if panels.is_asking(viewer) || key_list::takes_key(&mut panels.key_list, ui, viewer) {
+pub fn handle_keyboard(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
+    if panels.has_open_dialog(viewer) || shortcut_list::record_shortcut(&mut panels.shortcut_list, ui, viewer)
+    {
         return;
     }
-    actions::handle(&mut Context { panels, ui, viewer, now });
+    actions::run_pressed_shortcuts(&mut Context { panels, ui, viewer, now });
     if ui.ctx().text_edit_focused() {
         return;
     }
     let pastes = |event: &egui::Event| matches!(event, egui::Event::Cut | egui::Event::Paste(_));
     if !(ui.input(|i| i.events.iter().any(pastes)) && super::script::refuses_keys(viewer)) {
-        super::bar_menu::clipboard(ui, viewer);
+        super::bar_menu::handle_clipboard_events(ui, viewer);
     }
     // Escape first closes an open menu or the question about a missing file.
     let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing.is_some();
     let is_free = !ui.ctx().egui_wants_keyboard_input() && !is_covered;
     if is_free && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
-        if !std::mem::take(&mut panels.key_list.open) {
+        if !std::mem::take(&mut panels.shortcut_list.open) {
             viewer.selection = None;
         }
         viewer.message = None;
@@ -35,7 +36,7 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
 }
 
 /// Moves the selected bars, or the end of the selected bar, by a number of frames, as by dragging.
-pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
+pub(crate) fn nudge_bars(viewer: &mut Viewer, part: CueTime, frames: i64) {
     if super::headers::refuses_locked(viewer) {
         return;
     }
@@ -55,19 +56,19 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
         return;
     }
     viewer.edit(|v| match part {
-        CueTime::Start => v.move_bar(&bar, secs, Drag::Alone),
+        CueTime::Start => v.move_bar(&bar, secs, MoveKind::Alone),
         part => v.change_time(&bar, part, secs, false),
     });
 }
 
 /// Sets the start or the end of the playback range at the playhead; at the same position again, removes the range.
-pub fn set_range_end(viewer: &mut Viewer, out: bool) {
+pub fn set_range_boundary(viewer: &mut Viewer, is_end: bool) {
     let (now, length) = (viewer.playhead.time(), viewer.playhead.length());
     let (from, to) = viewer.playhead.range().unwrap_or((choreo_motion::Time::ZERO, length));
     let last = to - choreo_motion::Time(1);
-    let wanted = if out { (from.min(now), now) } else { (now, last.max(now)) };
+    let range = if is_end { (from.min(now), now) } else { (now, last.max(now)) };
     let before = viewer.playhead.range();
-    viewer.playhead.set_range(Some(wanted));
+    viewer.playhead.set_range(Some(range));
     if viewer.playhead.range() == before {
         viewer.playhead.set_range(None);
     }
@@ -90,7 +91,7 @@ pub(super) fn toggle_isolated(viewer: &mut Viewer) {
     }
 }
 
-pub(crate) fn next_selection(viewer: &mut Viewer, back: bool) {
+pub(crate) fn select_adjacent(viewer: &mut Viewer, back: bool) {
     let Some(scene) = viewer.scene.clone() else { return };
     let actors = scene.stage.actors.iter().map(|a| Selected::Actor(a.name.clone()));
     let cameras = scene.stage.cameras.iter().map(|c| Selected::Camera(c.name.clone()));

@@ -6,7 +6,7 @@ use choreo_asset::Asset;
 const IDLE_WORDS: [&str; 3] = ["idle", "stand", "rest"];
 
 /// Name of the idle clip, else of the first clip.
-pub(super) fn standing_clip(asset: &Asset) -> Option<&str> {
+pub(super) fn idle_clip_name(asset: &Asset) -> Option<&str> {
     best_idle_name(asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
@@ -15,7 +15,7 @@ fn best_idle_name<'n>(names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     names.min_by_key(|name| {
         // Exporters prepend the armature: `Armature|Idle`.
         let own = name.rsplit(['|', ':', '/']).find(|part| !part.trim().is_empty()).unwrap_or(name);
-        let words = words(own);
+        let words = split_words(own);
         let ends = IDLE_WORDS.iter().position(|word| words.last().is_some_and(|last| last == word));
         let contains = IDLE_WORDS.iter().position(|word| own.to_lowercase().contains(word));
         match (ends, contains) {
@@ -27,7 +27,7 @@ fn best_idle_name<'n>(names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
 }
 
 /// Lowercase words of a name without digits: `h`, `melee`, `idle` for `2H_Melee_Idle`; `sword`, `idle` for `SwordIdle`.
-fn words(name: &str) -> Vec<String> {
+fn split_words(name: &str) -> Vec<String> {
     let (mut all, mut word, mut was_small) = (Vec::new(), String::new(), false);
     for c in name.chars().chain([' ']) {
         if !c.is_alphabetic() || (c.is_uppercase() && was_small) {
