@@ -22,7 +22,7 @@ use choreo_plugin::asset::Asset;
 use choreo_plugin::motion::Path;
 use choreo_plugin::stage::Stage;
 use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
-use file::binary::{self, HEAD};
+use file::binary::{self, HEADER_BYTES};
 use file::zip::{Archive, Contents};
 use file::{Out, text};
 use frames::Frames;
@@ -200,7 +200,7 @@ fn write(
         text::write(layer, &mut out)?;
         return Ok(out.finish()?);
     }
-    out.put(&[0; HEAD])?;
+    out.put(&[0; HEADER_BYTES])?;
     let head = binary::write_body(layer, &mut out)?;
     out.finish()?;
     files.replace(0, &head)
@@ -218,7 +218,7 @@ fn write_package(
     archive.begin(&mut out, format!("{stem}.usdc"), Contents::default())?;
     let at = out.position();
     out.begin_file();
-    out.put(&[0; HEAD])?;
+    out.put(&[0; HEADER_BYTES])?;
     out.begin_sum()?;
     let head = binary::write_body(layer, &mut out)?;
     let mut sum = crc32fast::Hasher::new();
