@@ -335,12 +335,12 @@ impl<'a> Reader<'a> {
             let Some(value) = fields.get(name) else { return Ok(None) };
             Ok(self.read_value(*value, "token")?.and_then(|v| v.texts().first().cloned()))
         };
-        layer.up = text("upAxis")?;
+        layer.up_axis = text("upAxis")?;
         layer.default_prim = text("defaultPrim")?.unwrap_or_default();
         layer.comment = text("comment")?.unwrap_or_default();
-        layer.metres = number("metersPerUnit")?;
-        layer.rate = number("timeCodesPerSecond")?.or(number("framesPerSecond")?);
-        layer.start = number("startTimeCode")?;
+        layer.metres_per_unit = number("metersPerUnit")?;
+        layer.time_codes_per_second = number("timeCodesPerSecond")?.or(number("framesPerSecond")?);
+        layer.start_time_code = number("startTimeCode")?;
         if let Some(value) = fields.get("subLayers") {
             let mut cursor = self.file.with_offset(value & PAYLOAD_MASK);
             for _ in 0..cursor.read_count(4)? {

@@ -271,11 +271,11 @@ impl<'a> Parser<'a> {
             match key {
                 "" => layer.comment = text.unwrap_or_default(),
                 "defaultPrim" => layer.default_prim = text.unwrap_or_default(),
-                "upAxis" => layer.up = text,
-                "metersPerUnit" => layer.metres = number,
-                "timeCodesPerSecond" => layer.rate = number,
-                "framesPerSecond" => layer.rate = layer.rate.or(number),
-                "startTimeCode" => layer.start = number,
+                "upAxis" => layer.up_axis = text,
+                "metersPerUnit" => layer.metres_per_unit = number,
+                "timeCodesPerSecond" => layer.time_codes_per_second = number,
+                "framesPerSecond" => layer.time_codes_per_second = layer.time_codes_per_second.or(number),
+                "startTimeCode" => layer.start_time_code = number,
                 "subLayers" => layer.sublayers = parsed.texts,
                 _ => {}
             }

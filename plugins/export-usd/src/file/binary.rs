@@ -3,7 +3,7 @@
 //!
 //! The header states where the tables begin, so it is written last.
 
-use crate::file::integers::{compressed, encoded};
+use crate::file::integers::{compress, encode_differences};
 use crate::file::out::Out;
 use crate::file::paths::Paths;
 use crate::layer::{
@@ -127,7 +127,7 @@ impl Writer<'_, '_> {
 
     fn add_path(&mut self, path: &str) -> u32 {
         let Writer { paths, tokens, .. } = self;
-        paths.of(path, |name| tokens.index_of(name.to_string()))
+        paths.index_of(path, |name| tokens.index_of(name.to_string()))
     }
 
     /// The description of a value that is written at the current position.
@@ -198,7 +198,7 @@ impl Writer<'_, '_> {
 
     fn write_prim(&mut self, prim: &Prim<'_>, parent: u32) -> Result<()> {
         let name = self.add_token(&prim.name);
-        let path = self.paths.child(parent, name, false);
+        let path = self.paths.child_index(parent, name, false);
         let specifier = match prim.specifier {
             Specifier::Def => 0,
             Specifier::Over => 1,
@@ -264,7 +264,7 @@ impl Writer<'_, '_> {
 
     fn write_relationship(&mut self, name: &str, targets: &[String], prim: u32) -> Result<()> {
         let token = self.add_token(name);
-        let path = self.paths.child(prim, token, true);
+        let path = self.paths.child_index(prim, token, true);
         let list: Vec<u32> = targets.iter().map(|target| self.add_path(target)).collect();
         let targets = self.write_list_op(PATH_LIST_OP, EXPLICIT_LIST, &list)?;
         self.add_spec(
@@ -277,7 +277,7 @@ impl Writer<'_, '_> {
 
     fn write_attribute(&mut self, a: &Attribute<'_>, prim: u32) -> Result<()> {
         let token = self.add_token(&a.name);
-        let path = self.paths.child(prim, token, true);
+        let path = self.paths.child_index(prim, token, true);
         let name = match a.is_array {
             true => self.add_token(&format!("{}[]", a.of.name)),
             false => self.add_token(a.of.name),
@@ -482,7 +482,7 @@ impl Writer<'_, '_> {
                     self.write_compressed_integers(&list)?;
                 }
                 "PATHS" => {
-                    let encoded = self.paths.encoded();
+                    let encoded = self.paths.encode_tree();
                     self.write_u64(self.paths.len() as u64)?;
                     self.write_u64(encoded.indices.len() as u64)?;
                     [encoded.indices, encoded.tokens, encoded.jumps]
@@ -532,11 +532,11 @@ impl Writer<'_, '_> {
     }
 
     fn write_compressed_integers(&mut self, list: &[i32]) -> Result<()> {
-        self.write_compressed(&encoded(list))
+        self.write_compressed(&encode_differences(list))
     }
 
     fn write_compressed(&mut self, bytes: &[u8]) -> Result<()> {
-        let bytes = compressed(bytes);
+        let bytes = compress(bytes);
         self.write_u64(bytes.len() as u64)?;
         self.out.put(&bytes)
     }
