@@ -279,8 +279,8 @@ impl Writer<'_, '_> {
         let token = self.add_token(&a.name);
         let path = self.paths.child_index(prim, token, true);
         let name = match a.is_array {
-            true => self.add_token(&format!("{}[]", a.of.name)),
-            false => self.add_token(a.of.name),
+            true => self.add_token(&format!("{}[]", a.value_type.name)),
+            false => self.add_token(a.value_type.name),
         };
         let mut fields = vec![("typeName", inlined(crate::layer::TOKEN.code, name.into()))];
         if a.is_custom() {
@@ -290,10 +290,10 @@ impl Writer<'_, '_> {
             fields.push(("variability", inlined(VARIABILITY, 1)));
         }
         if let Some(value) = &a.value {
-            fields.push(("default", self.write_value(a.of, value)?));
+            fields.push(("default", self.write_value(a.value_type, value)?));
         }
         if let Some(samples) = &a.samples {
-            fields.push(("timeSamples", self.write_samples(a.of, samples)?));
+            fields.push(("timeSamples", self.write_samples(a.value_type, samples)?));
         }
         if let Some(interpolation) = a.interpolation {
             let token = self.add_token(interpolation);
@@ -310,61 +310,66 @@ impl Writer<'_, '_> {
         Ok(())
     }
 
-    fn write_value(&mut self, of: Type, value: &Value<'_>) -> Result<u64> {
+    fn write_value(&mut self, value_type: Type, value: &Value<'_>) -> Result<u64> {
         match value {
             Value::Text(text) => {
-                let index = self.add_text(of, text);
-                Ok(inlined(of.code, index.into()))
+                let index = self.add_text(value_type, text);
+                Ok(inlined(value_type.code, index.into()))
             }
             Value::Texts(list) => {
-                let list: Vec<u32> = list.iter().map(|text| self.add_text(of, text)).collect();
-                let value = self.value_at_position(of.code) | IS_ARRAY;
+                let list: Vec<u32> = list.iter().map(|text| self.add_text(value_type, text)).collect();
+                let value = self.value_at_position(value_type.code) | IS_ARRAY;
                 self.write_indices(&list)?;
                 Ok(value)
             }
-            Value::Numbers { count, number } => self.write_numbers(of, *count, &**number),
+            Value::Numbers { count, number } => self.write_numbers(value_type, *count, &**number),
         }
     }
 
-    fn add_text(&mut self, of: Type, text: &str) -> u32 {
-        if of.name == "string" { self.add_string(text) } else { self.add_token(text) }
+    fn add_text(&mut self, value_type: Type, text: &str) -> u32 {
+        if value_type.name == "string" { self.add_string(text) } else { self.add_token(text) }
     }
 
     fn write_numbers(
         &mut self,
-        of: Type,
+        value_type: Type,
         count: Option<usize>,
         number: &dyn Fn(usize) -> f64,
     ) -> Result<u64> {
         let Some(count) = count else {
-            if of.width == 1 && of.component != Component::Double {
+            if value_type.width == 1 && value_type.component != Component::Double {
                 let mut bytes = [0; 8];
                 let mut written = Vec::new();
-                append_numbers(of.component, &[number(0)], &mut written);
+                append_numbers(value_type.component, &[number(0)], &mut written);
                 bytes[..written.len()].copy_from_slice(&written);
-                return Ok(inlined(of.code, u64::from_le_bytes(bytes)));
+                return Ok(inlined(value_type.code, u64::from_le_bytes(bytes)));
             }
-            let value = self.value_at_position(of.code);
-            self.write_number_list(of, of.width, number)?;
+            let value = self.value_at_position(value_type.code);
+            self.write_number_list(value_type, value_type.width, number)?;
             return Ok(value);
         };
         if count == 0 {
-            return Ok(u64::from(of.code) << 48 | IS_ARRAY);
+            return Ok(u64::from(value_type.code) << 48 | IS_ARRAY);
         }
-        let value = self.value_at_position(of.code) | IS_ARRAY;
+        let value = self.value_at_position(value_type.code) | IS_ARRAY;
         self.write_u64(count as u64)?;
-        self.write_number_list(of, count * of.width, number)?;
+        self.write_number_list(value_type, count * value_type.width, number)?;
         Ok(value)
     }
 
-    fn write_number_list(&mut self, of: Type, numbers: usize, number: &dyn Fn(usize) -> f64) -> Result<()> {
+    fn write_number_list(
+        &mut self,
+        value_type: Type,
+        numbers: usize,
+        number: &dyn Fn(usize) -> f64,
+    ) -> Result<()> {
         const NUMBERS_PER_CHUNK: usize = 512;
         let (mut list, mut bytes) = (Vec::with_capacity(NUMBERS_PER_CHUNK), Vec::new());
         for from in (0..numbers).step_by(NUMBERS_PER_CHUNK) {
             list.clear();
             list.extend((from..numbers.min(from + NUMBERS_PER_CHUNK)).map(number));
             bytes.clear();
-            append_numbers(of.component, &list, &mut bytes);
+            append_numbers(value_type.component, &list, &mut bytes);
             self.out.put(&bytes)?;
         }
         Ok(())
@@ -374,23 +379,23 @@ impl Writer<'_, '_> {
         self.write_numbers(crate::layer::DOUBLE, None, &|_| number)
     }
 
-    fn write_samples(&mut self, of: Type, samples: &Samples<'_>) -> Result<u64> {
+    fn write_samples(&mut self, value_type: Type, samples: &Samples<'_>) -> Result<u64> {
         let times = self.write_times(&samples.times)?;
         let mut values = Vec::with_capacity(samples.times.len());
         match &samples.values {
             SampleValues::Texts(list) => {
                 for text in list {
-                    let index = self.add_text(of, text);
-                    values.push(inlined(of.code, index.into()));
+                    let index = self.add_text(value_type, text);
+                    values.push(inlined(value_type.code, index.into()));
                 }
             }
-            SampleValues::Numbers { count, each } if count.is_some() || of.width > 1 => {
+            SampleValues::Numbers { count, each } if count.is_some() || value_type.width > 1 => {
                 // All samples have the same length, so each one's position is known beforehand.
                 let flag = if count.is_some() { IS_ARRAY } else { 0 };
                 let head = if count.is_some() { 8 } else { 0 };
-                let numbers = count.unwrap_or(1) * of.width;
-                let length = head + numbers as u64 * byte_size(of.component);
-                let first = self.value_at_position(of.code) | flag;
+                let numbers = count.unwrap_or(1) * value_type.width;
+                let length = head + numbers as u64 * byte_size(value_type.component);
+                let first = self.value_at_position(value_type.code) | flag;
                 let number = samples.times.len() as u64;
                 values.extend((0..number).map(|index| first + index * length));
                 let mut bytes = Vec::new();
@@ -399,10 +404,10 @@ impl Writer<'_, '_> {
                     if let Some(count) = count {
                         bytes.extend((*count as u64).to_le_bytes());
                     }
-                    append_numbers(of.component, list, &mut bytes);
+                    append_numbers(value_type.component, list, &mut bytes);
                     self.out.put(&bytes)
                 })?;
-                debug_assert_eq!(self.value_at_position(of.code) | flag, first + number * length);
+                debug_assert_eq!(self.value_at_position(value_type.code) | flag, first + number * length);
             }
             SampleValues::Numbers { each, .. } => {
                 let mut list = Vec::new();
@@ -411,7 +416,7 @@ impl Writer<'_, '_> {
                     Ok(())
                 })?;
                 for number in list {
-                    values.push(self.write_numbers(of, None, &|_| number)?);
+                    values.push(self.write_numbers(value_type, None, &|_| number)?);
                 }
             }
         }

@@ -110,12 +110,12 @@ impl Text<'_, '_> {
         let custom = if a.is_custom() { "custom " } else { "" };
         let uniform = if a.uniform { "uniform " } else { "" };
         let array = if a.is_array { "[]" } else { "" };
-        let declared = format!("{indent}{custom}{uniform}{}{array} {}", a.of.name, a.name);
+        let declared = format!("{indent}{custom}{uniform}{}{array} {}", a.value_type.name, a.name);
         if a.value.is_some() || a.samples.is_none() && a.connection.is_none() {
             self.line.push_str(&declared);
             if let Some(value) = &a.value {
                 self.line.push_str(" = ");
-                self.write_value(a.of, value)?;
+                self.write_value(a.value_type, value)?;
             }
             if a.interpolation.is_some() || a.element_size.is_some() {
                 self.line.push_str(" (\n");
@@ -131,7 +131,7 @@ impl Text<'_, '_> {
         }
         if let Some(samples) = &a.samples {
             let _ = writeln!(self.line, "{declared}.timeSamples = {{");
-            self.write_samples(a.of, samples, &indent)?;
+            self.write_samples(a.value_type, samples, &indent)?;
             let _ = writeln!(self.line, "{indent}}}");
         }
         if let Some(path) = &a.connection {
@@ -140,7 +140,7 @@ impl Text<'_, '_> {
         Ok(())
     }
 
-    fn write_samples(&mut self, of: Type, samples: &Samples<'_>, indent: &str) -> Result<()> {
+    fn write_samples(&mut self, value_type: Type, samples: &Samples<'_>, indent: &str) -> Result<()> {
         match &samples.values {
             SampleValues::Texts(list) => {
                 for (time, text) in samples.times.iter().zip(list) {
@@ -154,8 +154,8 @@ impl Text<'_, '_> {
                     let _ = write!(self.line, "{indent}    {}: ", samples.times[place]);
                     place += 1;
                     match count {
-                        None => write_element(of, &|i| numbers[i], 0, &mut self.line),
-                        Some(count) => self.write_array(of, *count, &|i| numbers[i])?,
+                        None => write_element(value_type, &|i| numbers[i], 0, &mut self.line),
+                        Some(count) => self.write_array(value_type, *count, &|i| numbers[i])?,
                     }
                     self.line.push_str(",\n");
                     self.flush_if_long()
@@ -164,26 +164,28 @@ impl Text<'_, '_> {
         }
     }
 
-    fn write_value(&mut self, of: Type, value: &Value<'_>) -> Result<()> {
+    fn write_value(&mut self, value_type: Type, value: &Value<'_>) -> Result<()> {
         match value {
-            Value::Text(text) => self.line.push_str(&self::value_text(of, text)),
+            Value::Text(text) => self.line.push_str(&self::value_text(value_type, text)),
             Value::Texts(list) => {
-                let list: Vec<String> = list.iter().map(|text| self::value_text(of, text)).collect();
+                let list: Vec<String> = list.iter().map(|text| self::value_text(value_type, text)).collect();
                 let _ = write!(self.line, "[{}]", list.join(", "));
             }
-            Value::Numbers { count: None, number } => write_element(of, &**number, 0, &mut self.line),
-            Value::Numbers { count: Some(count), number } => self.write_array(of, *count, &**number)?,
+            Value::Numbers { count: None, number } => write_element(value_type, &**number, 0, &mut self.line),
+            Value::Numbers { count: Some(count), number } => {
+                self.write_array(value_type, *count, &**number)?
+            }
         }
         Ok(())
     }
 
-    fn write_array(&mut self, of: Type, count: usize, number: &dyn Fn(usize) -> f64) -> Result<()> {
+    fn write_array(&mut self, value_type: Type, count: usize, number: &dyn Fn(usize) -> f64) -> Result<()> {
         self.line.push('[');
         for index in 0..count {
             if index > 0 {
                 self.line.push_str(", ");
             }
-            write_element(of, number, index * of.width, &mut self.line);
+            write_element(value_type, number, index * value_type.width, &mut self.line);
             self.flush_if_long()?;
         }
         self.line.push(']');
@@ -191,8 +193,8 @@ impl Text<'_, '_> {
     }
 }
 
-fn value_text(of: Type, text: &str) -> String {
-    if of.name == "asset" { format!("@{text}@") } else { quoted(text) }
+fn value_text(value_type: Type, text: &str) -> String {
+    if value_type.name == "asset" { format!("@{text}@") } else { quoted(text) }
 }
 
 /// A string in quotes, with escapes.
@@ -213,22 +215,22 @@ fn quoted(text: &str) -> String {
 }
 
 /// Writes one element of a type, whose numbers begin at index `at`.
-fn write_element(of: Type, number: &dyn Fn(usize) -> f64, at: usize, out: &mut String) {
-    if of.is_quaternion() {
+fn write_element(value_type: Type, number: &dyn Fn(usize) -> f64, at: usize, out: &mut String) {
+    if value_type.is_quaternion() {
         let turned = |i: usize| number(at + (i + 3) % 4);
-        return write_tuple(of.component, 4, &turned, out);
+        return write_tuple(value_type.component, 4, &turned, out);
     }
-    match of.width {
-        1 => write_number(of.component, number(at), out),
+    match value_type.width {
+        1 => write_number(value_type.component, number(at), out),
         16 => {
             out.push_str("( ");
             for row in 0..4 {
                 out.push_str(if row > 0 { ", " } else { "" });
-                write_tuple(of.component, 4, &|i| number(at + 4 * row + i), out);
+                write_tuple(value_type.component, 4, &|i| number(at + 4 * row + i), out);
             }
             out.push_str(" )");
         }
-        width => write_tuple(of.component, width, &|i| number(at + i), out),
+        width => write_tuple(value_type.component, width, &|i| number(at + i), out),
     }
 }
 
