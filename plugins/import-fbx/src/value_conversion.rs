@@ -9,7 +9,7 @@ const MM_PER_INCH: f64 = 25.4;
 
 /// How a property of a camera gives its full vertical angle (radians), or the height of its view (metres).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Lens {
+pub enum ValueConversion {
     /// Proportional to the value.
     Proportional(f64),
     /// A horizontal angle in degrees, for images with this ratio of width to height.
@@ -18,44 +18,48 @@ pub enum Lens {
     FocalLength(f64),
 }
 
-impl Lens {
+impl ValueConversion {
     /// The value, and its derivative with respect to the property.
     pub fn at(self, v: f64) -> (f64, f64) {
         match self {
-            Lens::Proportional(factor) => (v * factor, factor),
-            Lens::HorizontalAngle(aspect) => {
+            ValueConversion::Proportional(factor) => (v * factor, factor),
+            ValueConversion::HorizontalAngle(aspect) => {
                 let wide = libm::tan(v * (RADIANS * 0.5));
                 let high = wide / aspect;
                 (2.0 * libm::atan(high), RADIANS * (1.0 + wide * wide) / (aspect * (1.0 + high * high)))
             }
-            Lens::FocalLength(half) => (2.0 * libm::atan(half / v), -2.0 * half / (v * v + half * half)),
+            ValueConversion::FocalLength(half) => {
+                (2.0 * libm::atan(half / v), -2.0 * half / (v * v + half * half))
+            }
         }
     }
 
     /// Whether the value is proportional to the property, so that a cubic of one is a cubic of the other.
-    pub fn is_plain(self) -> bool {
-        matches!(self, Lens::Proportional(_))
+    pub fn is_proportional(self) -> bool {
+        matches!(self, ValueConversion::Proportional(_))
     }
 }
 
 /// The property that the projection depends on, the function of it, and its value at rest.
-pub fn of(camera: &Camera) -> (&'static str, Lens, f64) {
+pub fn of(camera: &Camera) -> (&'static str, ValueConversion, f64) {
     if camera.projection_mode == ProjectionMode::Orthographic {
         let zoom = camera.element.props.find_prop("OrthoZoom").map_or(1.0, |p| p.value_vec4.x);
         let zoom = if zoom == 0.0 { 1.0 } else { zoom };
-        return ("OrthoZoom", Lens::Proportional(camera.orthographic_size.y / zoom), zoom);
+        return ("OrthoZoom", ValueConversion::Proportional(camera.orthographic_size.y / zoom), zoom);
     }
     match camera.aperture_mode {
-        ApertureMode::Vertical => ("FieldOfView", Lens::Proportional(RADIANS), camera.field_of_view_deg.y),
+        ApertureMode::Vertical => {
+            ("FieldOfView", ValueConversion::Proportional(RADIANS), camera.field_of_view_deg.y)
+        }
         ApertureMode::HorizontalAndVertical => {
-            ("FieldOfViewY", Lens::Proportional(RADIANS), camera.field_of_view_deg.y)
+            ("FieldOfViewY", ValueConversion::Proportional(RADIANS), camera.field_of_view_deg.y)
         }
         ApertureMode::Horizontal => {
-            ("FieldOfView", Lens::HorizontalAngle(camera.aspect_ratio), camera.field_of_view_deg.x)
+            ("FieldOfView", ValueConversion::HorizontalAngle(camera.aspect_ratio), camera.field_of_view_deg.x)
         }
         ApertureMode::FocalLength => {
             let half = camera.aperture_size_inch.y * (0.5 * MM_PER_INCH);
-            ("FocalLength", Lens::FocalLength(half), camera.focal_length_mm)
+            ("FocalLength", ValueConversion::FocalLength(half), camera.focal_length_mm)
         }
     }
 }
@@ -71,21 +75,25 @@ mod tests {
     #[test]
     fn field_of_view_equals_that_of_right_triangles() {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}");
-        near(Lens::HorizontalAngle(2.0).at(90.0).0, 2.0 * 0.463_647_609_000_806_1);
-        near(Lens::FocalLength(12.0).at(12.0).0, PI / 2.0);
-        near(Lens::Proportional(RADIANS).at(60.0).0, PI / 3.0);
+        near(ValueConversion::HorizontalAngle(2.0).at(90.0).0, 2.0 * 0.463_647_609_000_806_1);
+        near(ValueConversion::FocalLength(12.0).at(12.0).0, PI / 2.0);
+        near(ValueConversion::Proportional(RADIANS).at(60.0).0, PI / 3.0);
     }
 
     #[test]
     fn derivatives_equal_differences_of_the_values() {
-        for (lens, v) in [
-            (Lens::HorizontalAngle(1.6), 75.0),
-            (Lens::FocalLength(12.0), 35.0),
-            (Lens::Proportional(0.3), 2.0),
+        for (conversion, v) in [
+            (ValueConversion::HorizontalAngle(1.6), 75.0),
+            (ValueConversion::FocalLength(12.0), 35.0),
+            (ValueConversion::Proportional(0.3), 2.0),
         ] {
             let step = 1e-5;
-            let by_steps = (lens.at(v + step).0 - lens.at(v - step).0) / (2.0 * step);
-            assert!((lens.at(v).1 - by_steps).abs() < 1e-9, "{lens:?} {} {by_steps}", lens.at(v).1);
+            let by_steps = (conversion.at(v + step).0 - conversion.at(v - step).0) / (2.0 * step);
+            assert!(
+                (conversion.at(v).1 - by_steps).abs() < 1e-9,
+                "{conversion:?} {} {by_steps}",
+                conversion.at(v).1
+            );
         }
     }
 }
