@@ -9,22 +9,22 @@ pub struct SceneSource {
     /// A script (`.rhai`), or a model.
     pub input: PathBuf,
     /// Models: more models, shown to the right of `input`.
-    pub beside: Vec<PathBuf>,
+    pub more_models: Vec<PathBuf>,
     /// Scripts: parameters, `name=value`.
-    pub set: Vec<(String, String)>,
+    pub parameters: Vec<(String, String)>,
     /// Additional folders to search for assets.
-    pub search: Vec<PathBuf>,
+    pub search_folders: Vec<PathBuf>,
     /// Additional folders of plugin files.
-    pub plugins: Vec<PathBuf>,
+    pub plugin_folders: Vec<PathBuf>,
     pub limits: Limits,
-    pub needs: ImportScope,
+    pub import_scope: ImportScope,
     /// Models: the clip to play (`None`: the first), and how the file is read.
     pub clip: Option<String>,
     pub import: ImportChoice,
     /// Size in pixels that overrides the size of the scene.
     pub size: Option<[u32; 2]>,
     /// Folder that the renderer loads shaders from; changed shaders are loaded again.
-    pub shaders: Option<PathBuf>,
+    pub shader_folder: Option<PathBuf>,
 }
 
 impl SceneSource {
@@ -32,26 +32,26 @@ impl SceneSource {
     pub fn new(input: impl Into<PathBuf>) -> SceneSource {
         SceneSource {
             input: input.into(),
-            beside: Vec::new(),
-            set: Vec::new(),
-            search: Vec::new(),
-            plugins: Vec::new(),
+            more_models: Vec::new(),
+            parameters: Vec::new(),
+            search_folders: Vec::new(),
+            plugin_folders: Vec::new(),
             limits: Limits::default(),
-            needs: ImportScope::ALL,
+            import_scope: ImportScope::ALL,
             clip: None,
             import: ImportChoice::default(),
             size: None,
-            shaders: None,
+            shader_folder: None,
         }
     }
 
     /// Options to run the script with.
     pub fn script_options(&self, assets: &AssetCache) -> ScriptOptions {
         ScriptOptions {
-            search_paths: self.search.clone(),
-            set: self.set.clone(),
+            search_paths: self.search_folders.clone(),
+            set: self.parameters.clone(),
             limits: self.limits.clone(),
-            needs: self.needs,
+            needs: self.import_scope,
             assets: assets.clone(),
             // The inspector lists all clips.
             played_clips_only: false,
@@ -73,7 +73,8 @@ impl SceneSource {
             (!names.is_empty()).then(|| format!("{} left out: a script is shown alone", names.join(", ")));
         let (input, beside) = shown.split_first()?;
         let (input, beside) = (input.clone(), beside.to_vec());
-        let source = SceneSource { input, beside, set: Vec::new(), clip: None, ..like.clone() };
+        let source =
+            SceneSource { input, more_models: beside, parameters: Vec::new(), clip: None, ..like.clone() };
         Some((source, note))
     }
 

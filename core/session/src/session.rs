@@ -77,13 +77,13 @@ pub struct SceneVersion {
     /// Errors of a failed build, else warnings.
     pub problems: Vec<Problem>,
     /// Canonical paths of the files that the build read.
-    pub read: Vec<PathBuf>,
+    pub read_files: Vec<PathBuf>,
     /// Files whose change caused the build.
-    pub changed: BTreeSet<PathBuf>,
+    pub changed_files: BTreeSet<PathBuf>,
     /// Whether a file of the shader folder changed.
-    pub shaders: bool,
+    pub shaders_changed: bool,
     pub work: Work,
-    pub took: Duration,
+    pub build_time: Duration,
 }
 
 pub struct Session {
@@ -94,7 +94,7 @@ pub struct Session {
     imports: Imports,
     watch: Option<Watch>,
     /// Plugin files found by the last build, including the compiled ones.
-    files: Option<Listing>,
+    plugin_listing: Option<Listing>,
     work: Work,
     last_scene: Option<Arc<Scene>>,
     /// Number of imports when unused assets were dropped last.
@@ -102,7 +102,7 @@ pub struct Session {
 }
 
 /// Number of imports after which unused assets are dropped.
-const KEPT_IMPORTS: u64 = 64;
+const IMPORTS_BETWEEN_DROPS: u64 = 64;
 
 /// Result of a build, before it becomes a version.
 struct BuildResult {
@@ -122,7 +122,7 @@ impl Session {
             assets: AssetCache::default(),
             imports: Imports::default(),
             watch: if watching { Some(Watch::new()?) } else { None },
-            files: None,
+            plugin_listing: None,
             work: Work::default(),
             last_scene: None,
             imports_at_last_drop: 0,
@@ -147,8 +147,8 @@ impl Session {
         self.watch.as_mut().map_or(Err(WatchError::Gone), |watch| watch.wait(timeout))
     }
 
-    /// Builds the next version. `changed`: files that caused it, stored in [`SceneVersion::changed`].
-    pub fn build(&mut self, changed: BTreeSet<PathBuf>) -> SceneVersion {
+    /// Builds the next version. `changed_files`: files that caused it, stored in [`SceneVersion::changed_files`].
+    pub fn build(&mut self, changed_files: BTreeSet<PathBuf>) -> SceneVersion {
         let start = Instant::now();
         self.work.builds += 1;
         let number = self.work.builds;
@@ -161,9 +161,9 @@ impl Session {
             let what = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
             Err(vec![Diagnostic::error(what)])
         });
-        let shaders = self.source.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());
-        let of_plugins = self.files.iter().flat_map(Listing::used_files);
-        let read = touched.read.keys().cloned().chain(of_plugins).collect();
+        let shaders = self.source.shader_folder.as_ref().and_then(|folder| folder.canonicalize().ok());
+        let of_plugins = self.plugin_listing.iter().flat_map(Listing::used_files);
+        let read_files = touched.read.keys().cloned().chain(of_plugins).collect();
         interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
         for path in touched.missing_or_linked_paths {
             let there = content_of(&path);
@@ -187,16 +187,17 @@ impl Session {
             self.last_scene = Some(scene.clone());
             // Dropping is rare: the cache is the only owner of a file loaded for its clips alone, which would then be imported again. If the new
             // version is faulty, the assets of the last good one stay.
-            if self.assets.imports() >= self.imports_at_last_drop + KEPT_IMPORTS {
+            if self.assets.imports() >= self.imports_at_last_drop + IMPORTS_BETWEEN_DROPS {
                 self.assets.drop_unused();
                 self.imports_at_last_drop = self.assets.imports();
             }
         }
         self.work.imports = self.assets.imports();
-        self.work.plugins = self.files.as_ref().map_or(0, Listing::compiled);
-        let shaders = shaders.is_some_and(|folder| changed.iter().any(|c| c.starts_with(&folder)));
-        let (work, took) = (self.work, start.elapsed());
-        SceneVersion { number, scene, problems, read, changed, shaders, work, took }
+        self.work.plugins = self.plugin_listing.as_ref().map_or(0, Listing::compiled_count);
+        let shaders_changed =
+            shaders.is_some_and(|folder| changed_files.iter().any(|c| c.starts_with(&folder)));
+        let (work, build_time) = (self.work, start.elapsed());
+        SceneVersion { number, scene, problems, read_files, changed_files, shaders_changed, work, build_time }
     }
 
     fn build_scene(
@@ -243,7 +244,12 @@ impl Session {
     /// Registry of the program's plugins and the plugin files. Changed files are compiled again.
     fn registry(&mut self, interest: &mut WatchedPaths) -> Result<Registry, Vec<Problem>> {
         let inputs = [self.source.input.as_path()];
-        let found = plugin_files::list(&self.plugins, &self.source.plugins, &inputs, self.files.as_ref());
+        let found = plugin_files::list(
+            &self.plugins,
+            &self.source.plugin_folders,
+            &inputs,
+            self.plugin_listing.as_ref(),
+        );
         let listing = found.map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         for folder in &listing.folders {
             // The path of a folder that does not exist yet is derived from its parent.
@@ -259,7 +265,7 @@ impl Session {
             interest.files.extend(listing.files().map(|file| (file.to_path_buf(), content_of(file))));
         }
         let registry = listing.registry.clone();
-        self.files = Some(listing);
+        self.plugin_listing = Some(listing);
         Ok(registry)
     }
 
@@ -282,7 +288,7 @@ impl Session {
 
     /// Loads the models that can be read, and reports the others as warnings. Fails if none can be read.
     fn load_models(&self, registry: &Registry, touched: &mut Touched) -> Result<BuildResult, Vec<Problem>> {
-        let paths = || std::iter::once(&self.source.input).chain(&self.source.beside);
+        let paths = || std::iter::once(&self.source.input).chain(&self.source.more_models);
         let (mut assets, mut failed) = (Vec::new(), Vec::new());
         for path in paths() {
             match self.load_asset(registry, path, touched) {
@@ -313,9 +319,9 @@ impl Session {
         let built_in = path.to_str().filter(|_| model::is_built_in(path));
         let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path };
         let folder = base.parent().unwrap_or(Path::new(""));
-        let folders = Folders::new(folder, &self.source.search, self.source.limits.file);
+        let folders = Folders::new(folder, &self.source.search_folders, self.source.limits.file);
         let folders = folders.map_err(|e| file_error(path, e.message, e.hint))?;
-        let loader = Loader::new(registry, folders, self.source.needs);
+        let loader = Loader::new(registry, folders, self.source.import_scope);
         let loader = Arc::new(loader.with_cache(&self.assets).watched_by(&self.imports));
         let name = built_in.or_else(|| path.file_name().and_then(|n| n.to_str())).unwrap_or_default();
         let loaded = loader.load(name, &self.source.import);

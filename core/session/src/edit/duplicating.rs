@@ -4,7 +4,7 @@ use super::casting::first_free;
 use super::key_list::{arguments, leading_argument_count, split_at_commas};
 use super::object::{ScriptObject, quoted};
 use super::scan::{Call, Source};
-use super::values::{literals, rewritten};
+use super::values::{parse_literals, rewrite_literals};
 use super::{Edit, EditRefused, NamedBy};
 use glam::DVec3;
 use std::ops::Range;
@@ -16,9 +16,9 @@ pub struct Duplicate {
     /// Name of the copy, if the script states one.
     pub name: Option<String>,
     /// Lines of statements about other objects that use this one and were not copied, from 1.
-    pub left: Vec<usize>,
+    pub uncopied_lines: Vec<usize>,
     /// Line (from 1) whose computed position the copy keeps, so that it is at the place of the original. `None` if the copy was moved.
-    pub stays: Option<usize>,
+    pub computed_position_line: Option<usize>,
 }
 
 /// Adds a copy of the object that the call at a position creates, after the last statement about it. The copy consists of the statement with the
@@ -36,7 +36,7 @@ pub fn duplicate_object(
 ) -> Result<Duplicate, EditRefused> {
     let object = ScriptObject::at(text, line, column)?;
     let source = &object.text;
-    let (ranges, left) = statements_about(source, object.creating_call.name.start, line)?;
+    let (ranges, uncopied_lines) = statements_about(source, object.creating_call.name.start, line)?;
     let stated = object.stated_name(by);
     let name = match stated.as_ref().map(|range| (object.name(by), &text[range.clone()])) {
         None => None,
@@ -73,14 +73,14 @@ pub fn duplicate_object(
     }
     // A comment on the last line stays before the copy.
     let last = ranges.last().cloned().unwrap_or_default();
-    let at = source.own_lines(&last).map_or(last.end, |lines| lines.start + text[lines].trim_end().len());
+    let at = source.whole_lines(&last).map_or(last.end, |lines| lines.start + text[lines].trim_end().len());
     let after = Edit { range: at..at, text: copy }.apply(text);
     let longer = old.zip(variable.as_ref()).map_or(0, |(old, new)| new.len() - old.len());
     let made_at = at + 1 + object.creating_call.name.start - ranges[0].start + longer;
     let moved = offset.map(|by| move_object(&after, made_at, by)).transpose();
-    let stays = moved.as_ref().err().and_then(|refused| refused.line);
+    let computed_position_line = moved.as_ref().err().and_then(|refused| refused.line);
     let after = moved.ok().flatten().map_or(after.clone(), |edit| edit.apply(&after));
-    Ok(Duplicate { edit: Edit::between(text, &after), name, left, stays })
+    Ok(Duplicate { edit: Edit::between(text, &after), name, uncopied_lines, computed_position_line })
 }
 
 /// Bytes of the calls `.cut(…)` of a camera, with their dots. A second camera with the same cut would hide the first.
@@ -108,12 +108,12 @@ fn move_object(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> 
     let mut edits = vec![object.move_by(by, by)?];
     for walk in object.calls.iter().filter(|call| object.text[call.name.clone()] == *"walk_to") {
         let point = walk.inside.start..object.text.value_end(walk.inside.start, walk.inside.end);
-        let old = literals(&object.text, &point).filter(|old| old.len() == 3).unwrap_or_default();
+        let old = parse_literals(&object.text, &point).filter(|old| old.len() == 3).unwrap_or_default();
         let new: Vec<f64> = old.iter().zip(by.to_array()).map(|((_, number), by)| number + by).collect();
         let computed = || EditRefused::at(object.line_of(walk.name.start), "the point is computed");
-        edits.push(rewritten(&object.text, &old, &new).ok_or_else(computed)?);
+        edits.push(rewrite_literals(&object.text, &old, &new).ok_or_else(computed)?);
     }
-    Ok(Edit::joined(text, edits))
+    Ok(Edit::combine(text, edits))
 }
 
 /// The property whose keys place an object.
@@ -128,11 +128,11 @@ fn move_position_keys(text: &Source, call: &Call, by: DVec3) -> Option<Edit> {
     };
     let (mut old, mut new) = (Vec::new(), Vec::new());
     for key in in_list(arguments(text, call).get(leading_argument_count(POSITION))?)? {
-        let numbers = literals(text, &in_list(&key)?.nth(1)?).filter(|numbers| numbers.len() == 3)?;
+        let numbers = parse_literals(text, &in_list(&key)?.nth(1)?).filter(|numbers| numbers.len() == 3)?;
         new.extend(numbers.iter().zip(by.to_array()).map(|((_, number), by)| number + by));
         old.extend(numbers);
     }
-    rewritten(text, &old, &new)
+    rewrite_literals(text, &old, &new)
 }
 
 /// Statements about an object: the one around the creating call and the later ones that begin with its variable, in their order. Also the lines of
@@ -143,13 +143,13 @@ fn statements_about(
     line: usize,
 ) -> Result<(Vec<Range<usize>>, Vec<usize>), EditRefused> {
     let line_of = |byte: usize| source[..byte].matches('\n').count() + 1;
-    let in_block = |at: usize| source.depth_to(source.statement_start(at)) > 0;
+    let in_block = |at: usize| source.bracket_depth_at(source.statement_start(at)) > 0;
     if in_block(call) {
         return Err(EditRefused::at(line, "it is made in a function or a block; duplicate it there"));
     }
     let own = source.statement_start(call)..source.statement_end(call);
-    let (mut ranges, mut left) = (vec![own.clone()], Vec::new());
-    let Some(name) = source.variable_of(own.start) else { return Ok((ranges, left)) };
+    let (mut ranges, mut uncopied_lines) = (vec![own.clone()], Vec::new());
+    let Some(name) = source.variable_of(own.start) else { return Ok((ranges, uncopied_lines)) };
     for used in source.uses_of(name).filter(|used| *used > own.end) {
         let start = source.statement_start(used);
         let continues = source[source.next_token_start(used + name.len())..].starts_with('.');
@@ -161,12 +161,12 @@ fn statements_about(
             );
             return Err(EditRefused::at(line_of(used), &why));
         } else if !ranges.iter().any(|range| range.contains(&used)) {
-            left.push(line_of(used));
+            uncopied_lines.push(line_of(used));
         }
     }
     ranges.dedup();
-    left.dedup();
-    Ok((ranges, left))
+    uncopied_lines.dedup();
+    Ok((ranges, uncopied_lines))
 }
 
 #[cfg(test)]
@@ -211,7 +211,7 @@ mod tests {
         let text =
             "let a = cast(\"a\", m);\nlet c = camera(\"c\").look_at(a.joint(\"Head\"));\ndance(a, 1);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap();
-        assert_eq!(made.left, [2, 3]);
+        assert_eq!(made.uncopied_lines, [2, 3]);
         assert!(made.edit.apply(text).contains("\nlet a_2 = cast(\"a 2\", m);\nlet c"), "{made:?}");
         let (after, _) =
             copied("let c = |camera(\"c\").at(0, 1, 2).cut(2.0).fov(30);\nc.cut(4.0);", None).unwrap();
@@ -231,11 +231,17 @@ mod tests {
         let text = "let a = cast(\"a\", m);\na.key(\"position\", [[0.0, x], [1.0, [1, 2, 3]]]);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap();
         let after = made.edit.apply(text);
-        assert_eq!(made.stays, Some(4));
+        assert_eq!(made.computed_position_line, Some(4));
         assert_eq!(after.lines().nth(3), Some("a_2.key(\"position\", [[0.0, x], [1.0, [1, 2, 3]]]);"));
         let text = "let a = cast(\"a\", m).at(x, 0, 0);\n";
-        assert_eq!(duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap().stays, Some(2));
-        assert_eq!(duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap().stays, None);
+        assert_eq!(
+            duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap().computed_position_line,
+            Some(2)
+        );
+        assert_eq!(
+            duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap().computed_position_line,
+            None
+        );
     }
 
     #[test]
@@ -247,7 +253,7 @@ mod tests {
         // If one target is computed, the copy walks to the same targets.
         let text = "let a = cast(\"a\", m).at(0, 0, 0);\na.walk_to([1.0, 0, 2]);\na.walk_to(home);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap();
-        assert_eq!(made.stays, Some(6));
+        assert_eq!(made.computed_position_line, Some(6));
         assert!(made.edit.apply(text).contains("a_2 = cast(\"a 2\", m).at(0, 0, 0);"), "{made:?}");
     }
 

@@ -22,7 +22,7 @@ impl Viewer {
         self.change(&place, siblings, |text| {
             let made = duplicate_object(text, (place.line, place.column), by, offset)?;
             line = text[..made.edit.range.start].matches('\n').count() + 1;
-            (name, left, stays) = (made.name, made.left, made.stays);
+            (name, left, stays) = (made.name, made.uncopied_lines, made.computed_position_line);
             Ok(made.edit)
         })?;
         let left: Vec<String> = left.iter().map(usize::to_string).collect();

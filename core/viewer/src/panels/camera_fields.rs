@@ -126,7 +126,7 @@ fn rig_option_fields(
     for RigOption { name, unit, default, range: [low, high] } in all {
         wanted = fields::label(ui, &call.written, name, "").or(wanted);
         let written = call.written.get(*name);
-        let now = written.map_or(Some(*default), |text| expression::value(text, fps));
+        let now = written.map_or(Some(*default), |text| expression::evaluate(text, fps));
         ui.horizontal(|ui| {
             match now {
                 Some(now) => {

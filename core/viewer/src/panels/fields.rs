@@ -471,7 +471,7 @@ fn parse_numbers(text: &str) -> Option<Vec<f64>> {
 /// Parses a number or a calculation of a script, such as `1.0 / 3.0`.
 fn parse_number(text: &str) -> Option<f64> {
     let number = text.trim().parse().ok();
-    number.or_else(|| expression::value(&expression::script_text(text)?, 1.0))
+    number.or_else(|| expression::evaluate(&expression::to_script_syntax(text)?, 1.0))
 }
 
 /// Parses a point: three numbers in brackets.
@@ -689,7 +689,7 @@ fn material(ui: &mut Ui, viewer: &Viewer, written: &StatedValues, made: &Materia
     let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
     let row = |ui: &mut Ui, (name, low, high, usual): (&'static str, f64, f64, f64)| {
         let label = option_label(ui, written, name);
-        let value = written.get(name).and_then(|text| expression::value(text, fps)).unwrap_or(usual);
+        let value = written.get(name).and_then(|text| expression::evaluate(text, fps)).unwrap_or(usual);
         let set = number(ui, name, value, low..=high, "");
         ui.end_row();
         let set = set.map(|to| FieldChange::Material(name, Some(values::text(ui, to))));

@@ -461,7 +461,7 @@ fn aim(
         ui.end_row();
     }
     wanted = default_menu(ui, written, "kelvin").or(wanted);
-    let now = written.get("kelvin").and_then(|text| expression::value(text, 1.0));
+    let now = written.get("kelvin").and_then(|text| expression::evaluate(text, 1.0));
     // Range of temperatures that scripts have colors for, kelvin.
     let range = choreo_script::KELVIN_RANGE.0..=choreo_script::KELVIN_RANGE.1;
     let set = match now {

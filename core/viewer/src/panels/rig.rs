@@ -110,9 +110,9 @@ fn written<T: Described>(mut of: T, viewer: &Viewer, call: &StatedCall) -> T {
 
 fn value<T: Described>(field: &Field<T>, text: &str, fps: f64) -> Option<FieldValue> {
     match field.of_type {
-        FieldType::Number(..) => expression::value(text, fps).map(FieldValue::Number),
+        FieldType::Number(..) => expression::evaluate(text, fps).map(FieldValue::Number),
         FieldType::Time | FieldType::Duration => {
-            Some(FieldValue::Time(Time::from_secs(expression::value(text, fps)?)))
+            Some(FieldValue::Time(Time::from_secs(expression::evaluate(text, fps)?)))
         }
         FieldType::Flag => text.parse().ok().map(FieldValue::Flag),
         _ => None,

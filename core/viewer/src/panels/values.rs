@@ -42,7 +42,7 @@ fn parser(ui: &Ui, id: Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'sta
         if is_refused {
             return None;
         }
-        let value = expression::value(text, fps)?;
+        let value = expression::evaluate(text, fps)?;
         context.data_mut(|d| d.insert_temp(typed_id(), (text.to_string(), value)));
         Some(value)
     }
@@ -65,7 +65,7 @@ pub(super) fn take_refused_flag(ui: &Ui) -> bool {
 /// A number with the text that was typed for it, if that was an expression: `1.0 / 3.0` or `f(12)`.
 pub fn typed(ui: &Ui, value: f64) -> TypedNumber {
     let last = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
-    let text = last.and_then(|(text, _)| expression::script_text(&text));
+    let text = last.and_then(|(text, _)| expression::to_script_syntax(&text));
     text.map_or_else(|| TypedNumber::from(value), |text| TypedNumber { value, text })
 }
 
@@ -82,7 +82,8 @@ pub fn number_list_text(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize
     let parts: Vec<&str> = inside.split(',').map(str::trim).collect();
     let count = now.len();
     let one = |(part, now): (usize, &f64)| {
-        let is_it = |text: &&&str| expression::value(text, 1.0).is_none_or(|read| (read - now).abs() < 5e-4);
+        let is_it =
+            |text: &&&str| expression::evaluate(text, 1.0).is_none_or(|read| (read - now).abs() < 5e-4);
         match parts.get(part).filter(|_| parts.len() == count).filter(is_it) {
             _ if part == index => text(ui, to),
             Some(stated) => stated.to_string(),
@@ -302,7 +303,7 @@ impl Number<'_> {
     pub fn show_stated(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
         let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
         let is_it = |text: &&str| {
-            let meant = expression::script_text(text).and_then(|text| expression::value(&text, fps));
+            let meant = expression::to_script_syntax(text).and_then(|text| expression::evaluate(&text, fps));
             meant.is_some_and(|meant| (meant - self.value).abs() <= 1e-6 * meant.abs())
         };
         let shown = stated.filter(is_it);
@@ -321,7 +322,7 @@ impl Number<'_> {
             named(ui.add(widget), WidgetType::DragValue, name)
         });
         // The displayed expression is already in the script.
-        let there = shown.and_then(expression::script_text);
+        let there = shown.and_then(expression::to_script_syntax);
         set.filter(|now| *now != value || there.is_none_or(|there| there != typed(ui, *now).text))
     }
 

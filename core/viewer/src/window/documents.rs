@@ -55,7 +55,7 @@ impl ViewerWindow {
             self.options.source(file.clone()).map_err(|error| error.to_string()).and_then(|mut source| {
                 // Clip and parameters of the command line belong to its own file.
                 if source.input != self.source.input {
-                    (source.clip, source.set) = (None, Vec::new());
+                    (source.clip, source.parameters) = (None, Vec::new());
                 }
                 let session =
                     start_session(source.clone(), &self.registry, &self.proxy, self.newest_session + 1);
