@@ -22,7 +22,7 @@ impl JoinedCurves {
     /// Joins curves without gaps, as [`crate::curve::pieces`] makes them.
     pub fn new(curves: &[&[Piece]]) -> JoinedCurves {
         let width = curves.len();
-        let mut out = JoinedCurves { width, ..JoinedCurves::default() };
+        let mut out = JoinedCurves { curve_count: width, ..JoinedCurves::default() };
         let mut at = vec![0; width];
         let mut from = Time::ZERO;
         let mut jumps_after_key = false;

@@ -50,7 +50,7 @@ impl SceneResources {
         let mut assets: Vec<&Asset> = Vec::new();
         for actor in &stage.actors {
             let id = *asset_ids.entry(Arc::as_ptr(&actor.asset)).or_insert_with(|| {
-                let entry = builder.asset(&actor.asset);
+                let entry = builder.add_asset(&actor.asset);
                 builder.resources.assets.push(entry);
                 assets.push(&actor.asset);
                 builder.resources.assets.len() as u32 - 1
@@ -126,7 +126,7 @@ struct Builder {
 }
 
 impl Builder {
-    fn asset(&mut self, asset: &Asset) -> AssetEntry {
+    fn add_asset(&mut self, asset: &Asset) -> AssetEntry {
         let animated_color = asset.animated_base_colors();
         let animated = asset.changing_materials();
         let flag = |flags: &[bool], m: u32| flags.get(m as usize).is_some_and(|f| *f);
@@ -135,9 +135,9 @@ impl Builder {
             .map(|(index, m)| match flag(&animated_color, index) {
                 true => {
                     let white = Material { base_color: Vec4::ONE, ..m.clone() };
-                    self.material(asset, &white, flag(&animated, index))
+                    self.add_material(asset, &white, flag(&animated, index))
                 }
-                false => self.material(asset, m, flag(&animated, index)),
+                false => self.add_material(asset, m, flag(&animated, index)),
             })
             .collect();
         let mut default_material = None;
@@ -153,11 +153,11 @@ impl Builder {
                     let of_asset = primitive.material;
                     let material = of_asset.and_then(|m| materials.get(m as usize).copied());
                     let material = material.unwrap_or_else(|| {
-                        let default = || self.material(asset, &Material::default(), false);
+                        let default = || self.add_material(asset, &Material::default(), false);
                         *default_material.get_or_insert_with(default)
                     });
                     PrimitiveEntry {
-                        primitive: self.primitive(mesh, index),
+                        primitive: self.add_primitive(mesh, index),
                         material,
                         of_asset,
                         animated_color: of_asset.filter(|m| flag(&animated_color, *m)),
@@ -171,7 +171,7 @@ impl Builder {
         entry
     }
 
-    fn primitive(&mut self, mesh: &Arc<Mesh>, index: u32) -> u32 {
+    fn add_primitive(&mut self, mesh: &Arc<Mesh>, index: u32) -> u32 {
         let primitive = &mesh.primitives[index as usize];
         let known = self.known_primitives.get(&(Arc::as_ptr(mesh), index)).cloned();
         let hash = known.as_ref().map_or_else(|| shortened_hash(primitive.content_hash()), |(hash, _)| *hash);
@@ -183,12 +183,12 @@ impl Builder {
     }
 
     /// Index of a material. `animated`: keeps textures that its current factors hide, because later factors may show them.
-    fn material(&mut self, asset: &Asset, m: &Material, animated: bool) -> u32 {
+    fn add_material(&mut self, asset: &Asset, m: &Material, animated: bool) -> u32 {
         let mut material = MaterialResource::new(m, animated);
         let keep_all = animated && m.shading != Shading::Unlit;
         for (slot, source) in slot_sources(m).enumerate() {
             let texture = source.texture.filter(|_| source.visible || keep_all);
-            material.textures[slot] = texture.and_then(|t| self.texture(asset, t, source.srgb));
+            material.textures[slot] = texture.and_then(|t| self.add_texture(asset, t, source.srgb));
         }
         let hash = material_hash(&material);
         if let Some(known) = self.materials.get(&hash) {
@@ -196,14 +196,14 @@ impl Builder {
         }
         let first = self.resources.materials.len() as u32;
         self.materials.insert(hash, first);
-        let later_images =
-            material.with_later_images(|stream, i, first| self.streamed(stream, i, first.texture));
+        let later_images = material
+            .with_later_images(|stream, i, first| self.add_streamed_texture(stream, i, first.texture));
         self.resources.materials.push(material);
         self.resources.materials.extend(later_images);
         first
     }
 
-    fn streamed(&mut self, stream: &ImageStream, index: usize, first: u32) -> u32 {
+    fn add_streamed_texture(&mut self, stream: &ImageStream, index: usize, first: u32) -> u32 {
         let textures = &mut self.resources.textures;
         let hash = shortened_hash(stream.hashes[index]);
         let TextureResource { mipmaps, image: like, srgb, .. } = textures[first as usize].clone();
@@ -216,7 +216,7 @@ impl Builder {
         })
     }
 
-    fn texture(&mut self, asset: &Asset, t: &TextureRef, srgb: bool) -> Option<MaterialTexture> {
+    fn add_texture(&mut self, asset: &Asset, t: &TextureRef, srgb: bool) -> Option<MaterialTexture> {
         let image = asset.images.get(t.image as usize)?;
         let bytes = 4 * u64::from(image.width) * u64::from(image.height);
         // Scenes that are only described, not drawn, know no pixels of their images, only the sizes.

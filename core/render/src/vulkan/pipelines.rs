@@ -195,7 +195,7 @@ impl Pipelines {
     fn create(&self, gpu: &Context, layouts: &Layouts, id: &PipelineId) -> Result<vk::Pipeline, RenderError> {
         let (code, state) = match id {
             PipelineId::Pose(variant) => {
-                return preskin::pipeline(gpu, layouts, &self.sources, self.cache.raw, variant);
+                return preskin::create_pipeline(gpu, layouts, &self.sources, self.cache.raw, variant);
             }
             PipelineId::Scene { variant, samples, float, surface } => (
                 self.scene_code(variant, surface)?,

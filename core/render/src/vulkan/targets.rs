@@ -233,7 +233,7 @@ impl Targets {
     }
 
     /// Images that scene shaders read, except those of materials and of the sky, which are resources.
-    pub fn seen(&self) -> FrameImages<'_> {
+    pub fn shader_images(&self) -> FrameImages<'_> {
         let layers = match (&self.depth, &self.layers[..]) {
             (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
             _ => None,
