@@ -80,7 +80,7 @@ fn time_span(stack: &AnimStack, driven: &DrivenProperties<'_>) -> Result<Span> {
         false => driven.key_range().unwrap_or((0.0, 0.0)),
     };
     let is_valid = |t: f64| t.is_finite() && t.abs() <= MAX_KEY_SECS;
-    match sound(begin) && sound(end) {
+    match is_valid(begin) && is_valid(end) {
         true => Ok(Span { begin: Time::from_secs(begin), end: Time::from_secs(end) }),
         false => {
             let what = format!("plays from {begin} s to {end} s; times must lie within ±{MAX_KEY_SECS} s");

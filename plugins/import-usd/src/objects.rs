@@ -113,7 +113,12 @@ impl PrimAtTime<'_> {
 }
 
 /// Adds the cameras and lights of a tree, and the curves of their animated properties.
-pub fn add(tree: &Tree<'_>, metres: f64, clips: &mut Clips<'_>, asset: &mut Asset) -> Result<()> {
+pub fn add_cameras_and_lights(
+    tree: &Tree<'_>,
+    metres: f64,
+    clips: &mut Clips<'_>,
+    asset: &mut Asset,
+) -> Result<()> {
     for node in &tree.nodes {
         let (prim, joint, notes) = (node.prim, node.joint, clips.notes);
         let at = |time_code: f64| PrimAtTime { prim, time_code };
