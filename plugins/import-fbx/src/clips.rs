@@ -399,5 +399,5 @@ impl ClipBuilder<'_, '_> {
 }
 
 const TRANSFORM_PATHS: [Path; 3] = [Path::Translation, Path::Rotation, Path::Scale];
-/// Properties of the parts of a transform: the first three of [`local::ALL`].
+/// Properties of the parts of a transform: the first three of [`local::TRANSFORM_INPUTS`].
 pub const TRANSFORM_PROPERTIES: [&str; 3] = [local::TRANSLATION, local::ROTATION, local::SCALING];

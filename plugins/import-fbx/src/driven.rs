@@ -98,7 +98,7 @@ impl<'a> DrivenProperties<'a> {
             let drives = |id: &u32| {
                 self.entries
                     .get(id)
-                    .is_some_and(|(_, list)| list.iter().any(|e| local::ALL.contains(&e.name)))
+                    .is_some_and(|(_, list)| list.iter().any(|e| local::TRANSFORM_INPUTS.contains(&e.name)))
             };
             drives(&node.element.element_id) || helpers(node).iter().any(|h| drives(&h.element.element_id))
         };
@@ -124,7 +124,7 @@ impl<'a> DrivenProperties<'a> {
         let mut values = [None; 3];
         for entry in self.entries.get(&element.element_id).map_or(&[][..], |(_, list)| list) {
             let Some(part) = TRANSFORM_PROPERTIES.iter().position(|p| *p == entry.name) else {
-                if local::ALL.contains(&entry.name) {
+                if local::TRANSFORM_INPUTS.contains(&entry.name) {
                     return None;
                 }
                 continue;
@@ -141,7 +141,7 @@ impl<'a> DrivenProperties<'a> {
             let prop = element.props.find_prop(name);
             prop.is_some_and(|p| p.flags.has_any(PropFlags::CONNECTED))
         };
-        (!local::ALL.iter().any(connected)).then_some(values)
+        (!local::TRANSFORM_INPUTS.iter().any(connected)).then_some(values)
     }
 
     /// Whether a node, or a helper whose scale affects it, is among these elements.
@@ -155,7 +155,7 @@ impl<'a> DrivenProperties<'a> {
         let own = [node.element.element_id];
         let ids: BTreeSet<u32> = helpers(node).iter().map(|h| h.element.element_id).chain(own).collect();
         let of_node = move |id: &u32| ids.contains(id);
-        let known = |e: &&Entry<'a>| local::ALL.contains(&e.name) || e.name == LAYER_WEIGHT;
+        let known = |e: &&Entry<'a>| local::TRANSFORM_INPUTS.contains(&e.name) || e.name == LAYER_WEIGHT;
         self.entries
             .iter()
             .filter(move |(id, (kind, _))| of_node(id) || *kind == ElementType::AnimLayer)
@@ -188,7 +188,7 @@ impl<'a> DrivenProperties<'a> {
         let mut out = BTreeMap::new();
         for (id, (kind, list)) in &self.entries {
             let known = |name: &str| match kind {
-                ElementType::Node => local::ALL.contains(&name),
+                ElementType::Node => local::TRANSFORM_INPUTS.contains(&name),
                 ElementType::AnimLayer => name == LAYER_WEIGHT,
                 ElementType::Camera | ElementType::Light => known(*id, name),
                 _ => name == WEIGHT_PROPERTY,

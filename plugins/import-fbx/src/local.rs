@@ -10,7 +10,7 @@ pub const TRANSLATION: &str = "Lcl Translation";
 pub const ROTATION: &str = "Lcl Rotation";
 pub(crate) const SCALING: &str = "Lcl Scaling";
 /// All properties that the local transform depends on.
-pub const ALL: [&str; 10] = [
+pub const TRANSFORM_INPUTS: [&str; 10] = [
     TRANSLATION,
     ROTATION,
     SCALING,

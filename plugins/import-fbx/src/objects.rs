@@ -73,7 +73,7 @@ fn projection(camera: &Camera) -> Result<Projection> {
     let far = Some(far).filter(|f| f.is_finite() && *f > near);
     match camera.projection_mode {
         ProjectionMode::Perspective => {
-            let (_, conversion, at) = value_conversion::of(camera);
+            let (_, conversion, at) = value_conversion::of_camera(camera);
             let yfov = conversion.at(at).0 as f32;
             if !(yfov > 0.0 && f64::from(yfov) < PI) {
                 return Err(fail("its field of view must be between 0° and 180°"));

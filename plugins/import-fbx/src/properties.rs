@@ -36,7 +36,7 @@ fn channels<'a>(object: &Object<'a>) -> Vec<Channel<'a>> {
     let index = object.index;
     let Some(light) = object.light else {
         let Some(camera) = object.camera else { return Vec::new() };
-        let (name, conversion, at) = value_conversion::of(camera);
+        let (name, conversion, at) = value_conversion::of_camera(camera);
         let target = match name {
             "OrthoZoom" => PropertyTarget::CameraHeight(index),
             _ => PropertyTarget::CameraYfov(index),
@@ -79,7 +79,7 @@ fn channels<'a>(object: &Object<'a>) -> Vec<Channel<'a>> {
 /// Whether a property of a camera or light is read here, or is known to have no visible effect.
 pub fn is_known(object: &Object<'_>, name: &str) -> bool {
     channels(object).iter().any(|c| c.name == name)
-        || object.camera.is_some() && value_conversion::ALL.contains(&name)
+        || object.camera.is_some() && value_conversion::PROJECTION_PROPERTIES.contains(&name)
 }
 
 impl ClipBuilder<'_, '_> {

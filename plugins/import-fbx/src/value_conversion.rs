@@ -1,5 +1,6 @@
-//! The projection of FBX cameras: a field of view, given in one of four ways, or the width of an orthographic view. Computed with
-//! libm from the numbers of the file, so that every machine gets the same bits; ufbx's own angles come from the C library.
+//! Conversion of the values of FBX cameras and lights to those of an asset. A camera has a field of view, given in one of four ways, or the
+//! width of an orthographic view. Computed with libm from the numbers of the file, so that every machine gets the same bits; the
+//! angles of ufbx come from the C library.
 
 use std::f64::consts::PI;
 use ufbx::{ApertureMode, Camera, ProjectionMode};
@@ -41,7 +42,7 @@ impl ValueConversion {
 }
 
 /// The property that the projection depends on, the function of it, and its value at rest.
-pub fn of(camera: &Camera) -> (&'static str, ValueConversion, f64) {
+pub fn of_camera(camera: &Camera) -> (&'static str, ValueConversion, f64) {
     if camera.projection_mode == ProjectionMode::Orthographic {
         let zoom = camera.element.props.find_prop("OrthoZoom").map_or(1.0, |p| p.value_vec4.x);
         let zoom = if zoom == 0.0 { 1.0 } else { zoom };
@@ -64,8 +65,9 @@ pub fn of(camera: &Camera) -> (&'static str, ValueConversion, f64) {
     }
 }
 
-/// All properties that may define a camera's field of view. Those that [`of`] does not return have no effect.
-pub const ALL: [&str; 5] = ["FieldOfView", "FieldOfViewX", "FieldOfViewY", "FocalLength", "OrthoZoom"];
+/// All properties that may define a camera's field of view. Those that [`of_camera`] does not return have no effect.
+pub const PROJECTION_PROPERTIES: [&str; 5] =
+    ["FieldOfView", "FieldOfViewX", "FieldOfViewY", "FocalLength", "OrthoZoom"];
 
 #[cfg(test)]
 mod tests {

@@ -204,7 +204,7 @@ impl Context {
     }
 
     /// Gives an object the name that validation messages show.
-    pub fn name<T: vk::Handle>(&self, object: T, name: &str) {
+    pub fn set_name<T: vk::Handle>(&self, object: T, name: &str) {
         if let (Some(names), Ok(name)) = (&self.names, CString::new(name)) {
             let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
             // Names are only for debugging, so a failure is ignored.

@@ -21,7 +21,7 @@ use ash::vk;
 pub const FORMATS: [vk::Format; 3] =
     [vk::Format::R32G32B32A32_UINT, vk::Format::R32G32B32A32_UINT, vk::Format::R32_SFLOAT];
 /// Bytes per pixel of each image.
-pub(crate) const BYTES: [u64; 3] = [16, 16, 4];
+pub(crate) const BYTES_PER_PIXEL: [u64; 3] = [16, 16, 4];
 
 /// Bindings of set 3 in the lighting pass.
 pub(crate) const BINDINGS: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 4] = [

@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::descriptors::{Layouts, POST_TEXTURES, write_image};
 use super::frame_in_flight::FrameInFlight;
-use super::memory::{Image, range};
+use super::memory::{Image, all_mip_levels};
 use super::pipelines::{PipelineId, Pipelines};
 use super::resources::Resources;
 use super::targets::Targets;
@@ -485,7 +485,9 @@ pub(super) fn not_prepared(what: &str) -> RenderError {
 }
 
 pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
-    vk::ImageMemoryBarrier2::default().image(image.raw).subresource_range(range(vk::ImageAspectFlags::COLOR))
+    vk::ImageMemoryBarrier2::default()
+        .image(image.raw)
+        .subresource_range(all_mip_levels(vk::ImageAspectFlags::COLOR))
 }
 
 /// Barrier after drawing: shaders read the image from now on.
@@ -559,7 +561,7 @@ const DEPTH_STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
 fn barrier_after_depth_write(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     vk::ImageMemoryBarrier2::default()
         .image(image.raw)
-        .subresource_range(range(vk::ImageAspectFlags::DEPTH))
+        .subresource_range(all_mip_levels(vk::ImageAspectFlags::DEPTH))
         .src_stage_mask(DEPTH_STAGES)
         .src_access_mask(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE)
 }

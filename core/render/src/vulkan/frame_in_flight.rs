@@ -92,7 +92,7 @@ impl FrameInFlight {
                 return Err(e).named("command buffer");
             }
         };
-        gpu.name(commands, "frame commands");
+        gpu.set_name(commands, "frame commands");
         Ok(FrameInFlight {
             pool,
             commands,

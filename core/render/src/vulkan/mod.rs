@@ -168,7 +168,7 @@ impl VulkanRenderer {
         // SAFETY: the device is alive and has the feature; destroyed by `drop`.
         renderer.timeline =
             unsafe { renderer.gpu.device.create_semaphore(&info, None) }.named("frame timeline")?;
-        renderer.gpu.name(renderer.timeline, "frame timeline");
+        renderer.gpu.set_name(renderer.timeline, "frame timeline");
         for _ in 0..frames_in_flight(renderer.gpu.info.kind, options.frugal) {
             let slot = FrameInFlight::new(&renderer.gpu, &renderer.layouts, &mut renderer.pools)?;
             renderer.frames.push(slot);

@@ -311,7 +311,7 @@ pub fn create_pipeline(
         made
     };
     let pipeline = made.map_err(|(_, r)| r).named(&name)?[0];
-    gpu.name(pipeline, &name);
+    gpu.set_name(pipeline, &name);
     Ok(pipeline)
 }
 

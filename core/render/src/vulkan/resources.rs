@@ -380,7 +380,7 @@ impl Resources {
             .max_anisotropy(anisotropy);
         // SAFETY: the device is alive; destroyed by `destroy`.
         let sampler = unsafe { gpu.device.create_sampler(&info, None) }.named("sampler")?;
-        gpu.name(sampler, &format!("{s:?}"));
+        gpu.set_name(sampler, &format!("{s:?}"));
         self.samplers.insert(s, sampler);
         Ok(sampler)
     }

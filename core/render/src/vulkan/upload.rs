@@ -1,7 +1,7 @@
 //! Uploads to the device: collected while a frame is prepared, and copied through one staging buffer at its start.
 
 use super::context::Context;
-use super::memory::{Buffer, range};
+use super::memory::{Buffer, all_mip_levels};
 use crate::error::RenderError;
 use ash::vk;
 
@@ -104,7 +104,7 @@ impl Uploads {
                     .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
                     .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
                     .image(i.image)
-                    .subresource_range(range(vk::ImageAspectFlags::COLOR))
+                    .subresource_range(all_mip_levels(vk::ImageAspectFlags::COLOR))
             })
             .collect();
         let to_read: Vec<_> = self
@@ -121,7 +121,7 @@ impl Uploads {
                     .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
                     .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
                     .image(i.image)
-                    .subresource_range(range(vk::ImageAspectFlags::COLOR))
+                    .subresource_range(all_mip_levels(vk::ImageAspectFlags::COLOR))
             })
             .collect();
         let buffers_written = [vk::MemoryBarrier2::default()
