@@ -109,9 +109,9 @@ pub struct FrameInfo {
     /// Features that the frame leaves out, with the reason for each.
     pub left_out: Vec<(String, String)>,
     /// Parts of the frame that are not drawn while the view moves.
-    pub waiting: Vec<&'static str>,
-    pub draws: usize,
-    pub triangles: u64,
+    pub deferred_parts: Vec<&'static str>,
+    pub draw_count: usize,
+    pub triangle_count: u64,
     pub device: DeviceInfo,
     pub evaluated_in: Duration,
     pub planned_in: Duration,
@@ -246,9 +246,16 @@ impl RenderState {
         }
     }
 
-    fn reply_to(&mut self, request: &FrameRequest, shaders: bool, spare: Option<Frame>) -> FrameReply {
+    fn reply_to(
+        &mut self,
+        request: &FrameRequest,
+        shaders_changed: bool,
+        spare_frame: Option<Frame>,
+    ) -> FrameReply {
         let mut notes = std::mem::take(&mut self.notes);
-        let drawn = catch_unwind(AssertUnwindSafe(|| self.render_frame(request, shaders, spare, &mut notes)));
+        let drawn = catch_unwind(AssertUnwindSafe(|| {
+            self.render_frame(request, shaders_changed, spare_frame, &mut notes)
+        }));
         let result = drawn.unwrap_or_else(|panic| {
             self.reset_after_panic();
             Err(FrameError::of_panic(&*panic))
@@ -275,12 +282,12 @@ impl RenderState {
     fn render_frame(
         &mut self,
         request: &FrameRequest,
-        shaders: bool,
-        spare: Option<Frame>,
+        shaders_changed: bool,
+        spare_frame: Option<Frame>,
         notes: &mut Vec<String>,
     ) -> Result<(Frame, FrameInfo), FrameError> {
         let renderer = self.renderer.as_mut().map_err(|why| FrameError::NoRenderer(why.clone()))?;
-        if shaders && let Err(error) = renderer.reload_shaders() {
+        if shaders_changed && let Err(error) = renderer.reload_shaders() {
             // The last good shaders stay in use.
             notes.push(error.to_string());
         }
@@ -300,14 +307,14 @@ impl RenderState {
         let stage = self.views.stage(request);
         let preview_of = Some(stage.settings.size);
         let options = PlanOptions { effects, preview_of, ..PlanOptions::new(request.size, request.samples) };
-        let mut waiting = Vec::new();
+        let mut deferred_parts = Vec::new();
         let (snapshot, plan, evaluated_in) = if request.moving {
             // A moving view is drawn once per frame, without the sub-frames of motion blur.
             let snapshot = self.views.at(request, request.time)?;
             let evaluated_in = start.elapsed();
             let at = |time| self.views.at(request, time);
             let plan = plan_alone(&scene.resources, &stage, &snapshot, &options, at)?;
-            waiting = left_out_alone(&stage, &snapshot, &options);
+            deferred_parts = left_out_alone(&stage, &snapshot, &options);
             (snapshot, plan, evaluated_in)
         } else {
             let at = |time| self.views.at(request, time);
@@ -315,11 +322,11 @@ impl RenderState {
             (snapshot, plan, start.elapsed())
         };
         let left_out = plan.left_out.iter().map(|l| (l.part.to_string(), l.why.to_string())).collect();
-        let draws = plan.draws.len();
-        let triangles = plan.draws.iter().map(|d| triangles(&scene.resources, d)).sum();
+        let draw_count = plan.draws.len();
+        let triangle_count = plan.draws.iter().map(|d| count_triangles(&scene.resources, d)).sum();
         let planned_in = start.elapsed() - evaluated_in;
         renderer.submit(plan)?;
-        let frame = renderer.collect(spare)?;
+        let frame = renderer.collect(spare_frame)?;
         let drawn_in = start.elapsed() - evaluated_in - planned_in;
         let device = renderer.device().clone();
         let info = FrameInfo {
@@ -328,9 +335,9 @@ impl RenderState {
             size: [frame.width, frame.height],
             snapshot,
             left_out,
-            waiting,
-            draws,
-            triangles,
+            deferred_parts,
+            draw_count,
+            triangle_count,
             device,
             evaluated_in,
             planned_in,
@@ -340,7 +347,7 @@ impl RenderState {
     }
 }
 
-fn triangles(resources: &SceneResources, draw: &Draw) -> u64 {
+fn count_triangles(resources: &SceneResources, draw: &Draw) -> u64 {
     let of_one =
         resources.primitives.get(draw.primitive as usize).map_or(0, |p| p.primitive().indices.len() / 3);
     of_one as u64 * u64::from(draw.instance_count)

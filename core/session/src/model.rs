@@ -25,7 +25,7 @@ pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, UnknownClip
     let mut stage = Stage::default();
     // The stage is one frame long if nothing moves.
     stage.settings.length = stage.settings.fps.time_of(1);
-    add(&mut stage, "model", asset, clip);
+    add_actor(&mut stage, "model", asset, clip);
     Ok(stage)
 }
 
@@ -40,7 +40,7 @@ pub fn side_by_side(assets: &[(String, Arc<Asset>)]) -> Stage {
         let taken = |name: &str| stage.actors.iter().any(|a| a.name == name);
         let mut free = (1..).map(|n| if n == 1 { name.clone() } else { format!("{name} {n}") });
         let name = free.find(|name| !taken(name)).unwrap_or_default();
-        let actor = add(&mut stage, &name, asset.clone(), asset.clips.first().cloned());
+        let actor = add_actor(&mut stage, &name, asset.clone(), asset.clips.first().cloned());
         let bounds = bounds(asset);
         let (left, right) = (f64::from(bounds.min.x), f64::from(bounds.max.x));
         let width = right - left;
@@ -54,7 +54,7 @@ pub fn side_by_side(assets: &[(String, Arc<Asset>)]) -> Stage {
 }
 
 /// Adds an actor and returns its index. The stage becomes as long as the longest clip.
-fn add(stage: &mut Stage, name: &str, asset: Arc<Asset>, clip: Option<Arc<Clip>>) -> usize {
+fn add_actor(stage: &mut Stage, name: &str, asset: Arc<Asset>, clip: Option<Arc<Clip>>) -> usize {
     let actor = stage.cast(name, asset);
     stage.use_ambient_light_of_files();
     if let Some(clip) = clip {
@@ -98,9 +98,9 @@ fn find_clip<'a>(asset: &'a Asset, name: &str) -> Result<&'a Arc<Clip>, UnknownC
     })
 }
 
-/// `a, b, c` of at most `most` names, then how many more.
-pub fn list<'a>(names: impl Iterator<Item = &'a str> + Clone, most: usize) -> String {
-    let shown: Vec<&str> = names.clone().take(most).collect();
+/// `a, b, c` of at most `max_names` names, then how many more.
+pub fn list<'a>(names: impl Iterator<Item = &'a str> + Clone, max_names: usize) -> String {
+    let shown: Vec<&str> = names.clone().take(max_names).collect();
     match names.count() - shown.len() {
         0 => shown.join(", "),
         more => format!("{}, and {more} more", shown.join(", ")),

@@ -24,7 +24,7 @@ pub const DESCRIPTION: &str = "plugin.toml";
 pub const MAX_DESCRIPTION_BYTES: u64 = 64 << 10;
 
 /// Keys of the description. Authors and addresses are accepted, but only meant for human readers.
-const KEYS: [&str; 11] = [
+const PACKAGE_KEYS: [&str; 11] = [
     "name",
     "version",
     "choreo",
@@ -200,7 +200,7 @@ pub struct PackageError {
 }
 
 /// Whether a package may have this name, so that a folder of this name can safely be created and removed.
-pub fn is_name(name: &str) -> bool {
+pub fn is_valid_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())
         && name.len() <= MAX_NAME_LENGTH
         && name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_' || b == b'-')
@@ -220,10 +220,10 @@ impl Package {
             reader.error_at(e.span().unwrap_or(0..0), message, None)
         })?;
         let end = text.len()..text.len();
-        let fields = Fields { reader: &reader, table: table.get_ref(), place: end, keys: &KEYS };
+        let fields = Fields { reader: &reader, table: table.get_ref(), place: end, keys: &PACKAGE_KEYS };
         fields.check_keys()?;
         let (name, at) = fields.text("name")?;
-        if !is_name(&name) {
+        if !is_valid_name(&name) {
             let message = format!(
                 "name \"{name}\": use lower-case letters, digits, - and _, starting with a letter, at most {MAX_NAME_LENGTH}"
             );

@@ -32,7 +32,7 @@ const MAX_BYTES: u64 = 4 << 20;
 const MAX_WASM_BYTES: u64 = 64 << 20;
 const MAX_FILES: usize = 10_000;
 /// Number of bytes of an effect's text that are searched for its name.
-const HEAD_BYTES: u64 = 64 << 10;
+const EFFECT_HEAD_BYTES: u64 = 64 << 10;
 /// Largest file that a plugin reads, bytes.
 const MAX_TEXTURE_BYTES: u64 = 32 << 20;
 
@@ -60,7 +60,7 @@ pub struct Listing {
     /// All folders that are searched for plugin files; the `plugins` folder of an input need not exist.
     pub folders: Vec<PathBuf>,
     /// One sentence for each plugin file whose plugin replaced another one of the same name.
-    pub replaced: Vec<String>,
+    pub replacement_notes: Vec<String>,
     /// Number of compiled plugin files, including those of earlier listings.
     compiled: Arc<AtomicU64>,
 }
@@ -70,7 +70,7 @@ struct Entry {
     source: Source,
     plugin: Plugin,
     /// Result of reading the file; set when the plugin is compiled.
-    read: Arc<OnceLock<Result<PluginFile, ReadError>>>,
+    read_result: Arc<OnceLock<Result<PluginFile, ReadError>>>,
 }
 
 /// Error of a plugin file, with the name of the file.
@@ -98,11 +98,11 @@ struct Source {
     /// Relative to the folder.
     name: PathBuf,
     /// Path in messages.
-    shown: String,
+    display_path: String,
     /// Canonical path, except for broken links.
     path: PathBuf,
     /// The package's entry for the file and the version of the package, or the reason why `plugin.toml` is refused. `None` outside packages.
-    stated: Option<Result<(PackagedPlugin, String), ReadError>>,
+    package_entry: Option<Result<(PackagedPlugin, String), ReadError>>,
 }
 
 /// A folder that is searched for plugin files.
@@ -110,20 +110,20 @@ struct PluginFolder {
     /// Path as the user wrote it. Symbolic links must stay within this folder.
     root: PathBuf,
     /// The searched folder, relative to `root`.
-    below: PathBuf,
+    subfolder: PathBuf,
     kind: FolderKind,
 }
 
 impl PluginFolder {
-    fn new(root: &Path, below: impl Into<PathBuf>, kind: FolderKind) -> PluginFolder {
-        PluginFolder { root: root.to_path_buf(), below: below.into(), kind }
+    fn new(root: &Path, subfolder: impl Into<PathBuf>, kind: FolderKind) -> PluginFolder {
+        PluginFolder { root: root.to_path_buf(), subfolder: subfolder.into(), kind }
     }
 
     /// Path of the searched folder, as the user wrote it.
     fn path(&self) -> PathBuf {
-        match self.below.as_os_str().is_empty() {
+        match self.subfolder.as_os_str().is_empty() {
             true => self.root.clone(),
-            false => self.root.join(&self.below),
+            false => self.root.join(&self.subfolder),
         }
     }
 }
@@ -139,15 +139,15 @@ enum FolderKind {
     Package,
 }
 
-/// Finds the plugin files, in order of increasing priority. `before`: an earlier listing, whose compiled plugins are reused if their files have not
+/// Finds the plugin files, in order of increasing priority. `earlier`: an earlier listing, whose compiled plugins are reused if their files have not
 /// changed.
 pub fn list_plugin_files(
     plugins: &Registry,
     named: &[PathBuf],
     inputs: &[&Path],
-    before: Option<&Listing>,
+    earlier: Option<&Listing>,
 ) -> Result<Listing, FolderError> {
-    list_folders(plugins, folders_to_search(named, inputs)?, before)
+    list_folders(plugins, folders_to_search(named, inputs)?, earlier)
 }
 
 /// Lists the plugins of one package, whose folder has a description, in addition to the given ones.
@@ -158,19 +158,19 @@ pub fn list_package(plugins: &Registry, folder: &Path) -> Result<Listing, Folder
 fn list_folders(
     plugins: &Registry,
     places: Vec<PluginFolder>,
-    before: Option<&Listing>,
+    earlier: Option<&Listing>,
 ) -> Result<Listing, FolderError> {
     let mut listing = Listing {
         registry: plugins.clone(),
         entries: Vec::new(),
         folders: Vec::new(),
-        replaced: Vec::new(),
-        compiled: before.map(|b| b.compiled.clone()).unwrap_or_default(),
+        replacement_notes: Vec::new(),
+        compiled: earlier.map(|b| b.compiled.clone()).unwrap_or_default(),
     };
     for place in places.iter().filter(|p| p.path().is_dir()) {
         for source in sources_in(place)? {
-            let shown = source.shown.clone();
-            match listing.make_entry(source, place.kind, before) {
+            let shown = source.display_path.clone();
+            match listing.make_entry(source, place.kind, earlier) {
                 Some(entry) => listing.add(entry),
                 None => listing.registry.add_faulty(shown, "it has no line // effect: NAME"),
             }
@@ -230,10 +230,10 @@ fn folders_to_search(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFo
     for input in inputs {
         let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
         let own = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        for (below, kind) in [("", FolderKind::Own), (PLUGINS_SUBFOLDER, FolderKind::Beside)] {
+        for (subfolder, kind) in [("", FolderKind::Own), (PLUGINS_SUBFOLDER, FolderKind::Beside)] {
             let place = match kind {
-                FolderKind::Own => PluginFolder::new(own, below, kind),
-                _ => PluginFolder::new(folder, below, kind),
+                FolderKind::Own => PluginFolder::new(own, subfolder, kind),
+                _ => PluginFolder::new(folder, subfolder, kind),
             };
             if !places.iter().any(|known| is_same_folder(&known.path(), &place.path())) {
                 places.push(place);
@@ -260,9 +260,9 @@ fn sources_in(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
     let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path(), error };
     let root = if place.root.as_os_str().is_empty() { Path::new(".") } else { place.root.as_path() };
     let opened = Folder::open(root).map_err(FileError::Io).and_then(|folder| {
-        let names = match place.below.as_os_str().is_empty() {
+        let names = match place.subfolder.as_os_str().is_empty() {
             true => folder.names(MAX_FILES)?,
-            false => folder.folder(&place.below)?.names(MAX_FILES)?,
+            false => folder.folder(&place.subfolder)?.names(MAX_FILES)?,
         };
         Ok((folder, names))
     });
@@ -277,18 +277,20 @@ fn sources_in(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
     let canonical = root.canonicalize().unwrap_or_else(|_| root.to_path_buf());
     let source = |name: PathBuf| {
         let shown = place.path().join(&name).display().to_string();
-        let name = place.below.join(&name);
+        let name = place.subfolder.join(&name);
         let path = canonical.join(folder.resolve(&name).unwrap_or_else(|_| name.clone()));
-        Source { folder: folder.clone(), name, shown, path, stated: None }
+        Source { folder: folder.clone(), name, display_path: shown, path, package_entry: None }
     };
     if place.kind == FolderKind::Package {
         let description = source(DESCRIPTION.into());
-        return Ok(match description.package() {
-            Err(fault) => vec![Source { stated: Some(Err(fault)), ..description }],
+        return Ok(match description.read_package() {
+            Err(fault) => vec![Source { package_entry: Some(Err(fault)), ..description }],
             Ok(package) => {
-                let stated = |plugin: PackagedPlugin| Some(Ok((plugin, package.version.to_string())));
+                let package_entry = |plugin: PackagedPlugin| Some(Ok((plugin, package.version.to_string())));
                 let plugins = package.plugins.clone().into_iter();
-                plugins.map(|p| Source { stated: stated(p.clone()), ..source(p.file.into()) }).collect()
+                plugins
+                    .map(|p| Source { package_entry: package_entry(p.clone()), ..source(p.file.into()) })
+                    .collect()
             }
         });
     }
@@ -300,19 +302,20 @@ fn sources_in(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
 impl Listing {
     /// Registers the plugin of a file, and notes whether it replaces another one.
     fn add(&mut self, entry: Entry) {
-        let before = self.registry.replaced().len();
+        let replaced_count = self.registry.replaced().len();
         match &entry.plugin {
             Plugin::Effect(effect) => self.registry.add_lazy_effect(effect.clone()),
             Plugin::Importer(importer) => self.registry.add_shared_importer(importer.clone()),
             Plugin::WasmImporter(importer) => self.registry.add_shared_importer(importer.clone()),
             Plugin::WasmExporter(exporter) => self.registry.add_shared_scene_exporter(exporter.clone()),
             Plugin::Exporter(exporter) => self.registry.add_shared_scene_exporter(exporter.clone()),
-            Plugin::Faulty(why) => self.registry.add_faulty(entry.source.shown.clone(), why),
+            Plugin::Faulty(why) => self.registry.add_faulty(entry.source.display_path.clone(), why),
         }
         let other = self.entries.iter().rfind(|other| entry.is_named_as(other));
-        let of = other.map(|other| format!(", that of {}", other.source.shown)).unwrap_or_default();
-        let replaced = &self.registry.replaced()[before..];
-        self.replaced.extend(replaced.iter().map(|text| format!("{}: {text}{of}", entry.source.shown)));
+        let of = other.map(|other| format!(", that of {}", other.source.display_path)).unwrap_or_default();
+        let replaced = &self.registry.replaced()[replaced_count..];
+        self.replacement_notes
+            .extend(replaced.iter().map(|text| format!("{}: {text}{of}", entry.source.display_path)));
         self.entries.push(entry);
     }
 
@@ -321,26 +324,26 @@ impl Listing {
         let both = |entry: &Entry| {
             let theirs = other.entries.iter().find(|theirs| theirs.is_named_as(entry))?;
             let (kind, name) = entry.kind_and_name()?;
-            let (ours, theirs) = (&entry.source.shown, &theirs.source.shown);
+            let (ours, theirs) = (&entry.source.display_path, &theirs.source.display_path);
             Some(format!("the {} {name} of {ours} is also in {theirs}", kind.word()))
         };
         self.entries.iter().filter_map(both).collect()
     }
 
     /// The plugin of a file. `None` if the file is not a plugin.
-    fn make_entry(&self, source: Source, kind: FolderKind, before: Option<&Listing>) -> Option<Entry> {
-        let is_it = |e: &&Entry| e.read.get().is_some() && e.source.path == source.path;
-        let known = before.and_then(|b| b.entries.iter().find(is_it));
-        if let Some(known) = known.filter(|k| k.source.shown == source.shown)
-            && known.read.get().is_some_and(|read| *read == source.read())
+    fn make_entry(&self, source: Source, kind: FolderKind, earlier: Option<&Listing>) -> Option<Entry> {
+        let is_it = |e: &&Entry| e.read_result.get().is_some() && e.source.path == source.path;
+        let known = earlier.and_then(|b| b.entries.iter().find(is_it));
+        if let Some(known) = known.filter(|k| k.source.display_path == source.display_path)
+            && known.read_result.get().is_some_and(|read| *read == source.read())
         {
-            let (plugin, read) = (known.plugin.clone(), known.read.clone());
-            return Some(Entry { source, plugin, read });
+            let (plugin, read) = (known.plugin.clone(), known.read_result.clone());
+            return Some(Entry { source, plugin, read_result: read });
         }
         let read = Arc::new(OnceLock::new());
-        if let Some(Err(fault)) = &source.stated {
+        if let Some(Err(fault)) = &source.package_entry {
             let plugin = Plugin::Faulty(fault.to_string());
-            return Some(Entry { source, plugin, read });
+            return Some(Entry { source, plugin, read_result: read });
         }
         let (of, slot, compiled) = (source.clone(), read.clone(), self.compiled.clone());
         let reading = move || {
@@ -349,12 +352,12 @@ impl Listing {
             // The slot is empty, since this function runs once.
             let _ = slot.set(file.clone());
             let text = |e: ReadError| PluginError { text: e.0, files: vec![of.path.clone()] };
-            file.map_err(text).map(|file| (of.shown.clone(), file))
+            file.map_err(text).map(|file| (of.display_path.clone(), file))
         };
         let plugin = if source.is_wgsl() {
-            let head = match source.head() {
+            let head = match source.read_head() {
                 Ok(head) => head,
-                Err(e) => return Some(Entry { source, plugin: Plugin::Faulty(e.0), read }),
+                Err(e) => return Some(Entry { source, plugin: Plugin::Faulty(e.0), read_result: read }),
             };
             if kind == FolderKind::Own && !choreo_wgsl_effect::is_meant(&head) {
                 return None;
@@ -369,17 +372,17 @@ impl Listing {
         } else if source.is_wasm() {
             let made = reading().and_then(|(shown, file)| wasm_plugin(&shown, file));
             made.unwrap_or_else(|e| Plugin::Faulty(e.text))
-        } else if source.shown.ends_with(EXPORTER_ENDING) {
+        } else if source.display_path.ends_with(EXPORTER_ENDING) {
             let made = reading().and_then(|(shown, file)| compile_exporter(&shown, file));
             made.map_or_else(|e| Plugin::Faulty(e.text), |made| Plugin::Exporter(Arc::new(made)))
         } else {
             let make = move || reading().and_then(|(shown, file)| compile_importer(&shown, file));
-            let listed = source.text().map_err(|e| e.0).and_then(|text| {
-                LazyImporter::new(&source.shown, &text, make).map_err(|e: ScriptError| e.to_string())
+            let listed = source.read_text().map_err(|e| e.0).and_then(|text| {
+                LazyImporter::new(&source.display_path, &text, make).map_err(|e: ScriptError| e.to_string())
             });
             listed.map_or_else(Plugin::Faulty, |importer| Plugin::Importer(Arc::new(importer)))
         };
-        Some(Entry { source, plugin, read })
+        Some(Entry { source, plugin, read_result: read })
     }
 
     /// Compiles all plugin files, and returns their errors with positions.
@@ -403,7 +406,7 @@ impl Listing {
 
     /// Names of the effects in files that were not used so far.
     pub fn unused_effects(&self) -> Vec<String> {
-        let unused = self.entries.iter().filter(|entry| entry.read.get().is_none());
+        let unused = self.entries.iter().filter(|entry| entry.read_result.get().is_none());
         let name = |entry: &Entry| match &entry.plugin {
             Plugin::Effect(effect) => Some(effect.name().to_string()),
             _ => None,
@@ -419,8 +422,9 @@ impl Listing {
     /// Canonical paths of the files of plugins that were used so far: their own, those that they read, and the descriptions of their packages.
     pub fn used_files(&self) -> impl Iterator<Item = PathBuf> {
         let used = self.entries.iter().filter_map(|entry| {
-            let file = entry.read.get()?.as_ref().ok()?;
-            let description = entry.source.stated.as_ref().map(|_| file.path.with_file_name(DESCRIPTION));
+            let file = entry.read_result.get()?.as_ref().ok()?;
+            let description =
+                entry.source.package_entry.as_ref().map(|_| file.path.with_file_name(DESCRIPTION));
             let beside = file.beside.iter().filter(|beside| beside.bytes.is_ok());
             let beside = beside.map(|beside| beside.path.clone());
             Some(std::iter::once(file.path.clone()).chain(beside).chain(description))
@@ -429,7 +433,7 @@ impl Listing {
     }
 
     /// Number of plugin files that were compiled so far.
-    pub fn compiled(&self) -> u64 {
+    pub fn compiled_count(&self) -> u64 {
         self.compiled.load(Ordering::Relaxed)
     }
 }
@@ -476,15 +480,15 @@ impl Entry {
 
     /// Error if the description of the package contradicts the plugin: its version, since rendered output records the plugin's own, or its hook.
     fn contradiction(&self) -> Option<String> {
-        let Some(Ok((stated, version))) = &self.source.stated else { return None };
-        let (shown, own) = (&self.source.shown, &self.manifest()?.version);
+        let Some(Ok((package_entry, version))) = &self.source.package_entry else { return None };
+        let (shown, own) = (&self.source.display_path, &self.manifest()?.version);
         if own != version {
             return Some(format!(
                 "{shown}: the plugin states version {own}, {DESCRIPTION} {version}; write the same in both"
             ));
         }
         let Plugin::Effect(effect) = &self.plugin else { return None };
-        let (own, hook) = (effect.get().ok()?.hook(), stated.hook.as_ref()?);
+        let (own, hook) = (effect.get().ok()?.hook(), package_entry.hook.as_ref()?);
         (choreo_wgsl_effect::hook_named(hook) != Some(own)).then(|| {
             let own = choreo_wgsl_effect::hook_word(own);
             format!(
@@ -496,23 +500,23 @@ impl Entry {
 
 impl Source {
     /// Reads the description of a package.
-    fn package(&self) -> Result<Package, ReadError> {
+    fn read_package(&self) -> Result<Package, ReadError> {
         let bytes = self.folder.read(&self.name, MAX_DESCRIPTION_BYTES).map_err(|e| self.read_error(&e))?;
         let text = String::from_utf8(bytes)
-            .map_err(|_| ReadError(format!("{}: it is not UTF-8 text", self.shown)))?;
-        Package::parse(&self.shown, &text).map_err(|e| ReadError(e.to_string()))
+            .map_err(|_| ReadError(format!("{}: it is not UTF-8 text", self.display_path)))?;
+        Package::parse(&self.display_path, &text).map_err(|e| ReadError(e.to_string()))
     }
 
     fn is_wgsl(&self) -> bool {
-        self.shown.ends_with(choreo_wgsl_effect::FILE_ENDING)
+        self.display_path.ends_with(choreo_wgsl_effect::FILE_ENDING)
     }
 
     fn is_wasm(&self) -> bool {
-        self.shown.ends_with(".wasm")
+        self.display_path.ends_with(".wasm")
     }
 
     fn read_error(&self, error: &FileError) -> ReadError {
-        let shown = &self.shown;
+        let shown = &self.display_path;
         ReadError(match error {
             FileError::TooLarge(most) => format!("{shown}: a plugin of more than {most} bytes"),
             FileError::Outside => {
@@ -526,22 +530,26 @@ impl Source {
     }
 
     /// Beginning of the text; invalid UTF-8 is left for the compiler to report.
-    fn head(&self) -> Result<String, ReadError> {
+    fn read_head(&self) -> Result<String, ReadError> {
         let file = self.folder.open_file(&self.name).map_err(|e| self.read_error(&e))?;
         let mut bytes = Vec::new();
-        let read = file.take(HEAD_BYTES).read_to_end(&mut bytes);
+        let read = file.take(EFFECT_HEAD_BYTES).read_to_end(&mut bytes);
         read.map_err(|e| self.read_error(&FileError::Io(e)))?;
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    fn bytes(&self) -> Result<Vec<u8>, ReadError> {
+    fn read_bytes(&self) -> Result<Vec<u8>, ReadError> {
         let most = if self.is_wasm() { MAX_WASM_BYTES } else { MAX_BYTES };
         self.folder.read(&self.name, most).map_err(|e| self.read_error(&e))
     }
 
-    fn text(&self) -> Result<String, ReadError> {
-        String::from_utf8(self.bytes()?).map_err(|e| {
-            ReadError(format!("{}: byte {} is no UTF-8 text", self.shown, e.utf8_error().valid_up_to()))
+    fn read_text(&self) -> Result<String, ReadError> {
+        String::from_utf8(self.read_bytes()?).map_err(|e| {
+            ReadError(format!(
+                "{}: byte {} is no UTF-8 text",
+                self.display_path,
+                e.utf8_error().valid_up_to()
+            ))
         })
     }
 
@@ -549,9 +557,9 @@ impl Source {
     fn read(&self) -> Result<PluginFile, ReadError> {
         let path = self.path.clone();
         if self.is_wasm() {
-            return Ok(PluginFile { path, bytes: self.bytes()?.into(), beside: Vec::new() });
+            return Ok(PluginFile { path, bytes: self.read_bytes()?.into(), beside: Vec::new() });
         }
-        let text = self.text()?;
+        let text = self.read_text()?;
         let named = if self.is_wgsl() { choreo_wgsl_effect::files(&text) } else { Vec::new() };
         let beside = named.into_iter().map(|name| self.read_beside(name)).collect();
         Ok(PluginFile { path, bytes: text.into_bytes().into(), beside })
@@ -578,8 +586,8 @@ impl Source {
 
     /// Error of an effect without a name.
     fn effect_error(&self) -> String {
-        let compiled = self.text().map_err(|e| e.0).and_then(|text| {
-            WgslEffect::from_text(&self.shown, &text).map(|_| String::new()).map_err(|e| e.to_string())
+        let compiled = self.read_text().map_err(|e| e.0).and_then(|text| {
+            WgslEffect::from_text(&self.display_path, &text).map(|_| String::new()).map_err(|e| e.to_string())
         });
         compiled.unwrap_or_else(|text| text)
     }
@@ -606,8 +614,9 @@ fn plugin_text(file: &PluginFile) -> std::borrow::Cow<'_, str> {
     String::from_utf8_lossy(&file.bytes)
 }
 
-fn compile_effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> {
-    let compiled = WgslEffect::with_textures(shown, &plugin_text(&file), |name| decode_texture(&file, name));
+fn compile_effect(display_path: &str, file: PluginFile) -> Result<Effect, PluginError> {
+    let compiled =
+        WgslEffect::with_textures(display_path, &plugin_text(&file), |name| decode_texture(&file, name));
     match compiled {
         Ok(effect) => Ok(effect.with_file(file).into()),
         Err(error) => {
@@ -618,26 +627,28 @@ fn compile_effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> 
     }
 }
 
-fn compile_exporter(shown: &str, file: PluginFile) -> Result<RhaiExporter, PluginError> {
-    match RhaiExporter::from_text(shown, &plugin_text(&file)) {
+fn compile_exporter(display_path: &str, file: PluginFile) -> Result<RhaiExporter, PluginError> {
+    match RhaiExporter::from_text(display_path, &plugin_text(&file)) {
         Ok(exporter) => Ok(exporter.with_file(file)),
         Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }
 }
 
-fn compile_importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> {
-    match RhaiImporter::from_text(shown, &plugin_text(&file)) {
+fn compile_importer(display_path: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> {
+    match RhaiImporter::from_text(display_path, &plugin_text(&file)) {
         Ok(importer) => Ok(importer.with_file(file)),
         Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }
 }
 
 /// A WebAssembly plugin that is compiled on first use; only its manifest is known.
-fn wasm_plugin(shown: &str, file: PluginFile) -> Result<Plugin, PluginError> {
-    let manifest = remembered_manifests::manifest(&file.bytes)
-        .map_err(|error| PluginError { text: format!("{shown}: {error}"), files: vec![file.path.clone()] })?;
-    Ok(match shown.ends_with(choreo_wasm_plugin::EXPORTER_ENDING) {
-        true => Plugin::WasmExporter(Arc::new(OnUse::exporter(shown, manifest, file))),
-        false => Plugin::WasmImporter(Arc::new(OnUse::importer(shown, manifest, file))),
+fn wasm_plugin(display_path: &str, file: PluginFile) -> Result<Plugin, PluginError> {
+    let manifest = remembered_manifests::manifest(&file.bytes).map_err(|error| PluginError {
+        text: format!("{display_path}: {error}"),
+        files: vec![file.path.clone()],
+    })?;
+    Ok(match display_path.ends_with(choreo_wasm_plugin::EXPORTER_ENDING) {
+        true => Plugin::WasmExporter(Arc::new(OnUse::exporter(display_path, manifest, file))),
+        false => Plugin::WasmImporter(Arc::new(OnUse::importer(display_path, manifest, file))),
     })
 }

@@ -9,13 +9,13 @@ pub struct SceneSource {
     /// A script (`.rhai`), or a model.
     pub input: PathBuf,
     /// Models: more models, shown to the right of `input`.
-    pub beside: Vec<PathBuf>,
+    pub more_models: Vec<PathBuf>,
     /// Scripts: parameters, `name=value`.
     pub set_parameters: Vec<(String, String)>,
     /// Additional folders to search for assets.
-    pub search: Vec<PathBuf>,
+    pub search_folders: Vec<PathBuf>,
     /// Additional folders of plugin files.
-    pub plugins: Vec<PathBuf>,
+    pub plugin_folders: Vec<PathBuf>,
     pub limits: Limits,
     pub requested_parts: ImportScope,
     /// Models: the clip to play (`None`: the first), and how the file is read.
@@ -24,7 +24,7 @@ pub struct SceneSource {
     /// Size in pixels that overrides the size of the scene.
     pub size: Option<[u32; 2]>,
     /// Folder that the renderer loads shaders from; changed shaders are loaded again.
-    pub shaders: Option<PathBuf>,
+    pub shader_folder: Option<PathBuf>,
 }
 
 impl SceneSource {
@@ -32,23 +32,23 @@ impl SceneSource {
     pub fn new(input: impl Into<PathBuf>) -> SceneSource {
         SceneSource {
             input: input.into(),
-            beside: Vec::new(),
+            more_models: Vec::new(),
             set_parameters: Vec::new(),
-            search: Vec::new(),
-            plugins: Vec::new(),
+            search_folders: Vec::new(),
+            plugin_folders: Vec::new(),
             limits: Limits::default(),
             requested_parts: ImportScope::ALL,
             clip: None,
             import: ImportChoice::default(),
             size: None,
-            shaders: None,
+            shader_folder: None,
         }
     }
 
     /// Options to run the script with.
     pub fn script_options(&self, assets: &AssetCache) -> ScriptOptions {
         ScriptOptions {
-            search_paths: self.search.clone(),
+            search_paths: self.search_folders.clone(),
             set_parameters: self.set_parameters.clone(),
             limits: self.limits.clone(),
             requested_parts: self.requested_parts,
@@ -73,7 +73,13 @@ impl SceneSource {
             (!names.is_empty()).then(|| format!("{} left out: a script is shown alone", names.join(", ")));
         let (input, beside) = shown.split_first()?;
         let (input, beside) = (input.clone(), beside.to_vec());
-        let source = SceneSource { input, beside, set_parameters: Vec::new(), clip: None, ..like.clone() };
+        let source = SceneSource {
+            input,
+            more_models: beside,
+            set_parameters: Vec::new(),
+            clip: None,
+            ..like.clone()
+        };
         Some((source, note))
     }
 

@@ -78,13 +78,13 @@ pub struct SceneVersion {
     /// Errors of a failed build, else warnings.
     pub problems: Vec<Problem>,
     /// Canonical paths of the files that the build read.
-    pub read: Vec<PathBuf>,
+    pub read_files: Vec<PathBuf>,
     /// Files whose change caused the build.
-    pub changed: BTreeSet<PathBuf>,
+    pub changed_files: BTreeSet<PathBuf>,
     /// Whether a file of the shader folder changed.
-    pub shaders: bool,
+    pub shaders_changed: bool,
     pub work: Work,
-    pub took: Duration,
+    pub build_time: Duration,
 }
 
 pub struct Session {
@@ -95,7 +95,7 @@ pub struct Session {
     imports: Imports,
     watch: Option<Watch>,
     /// Plugin files found by the last build, including the compiled ones.
-    files: Option<Listing>,
+    plugin_listing: Option<Listing>,
     work: Work,
     last_scene: Option<Arc<Scene>>,
     /// Number of imports when unused assets were dropped last.
@@ -103,7 +103,7 @@ pub struct Session {
 }
 
 /// Number of imports after which unused assets are dropped.
-const KEPT_IMPORTS: u64 = 64;
+const IMPORTS_BETWEEN_DROPS: u64 = 64;
 
 /// Result of a build, before it becomes a version.
 struct BuildResult {
@@ -123,7 +123,7 @@ impl Session {
             assets: AssetCache::default(),
             imports: Imports::default(),
             watch: if watching { Some(Watch::new()?) } else { None },
-            files: None,
+            plugin_listing: None,
             work: Work::default(),
             last_scene: None,
             imports_at_last_drop: 0,
@@ -148,8 +148,8 @@ impl Session {
         self.watch.as_mut().map_or(Err(WatchError::Gone), |watch| watch.wait(timeout))
     }
 
-    /// Builds the next version. `changed`: files that caused it, stored in [`SceneVersion::changed`].
-    pub fn build(&mut self, changed: BTreeSet<PathBuf>) -> SceneVersion {
+    /// Builds the next version. `changed_files`: files that caused it, stored in [`SceneVersion::changed_files`].
+    pub fn build(&mut self, changed_files: BTreeSet<PathBuf>) -> SceneVersion {
         let start = Instant::now();
         self.work.builds += 1;
         let number = self.work.builds;
@@ -163,9 +163,9 @@ impl Session {
             let what = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
             Err(vec![Diagnostic::error(what)])
         });
-        let shaders = self.source.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());
-        let of_plugins = self.files.iter().flat_map(Listing::used_files);
-        let read = dependencies.read.keys().cloned().chain(of_plugins).collect();
+        let shaders = self.source.shader_folder.as_ref().and_then(|folder| folder.canonicalize().ok());
+        let of_plugins = self.plugin_listing.iter().flat_map(Listing::used_files);
+        let read_files = dependencies.read.keys().cloned().chain(of_plugins).collect();
         interest.files.extend(dependencies.read.into_iter().map(|(path, hash)| (path, Some(hash))));
         for path in dependencies.missing_or_linked_paths {
             let there = content_of(&path);
@@ -189,16 +189,17 @@ impl Session {
             self.last_scene = Some(scene.clone());
             // Dropping is rare: the cache is the only owner of a file loaded for its clips alone, which would then be imported again. If the new
             // version is faulty, the assets of the last good one stay.
-            if self.assets.imports() >= self.imports_at_last_drop + KEPT_IMPORTS {
+            if self.assets.imports() >= self.imports_at_last_drop + IMPORTS_BETWEEN_DROPS {
                 self.assets.drop_unused();
                 self.imports_at_last_drop = self.assets.imports();
             }
         }
         self.work.imports = self.assets.imports();
-        self.work.plugins = self.files.as_ref().map_or(0, Listing::compiled);
-        let shaders = shaders.is_some_and(|folder| changed.iter().any(|c| c.starts_with(&folder)));
-        let (work, took) = (self.work, start.elapsed());
-        SceneVersion { number, scene, problems, read, changed, shaders, work, took }
+        self.work.plugins = self.plugin_listing.as_ref().map_or(0, Listing::compiled_count);
+        let shaders_changed =
+            shaders.is_some_and(|folder| changed_files.iter().any(|c| c.starts_with(&folder)));
+        let (work, build_time) = (self.work, start.elapsed());
+        SceneVersion { number, scene, problems, read_files, changed_files, shaders_changed, work, build_time }
     }
 
     fn build_scene(
@@ -247,9 +248,9 @@ impl Session {
         let inputs = [self.source.input.as_path()];
         let found = plugin_files::list_plugin_files(
             &self.plugins,
-            &self.source.plugins,
+            &self.source.plugin_folders,
             &inputs,
-            self.files.as_ref(),
+            self.plugin_listing.as_ref(),
         );
         let listing = found.map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         for folder in &listing.folders {
@@ -266,7 +267,7 @@ impl Session {
             interest.files.extend(listing.files().map(|file| (file.to_path_buf(), content_of(file))));
         }
         let registry = listing.registry.clone();
-        self.files = Some(listing);
+        self.plugin_listing = Some(listing);
         Ok(registry)
     }
 
@@ -297,7 +298,7 @@ impl Session {
         registry: &Registry,
         dependencies: &mut RunDependencies,
     ) -> Result<BuildResult, Vec<Problem>> {
-        let paths = || std::iter::once(&self.source.input).chain(&self.source.beside);
+        let paths = || std::iter::once(&self.source.input).chain(&self.source.more_models);
         let (mut assets, mut failed) = (Vec::new(), Vec::new());
         for path in paths() {
             match self.load_asset(registry, path, dependencies) {
@@ -328,7 +329,7 @@ impl Session {
         let built_in = path.to_str().filter(|_| model::is_built_in(path));
         let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path };
         let folder = base.parent().unwrap_or(Path::new(""));
-        let folders = Folders::new(folder, &self.source.search, self.source.limits.file);
+        let folders = Folders::new(folder, &self.source.search_folders, self.source.limits.file);
         let folders = folders.map_err(|e| file_error(path, e.message, e.hint))?;
         let loader = Loader::new(registry, folders, self.source.requested_parts);
         let loader = Arc::new(loader.with_cache(&self.assets).watched_by(&self.imports));

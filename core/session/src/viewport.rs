@@ -126,18 +126,18 @@ const CELL_EXPONENTS: (i32, i32) = (-3, 3);
 #[derive(Clone, Debug, PartialEq)]
 struct Addition {
     plugin: &'static str,
-    on: Vec<EffectTarget>,
+    targets: Vec<EffectTarget>,
     parameters: &'static [(&'static str, f64)],
     /// Level of a grid: 0 for the finest visible grid, 1 for the next one, whose cells are ten times as wide. `None` for other effects.
-    coarser: Option<i32>,
+    grid_level: Option<i32>,
 }
 
 impl Addition {
     /// Parameters of the effect. `view_distance`: distance from the camera to what it shows, metres.
     fn parameters(&self, view_distance: f64) -> Vec<(String, f64)> {
         let mut all: Vec<(&str, f64)> = self.parameters.to_vec();
-        if let Some(coarser) = self.coarser {
-            let (cell, opacity) = grid_cell(view_distance, coarser);
+        if let Some(grid_level) = self.grid_level {
+            let (cell, opacity) = grid_cell(view_distance, grid_level);
             // A small height above the ground avoids z-fighting with a floor at the same height.
             all.extend([
                 ("cell", cell),
@@ -150,15 +150,15 @@ impl Addition {
     }
 }
 
-/// Cell size in metres and opacity of a ground grid, where `coarser` is 0 for the finest and 1 for the next coarser one. Cells are 1 m wide at a
+/// Cell size in metres and opacity of a ground grid, where `grid_level` is 0 for the finest and 1 for the next coarser one. Cells are 1 m wide at a
 /// distance of 2 to 20 m, and change by powers of ten elsewhere. The finest grid fades out before the next one takes its place, as in Blender.
-fn grid_cell(view_distance: f64, coarser: i32) -> (f64, f64) {
+fn grid_cell(view_distance: f64, grid_level: i32) -> (f64, f64) {
     let exponent = libm::log10(view_distance.max(1e-9) / 2.0)
         .clamp(f64::from(CELL_EXPONENTS.0), f64::from(CELL_EXPONENTS.1));
     let power = libm::floor(exponent);
     let fading = ((1.0 - (exponent - power)) / 0.3).min(1.0);
-    let cell = libm::pow(10.0, power + f64::from(coarser));
-    (cell, if coarser == 0 { 0.45 * fading } else { 0.45 })
+    let cell = libm::pow(10.0, power + f64::from(grid_level));
+    (cell, if grid_level == 0 { 0.45 * fading } else { 0.45 })
 }
 
 /// Distance from the camera to what it shows, metres: to the nearest visible actor, else to the origin. In parallel projection it follows from the
@@ -298,7 +298,7 @@ impl ViewEvaluators {
             let mut stage = (*self.base_stage(&request.scene)).clone();
             stage.effects.extend(additions.iter().map(|addition| EffectUse {
                 plugin: addition.plugin.into(),
-                on: addition.on.clone(),
+                on: addition.targets.clone(),
                 ..EffectUse::default()
             }));
             self.stage_with_effects = Some((additions, Arc::new(stage)));
@@ -321,15 +321,15 @@ fn additions(request: &FrameRequest) -> Vec<Addition> {
     let actor = overrides.outlined.filter(|actor| *actor < scene.stage.actors.len());
     let outline = actor.map(|actor| Addition {
         plugin: "outline",
-        on: vec![EffectTarget { actor, material: None }],
+        targets: vec![EffectTarget { actor, material: None }],
         parameters: &SELECTION_OUTLINE,
-        coarser: None,
+        grid_level: None,
     });
-    let grid = |coarser| Addition {
+    let grid = |grid_level| Addition {
         plugin: "grid",
-        on: Vec::new(),
+        targets: Vec::new(),
         parameters: &GRID_COLOR,
-        coarser: Some(coarser),
+        grid_level: Some(grid_level),
     };
     let grid = [0, 1].into_iter().filter(|_| overrides.grid).map(grid);
     outline.into_iter().chain(grid).filter(|added| scene.registry.effect(added.plugin).is_some()).collect()

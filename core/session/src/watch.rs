@@ -143,7 +143,7 @@ impl Watch {
     }
 
     /// How many folders are watched.
-    pub fn folders(&self) -> usize {
+    pub fn folder_count(&self) -> usize {
         self.watched.len()
     }
 
@@ -189,7 +189,7 @@ impl Watch {
                     Err(RecvTimeoutError::Disconnected) => return Err(WatchError::Gone),
                     Err(RecvTimeoutError::Timeout) => {
                         if candidates.due().is_some_and(|due| due <= Instant::now()) {
-                            let changed = self.changed(&candidates.take_paths());
+                            let changed = self.take_changed(&candidates.take_paths());
                             if !changed.is_empty() {
                                 return Ok(WatchEvent::Changed(changed));
                             }
@@ -213,7 +213,7 @@ impl Watch {
                 }
                 Signal::Compare(files) => candidates.add(files, QUIET_AFTER_COMPLETE),
                 Signal::Event(event) => {
-                    let touched = self.touched(&event);
+                    let touched = self.watched_files_of(&event);
                     if !touched.is_empty() {
                         candidates.add(touched, quiet_after(event.kind));
                     }
@@ -241,7 +241,7 @@ impl Watch {
     }
 
     /// Watched files that an event may concern.
-    fn touched(&mut self, event: &Event) -> BTreeSet<PathBuf> {
+    fn watched_files_of(&mut self, event: &Event) -> BTreeSet<PathBuf> {
         let mut touched = BTreeSet::new();
         for path in &event.paths {
             if self.interest.contains_file(path) {
@@ -290,7 +290,7 @@ impl Watch {
         found
     }
 
-    fn changed(&mut self, candidates: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf> {
+    fn take_changed(&mut self, candidates: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf> {
         let mut changed = BTreeSet::new();
         for path in candidates {
             let now = choreo_script::content_of(path);

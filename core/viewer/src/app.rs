@@ -296,11 +296,11 @@ impl Viewer {
         self.problems = version.problems;
         self.find_severities();
         self.work = version.work;
-        self.documents.read = version.read;
-        self.build_took = version.took;
+        self.documents.read = version.read_files;
+        self.build_took = version.build_time;
         self.faulty = version.scene.is_none();
         (self.dragging, self.placement_override) = (None, None);
-        if version.shaders {
+        if version.shaders_changed {
             self.reloads += 1;
         }
         let Some(scene) = version.scene else { return };

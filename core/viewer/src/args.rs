@@ -135,8 +135,14 @@ impl FileOptions {
         let of_project = Args::try_parse_from(words)?;
         let base_source = &self.base_source;
         Ok(SceneSource {
-            search: [base_source.search.clone(), of_project.search, self.app.search.clone()].concat(),
-            plugins: [base_source.plugins.clone(), of_project.plugins, self.app.plugins.clone()].concat(),
+            search_folders: [base_source.search_folders.clone(), of_project.search, self.app.search.clone()]
+                .concat(),
+            plugin_folders: [
+                base_source.plugin_folders.clone(),
+                of_project.plugins,
+                self.app.plugins.clone(),
+            ]
+            .concat(),
             input,
             ..base_source.clone()
         })
@@ -178,12 +184,12 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
     let commands = commands(&args, app);
     let base_source = SceneSource {
         set_parameters,
-        search: args.search,
-        plugins: args.plugins,
+        search_folders: args.search,
+        plugin_folders: args.plugins,
         limits,
         clip: args.clip,
         import: ImportChoice::default(),
-        shaders: args.shaders,
+        shader_folder: args.shaders,
         ..SceneSource::new("")
     };
     let files = FileOptions { base_source, project_file: !args.no_project_file, app: app.clone() };
@@ -210,7 +216,7 @@ mod tests {
             let words = [OsString::from("choreo-view"), script].into_iter();
             let asked = parse(words.chain(more.iter().map(OsString::from)), &app).map_err(|_| "refused")?;
             let source = asked.files.source(asked.first.ok_or("no input")?);
-            source.map(|source| source.search).map_err(|_| "refused")
+            source.map(|source| source.search_folders).map_err(|_| "refused")
         };
         assert_eq!(search(&[]), Ok(vec![d.join("assets")]));
         assert_eq!(search(&["--search", "x"]), Ok(vec!["x".into(), d.join("assets")]));

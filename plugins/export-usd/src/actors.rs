@@ -5,7 +5,7 @@ use crate::layer::{MATRIX4D, Prim, Samples};
 use crate::lights;
 use crate::materials::{self, Network};
 use crate::meshes;
-use crate::model::{self, Common, Model, surroundings};
+use crate::model::{self, Common, Model, material_context};
 use crate::motion::{self, Sets};
 use choreo_exporter_kit::bake::rig;
 use choreo_exporter_kit::bake::signals::{MaterialPart, Quantity, material_now, set_material_part};
@@ -47,11 +47,11 @@ impl<'a> ActorWriter<'a, '_> {
         let still = self.baked.still_rig(actor, index);
         let path = format!("{}/{name}", self.path);
         let sets: Vec<_> = self.baked.motions[index].sets.iter().map(|set| &self.sets[*set]).collect();
-        let count = self.copies(index, common);
+        let count = self.copy_count(index, common);
         let material_overrides = self.material_overrides(index, model, common);
         let asset = &actor.asset;
         let mut prim = match asset.placements.is_empty() {
-            true => self.body(index, (name, &path), model, (&still, material_overrides, known)),
+            true => self.model_reference(index, (name, &path), model, (&still, material_overrides, known)),
             false => {
                 let mut above = Prim::new("Xform", name);
                 let places: Vec<Affine3A> = asset.first_placements(count).collect();
@@ -61,7 +61,7 @@ impl<'a> ActorWriter<'a, '_> {
                             model::instancer("copies", &places, format!("{path}/copies/prototype"));
                         let at = format!("{path}/copies/prototype");
                         let still = (&still[..], material_overrides, known);
-                        copies.children.push(self.body(index, ("prototype", &at), model, still));
+                        copies.children.push(self.model_reference(index, ("prototype", &at), model, still));
                         above.children.push(copies);
                     }
                     Some(_) => {
@@ -69,7 +69,7 @@ impl<'a> ActorWriter<'a, '_> {
                             let name = format!("body_{number}");
                             let at = format!("{path}/{name}");
                             let still = (&still[..], material_overrides.clone(), &mut *known);
-                            let mut body = self.body(index, (&name, &at), model, still);
+                            let mut body = self.model_reference(index, (&name, &at), model, still);
                             let place = rig::decompose(&widen(place), &Transform::IDENTITY);
                             motion::add_transform_ops(&mut body, &place);
                             above.children.push(body);
@@ -91,7 +91,7 @@ impl<'a> ActorWriter<'a, '_> {
     }
 
     /// The number of copies at the start; `None` where it changes over time or no number is set.
-    fn copies(&self, index: usize, common: &mut Common) -> Option<u32> {
+    fn copy_count(&self, index: usize, common: &mut Common) -> Option<u32> {
         let actor = &self.stage.actors[index];
         let varies = actor.channels.iter().any(|c| c.property == StageProperty::Copies)
             || !self.stage.frame_callbacks.is_empty();
@@ -103,7 +103,7 @@ impl<'a> ActorWriter<'a, '_> {
     }
 
     /// A prim that refers to a model, with its animation.
-    fn body(
+    fn model_reference(
         &self,
         index: usize,
         (name, path): (&str, &str),
@@ -119,7 +119,7 @@ impl<'a> ActorWriter<'a, '_> {
         }
         if actor.skinning == Skinning::DualQuaternion {
             prim.api.push("SkelBindingAPI");
-            prim.uniform_token("primvars:skel:skinningMethod", "dualQuaternion");
+            prim.set_uniform_token("primvars:skel:skinningMethod", "dualQuaternion");
         }
         let mut skeleton = Prim::over("skeleton");
         let rest = actor.asset.skeleton.rest();
@@ -131,7 +131,7 @@ impl<'a> ActorWriter<'a, '_> {
             let all = still[1..].iter().map(crate::joints::matrix).chain(helpers).collect();
             skeleton.set(MATRIX4D, "restTransforms", meshes::matrices(all)).uniform = true;
         }
-        if let Some(source) = self.animation(index, path, model, still, known, &mut prim) {
+        if let Some(source) = self.animation_path(index, path, model, still, known, &mut prim) {
             skeleton.api.push("SkelBindingAPI");
             skeleton.add_relationship("skel:animationSource", vec![source]);
         }
@@ -142,7 +142,7 @@ impl<'a> ActorWriter<'a, '_> {
     }
 
     /// The path of the actor's animation: one that another actor with the same curves wrote, or a new one, added below the prim.
-    fn animation(
+    fn animation_path(
         &self,
         index: usize,
         path: &str,
@@ -182,16 +182,16 @@ impl<'a> ActorWriter<'a, '_> {
             for state in &states {
                 let material = (number < model.asset.materials.len()).then_some(number as u32);
                 let Common { textures, losses } = &mut *common;
-                let surroundings = surroundings(model.asset, material);
-                networks.push(materials::network(state, surroundings, textures, losses));
+                let material_context = material_context(model.asset, material);
+                networks.push(materials::network(state, material_context, textures, losses));
             }
             if networks.iter().any(|network| !network.is_alike(&of_model.network)) {
                 common.losses.insert("materials whose textures or kinds change");
                 continue;
             }
-            let times = self.frames.list(&times);
+            let times = self.frames.time_codes(&times);
             let mut material = Prim::over(of_model.name.clone());
-            differences(&of_model.network, &networks, &times, &mut material);
+            add_differing_inputs(&of_model.network, &networks, &times, &mut material);
             material_overrides.children.extend((!material.children.is_empty()).then_some(material));
         }
         (!material_overrides.children.is_empty()).then_some(material_overrides)
@@ -216,7 +216,7 @@ impl<'a> ActorWriter<'a, '_> {
         let mut times: Vec<Time> =
             moving.iter().flat_map(|(_, series)| series.times.iter().copied()).collect();
         for (_, series) in moving.iter().filter(|(part, _)| matches!(part, MaterialPart::UvRotation(_))) {
-            add_turns(series, &mut times);
+            add_rotation_times(series, &mut times);
         }
         times.sort_unstable();
         times.dedup();
@@ -236,7 +236,7 @@ impl<'a> ActorWriter<'a, '_> {
 }
 
 /// Adds times between the keys of a rotation, so that no step exceeds [`MAX_ROTATION_STEP`].
-fn add_turns(series: &Series, times: &mut Vec<Time>) {
+fn add_rotation_times(series: &Series, times: &mut Vec<Time>) {
     for (pair, values) in series.times.windows(2).zip(series.values.windows(2)) {
         let parts = ((values[1] - values[0]).abs() / MAX_ROTATION_STEP).ceil().clamp(1.0, 1000.0) as i64;
         let length = (pair[1] - pair[0]).0;
@@ -245,7 +245,7 @@ fn add_turns(series: &Series, times: &mut Vec<Time>) {
 }
 
 /// Adds the inputs whose numbers change over time, or differ from those of the model's material.
-fn differences<'a>(model: &Network, networks: &[Network], times: &Rc<[f64]>, out: &mut Prim<'a>) {
+fn add_differing_inputs<'a>(model: &Network, networks: &[Network], times: &Rc<[f64]>, out: &mut Prim<'a>) {
     for (number, shader) in model.shaders.iter().enumerate() {
         let mut over = Prim::over(shader.name.clone());
         for (place, input) in shader.inputs.iter().enumerate() {
@@ -255,10 +255,10 @@ fn differences<'a>(model: &Network, networks: &[Network], times: &Rc<[f64]>, out
             let name = format!("inputs:{}", input.name);
             if all.iter().any(|numbers| numbers != first) {
                 let numbers = all.concat().into_iter().map(f64::from).collect();
-                let samples = Samples::of(times.clone(), None, input.of.width, numbers);
-                over.attribute(input.of, name).sampled(samples);
+                let samples = Samples::of(times.clone(), None, input.value_type.width, numbers);
+                over.add_attribute(input.value_type, name).set_samples(samples);
             } else if *first != own {
-                over.number(input.of, name, first);
+                over.set_number(input.value_type, name, first);
             }
         }
         out.children.extend((!over.properties.is_empty()).then_some(over));

@@ -12,7 +12,7 @@ use choreo_plugin::motion::{Time, Transform};
 use choreo_plugin::stage::Stage;
 
 /// Focal lengths and apertures in USD are in tenths of a scene unit, here tenths of a metre.
-const TENTHS: f64 = 10.0;
+const TENTHS_PER_METRE: f64 = 10.0;
 /// Height of the film gate, metres. It and the focal length determine the field of view.
 const FILM_HEIGHT: f64 = 0.024;
 /// Far plane of a camera that has none, metres.
@@ -29,25 +29,25 @@ pub fn of_stage<'a>(stage: &Stage, baked: &Baked<'_>, frames: Frames, names: &mu
     };
     let shots = baked.shots.iter().enumerate();
     shots
-        .map(|(number, shot)| camera(shot, names.free(&name(number, shot)), width / height, frames))
+        .map(|(number, shot)| camera(shot, names.add_unique(&name(number, shot)), width / height, frames))
         .collect()
 }
 
 fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a> {
     let mut out = Prim::new("Camera", name);
-    let mut about = vec![
+    let mut shot_metadata = vec![
         ("camera".to_string(), Meta::Text(shot.name.clone())),
-        ("start".to_string(), Meta::Double(frames.of(shot.from))),
-        ("end".to_string(), Meta::Double(frames.of(shot.to))),
+        ("start".to_string(), Meta::Double(frames.time_code(shot.from))),
+        ("end".to_string(), Meta::Double(frames.time_code(shot.to))),
     ];
     if shot.fading > Time::ZERO {
-        about.push(("dissolve".to_string(), Meta::Double(frames.lasting(shot.fading))));
+        shot_metadata.push(("dissolve".to_string(), Meta::Double(frames.duration_in_frames(shot.fading))));
     }
-    out.custom = vec![("shot".into(), Meta::Dictionary(about))];
+    out.custom = vec![("shot".into(), Meta::Dictionary(shot_metadata))];
     // The same data as custom properties, which programs such as Blender show. Seconds, as in glTF.
     out.set(STRING, "userProperties:camera", Value::text(&shot.name));
     for (name, time) in [("start", shot.from), ("end", shot.to)] {
-        let seconds = frames.of(time) / frames.per_second();
+        let seconds = frames.time_code(time) / frames.per_second();
         out.set(DOUBLE, format!("userProperties:{name}"), Value::one([seconds]));
     }
     let [position, rotation, lens] = &shot.parts;
@@ -56,10 +56,10 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
         // Clipping ranges start at 0 or more: USD has no depths behind the camera.
         Projection::Orthographic { near, far, .. } => (near.max(0.0), far),
     };
-    out.number(FLOAT2, "clippingRange", &[near, far]);
+    out.set_number(FLOAT2, "clippingRange", &[near, far]);
     match shot.projection {
         Projection::Perspective { .. } => {
-            let film = FILM_HEIGHT * TENTHS;
+            let film = FILM_HEIGHT * TENTHS_PER_METRE;
             out.set(FLOAT, "verticalAperture", Value::one([film]));
             out.set(FLOAT, "horizontalAperture", Value::one([film * aspect]));
             out.set(FLOAT, "focalLength", Value::one([focal_length(lens.first()[0].into())]));
@@ -70,7 +70,9 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
         }
         Projection::Orthographic { .. } => {
             out.set(TOKEN, "projection", Value::text("orthographic"));
-            for (name, factor) in [("horizontalAperture", aspect * TENTHS), ("verticalAperture", TENTHS)] {
+            for (name, factor) in
+                [("horizontalAperture", aspect * TENTHS_PER_METRE), ("verticalAperture", TENTHS_PER_METRE)]
+            {
                 out.set(FLOAT, name, Value::one([f64::from(lens.first()[0]) * factor]));
                 if !lens.is_still() {
                     let place = out.properties.len() - 1;
@@ -94,39 +96,40 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
 }
 
 /// Halvings of the interval between two keys of an angle, at most.
-const MOST_HALVINGS: u32 = 10;
+const MAX_HALVINGS: u32 = 10;
 
 fn focal_length(angle: f64) -> f64 {
-    0.5 * FILM_HEIGHT * TENTHS / libm::tan(0.5 * angle)
+    0.5 * FILM_HEIGHT * TENTHS_PER_METRE / libm::tan(0.5 * angle)
 }
 
 fn angle(focal_length: f64) -> f64 {
-    2.0 * libm::atan(0.5 * FILM_HEIGHT * TENTHS / focal_length)
+    2.0 * libm::atan(0.5 * FILM_HEIGHT * TENTHS_PER_METRE / focal_length)
 }
 
 /// Keys of a field of view as keys of a focal length. Adds keys where interpolated lengths would miss the interpolated angle.
-fn focal_lengths<'a>(lens: &Series, frames: Frames) -> Samples<'a> {
-    let (mut times, mut lengths) = (vec![lens.times[0]], vec![focal_length(lens.values[0].into())]);
-    for (pair, angles) in lens.times.windows(2).zip(lens.values.windows(2)) {
+fn focal_lengths<'a>(view_angles: &Series, frames: Frames) -> Samples<'a> {
+    let (mut times, mut lengths) =
+        (vec![view_angles.times[0]], vec![focal_length(view_angles.values[0].into())]);
+    for (pair, angles) in view_angles.times.windows(2).zip(view_angles.values.windows(2)) {
         let [a, b] = [angles[0], angles[1]].map(f64::from);
-        halve([(pair[0], a), (pair[1], b)], MOST_HALVINGS, &mut |time, angle| {
+        halve([(pair[0], a), (pair[1], b)], MAX_HALVINGS, &mut |time, angle| {
             times.push(time);
             lengths.push(focal_length(angle));
         });
     }
-    Samples::of(frames.list(&times), None, 1, lengths)
+    Samples::of(frames.time_codes(&times), None, 1, lengths)
 }
 
 /// Passes on the second of two keys, preceded by as many keys as keep the field of view in the middle of each interval within
 /// [`ANGLE_TOLERANCE`].
-fn halve([a, b]: [(Time, f64); 2], depth: u32, key: &mut impl FnMut(Time, f64)) {
+fn halve([a, b]: [(Time, f64); 2], depth: u32, receive: &mut impl FnMut(Time, f64)) {
     let between = angle(0.5 * (focal_length(a.1) + focal_length(b.1)));
     let middle = (a.0.middle(b.0), 0.5 * (a.1 + b.1));
     if depth == 0 || middle.0 <= a.0 || (between - middle.1).abs() <= ANGLE_TOLERANCE {
-        return key(b.0, b.1);
+        return receive(b.0, b.1);
     }
-    halve([a, middle], depth - 1, key);
-    halve([middle, b], depth - 1, key);
+    halve([a, middle], depth - 1, receive);
+    halve([middle, b], depth - 1, receive);
 }
 
 #[cfg(test)]

@@ -15,20 +15,20 @@ impl Frames {
     }
 
     /// A duration in frames.
-    pub(crate) fn lasting(&self, duration: Time) -> f64 {
+    pub(crate) fn duration_in_frames(&self, duration: Time) -> f64 {
         duration.0 as f64 * f64::from(self.rate.num)
             / (f64::from(self.rate.den) * Time::TICKS_PER_SECOND as f64)
     }
 
     /// The time code of a time. A frame's time gives a whole number, although ticks are rounded.
-    pub fn of(&self, time: Time) -> f64 {
-        let frames = self.lasting(time - self.start);
+    pub fn time_code(&self, time: Time) -> f64 {
+        let frames = self.duration_in_frames(time - self.start);
         let whole = frames.round();
-        if (frames - whole).abs() < 0.49 * self.lasting(Time(1)) { whole } else { frames }
+        if (frames - whole).abs() < 0.49 * self.duration_in_frames(Time(1)) { whole } else { frames }
     }
 
-    pub fn list(&self, times: &[Time]) -> Rc<[f64]> {
-        times.iter().map(|time| self.of(*time)).collect()
+    pub fn time_codes(&self, times: &[Time]) -> Rc<[f64]> {
+        times.iter().map(|time| self.time_code(*time)).collect()
     }
 }
 
@@ -42,8 +42,8 @@ mod tests {
         let frames = Frames { start: Time::ZERO, rate };
         for frame in [0, 1, 77, 1_000_003] {
             let time = rate.time_of(frame);
-            assert_eq!(frames.of(time), frame as f64);
-            assert!(frame == 0 || frames.of(time - Time(1)) < frame as f64);
+            assert_eq!(frames.time_code(time), frame as f64);
+            assert!(frame == 0 || frames.time_code(time - Time(1)) < frame as f64);
         }
     }
 }

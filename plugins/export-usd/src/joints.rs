@@ -51,7 +51,7 @@ impl Joints {
         let mut names: Vec<Names> = vec![Names::default(); skeleton.len() + 1];
         let mut paths: Vec<String> = Vec::with_capacity(skeleton.len());
         for (name, parent) in skeleton.names().iter().zip(skeleton.parents()) {
-            let name = names[parent.map_or(skeleton.len(), |p| p as usize)].free(name);
+            let name = names[parent.map_or(skeleton.len(), |p| p as usize)].add_unique(name);
             paths.push(parent.map_or(name.clone(), |parent| format!("{}/{name}", paths[parent as usize])));
         }
         let mut known = skeleton.names().to_vec();
@@ -67,7 +67,7 @@ impl Joints {
         };
         let mut bind: Vec<Option<DMat4>> = vec![None; skeleton.len()];
         for (number, skin) in asset.skins.iter().enumerate() {
-            let bound = out.bound(number, skin, &mut bind);
+            let bound = out.add_skin_binding(number, skin, &mut bind);
             out.skins.push(bound);
         }
         let at_rest = in_model(asset, skeleton.rest());
@@ -80,9 +80,10 @@ impl Joints {
         out
     }
 
-    fn bound(&mut self, number: usize, skin: &Skin, bind: &mut Vec<Option<DMat4>>) -> BoundSkin {
-        let inverse =
-            |index: usize| skin.inverse_bind.get(index).map_or(DMat4::IDENTITY, |m| affine(&m.as_dmat4()));
+    fn add_skin_binding(&mut self, number: usize, skin: &Skin, bind: &mut Vec<Option<DMat4>>) -> BoundSkin {
+        let inverse = |index: usize| {
+            skin.inverse_bind.get(index).map_or(DMat4::IDENTITY, |m| without_projection(&m.as_dmat4()))
+        };
         // The geometry's bind transform takes the scale of a mesh in centimetres, so that joints need none: some importers ignore
         // the scale of bones.
         let first = (0..skin.joints.len()).map(inverse).find(is_invertible);
@@ -125,7 +126,7 @@ impl Joints {
     }
 }
 
-fn affine(m: &DMat4) -> DMat4 {
+fn without_projection(m: &DMat4) -> DMat4 {
     let mut m = *m;
     (m.x_axis.w, m.y_axis.w, m.z_axis.w, m.w_axis.w) = (0.0, 0.0, 0.0, 1.0);
     m

@@ -28,30 +28,30 @@ pub struct Type {
     pub width: usize,
 }
 
-const fn of(name: &'static str, code: u8, component: Component, width: usize) -> Type {
+const fn attribute_type(name: &'static str, code: u8, component: Component, width: usize) -> Type {
     Type { name, code, component, width }
 }
 
-pub(crate) const BOOL: Type = of("bool", 1, Component::Bool, 1);
-pub const INT: Type = of("int", 3, Component::Int, 1);
-pub const FLOAT: Type = of("float", 8, Component::Float, 1);
-pub const DOUBLE: Type = of("double", 9, Component::Double, 1);
-pub const STRING: Type = of("string", 10, Component::Text, 1);
-pub(crate) const TOKEN: Type = of("token", 11, Component::Text, 1);
-pub(crate) const ASSET: Type = of("asset", 12, Component::Text, 1);
-pub(crate) const MATRIX4D: Type = of("matrix4d", 15, Component::Double, 16);
-pub(crate) const QUATF: Type = of("quatf", 17, Component::Float, 4);
-pub(crate) const QUATH: Type = of("quath", 18, Component::Half, 4);
-pub(crate) const FLOAT2: Type = of("float2", 20, Component::Float, 2);
-pub(crate) const TEXCOORD2F: Type = of("texCoord2f", 20, Component::Float, 2);
-pub(crate) const DOUBLE3: Type = of("double3", 23, Component::Double, 3);
-pub(crate) const FLOAT3: Type = of("float3", 24, Component::Float, 3);
-pub(crate) const COLOR3F: Type = of("color3f", 24, Component::Float, 3);
-pub(crate) const POINT3F: Type = of("point3f", 24, Component::Float, 3);
-pub(crate) const NORMAL3F: Type = of("normal3f", 24, Component::Float, 3);
-pub(crate) const VECTOR3F: Type = of("vector3f", 24, Component::Float, 3);
-pub(crate) const HALF3: Type = of("half3", 25, Component::Half, 3);
-pub(crate) const FLOAT4: Type = of("float4", 28, Component::Float, 4);
+pub(crate) const BOOL: Type = attribute_type("bool", 1, Component::Bool, 1);
+pub const INT: Type = attribute_type("int", 3, Component::Int, 1);
+pub const FLOAT: Type = attribute_type("float", 8, Component::Float, 1);
+pub const DOUBLE: Type = attribute_type("double", 9, Component::Double, 1);
+pub const STRING: Type = attribute_type("string", 10, Component::Text, 1);
+pub(crate) const TOKEN: Type = attribute_type("token", 11, Component::Text, 1);
+pub(crate) const ASSET: Type = attribute_type("asset", 12, Component::Text, 1);
+pub(crate) const MATRIX4D: Type = attribute_type("matrix4d", 15, Component::Double, 16);
+pub(crate) const QUATF: Type = attribute_type("quatf", 17, Component::Float, 4);
+pub(crate) const QUATH: Type = attribute_type("quath", 18, Component::Half, 4);
+pub(crate) const FLOAT2: Type = attribute_type("float2", 20, Component::Float, 2);
+pub(crate) const TEXCOORD2F: Type = attribute_type("texCoord2f", 20, Component::Float, 2);
+pub(crate) const DOUBLE3: Type = attribute_type("double3", 23, Component::Double, 3);
+pub(crate) const FLOAT3: Type = attribute_type("float3", 24, Component::Float, 3);
+pub(crate) const COLOR3F: Type = attribute_type("color3f", 24, Component::Float, 3);
+pub(crate) const POINT3F: Type = attribute_type("point3f", 24, Component::Float, 3);
+pub(crate) const NORMAL3F: Type = attribute_type("normal3f", 24, Component::Float, 3);
+pub(crate) const VECTOR3F: Type = attribute_type("vector3f", 24, Component::Float, 3);
+pub(crate) const HALF3: Type = attribute_type("half3", 25, Component::Half, 3);
+pub(crate) const FLOAT4: Type = attribute_type("float4", 28, Component::Float, 4);
 
 impl Type {
     /// Whether the type is a quaternion, whose order is x, y, z, w in memory and in crate files, and w, x, y, z in text.
@@ -122,7 +122,7 @@ impl<'a> Samples<'a> {
 #[derive(Clone)]
 pub struct Attribute<'a> {
     pub name: String,
-    pub of: Type,
+    pub value_type: Type,
     pub is_array: bool,
     pub uniform: bool,
     pub value: Option<Value<'a>>,
@@ -181,13 +181,13 @@ impl<'a> Prim<'a> {
     }
 
     /// Adds an attribute, and returns it for further changes.
-    pub fn attribute(&mut self, of: Type, name: impl Into<String>) -> &mut Attribute<'a> {
+    pub fn add_attribute(&mut self, value_type: Type, name: impl Into<String>) -> &mut Attribute<'a> {
         let (is_array, uniform, value, samples) = (false, false, None, None);
         let (connection, interpolation, element_size) = (None, None, None);
         let name = name.into();
         self.properties.push(Property::Attribute(Attribute {
             name,
-            of,
+            value_type,
             is_array,
             uniform,
             value,
@@ -202,23 +202,28 @@ impl<'a> Prim<'a> {
         }
     }
 
-    pub fn set(&mut self, of: Type, name: impl Into<String>, value: Value<'a>) -> &mut Attribute<'a> {
-        self.attribute(of, name).with(value)
+    pub fn set(&mut self, value_type: Type, name: impl Into<String>, value: Value<'a>) -> &mut Attribute<'a> {
+        self.add_attribute(value_type, name).set_value(value)
     }
 
     /// Sets an attribute to a single number or vector.
-    pub fn number(&mut self, of: Type, name: impl Into<String>, numbers: &[f32]) -> &mut Attribute<'a> {
+    pub fn set_number(
+        &mut self,
+        value_type: Type,
+        name: impl Into<String>,
+        numbers: &[f32],
+    ) -> &mut Attribute<'a> {
         let numbers: Vec<f64> = numbers.iter().map(|v| f64::from(*v)).collect();
-        self.set(of, name, Value::one(numbers))
+        self.set(value_type, name, Value::one(numbers))
     }
 
     /// Sets a uniform token.
-    pub(crate) fn uniform_token(&mut self, name: &str, token: &str) {
+    pub(crate) fn set_uniform_token(&mut self, name: &str, token: &str) {
         self.set(TOKEN, name, Value::text(token)).uniform = true;
     }
 
     /// Sets a uniform list of tokens.
-    pub(crate) fn uniform_tokens(&mut self, name: &str, tokens: Vec<String>) {
+    pub(crate) fn set_uniform_tokens(&mut self, name: &str, tokens: Vec<String>) {
         self.set(TOKEN, name, Value::Texts(tokens)).uniform = true;
     }
 
@@ -233,13 +238,13 @@ impl<'a> Attribute<'a> {
         self.name.starts_with("userProperties:")
     }
 
-    pub fn with(&mut self, value: Value<'a>) -> &mut Self {
+    pub fn set_value(&mut self, value: Value<'a>) -> &mut Self {
         self.is_array = matches!(value, Value::Numbers { count: Some(_), .. } | Value::Texts(_));
         self.value = Some(value);
         self
     }
 
-    pub fn sampled(&mut self, samples: Samples<'a>) -> &mut Self {
+    pub fn set_samples(&mut self, samples: Samples<'a>) -> &mut Self {
         self.is_array = matches!(samples.values, SampleValues::Numbers { count: Some(_), .. });
         self.samples = Some(samples);
         self

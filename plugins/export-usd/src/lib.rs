@@ -22,7 +22,7 @@ use choreo_plugin::asset::Asset;
 use choreo_plugin::motion::Path;
 use choreo_plugin::stage::Stage;
 use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
-use file::binary::{self, HEAD};
+use file::binary::{self, HEADER_BYTES};
 use file::zip::{Archive, Contents};
 use file::{Out, text};
 use frames::Frames;
@@ -117,7 +117,7 @@ fn layer<'a>(
         if baked.motions[index].hidden {
             continue;
         }
-        let name = names.free(&actor.name);
+        let name = names.add_unique(&actor.name);
         let model = &models[&(Arc::as_ptr(&actor.asset) as usize)];
         top.children.push(all.actor(index, &name, model, (&mut known, common)));
     }
@@ -133,7 +133,7 @@ fn layer<'a>(
         scene.provenance.iter().map(|(keyword, text)| (keyword.clone(), Meta::Text(text.clone()))).collect();
     Ok(Layer {
         default_prim: root,
-        end: frames.of(baked.end),
+        end: frames.time_code(baked.end),
         frames_per_second: frames.per_second(),
         comment: format!("choreo export-usd {}", MANIFEST.version),
         custom: provenance,
@@ -152,7 +152,7 @@ fn models<'a>(
     for (index, actor) in stage.actors.iter().enumerate() {
         let moves = motion::joint_set(baked, sets, index).is_some()
             || baked.still_rig(actor, index)[1..] != *actor.asset.skeleton.rest();
-        *rigs.entry(Arc::as_ptr(&actor.asset) as usize).or_default() |= moves || is_soft(&actor.asset);
+        *rigs.entry(Arc::as_ptr(&actor.asset) as usize).or_default() |= moves || needs_skeleton(&actor.asset);
     }
     let (mut out, mut prims, mut names) = (BTreeMap::new(), Vec::new(), Names::default());
     for (index, actor) in stage.actors.iter().enumerate() {
@@ -160,8 +160,9 @@ fn models<'a>(
         if baked.motions[index].hidden || out.contains_key(&address) {
             continue;
         }
-        let bare = actor.asset.name.rsplit('/').next().unwrap_or_default();
-        let name = names.free(bare.split('.').next().filter(|name| !name.is_empty()).unwrap_or("model"));
+        let file_name = actor.asset.name.rsplit('/').next().unwrap_or_default();
+        let name =
+            names.add_unique(file_name.split('.').next().filter(|name| !name.is_empty()).unwrap_or("model"));
         let place = format!("/{MODELS}");
         let (model, prim) = model::model(&actor.asset, &name, (&place, rigs[&address]), common);
         out.insert(address, model);
@@ -171,7 +172,7 @@ fn models<'a>(
 }
 
 /// Whether an asset needs a skeleton: it has skins or morph targets.
-fn is_soft(asset: &Asset) -> bool {
+fn needs_skeleton(asset: &Asset) -> bool {
     let is_shaped = |mesh: u32| asset.meshes.get(mesh as usize).is_some_and(|mesh| mesh.morph_targets > 0);
     asset.instances.iter().any(|instance| instance.skin.is_some() || is_shaped(instance.mesh))
 }
@@ -200,7 +201,7 @@ fn write(
         text::write(layer, &mut out)?;
         return Ok(out.finish()?);
     }
-    out.put(&[0; HEAD])?;
+    out.put(&[0; HEADER_BYTES])?;
     let head = binary::write_body(layer, &mut out)?;
     out.finish()?;
     files.replace(0, &head)
@@ -218,7 +219,7 @@ fn write_package(
     archive.begin(&mut out, format!("{stem}.usdc"), Contents::default())?;
     let at = out.position();
     out.begin_file();
-    out.put(&[0; HEAD])?;
+    out.put(&[0; HEADER_BYTES])?;
     out.begin_sum()?;
     let head = binary::write_body(layer, &mut out)?;
     let mut sum = crc32fast::Hasher::new();

@@ -32,13 +32,13 @@ pub fn of_stage<'a>(
     if stage.lights.is_empty() && stage.sky.is_none() && !in_files {
         let sun = default_sun();
         let at = Transform { rotation: rotation_towards(sun.direction), ..Transform::IDENTITY };
-        out.push(light(names.free("sun"), &sun.light, &at).0);
+        out.push(light(names.add_unique("sun"), &sun.light, &at).0);
     }
-    for (number, of) in stage.lights.iter().enumerate() {
+    for (number, stage_light) in stage.lights.iter().enumerate() {
         for (lost, what) in [
-            (of.shadow.is_some(), "how shadows are drawn"),
-            (of.attenuation.is_some(), "attenuation other than 1 / d²"),
-            (of.light.range.is_some(), "ranges of lights"),
+            (stage_light.shadow.is_some(), "how shadows are drawn"),
+            (stage_light.attenuation.is_some(), "attenuation other than 1 / d²"),
+            (stage_light.light.range.is_some(), "ranges of lights"),
         ] {
             if lost {
                 losses.insert(what);
@@ -47,14 +47,14 @@ pub fn of_stage<'a>(
         out.push(of_light(stage, baked, number, (frames, names)));
     }
     let settings = &stage.settings;
-    let around = 0.5 * (settings.ambient_up + settings.ambient_down);
-    if stage.sky.is_none() && around != Vec3::ZERO {
+    let mean_ambient = 0.5 * (settings.ambient_up + settings.ambient_down);
+    if stage.sky.is_none() && mean_ambient != Vec3::ZERO {
         if settings.ambient_up != settings.ambient_down {
             losses.insert("the difference between ambient light from above and below");
         }
-        let mut dome = Prim::new("DomeLight", names.free("ambient"));
-        dome.number(COLOR3F, "inputs:color", &(around / around.max_element()).to_array());
-        dome.number(FLOAT, "inputs:intensity", &[around.max_element()]);
+        let mut dome = Prim::new("DomeLight", names.add_unique("ambient"));
+        dome.set_number(COLOR3F, "inputs:color", &(mean_ambient / mean_ambient.max_element()).to_array());
+        dome.set_number(FLOAT, "inputs:intensity", &[mean_ambient.max_element()]);
         out.push(dome);
     }
     out
@@ -78,11 +78,11 @@ pub fn of_sky<'a>(
         ],
         &mut common.losses,
     );
-    let mut dome = Prim::new("DomeLight", names.free("sky"));
+    let mut dome = Prim::new("DomeLight", names.add_unique("sky"));
     let path = common.textures.sky(&now.panorama, is_package)?;
     dome.set(ASSET, "inputs:texture:file", Value::text(path));
     dome.set(TOKEN, "inputs:texture:format", Value::text("latlong"));
-    dome.number(FLOAT, "inputs:intensity", &[now.strength]);
+    dome.set_number(FLOAT, "inputs:intensity", &[now.strength]);
     let rotation = Quat::from_rotation_y(std::f32::consts::PI + now.turn as f32);
     add_transform_ops(&mut dome, &Transform { rotation, ..Transform::IDENTITY });
     Ok(Some(dome))
@@ -94,13 +94,13 @@ fn of_light<'a>(
     number: usize,
     (frames, names): (Frames, &mut Names),
 ) -> Prim<'a> {
-    let of = &stage.lights[number];
+    let stage_light = &stage.lights[number];
     let state = baked.lights.get(number).copied().flatten();
     let series = |part| baked.series_of(Quantity::Light { light: number, part });
-    let now = state.map_or(Light { intensity: 0.0, ..of.light }, |state| state.light);
+    let now = state.map_or(Light { intensity: 0.0, ..stage_light.light }, |state| state.light);
     let (position, direction) = match &state {
         Some(state) => (state.position, state.direction),
-        None => (of.position, of.direction),
+        None => (stage_light.position, stage_light.direction),
     };
     let mut at = Transform { translation: position.as_vec3(), ..Transform::IDENTITY };
     if let Some(first) = series(LightPart::Position) {
@@ -113,7 +113,7 @@ fn of_light<'a>(
     if now.kind.is_directional() {
         at.translation = Vec3::ZERO;
     }
-    let (mut out, property_indices) = light(names.free(&of.name), &now, &at);
+    let (mut out, property_indices) = light(names.add_unique(&stage_light.name), &now, &at);
     let factor = if now.kind.is_directional() { 1.0 } else { SPHERE_INTENSITY_PER_CANDELA };
     for (part, property) in
         [(LightPart::Position, property_indices[0]), (LightPart::Rotation, property_indices[1])]
@@ -151,23 +151,23 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
         LightKind::Point | LightKind::Spot { .. } => "SphereLight",
     };
     let mut out = Prim::new(of_type, name);
-    out.number(COLOR3F, "inputs:color", &light.color.to_array());
+    out.set_number(COLOR3F, "inputs:color", &light.color.to_array());
     if light.kind.is_directional() {
         // A distant light: its intensity is the illuminance.
-        out.number(FLOAT, "inputs:angle", &[0.0]);
-        out.number(FLOAT, "inputs:intensity", &[light.intensity]);
-        out.number(BOOL, "inputs:normalize", &[1.0]);
+        out.set_number(FLOAT, "inputs:angle", &[0.0]);
+        out.set_number(FLOAT, "inputs:intensity", &[light.intensity]);
+        out.set_number(BOOL, "inputs:normalize", &[1.0]);
     } else {
-        out.number(FLOAT, "inputs:intensity", &[light.intensity * SPHERE_INTENSITY_PER_CANDELA]);
-        out.number(BOOL, "inputs:normalize", &[1.0]);
-        out.number(FLOAT, "inputs:radius", &[LIGHT_RADIUS]);
-        out.number(BOOL, "treatAsPoint", &[1.0]);
+        out.set_number(FLOAT, "inputs:intensity", &[light.intensity * SPHERE_INTENSITY_PER_CANDELA]);
+        out.set_number(BOOL, "inputs:normalize", &[1.0]);
+        out.set_number(FLOAT, "inputs:radius", &[LIGHT_RADIUS]);
+        out.set_number(BOOL, "treatAsPoint", &[1.0]);
     }
     if let Some([inner, outer]) = light.kind.cone() {
         out.api.push("ShapingAPI");
-        out.number(FLOAT, "inputs:shaping:cone:angle", &[outer.to_degrees()]);
+        out.set_number(FLOAT, "inputs:shaping:cone:angle", &[outer.to_degrees()]);
         let softness = (1.0 - inner / outer.max(1e-6)).clamp(0.0, 1.0);
-        out.number(FLOAT, "inputs:shaping:cone:softness", &[softness]);
+        out.set_number(FLOAT, "inputs:shaping:cone:softness", &[softness]);
     }
     let property_indices = add_transform_ops(&mut out, at);
     (out, property_indices)
@@ -177,10 +177,10 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
 pub fn of_file(prim: &mut Prim<'_>, asset: &Asset, still: &[Transform]) {
     let in_model = joints::in_model(asset, still);
     let mut names = Names::default();
-    for of in &asset.lights {
-        let Some(at) = in_model.get(of.joint as usize) else { continue };
+    for file_light in &asset.lights {
+        let Some(at) = in_model.get(file_light.joint as usize) else { continue };
         let at = rig::decompose(&DAffine3::from_mat4(*at), &Transform::IDENTITY);
-        let name = names.free(&format!("light {}", of.name));
-        prim.children.push(light(name, &of.light, &at).0);
+        let name = names.add_unique(&format!("light {}", file_light.name));
+        prim.children.push(light(name, &file_light.light, &at).0);
     }
 }

@@ -25,7 +25,7 @@ pub struct Shader {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {
     pub name: &'static str,
-    pub of: Type,
+    pub value_type: Type,
     pub value: InputValue,
 }
 
@@ -39,16 +39,16 @@ pub enum InputValue {
 
 /// The asset data that a shader network depends on.
 #[derive(Clone, Copy)]
-pub struct Surroundings<'a> {
+pub struct MaterialContext<'a> {
     pub asset: &'a Asset,
     /// Whether all primitives with the material have the first and the second set of texture coordinates.
     pub uvs: [bool; 2],
     /// Whether all primitives with the material have vertex colors.
-    pub colors: bool,
+    pub has_vertex_colors: bool,
 }
 
 struct Builder<'b> {
-    of: Surroundings<'b>,
+    material_context: MaterialContext<'b>,
     textures: &'b mut Textures,
     surface: Vec<Input>,
     other_shaders: Vec<Shader>,
@@ -58,23 +58,28 @@ struct Builder<'b> {
 struct TextureSampling {
     scale: Vec4,
     bias: Vec4,
-    space: &'static str,
+    color_space: &'static str,
 }
 
 impl TextureSampling {
     fn color(scale: Vec4) -> TextureSampling {
-        TextureSampling { scale, bias: Vec4::ZERO, space: "sRGB" }
+        TextureSampling { scale, bias: Vec4::ZERO, color_space: "sRGB" }
     }
 
     fn raw(scale: Vec4, bias: Vec4) -> TextureSampling {
-        TextureSampling { scale, bias, space: "raw" }
+        TextureSampling { scale, bias, color_space: "raw" }
     }
 }
 
 /// The shader network of a material, the surface shader first.
-pub fn network(m: &Material, of: Surroundings<'_>, textures: &mut Textures, losses: &mut Losses) -> Network {
-    let mut builder = Builder { of, textures, surface: Vec::new(), other_shaders: Vec::new() };
-    builder.material(m, losses);
+pub fn network(
+    m: &Material,
+    material_context: MaterialContext<'_>,
+    textures: &mut Textures,
+    losses: &mut Losses,
+) -> Network {
+    let mut builder = Builder { material_context, textures, surface: Vec::new(), other_shaders: Vec::new() };
+    builder.add_material_inputs(m, losses);
     let surface = Shader {
         name: "surface".into(),
         id: "UsdPreviewSurface",
@@ -88,46 +93,48 @@ pub fn network(m: &Material, of: Surroundings<'_>, textures: &mut Textures, loss
 }
 
 impl Builder<'_> {
-    fn input(&mut self, name: &'static str, of: Type, numbers: &[f32]) {
-        self.surface.push(Input { name, of, value: InputValue::Numbers(numbers.to_vec()) });
+    fn add_input(&mut self, name: &'static str, value_type: Type, numbers: &[f32]) {
+        self.surface.push(Input { name, value_type, value: InputValue::Numbers(numbers.to_vec()) });
     }
 
-    fn connected(&mut self, name: &'static str, of: Type, output: String) {
-        self.surface.push(Input { name, of, value: InputValue::Output(output) });
+    fn add_connection(&mut self, name: &'static str, value_type: Type, output: String) {
+        self.surface.push(Input { name, value_type, value: InputValue::Output(output) });
     }
 
-    fn material(&mut self, m: &Material, losses: &mut Losses) {
+    fn add_material_inputs(&mut self, m: &Material, losses: &mut Losses) {
         let color = m.base_color.clamp(Vec4::ZERO, Vec4::ONE);
         let unlit = matches!(m.shading, Shading::Unlit | Shading::Toon);
-        let base = self.texture("base_color", &m.base_color_texture, TextureSampling::color(color));
+        let base = self.add_texture("base_color", &m.base_color_texture, TextureSampling::color(color));
         let (lit, name) = if unlit { (false, "emissiveColor") } else { (true, "diffuseColor") };
         match &base {
             Some(texture) => {
-                if self.of.colors {
+                if self.material_context.has_vertex_colors {
                     losses.insert("vertex colors multiplied by textures");
                 }
-                self.connected(name, COLOR3F, format!("{texture}.outputs:rgb"));
+                self.add_connection(name, COLOR3F, format!("{texture}.outputs:rgb"));
             }
-            None if self.of.colors => {
+            None if self.material_context.has_vertex_colors => {
                 if color.truncate() != Vec3::ONE {
                     losses.insert("material colors multiplied by vertex colors");
                 }
-                self.reader("vertex_color", "UsdPrimvarReader_float3", "displayColor", FLOAT3);
-                self.connected(name, COLOR3F, "vertex_color.outputs:result".into());
+                self.add_primvar_reader("vertex_color", "UsdPrimvarReader_float3", "displayColor", FLOAT3);
+                self.add_connection(name, COLOR3F, "vertex_color.outputs:result".into());
             }
-            None => self.input(name, COLOR3F, &color.truncate().to_array()),
+            None => self.add_input(name, COLOR3F, &color.truncate().to_array()),
         }
         if !lit {
-            self.input("diffuseColor", COLOR3F, &[0.0; 3]);
+            self.add_input("diffuseColor", COLOR3F, &[0.0; 3]);
         } else {
             let emissive = m.emissive.max(Vec3::ZERO);
-            let reading = TextureSampling::color(emissive.extend(1.0));
-            match self.texture("emissive", &m.emissive_texture, reading) {
-                Some(texture) => self.connected("emissiveColor", COLOR3F, format!("{texture}.outputs:rgb")),
-                None => self.input("emissiveColor", COLOR3F, &emissive.to_array()),
+            let sampling = TextureSampling::color(emissive.extend(1.0));
+            match self.add_texture("emissive", &m.emissive_texture, sampling) {
+                Some(texture) => {
+                    self.add_connection("emissiveColor", COLOR3F, format!("{texture}.outputs:rgb"))
+                }
+                None => self.add_input("emissiveColor", COLOR3F, &emissive.to_array()),
             }
         }
-        self.reflection(m, unlit);
+        self.add_reflection_inputs(m, unlit);
         let opacity = match m.alpha_mode {
             AlphaMode::Opaque => None,
             AlphaMode::Mask(cutoff) => Some(cutoff),
@@ -135,29 +142,29 @@ impl Builder<'_> {
         };
         if let Some(threshold) = opacity {
             match &base {
-                Some(texture) => self.connected("opacity", FLOAT, format!("{texture}.outputs:a")),
-                None => self.input("opacity", FLOAT, &[color.w]),
+                Some(texture) => self.add_connection("opacity", FLOAT, format!("{texture}.outputs:a")),
+                None => self.add_input("opacity", FLOAT, &[color.w]),
             }
-            self.input("opacityThreshold", FLOAT, &[threshold]);
+            self.add_input("opacityThreshold", FLOAT, &[threshold]);
         } else if m.layers.as_ref().is_some_and(|layers| layers.transmission > 0.0) {
             let through = m.layers.as_ref().map_or(0.0, |layers| layers.transmission);
             losses.insert("transmission (written as opacity)");
-            self.input("opacity", FLOAT, &[(1.0 - 0.85 * through).clamp(0.0, 1.0)]);
+            self.add_input("opacity", FLOAT, &[(1.0 - 0.85 * through).clamp(0.0, 1.0)]);
         }
         let s = m.normal_scale;
-        let reading =
+        let sampling =
             TextureSampling::raw(Vec4::new(2.0 * s, 2.0 * s, 2.0, 1.0), Vec4::new(-s, -s, -1.0, 0.0));
-        if let Some(texture) = self.texture("normal", &m.normal_texture, reading) {
-            self.connected("normal", NORMAL3F, format!("{texture}.outputs:rgb"));
+        if let Some(texture) = self.add_texture("normal", &m.normal_texture, sampling) {
+            self.add_connection("normal", NORMAL3F, format!("{texture}.outputs:rgb"));
         }
         let s = m.occlusion_strength.clamp(0.0, 1.0);
-        let reading = TextureSampling::raw(Vec4::splat(s), Vec4::splat(1.0 - s));
-        if let Some(texture) = self.texture("occlusion", &m.occlusion_texture, reading) {
-            self.connected("occlusion", FLOAT, format!("{texture}.outputs:r"));
+        let sampling = TextureSampling::raw(Vec4::splat(s), Vec4::splat(1.0 - s));
+        if let Some(texture) = self.add_texture("occlusion", &m.occlusion_texture, sampling) {
+            self.add_connection("occlusion", FLOAT, format!("{texture}.outputs:r"));
         }
     }
 
-    fn reflection(&mut self, m: &Material, unlit: bool) {
+    fn add_reflection_inputs(&mut self, m: &Material, unlit: bool) {
         let (metallic, roughness) = match m.shading {
             Shading::MetallicRoughness => (m.metallic.clamp(0.0, 1.0), m.roughness.clamp(0.0, 1.0)),
             Shading::BlinnPhong | Shading::Phong => (0.0, m.mirror_roughness().clamp(0.0, 1.0)),
@@ -165,55 +172,64 @@ impl Builder<'_> {
         };
         let texture =
             m.metallic_roughness_texture.clone().filter(|_| m.shading == Shading::MetallicRoughness);
-        let reading = TextureSampling::raw(Vec4::new(1.0, roughness, metallic, 1.0), Vec4::ZERO);
-        match self.texture("metallic_roughness", &texture, reading) {
+        let sampling = TextureSampling::raw(Vec4::new(1.0, roughness, metallic, 1.0), Vec4::ZERO);
+        match self.add_texture("metallic_roughness", &texture, sampling) {
             Some(texture) => {
-                self.connected("metallic", FLOAT, format!("{texture}.outputs:b"));
-                self.connected("roughness", FLOAT, format!("{texture}.outputs:g"));
+                self.add_connection("metallic", FLOAT, format!("{texture}.outputs:b"));
+                self.add_connection("roughness", FLOAT, format!("{texture}.outputs:g"));
             }
             None => {
-                self.input("metallic", FLOAT, &[metallic]);
-                self.input("roughness", FLOAT, &[roughness]);
+                self.add_input("metallic", FLOAT, &[metallic]);
+                self.add_input("roughness", FLOAT, &[roughness]);
             }
         }
         let layers = m.layers.as_deref();
         // An unlit surface must not reflect: index 1.
         let index = if unlit { 1.0 } else { layers.map_or(1.5, |l| l.ior) };
         if index != 1.5 {
-            self.input("ior", FLOAT, &[index]);
+            self.add_input("ior", FLOAT, &[index]);
         }
         if let Some(coat) = layers.filter(|l| l.clearcoat > 0.0) {
-            self.input("clearcoat", FLOAT, &[coat.clearcoat]);
-            self.input("clearcoatRoughness", FLOAT, &[coat.clearcoat_roughness]);
+            self.add_input("clearcoat", FLOAT, &[coat.clearcoat]);
+            self.add_input("clearcoatRoughness", FLOAT, &[coat.clearcoat_roughness]);
         }
     }
 
     /// Adds the shader of a texture and returns its name; `None` without a texture, or without coordinates for it.
-    fn texture(
+    fn add_texture(
         &mut self,
         name: &'static str,
         texture: &Option<TextureRef>,
-        reading: TextureSampling,
+        sampling: TextureSampling,
     ) -> Option<String> {
-        let has_uvs = |t: &&TextureRef| self.of.uvs.get(usize::from(t.uv_set)).is_some_and(|has| *has);
+        let has_uvs =
+            |t: &&TextureRef| self.material_context.uvs.get(usize::from(t.uv_set)).is_some_and(|has| *has);
         let texture = texture.as_ref().filter(has_uvs)?;
-        let image =
-            self.of.asset.images.get(texture.image as usize).filter(|i| i.width > 0 && i.height > 0)?;
-        let file = self.textures.path(image);
+        let image = self
+            .material_context
+            .asset
+            .images
+            .get(texture.image as usize)
+            .filter(|i| i.width > 0 && i.height > 0)?;
+        let file = self.textures.image_path(image);
         let (reader, primvar) = [("uv", "st"), ("uv1", "st1")][usize::from(texture.uv_set > 0)];
         if !self.other_shaders.iter().any(|shader| shader.name == reader) {
-            self.reader(reader, "UsdPrimvarReader_float2", primvar, FLOAT2);
+            self.add_primvar_reader(reader, "UsdPrimvarReader_float2", primvar, FLOAT2);
         }
         // The transform is always written, so that materials that differ only in numbers have the same shaders.
-        let (translation, rotation, scale) = from_below(&texture.uv_transform);
-        let numbers = |name, of, list: &[f32]| Input { name, of, value: InputValue::Numbers(list.to_vec()) };
+        let (translation, rotation, scale) = with_v_flipped(&texture.uv_transform);
+        let numbers = |name, value_type, list: &[f32]| Input {
+            name,
+            value_type,
+            value: InputValue::Numbers(list.to_vec()),
+        };
         let output = |text: String| InputValue::Output(text);
         let transform = format!("{name}_uv");
         self.other_shaders.push(Shader {
             name: transform.clone(),
             id: "UsdTransform2d",
             inputs: vec![
-                Input { name: "in", of: FLOAT2, value: output(format!("{reader}.outputs:result")) },
+                Input { name: "in", value_type: FLOAT2, value: output(format!("{reader}.outputs:result")) },
                 numbers("rotation", FLOAT, &[rotation]),
                 numbers("scale", FLOAT2, &scale),
                 numbers("translation", FLOAT2, &translation),
@@ -232,33 +248,41 @@ impl Builder<'_> {
             name: name.into(),
             id: "UsdUVTexture",
             inputs: vec![
-                Input { name: "file", of: ASSET, value: InputValue::Text(file) },
-                Input { name: "st", of: FLOAT2, value: output(format!("{transform}.outputs:result")) },
-                Input { name: "wrapS", of: TOKEN, value: wrap(texture.sampler.wrap_u) },
-                Input { name: "wrapT", of: TOKEN, value: wrap(texture.sampler.wrap_v) },
-                Input { name: "sourceColorSpace", of: TOKEN, value: InputValue::Text(reading.space.into()) },
-                numbers("scale", FLOAT4, &reading.scale.to_array()),
-                numbers("bias", FLOAT4, &reading.bias.to_array()),
+                Input { name: "file", value_type: ASSET, value: InputValue::Text(file) },
+                Input {
+                    name: "st",
+                    value_type: FLOAT2,
+                    value: output(format!("{transform}.outputs:result")),
+                },
+                Input { name: "wrapS", value_type: TOKEN, value: wrap(texture.sampler.wrap_u) },
+                Input { name: "wrapT", value_type: TOKEN, value: wrap(texture.sampler.wrap_v) },
+                Input {
+                    name: "sourceColorSpace",
+                    value_type: TOKEN,
+                    value: InputValue::Text(sampling.color_space.into()),
+                },
+                numbers("scale", FLOAT4, &sampling.scale.to_array()),
+                numbers("bias", FLOAT4, &sampling.bias.to_array()),
             ],
             outputs: vec![("r", FLOAT), ("g", FLOAT), ("b", FLOAT), ("a", FLOAT), ("rgb", FLOAT3)],
         });
         Some(name.into())
     }
 
-    fn reader(&mut self, name: &str, id: &'static str, primvar: &str, of: Type) {
-        let varname = Input { name: "varname", of: STRING, value: InputValue::Text(primvar.into()) };
+    fn add_primvar_reader(&mut self, name: &str, id: &'static str, primvar: &str, value_type: Type) {
+        let varname = Input { name: "varname", value_type: STRING, value: InputValue::Text(primvar.into()) };
         self.other_shaders.push(Shader {
             name: name.into(),
             id,
             inputs: vec![varname],
-            outputs: vec![("result", of)],
+            outputs: vec![("result", value_type)],
         });
     }
 }
 
 /// Converts a texture transform with the origin at the top left to one at the bottom left: translation, degrees, scale. Loses
 /// shear.
-fn from_below(a: &Affine2) -> ([f32; 2], f32, [f32; 2]) {
+fn with_v_flipped(a: &Affine2) -> ([f32; 2], f32, [f32; 2]) {
     let (x, y, at) = (a.matrix2.x_axis, a.matrix2.y_axis, a.translation);
     let (x_below, y_below) = ([x.x, -x.y], [-y.x, y.y]);
     let rotation = libm::atan2f(x_below[1], x_below[0]);
@@ -272,22 +296,24 @@ impl Network {
     pub fn prim<'a>(&self, name: &str, path: &str, display_name: &str) -> Prim<'a> {
         let mut out = Prim::new("Material", name);
         out.display_name = (display_name != name && !display_name.is_empty()).then(|| display_name.into());
-        out.attribute(TOKEN, "outputs:surface").connection = Some(format!("{path}/surface.outputs:surface"));
+        out.add_attribute(TOKEN, "outputs:surface").connection =
+            Some(format!("{path}/surface.outputs:surface"));
         for shader in &self.shaders {
             let mut prim = Prim::new("Shader", shader.name.clone());
-            prim.uniform_token("info:id", shader.id);
+            prim.set_uniform_token("info:id", shader.id);
             for input in &shader.inputs {
                 let name = format!("inputs:{}", input.name);
                 match &input.value {
-                    InputValue::Numbers(numbers) => _ = prim.number(input.of, name, numbers),
-                    InputValue::Text(text) => _ = prim.set(input.of, name, Value::text(text)),
+                    InputValue::Numbers(numbers) => _ = prim.set_number(input.value_type, name, numbers),
+                    InputValue::Text(text) => _ = prim.set(input.value_type, name, Value::text(text)),
                     InputValue::Output(output) => {
-                        prim.attribute(input.of, name).connection = Some(format!("{path}/{output}"));
+                        prim.add_attribute(input.value_type, name).connection =
+                            Some(format!("{path}/{output}"));
                     }
                 }
             }
-            for (output, of) in &shader.outputs {
-                prim.attribute(*of, format!("outputs:{output}"));
+            for (output, value_type) in &shader.outputs {
+                prim.add_attribute(*value_type, format!("outputs:{output}"));
             }
             out.children.push(prim);
         }
@@ -347,7 +373,7 @@ mod tests {
     fn uv_transforms_with_v_flipped_move_the_same_points() {
         for (rotation, scale) in [(0.7f32, Vec2::new(2.0, 3.0)), (-2.0, Vec2::new(0.5, -1.5))] {
             let above = choreo_plugin::stage::uv_transform(Vec2::new(0.25, -0.5), rotation, scale);
-            let (translation, degrees, scale) = from_below(&above);
+            let (translation, degrees, scale) = with_v_flipped(&above);
             let turn = Mat2::from_angle(degrees.to_radians());
             for uv in [Vec2::ZERO, Vec2::new(0.3, 0.8), Vec2::ONE] {
                 let below = Vec2::new(uv.x, 1.0 - uv.y);

@@ -59,7 +59,7 @@ fn triangles<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
     out.set(INT, "faceVertexCounts", Value::array(indices.len() / 3, |_| 3.0));
     out.set(INT, "faceVertexIndices", Value::array(indices.len() / 3 * 3, move |i| f64::from(indices[i])));
     out.set(POINT3F, "points", vectors(&p.positions));
-    out.uniform_token("subdivisionScheme", "none");
+    out.set_uniform_token("subdivisionScheme", "none");
     if p.normals.len() == count {
         out.set(NORMAL3F, "normals", vectors(&p.normals)).set_interpolation("vertex");
     }
@@ -97,7 +97,7 @@ fn lines<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
     let at = move |i: usize| f64::from(p.positions[p.indices[i / 3] as usize][i % 3]);
     out.set(INT, "curveVertexCounts", Value::array(count, |_| 2.0));
     out.set(POINT3F, "points", Value::array(2 * count, at));
-    out.uniform_token("type", "linear");
+    out.set_uniform_token("type", "linear");
     out.set(FLOAT, "widths", Value::array(1, |_| 0.005)).set_interpolation("constant");
     out
 }
@@ -111,7 +111,7 @@ fn points<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
 }
 
 /// Binds a mesh to the skeleton of its model.
-pub fn bind<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skeleton: &str) {
+pub fn bind_to_skeleton<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skeleton: &str) {
     out.api.push("SkelBindingAPI");
     out.add_relationship("skel:skeleton", vec![skeleton.into()]);
     let geometry = match &binding {

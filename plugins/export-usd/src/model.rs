@@ -2,7 +2,7 @@
 
 use crate::joints::{self, Joints};
 use crate::layer::{FLOAT3, INT, MATRIX4D, POINT3F, Prim, QUATF, QUATH, Specifier, Value};
-use crate::materials::{self, Network, Surroundings};
+use crate::materials::{self, MaterialContext, Network};
 use crate::meshes::{self, Binding};
 use crate::names::Names;
 use crate::textures::Textures;
@@ -38,7 +38,7 @@ pub struct Common {
     pub losses: BTreeSet<&'static str>,
 }
 
-struct Maker<'a, 'c> {
+struct ModelBuilder<'a, 'c> {
     asset: &'a Asset,
     path: String,
     joints: Option<Joints>,
@@ -61,7 +61,7 @@ pub fn model<'a>(
     common: &mut Common,
 ) -> (Model<'a>, Prim<'a>) {
     let path = format!("{parent}/{name}");
-    let mut maker = Maker {
+    let mut builder = ModelBuilder {
         asset,
         joints: has_rig.then(|| Joints::of(asset)),
         at_rest: joints::in_model(asset, asset.skeleton.rest()),
@@ -73,11 +73,11 @@ pub fn model<'a>(
         common,
     };
     let mut prim = Prim::new(if has_rig { "SkelRoot" } else { "Xform" }, name);
-    let materials = maker.materials();
-    maker.names.free("materials");
-    if let Some(joints) = &maker.joints {
-        maker.names.free("skeleton");
-        maker.names.free("animation");
+    let materials = builder.add_materials();
+    builder.names.add_unique("materials");
+    if let Some(joints) = &builder.joints {
+        builder.names.add_unique("skeleton");
+        builder.names.add_unique("animation");
         prim.children.push(skeleton(joints));
         let bounds = asset.rest_bounds();
         let corners = [bounds.min, bounds.max];
@@ -86,18 +86,18 @@ pub fn model<'a>(
     prim.children.extend((!materials.children.is_empty()).then_some(materials));
     let mut shapes = Vec::new();
     for instance in &asset.instances {
-        shapes.push(maker.instance(instance, &mut prim.children));
+        shapes.push(builder.add_instance(instance, &mut prim.children));
     }
-    let joints = maker.joints.map(|joints| joints.paths);
-    (Model { asset, path, joints, shapes, materials: maker.materials }, prim)
+    let joints = builder.joints.map(|joints| joints.paths);
+    (Model { asset, path, joints, shapes, materials: builder.materials }, prim)
 }
 
 fn skeleton<'a>(joints: &Joints) -> Prim<'a> {
     let mut out = Prim::new("Skeleton", "skeleton");
     out.api.push("SkelBindingAPI");
-    out.uniform_tokens("joints", joints.paths.clone());
+    out.set_uniform_tokens("joints", joints.paths.clone());
     if let Some(names) = &joints.names {
-        out.uniform_tokens("jointNames", names.clone());
+        out.set_uniform_tokens("jointNames", names.clone());
     }
     out.set(MATRIX4D, "bindTransforms", meshes::matrices(joints.bind.clone())).uniform = true;
     out.set(MATRIX4D, "restTransforms", meshes::matrices(joints.rest.clone())).uniform = true;
@@ -105,18 +105,18 @@ fn skeleton<'a>(joints: &Joints) -> Prim<'a> {
 }
 
 /// The texture coordinate sets, and whether vertex colors, that all primitives with a material have.
-pub fn surroundings(asset: &Asset, material: Option<u32>) -> Surroundings<'_> {
+pub fn material_context(asset: &Asset, material: Option<u32>) -> MaterialContext<'_> {
     let with_it = || asset.meshes.iter().flat_map(|m| &m.primitives).filter(|p| p.material == material);
     let is_whole = |count: usize, p: &Primitive| count == p.positions.len();
-    Surroundings {
+    MaterialContext {
         asset,
         uvs: [0, 1].map(|set| with_it().all(|p| is_whole(p.uvs[set].len(), p))),
-        colors: with_it().all(|p| is_whole(p.colors.len(), p) && !p.colors.is_empty()),
+        has_vertex_colors: with_it().all(|p| is_whole(p.colors.len(), p) && !p.colors.is_empty()),
     }
 }
 
-impl<'a> Maker<'a, '_> {
-    fn materials(&mut self) -> Prim<'a> {
+impl<'a> ModelBuilder<'a, '_> {
+    fn add_materials(&mut self) -> Prim<'a> {
         let mut materials = Prim::new("Scope", "materials");
         let mut names = Names::default();
         let count = self.asset.materials.len() as u32;
@@ -128,10 +128,10 @@ impl<'a> Maker<'a, '_> {
             }
             let default = Material::default();
             let material = index.map_or(&default, |index| &self.asset.materials[index as usize]);
-            let surroundings = surroundings(self.asset, index);
+            let material_context = material_context(self.asset, index);
             let Common { textures, losses } = &mut *self.common;
-            let network = materials::network(material, surroundings, textures, losses);
-            let name = names.free(if material.name.is_empty() { "material" } else { &material.name });
+            let network = materials::network(material, material_context, textures, losses);
+            let name = names.add_unique(if material.name.is_empty() { "material" } else { &material.name });
             let path = format!("{}/materials/{name}", self.path);
             materials.children.push(network.prim(&name, &path, &material.name));
             self.materials.push(Some(ModelMaterial { name, network }));
@@ -140,17 +140,17 @@ impl<'a> Maker<'a, '_> {
     }
 
     /// Adds the prims of a mesh instance. Returns the names of its blend shapes.
-    fn instance(&mut self, instance: &'a MeshInstance, out: &mut Vec<Prim<'a>>) -> Vec<String> {
+    fn add_instance(&mut self, instance: &'a MeshInstance, out: &mut Vec<Prim<'a>>) -> Vec<String> {
         let Some(mesh) = self.asset.meshes.get(instance.mesh as usize) else { return Vec::new() };
         let target_names = meshes::target_names(mesh);
         let is_shaped = self.joints.is_some() && mesh.morph_targets > 0;
         let shapes: Vec<String> = match is_shaped {
-            true => target_names.iter().map(|name| self.shape_names.free(name)).collect(),
+            true => target_names.iter().map(|name| self.shape_names.add_unique(name)).collect(),
             false => Vec::new(),
         };
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             let name = if mesh.name.is_empty() { "mesh" } else { &mesh.name };
-            let name = self.names.free(name);
+            let name = self.names.add_unique(name);
             let material = self.material_of(primitive);
             let Some(mut prim) = meshes::prim(&name, primitive, material.1) else { continue };
             prim.display_name = (mesh.name != name && !mesh.name.is_empty()).then(|| mesh.name.clone());
@@ -164,9 +164,9 @@ impl<'a> Maker<'a, '_> {
             }
             match self.joints.is_some() && moves {
                 true => {
-                    self.rigged((instance, primitive), prim, &shapes, out);
+                    self.add_skinned_mesh((instance, primitive), prim, &shapes, out);
                 }
-                false => self.placed((instance, number), prim, out),
+                false => self.add_static_mesh((instance, number), prim, out),
             }
         }
         shapes
@@ -179,7 +179,7 @@ impl<'a> Maker<'a, '_> {
         (known.map(|known| format!("{}/materials/{}", self.path, known.name)), double_sided)
     }
 
-    fn rigged(
+    fn add_skinned_mesh(
         &mut self,
         (instance, primitive): (&'a MeshInstance, &'a Primitive),
         mut prim: Prim<'a>,
@@ -198,20 +198,20 @@ impl<'a> Maker<'a, '_> {
             Some(skin) => Binding::Skin { joints: &skin.joints, geometry: skin.geometry },
             None => rigid(at_joint * copies.first().copied().unwrap_or(DMat4::IDENTITY)),
         };
-        meshes::bind(&mut prim, primitive, binding, &skeleton);
+        meshes::bind_to_skeleton(&mut prim, primitive, binding, &skeleton);
         if !shapes.is_empty() {
             let mut targets = Vec::new();
             for (index, token) in shapes.iter().enumerate() {
                 prim.children.push(meshes::blend_shape(token, primitive, primitive.morphs.get(index)));
                 targets.push(format!("{own}/{token}"));
             }
-            prim.uniform_tokens("skel:blendShapes", shapes.to_vec());
+            prim.set_uniform_tokens("skel:blendShapes", shapes.to_vec());
             prim.add_relationship("skel:blendShapeTargets", targets);
         }
         let name = prim.name.clone();
         out.push(prim);
         for copy in copies.iter().skip(1).filter(|_| skin.is_none()) {
-            let mut again = Prim::new("Mesh", self.names.free(&name));
+            let mut again = Prim::new("Mesh", self.names.add_unique(&name));
             again.reference = Some(own.clone());
             let geometry = meshes::matrix(&(at_joint * *copy));
             again.set(MATRIX4D, "primvars:skel:geomBindTransform", geometry);
@@ -220,7 +220,7 @@ impl<'a> Maker<'a, '_> {
     }
 
     /// Adds a mesh that does not move within its model.
-    fn placed(
+    fn add_static_mesh(
         &mut self,
         (instance, number): (&'a MeshInstance, usize),
         mut prim: Prim<'a>,
@@ -262,7 +262,7 @@ impl<'a> Maker<'a, '_> {
 pub fn place<'a>(prim: &mut Prim<'a>, at: &DMat4) {
     if *at != DMat4::IDENTITY || prim.reference.is_some() {
         prim.set(MATRIX4D, "xformOp:transform", meshes::matrix(at));
-        prim.uniform_tokens("xformOpOrder", vec!["xformOp:transform".into()]);
+        prim.set_uniform_tokens("xformOpOrder", vec!["xformOp:transform".into()]);
     }
 }
 

@@ -20,7 +20,7 @@ pub type Sets<'a> = [Rc<TrackSet<'a>>];
 fn track_samples<'a>(set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) -> Samples<'a> {
     let Track { path, times, .. } = set.tracks[track];
     let set = set.clone();
-    let times = frames.list(&set.times[times]);
+    let times = frames.time_codes(&set.times[times]);
     let each = move |take: RowSink<'_>| {
         let mut numbers = Vec::new();
         set.values(track, &mut numbers);
@@ -36,20 +36,20 @@ fn track_samples<'a>(set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) -> Sa
 pub(crate) fn series_samples<'a>(
     series: &Series,
     frames: Frames,
-    change: impl Fn(f32) -> f64,
+    map_number: impl Fn(f32) -> f64,
 ) -> Samples<'a> {
-    let numbers = series.values.iter().map(|v| change(*v)).collect();
-    Samples::of(frames.list(&series.times), None, series.width, numbers)
+    let numbers = series.values.iter().map(|v| map_number(*v)).collect();
+    Samples::of(frames.time_codes(&series.times), None, series.width, numbers)
 }
 
 /// Adds the transform ops of a prim: translate, orient and scale. Returns the property index of each.
 pub(crate) fn add_transform_ops<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usize; 3] {
     let first = prim.properties.len();
-    prim.number(DOUBLE3, "xformOp:translate", &at.translation.to_array());
-    prim.number(QUATF, "xformOp:orient", &at.rotation.to_array());
-    prim.number(FLOAT3, "xformOp:scale", &at.scale.to_array());
+    prim.set_number(DOUBLE3, "xformOp:translate", &at.translation.to_array());
+    prim.set_number(QUATF, "xformOp:orient", &at.rotation.to_array());
+    prim.set_number(FLOAT3, "xformOp:scale", &at.scale.to_array());
     let order = ["xformOp:translate", "xformOp:orient", "xformOp:scale"];
-    prim.uniform_tokens("xformOpOrder", order.map(String::from).to_vec());
+    prim.set_uniform_tokens("xformOpOrder", order.map(String::from).to_vec());
     [first, first + 1, first + 2]
 }
 
@@ -57,7 +57,7 @@ pub(crate) fn add_transform_ops<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usi
 pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
     if let Some(crate::layer::Property::Attribute(attribute)) = prim.properties.get_mut(property) {
         attribute.value = None;
-        attribute.sampled(samples);
+        attribute.set_samples(samples);
     }
 }
 
@@ -75,13 +75,13 @@ pub fn place_actor<'a>(prim: &mut Prim<'a>, at: &Transform, sets: &[&Rc<TrackSet
             };
             animate(prim, property_indices[part], track_samples(set, number, frames));
             if track.path == Path::Scale {
-                visibility(prim, set, number, frames);
+                add_visibility(prim, set, number, frames);
             }
         }
     }
 }
 
-fn visibility<'a>(prim: &mut Prim<'a>, set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) {
+fn add_visibility<'a>(prim: &mut Prim<'a>, set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) {
     let mut numbers = Vec::new();
     set.values(track, &mut numbers);
     let times = &set.times[set.tracks[track].times];
@@ -98,7 +98,7 @@ fn visibility<'a>(prim: &mut Prim<'a>, set: &Rc<TrackSet<'a>>, track: usize, fra
     let times: Vec<Time> = changes.iter().map(|(time, _)| *time).collect();
     let tokens = changes.iter().map(|(_, visible)| if *visible { "inherited" } else { "invisible" });
     let values = SampleValues::Texts(tokens.collect());
-    prim.attribute(TOKEN, "visibility").sampled(Samples { times: frames.list(&times), values });
+    prim.add_attribute(TOKEN, "visibility").set_samples(Samples { times: frames.time_codes(&times), values });
 }
 
 /// The index of the track set that moves an actor's joints.
@@ -146,13 +146,13 @@ impl Weights<'_> {
     }
 }
 
-fn weights<'a>(
+fn instance_weights<'a>(
     baked: &Baked<'_>,
     sets: &[&Rc<TrackSet<'a>>],
     (index, actor): (usize, &Actor),
     instance: usize,
 ) -> Weights<'a> {
-    let of = &actor.asset.instances[instance];
+    let mesh_instance = &actor.asset.instances[instance];
     if let Some(series) = baked.series_of(Quantity::Weights { actor: index, instance }) {
         return match series.is_still() {
             true => Weights::Still(series.first().to_vec()),
@@ -160,18 +160,19 @@ fn weights<'a>(
         };
     }
     for set in sets {
-        let is_own = |track: &Track| track.joint == of.joint + 1 && matches!(track.path, Path::Weights(_));
+        let is_own =
+            |track: &Track| track.joint == mesh_instance.joint + 1 && matches!(track.path, Path::Weights(_));
         if let Some(track) = set.tracks.iter().position(is_own) {
             return Weights::Track((*set).clone(), track);
         }
         let is_still = |(joint, path, _): &&(u32, Path, Vec<f32>)| {
-            *joint == of.joint + 1 && matches!(path, Path::Weights(_))
+            *joint == mesh_instance.joint + 1 && matches!(path, Path::Weights(_))
         };
         if let Some((_, _, value)) = set.still.iter().find(is_still) {
             return Weights::Still(value.clone());
         }
     }
-    Weights::Still(of.weights.clone())
+    Weights::Still(mesh_instance.weights.clone())
 }
 
 /// The SkelAnimation of an actor's joints and morph targets; `None` where nothing moves.
@@ -193,17 +194,28 @@ pub fn animation<'a>(
         animated_joints.sort_unstable();
         animated_joints.dedup();
         let names = animated_joints.iter().map(|joint| paths[*joint as usize - 1].clone()).collect();
-        out.uniform_tokens("joints", names);
-        let of = JointTracks { set: set.clone(), rig: Rc::new(rig), animated_joints: animated_joints.into() };
-        of.attribute(&mut out, (QUATF, "rotations"), (Path::Rotation, |t| t.rotation.to_array()), frames);
-        of.attribute(&mut out, (HALF3, "scales"), (Path::Scale, |t| t.scale.extend(0.0).to_array()), frames);
+        out.set_uniform_tokens("joints", names);
+        let joint_tracks =
+            JointTracks { set: set.clone(), rig: Rc::new(rig), animated_joints: animated_joints.into() };
+        joint_tracks.add_attribute(
+            &mut out,
+            (QUATF, "rotations"),
+            (Path::Rotation, |t| t.rotation.to_array()),
+            frames,
+        );
+        joint_tracks.add_attribute(
+            &mut out,
+            (HALF3, "scales"),
+            (Path::Scale, |t| t.scale.extend(0.0).to_array()),
+            frames,
+        );
         let translation: TransformPart = (Path::Translation, |t| t.translation.extend(0.0).to_array());
-        of.attribute(&mut out, (FLOAT3, "translations"), translation, frames);
+        joint_tracks.add_attribute(&mut out, (FLOAT3, "translations"), translation, frames);
     }
     let own: Vec<&Rc<TrackSet<'a>>> = baked.motions[index].sets.iter().map(|set| &sets[*set]).collect();
     let shaped = (0..model.shapes.len()).filter(|i| !model.shapes[*i].is_empty());
     let all: Vec<(usize, Weights<'a>)> =
-        shaped.map(|instance| (instance, weights(baked, &own, (index, actor), instance))).collect();
+        shaped.map(|instance| (instance, instance_weights(baked, &own, (index, actor), instance))).collect();
     add_weights(&mut out, model, all, frames);
     (!out.properties.is_empty()).then_some(out)
 }
@@ -216,7 +228,7 @@ fn add_weights<'a>(out: &mut Prim<'a>, model: &Model<'a>, all: Vec<(usize, Weigh
     let tokens: Vec<String> =
         all.iter().flat_map(|(instance, _)| model.shapes[*instance].iter().cloned()).collect();
     let count = tokens.len();
-    out.uniform_tokens("blendShapes", tokens);
+    out.set_uniform_tokens("blendShapes", tokens);
     let mut times: Vec<Time> = all.iter().flat_map(|(_, weights)| weights.times().iter().copied()).collect();
     let widths: Vec<usize> = all.iter().map(|(instance, _)| model.shapes[*instance].len()).collect();
     let series: Vec<(Series, bool)> = all.iter().map(|(_, weights)| weights.series()).collect();
@@ -245,10 +257,10 @@ fn add_weights<'a>(out: &mut Prim<'a>, model: &Model<'a>, all: Vec<(usize, Weigh
             out.set(FLOAT, "blendShapeWeights", Value::array(count, move |i| row[i]));
         }
         _ => {
-            let list = frames.list(&times);
+            let list = frames.time_codes(&times);
             let each = move |take: RowSink<'_>| times.iter().try_for_each(|time| take(&at(*time)));
             let values = SampleValues::Numbers { count: Some(count), each: Rc::new(each) };
-            out.attribute(FLOAT, "blendShapeWeights").sampled(Samples { times: list, values });
+            out.add_attribute(FLOAT, "blendShapeWeights").set_samples(Samples { times: list, values });
         }
     }
 }
@@ -265,34 +277,34 @@ struct JointTracks<'a> {
 }
 
 impl<'a> JointTracks<'a> {
-    fn attribute(
+    fn add_attribute(
         &self,
         out: &mut Prim<'a>,
-        (of, name): (Type, &str),
+        (value_type, name): (Type, &str),
         (path, part): TransformPart,
         frames: Frames,
     ) {
-        let attribute: &mut Attribute<'a> = out.attribute(of, name);
+        let attribute: &mut Attribute<'a> = out.add_attribute(value_type, name);
         let times = self.set.common_times(|track| track.joint > 0 && track.path == path);
         let count = self.animated_joints.len();
         if times.is_empty() {
             let (rig, animated_joints) = (self.rig.clone(), self.animated_joints.clone());
             let number = move |i: usize| {
-                let joint = animated_joints[i / of.width] as usize;
-                f64::from(part(&rig.rest()[joint])[i % of.width])
+                let joint = animated_joints[i / value_type.width] as usize;
+                f64::from(part(&rig.rest()[joint])[i % value_type.width])
             };
-            attribute.with(Value::array(count, number));
+            attribute.set_value(Value::array(count, number));
             return;
         }
-        let list = frames.list(&times);
+        let list = frames.time_codes(&times);
         let (set, rig, animated_joints) = (self.set.clone(), self.rig.clone(), self.animated_joints.clone());
         let each = move |take: RowSink<'_>| {
-            let mut row: Vec<f64> = vec![0.0; count * of.width];
+            let mut row: Vec<f64> = vec![0.0; count * value_type.width];
             if let Some(curves) = set.aligned(path, &times) {
                 return aligned_rows(
                     (&rig, &animated_joints),
                     &curves,
-                    (of, part),
+                    (value_type, part),
                     (&mut row, times.len()),
                     take,
                 );
@@ -304,15 +316,15 @@ impl<'a> JointTracks<'a> {
             let mut pose = Pose::rest(&rig);
             for time in &times {
                 Sample { clip: &clip, time: *time, pose: &mut pose }.run();
-                for (own, joint) in row.chunks_mut(of.width).zip(animated_joints.iter()) {
-                    write_components(of, part(&pose.get(*joint as usize)), own);
+                for (own, joint) in row.chunks_mut(value_type.width).zip(animated_joints.iter()) {
+                    write_components(value_type, part(&pose.get(*joint as usize)), own);
                 }
                 take(&row)?;
             }
             Ok(())
         };
         let values = SampleValues::Numbers { count: Some(count), each: Rc::new(each) };
-        attribute.sampled(Samples { times: list, values });
+        attribute.set_samples(Samples { times: list, values });
     }
 }
 
@@ -320,12 +332,12 @@ impl<'a> JointTracks<'a> {
 fn aligned_rows(
     (rig, animated_joints): (&Skeleton, &[u32]),
     curves: &[(u32, Vec<f32>)],
-    (of, part): (Type, fn(&Transform) -> [f32; 4]),
+    (value_type, part): (Type, fn(&Transform) -> [f32; 4]),
     (row, keys): (&mut [f64], usize),
     take: RowSink<'_>,
 ) -> std::io::Result<()> {
-    for (own, joint) in row.chunks_mut(of.width).zip(animated_joints) {
-        write_components(of, part(&rig.rest()[*joint as usize]), own);
+    for (own, joint) in row.chunks_mut(value_type.width).zip(animated_joints) {
+        write_components(value_type, part(&rig.rest()[*joint as usize]), own);
     }
     let row_indices: Vec<Option<usize>> =
         curves.iter().map(|(joint, _)| animated_joints.iter().position(|own| own == joint)).collect();
@@ -333,8 +345,9 @@ fn aligned_rows(
         for ((_, values), index) in curves.iter().zip(&row_indices) {
             let Some(index) = index else { continue };
             let mut numbers = [0.0; 4];
-            numbers[..of.width].copy_from_slice(&values[key * of.width..][..of.width]);
-            write_components(of, numbers, &mut row[index * of.width..][..of.width]);
+            numbers[..value_type.width]
+                .copy_from_slice(&values[key * value_type.width..][..value_type.width]);
+            write_components(value_type, numbers, &mut row[index * value_type.width..][..value_type.width]);
         }
         take(row)?;
     }
@@ -343,9 +356,9 @@ fn aligned_rows(
 
 /// Puts a channel's value into a row that still holds the previous one. A quaternion gets the sign nearer to the previous one, because
 /// not all programs interpolate along the shorter arc.
-fn write_components(of: Type, numbers: [f32; 4], own: &mut [f64]) {
+fn write_components(value_type: Type, numbers: [f32; 4], own: &mut [f64]) {
     let numbers = numbers.map(f64::from);
     let turned: f64 = own.iter().zip(numbers).map(|(a, b)| *a * b).sum();
-    let sign = if of.is_quaternion() && turned < 0.0 { -1.0 } else { 1.0 };
+    let sign = if value_type.is_quaternion() && turned < 0.0 { -1.0 } else { 1.0 };
     own.iter_mut().zip(numbers).for_each(|(own, number)| *own = sign * number);
 }

@@ -27,7 +27,7 @@ pub struct Names(BTreeSet<String>);
 
 impl Names {
     /// An identifier that no sibling has yet; it is taken from then on.
-    pub fn free(&mut self, name: &str) -> String {
+    pub fn add_unique(&mut self, name: &str) -> String {
         let bare = identifier(name);
         let mut name = bare.clone();
         let mut number = 2;
@@ -49,6 +49,9 @@ mod tests {
         assert_eq!(identifier("2 feet"), "_2_feet");
         assert_eq!(identifier("骨"), "u9aa8");
         let mut names = Names::default();
-        assert_eq!([names.free("a b"), names.free("a_b"), names.free("")], ["a_b", "a_b_2", "_"]);
+        assert_eq!(
+            [names.add_unique("a b"), names.add_unique("a_b"), names.add_unique("")],
+            ["a_b", "a_b_2", "_"]
+        );
     }
 }

@@ -30,7 +30,7 @@ impl Default for Textures {
 
 impl Textures {
     /// The path of an image, relative to the layer.
-    pub fn path(&mut self, image: &Arc<Image>) -> String {
+    pub fn image_path(&mut self, image: &Arc<Image>) -> String {
         let number = self.images.number(image);
         format!("./{}{}", self.stem, self.images.ending(number))
     }

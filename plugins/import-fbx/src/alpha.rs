@@ -14,7 +14,7 @@ pub enum Alpha {
 /// Share of half-transparent texels above which they are more than antialiased edges, so that the material is blended.
 const SOFT_SHARE: f64 = 0.1;
 
-pub fn mode(image: &Image) -> AlphaMode {
+pub fn alpha_mode(image: &Image) -> AlphaMode {
     let mut clear = 0usize;
     let mut soft = 0usize;
     for alpha in image.rgba.chunks_exact(4).map(|p| p[3]) {
@@ -43,8 +43,8 @@ mod tests {
 
     #[test]
     fn alpha_images_are_masked_or_blended_by_their_values() {
-        assert_eq!(mode(&image(&[255; 8])), AlphaMode::Opaque);
-        assert_eq!(mode(&image(&[255, 255, 0, 0])), AlphaMode::Mask(0.5));
-        assert_eq!(mode(&image(&[128; 8])), AlphaMode::Blend);
+        assert_eq!(alpha_mode(&image(&[255; 8])), AlphaMode::Opaque);
+        assert_eq!(alpha_mode(&image(&[255, 255, 0, 0])), AlphaMode::Mask(0.5));
+        assert_eq!(alpha_mode(&image(&[128; 8])), AlphaMode::Blend);
     }
 }

@@ -3,11 +3,11 @@
 //! file's keys with exact values and slopes. All other motion is sampled through ufbx. Steps stay steps.
 
 use crate::curve::{self, Span};
-use crate::driven::{Driven, Props};
+use crate::driven::{DrivenProperties, NodeCurves};
 use crate::emit;
 use crate::file::{File, place_of};
 use crate::joined::{JoinedCurves, TransformPart};
-use crate::keys::{self, Blend, Keys, Times};
+use crate::keys::{self, Blend, Keys, SharedTimes};
 use crate::local;
 use crate::meshes::VisibleMesh;
 use crate::morphs;
@@ -15,7 +15,7 @@ use crate::nodes::Tree;
 use crate::objects::Object;
 use crate::properties;
 use crate::sampled;
-use crate::weights::Track;
+use crate::weights::WeightTrack;
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::clip::MAX_WEIGHTS;
 use choreo_motion::{Clip, Curve, Interpolation, Path, PropertyCurve, Time};
@@ -31,23 +31,34 @@ const STILL_TOLERANCE: f32 = 1e-6;
 pub fn read(
     file: &File<'_>,
     tree: &Tree,
-    shown: &[VisibleMesh<'_>],
+    visible_meshes: &[VisibleMesh<'_>],
     objects: &[Object<'_>],
 ) -> Result<Vec<Arc<Clip>>> {
     let mut clips = Vec::new();
     for stack in &file.scene.anim_stacks {
-        let name = name(stack);
+        let name = stack_name(stack);
         if !file.files.wants_clip(clips.len(), &name) {
             let clip = Clip::new(name, tree.skeleton.len(), Vec::new());
             clips.push(Arc::new(clip.map_err(|e| Problem::new(place_of(&stack.element), e.to_string()))?));
             continue;
         }
-        let driven = Driven::new(stack);
-        let span = span(stack, &driven)?;
-        let repeated = driven.repeated(span);
-        let (times, curves) = (Times::default(), Vec::new());
-        let maker = Maker { file, tree, shown, objects, stack, driven, repeated, span, times, curves };
-        match maker.clip()? {
+        let driven = DrivenProperties::new(stack);
+        let span = time_span(stack, &driven)?;
+        let repeating_elements = driven.repeating_elements(span);
+        let (times, curves) = (SharedTimes::default(), Vec::new());
+        let builder = ClipBuilder {
+            file,
+            tree,
+            visible_meshes,
+            objects,
+            stack,
+            driven,
+            repeating_elements,
+            span,
+            times,
+            curves,
+        };
+        match builder.build_clip()? {
             Some(clip) => clips.push(Arc::new(clip)),
             None => file.notes.warn(place_of(&stack.element), "moves nothing and is left out"),
         }
@@ -55,7 +66,7 @@ pub fn read(
     Ok(clips)
 }
 
-fn name(stack: &AnimStack) -> String {
+fn stack_name(stack: &AnimStack) -> String {
     match stack.element.name.as_ref() {
         "" => format!("stack {}", stack.element.typed_id),
         name => name.to_string(),
@@ -63,13 +74,13 @@ fn name(stack: &AnimStack) -> String {
 }
 
 /// The time span that the stack states, else that from its first key to its last.
-fn span(stack: &AnimStack, driven: &Driven<'_>) -> Result<Span> {
+fn time_span(stack: &AnimStack, driven: &DrivenProperties<'_>) -> Result<Span> {
     let (begin, end) = match stack.time_end > stack.time_begin {
         true => (stack.time_begin, stack.time_end),
         false => driven.key_range().unwrap_or((0.0, 0.0)),
     };
-    let sound = |t: f64| t.is_finite() && t.abs() <= MAX_KEY_SECS;
-    match sound(begin) && sound(end) {
+    let is_valid = |t: f64| t.is_finite() && t.abs() <= MAX_KEY_SECS;
+    match is_valid(begin) && is_valid(end) {
         true => Ok(Span { begin: Time::from_secs(begin), end: Time::from_secs(end) }),
         false => {
             let what = format!("plays from {begin} s to {end} s; times must lie within ±{MAX_KEY_SECS} s");
@@ -78,39 +89,39 @@ fn span(stack: &AnimStack, driven: &Driven<'_>) -> Result<Span> {
     }
 }
 
-pub struct Maker<'a, 'f> {
+pub struct ClipBuilder<'a, 'f> {
     pub file: &'a File<'f>,
     tree: &'a Tree,
-    shown: &'a [VisibleMesh<'f>],
+    visible_meshes: &'a [VisibleMesh<'f>],
     pub objects: &'a [Object<'f>],
     pub stack: &'a AnimStack,
-    pub driven: Driven<'a>,
+    pub driven: DrivenProperties<'a>,
     /// Elements with curves that repeat or continue beyond their keys.
-    pub repeated: BTreeSet<u32>,
+    pub repeating_elements: BTreeSet<u32>,
     pub span: Span,
-    pub times: Times,
+    pub times: SharedTimes,
     curves: Vec<Curve>,
 }
 
 /// Transform parts grouped by their intervals, which they share.
-type Groups<'a> = BTreeMap<Vec<(Time, Time)>, Vec<TransformPart<'a>>>;
+type PartsByIntervals<'a> = BTreeMap<Vec<(Time, Time)>, Vec<TransformPart<'a>>>;
 
-impl Maker<'_, '_> {
+impl ClipBuilder<'_, '_> {
     pub fn place(&self) -> String {
         place_of(&self.stack.element)
     }
 
-    fn clip(mut self) -> Result<Option<Clip>> {
+    fn build_clip(mut self) -> Result<Option<Clip>> {
         self.warn_repeated();
-        self.nodes()?;
-        self.weights()?;
-        let mut properties = self.properties()?;
+        self.add_node_curves()?;
+        self.add_weight_curves()?;
+        let mut properties = self.property_curves()?;
         self.warn_unsupported();
         if self.curves.iter().all(|c| self.is_still(c)) && properties.is_empty() {
             return Ok(None);
         }
         self.extend_to_end(&mut properties);
-        Clip::new(name(self.stack), self.tree.skeleton.len(), self.curves)
+        Clip::new(stack_name(self.stack), self.tree.skeleton.len(), self.curves)
             .and_then(|clip| clip.with_properties(properties))
             .map(Some)
             .map_err(|e| Problem::new(place_of(&self.stack.element), e.to_string()))
@@ -134,7 +145,7 @@ impl Maker<'_, '_> {
     }
 
     fn warn_repeated(&self) {
-        for id in self.repeated.iter().take(20) {
+        for id in self.repeating_elements.iter().take(20) {
             if let Some(element) = self.file.scene.elements.get(*id as usize) {
                 let what = format!(
                     "repeats beyond its keys, and is sampled {} times a second; steps are not kept",
@@ -145,34 +156,34 @@ impl Maker<'_, '_> {
         }
     }
 
-    fn nodes(&mut self) -> Result<()> {
+    fn add_node_curves(&mut self) -> Result<()> {
         let scene = self.file.scene;
         // Collects nodes with a closed form first, because members borrow from them.
-        let mut closed = Vec::new();
+        let mut nodes_with_closed_form = Vec::new();
         for id in self.driven.nodes(scene) {
             let Some(node) = scene.nodes.get(id as usize) else { continue };
             let Some(joint) = self.tree.joint_of_node.get(id as usize).copied().flatten() else { continue };
-            let repeats = Driven::is_of(&self.repeated, node);
-            match self.driven.props(node).filter(|_| !repeats && self.span.length() > Time(2)) {
-                Some(props) => closed.push((joint, props)),
-                None => self.sampled(node, joint, repeats)?,
+            let repeats = DrivenProperties::contains_node(&self.repeating_elements, node);
+            match self.driven.node_curves(node).filter(|_| !repeats && self.span.length() > Time(2)) {
+                Some(node_curves) => nodes_with_closed_form.push((joint, node_curves)),
+                None => self.add_sampled_node(node, joint, repeats)?,
             }
         }
-        let mut groups = Groups::new();
-        for (joint, props) in &closed {
-            for path in PATHS {
-                self.add_to_group(&mut groups, *joint, props, path)?;
+        let mut groups = PartsByIntervals::new();
+        for (joint, node_curves) in &nodes_with_closed_form {
+            for path in TRANSFORM_PATHS {
+                self.add_to_group(&mut groups, *joint, node_curves, path)?;
             }
         }
         for (intervals, members) in groups {
-            let parts = emit::parts(&members, self.file.accuracy);
+            let parts = emit::part_counts(&members, self.file.accuracy);
             let keys = parts.iter().map(|n| *n as usize).sum::<usize>() + parts.len();
             for member in members {
                 // Memory of a row in f64, in f32, and of its time.
                 self.file.charge(keys, 96 + 16 + 12 * member.path.width(), || self.place())?;
-                let times = emit::times(&intervals, &parts);
-                let keys = emit::curve(&member, &parts, &times, self.file.accuracy);
-                self.push(member.joint, member.path, keys);
+                let times = emit::key_times(&intervals, &parts);
+                let keys = emit::member_keys(&member, &parts, &times, self.file.accuracy);
+                self.push_curve(member.joint, member.path, keys);
             }
         }
         Ok(())
@@ -181,31 +192,32 @@ impl Maker<'_, '_> {
     /// Adds a curve that never changes, and puts any other with those of the same key times, so that they share them.
     fn add_to_group<'m>(
         &mut self,
-        groups: &mut Groups<'m>,
+        groups: &mut PartsByIntervals<'m>,
         joint: u32,
-        props: &'m Props<'_>,
+        node_curves: &'m NodeCurves<'_>,
         path: Path,
     ) -> Result<()> {
-        let local = &props.local;
+        let local = &node_curves.local;
         let (swings, scaled) = local.swings();
-        let own = PATHS.iter().position(|p| *p == path).unwrap_or_default();
-        let swung = path == Path::Translation && swings && (props.drives(1) || scaled && props.drives(2));
-        let with_scale = swung && scaled && props.drives(2);
+        let own_part = TRANSFORM_PATHS.iter().position(|p| *p == path).unwrap_or_default();
+        let swung =
+            path == Path::Translation && swings && (node_curves.drives(1) || scaled && node_curves.drives(2));
+        let with_scale = swung && scaled && node_curves.drives(2);
         // ufbx keeps scale that children do not inherit in a scale helper node. Its factors multiply the scale of a helper, but only the
         // translation of any other node.
         let follows = path == if local.is_scale_helper { Path::Scale } else { Path::Translation };
-        let factors = if follows { &props.factors[..] } else { &[] };
-        if !props.drives(own) && !swung && !factors.iter().any(|f| f.drives()) {
+        let factors = if follows { &node_curves.factors[..] } else { &[] };
+        if !node_curves.drives(own_part) && !swung && !factors.iter().any(|f| f.drives()) {
             return Ok(());
         }
         let mut curves: Vec<Vec<curve::Piece>> = Vec::with_capacity(9);
         let mut add = |of: &dyn Fn(usize) -> (Option<&'m AnimCurve>, f64), tolerance: f64| {
             let first = curves.len();
             for axis in 0..3 {
-                let (curve, otherwise) = of(axis);
+                let (curve, constant) = of(axis);
                 self.file.charge(curve.map_or(1, |c| c.keyframes.len()), 2 * 64, || self.place())?;
                 let mut out = Vec::with_capacity(curve.map_or(1, |c| c.keyframes.len() + 1));
-                curve::pieces(curve, otherwise, self.span, tolerance, &mut out);
+                curve::pieces(curve, constant, self.span, tolerance, &mut out);
                 curves.push(out);
             }
             Result::Ok(first)
@@ -218,24 +230,24 @@ impl Maker<'_, '_> {
             (0..3).map(most).fold(1e-12, f64::max)
         };
         let of_factor = |f: usize| move |axis: usize| factors[f].curve(axis);
-        let whole: f64 = (0..factors.len()).map(|f| greatest(&of_factor(f))).product();
-        let tolerance = self.tolerance(path, own, props) / whole.max(1e-9);
-        add(&|axis| props.curve(own, axis), tolerance)?;
+        let factor_product: f64 = (0..factors.len()).map(|f| greatest(&of_factor(f))).product();
+        let tolerance = self.tolerance(path, own_part, node_curves) / factor_product.max(1e-9);
+        add(&|axis| node_curves.curve(own_part, axis), tolerance)?;
         let rotation_curve = match swung {
-            true => Some(add(&|axis| props.curve(1, axis), self.tolerance(path, 1, props))?),
+            true => Some(add(&|axis| node_curves.curve(1, axis), self.tolerance(path, 1, node_curves))?),
             false => None,
         };
         let scale_curve = match with_scale {
-            true => Some(add(&|axis| props.curve(2, axis), self.tolerance(path, 2, props))?),
+            true => Some(add(&|axis| node_curves.curve(2, axis), self.tolerance(path, 2, node_curves))?),
             false => None,
         };
-        let size = greatest(&|axis| props.curve(own, axis));
+        let size = greatest(&|axis| node_curves.curve(own_part, axis));
         let mut multiplied = Vec::new();
         for f in 0..factors.len() {
             let of = of_factor(f);
             // The other factors multiply this one's error.
-            let others = size * whole / greatest(&of);
-            multiplied.push(add(&of, self.tolerance(path, own, props) / others.max(1e-12))?);
+            let others = size * factor_product / greatest(&of);
+            multiplied.push(add(&of, self.tolerance(path, own_part, node_curves) / others.max(1e-12))?);
         }
         let slices: Vec<&[curve::Piece]> = curves.iter().map(|c| c.as_slice()).collect();
         let count: usize = slices.iter().map(|c| c.len()).sum();
@@ -248,13 +260,13 @@ impl Maker<'_, '_> {
             rotation_curve,
             scale_curve,
             factors: multiplied,
-            rest: [props.rest(1), props.rest(2)],
+            rest: [node_curves.rest(1), node_curves.rest(2)],
         };
         if member.curves.is_constant() {
             let (value, _) = member.at_start();
             let values = value[..path.width()].iter().map(|v| *v as f32).collect();
             let keys = Keys { interpolation: Interpolation::Linear, times: vec![Time::ZERO], values };
-            self.push(joint, path, keys);
+            self.push_curve(joint, path, keys);
         } else {
             groups.entry(member.curves.intervals.clone()).or_default().push(member);
         }
@@ -262,41 +274,41 @@ impl Maker<'_, '_> {
     }
 
     /// Tolerance in the curve's own unit. It is smaller for a rotation or scale that swings the node about a pivot.
-    fn tolerance(&self, path: Path, part: usize, props: &Props<'_>) -> f64 {
-        let (accuracy, local) = (self.file.accuracy, &props.local);
+    fn tolerance(&self, path: Path, part: usize, node_curves: &NodeCurves<'_>) -> f64 {
+        let (accuracy, local) = (self.file.accuracy, &node_curves.local);
         let swung = |limit: f64, arm: f64| match path == Path::Translation && arm > 0.0 {
             true => limit.min(accuracy.metres / arm),
             false => limit,
         };
         match part {
             0 => accuracy.metres / local.metres().max(1e-12),
-            1 => swung(accuracy.radians, local.lever_arm_metres(props.rest(2))).to_degrees(),
+            1 => swung(accuracy.radians, local.lever_arm_metres(node_curves.rest(2))).to_degrees(),
             _ => swung(accuracy.scale, local.scaled_lever_arm_metres()),
         }
     }
 
-    fn sampled(&mut self, node: &ufbx::Node, joint: u32, repeats: bool) -> Result<()> {
+    fn add_sampled_node(&mut self, node: &ufbx::Node, joint: u32, repeats: bool) -> Result<()> {
         let place = || format!("{}: {}", place_of(&self.stack.element), place_of(&node.element));
         let times = match repeats {
             true => sampled::even_times(self.file, self.span, &place)?,
-            false => sampled::knots(self.file, self.driven.curves_of(node), self.span, &place)?,
+            false => sampled::sample_times(self.file, self.driven.curves_of(node), self.span, &place)?,
         };
         if times.is_empty() {
             return Ok(());
         }
-        let rows = sampled::node(self.file, &self.stack.anim, node, (times, self.span), &place)?;
+        let rows = sampled::sample_node(self.file, &self.stack.anim, node, (times, self.span), &place)?;
         self.file.charge(rows.times.len(), 8 + 4 * 10, || self.place())?;
         for (path, at) in [(Path::Translation, 0), (Path::Rotation, 3), (Path::Scale, 7)] {
             let width = path.width();
             let values = rows.values.chunks_exact(10).flat_map(|row| &row[at..at + width]);
             let values = values.map(|v| *v as f32).collect();
             let blend = if path == Path::Rotation { Blend::Rotation } else { Blend::Numbers };
-            self.push(joint, path, keys::finish(rows.times.clone(), values, width, blend));
+            self.push_curve(joint, path, keys::simplify_keys(rows.times.clone(), values, width, blend));
         }
         Ok(())
     }
 
-    fn push(&mut self, joint: u32, path: Path, keys: Keys) {
+    fn push_curve(&mut self, joint: u32, path: Path, keys: Keys) {
         let Keys { interpolation, times, values } = keys;
         if times.is_empty() {
             return;
@@ -306,25 +318,26 @@ impl Maker<'_, '_> {
     }
 
     /// Makes one weight curve for each mesh. Its keys are all times at which a channel has a key or a shape's weight bends.
-    fn weights(&mut self) -> Result<()> {
+    fn add_weight_curves(&mut self) -> Result<()> {
         let mut done = BTreeSet::new();
-        for one in self.shown {
-            let count = morphs::count(one.mesh);
-            let curves: Vec<_> = morphs::channels(one.mesh).map(|c| self.driven.weight_curves(c)).collect();
+        for visible_mesh in self.visible_meshes {
+            let count = morphs::count(visible_mesh.mesh);
+            let curves: Vec<_> =
+                morphs::channels(visible_mesh.mesh).map(|c| self.driven.weight_curves(c)).collect();
             let still = curves.iter().all(|c| c.is_empty());
-            if still || count > MAX_WEIGHTS as usize || !done.insert(one.joint) {
+            if still || count > MAX_WEIGHTS as usize || !done.insert(visible_mesh.joint) {
                 continue;
             }
             let mut times = BTreeSet::new();
             let mut tracks = Vec::new();
-            for (channel, curves) in morphs::channels(one.mesh).zip(&curves) {
+            for (channel, curves) in morphs::channels(visible_mesh.mesh).zip(&curves) {
                 let id = channel.element.element_id;
-                let with = (curves.as_slice(), self.repeated.contains(&id));
+                let with = (curves.as_slice(), self.repeating_elements.contains(&id));
                 let track = match curves.is_empty() {
-                    true => Track::still(channel),
+                    true => WeightTrack::still(channel),
                     false => {
                         let place = || place_of(&self.stack.element);
-                        Track::new(self.file, &self.stack.anim, channel, with, self.span, &place)?
+                        WeightTrack::new(self.file, &self.stack.anim, channel, with, self.span, &place)?
                     }
                 };
                 self.file.charge(track.times().count(), 64, || self.place())?;
@@ -335,11 +348,11 @@ impl Maker<'_, '_> {
             let mut values = Vec::with_capacity(times.len() * count);
             for time in &times {
                 for (channel, track) in &tracks {
-                    morphs::shape_weights(channel, track.at(*time), &mut values);
+                    morphs::append_shape_weights(channel, track.at(*time), &mut values);
                 }
             }
-            let keys = keys::finish(times.into_iter().collect(), values, count, Blend::Numbers);
-            self.push(one.joint, Path::Weights(count as u32), keys);
+            let keys = keys::simplify_keys(times.into_iter().collect(), values, count, Blend::Numbers);
+            self.push_curve(visible_mesh.joint, Path::Weights(count as u32), keys);
         }
         Ok(())
     }
@@ -367,10 +380,10 @@ impl Maker<'_, '_> {
             return;
         }
         let mut extend =
-            |times: &mut Arc<[Time]>, values: &mut Arc<[f32]>, how: Interpolation, width: usize| {
-                let stride = if how == Interpolation::CubicSpline { 3 * width } else { width };
+            |times: &mut Arc<[Time]>, values: &mut Arc<[f32]>, interpolation: Interpolation, width: usize| {
+                let stride = if interpolation == Interpolation::CubicSpline { 3 * width } else { width };
                 let mut end = values[values.len() - stride..].to_vec();
-                if how == Interpolation::CubicSpline {
+                if interpolation == Interpolation::CubicSpline {
                     // The value stays constant from there on.
                     end[..width].fill(0.0);
                     end[2 * width..].fill(0.0);
@@ -386,6 +399,6 @@ impl Maker<'_, '_> {
     }
 }
 
-const PATHS: [Path; 3] = [Path::Translation, Path::Rotation, Path::Scale];
-/// Properties of the parts of a transform: the first three of [`local::ALL`].
-pub const PARTS: [&str; 3] = [local::TRANSLATION, local::ROTATION, local::SCALING];
+const TRANSFORM_PATHS: [Path; 3] = [Path::Translation, Path::Rotation, Path::Scale];
+/// Properties of the parts of a transform: the first three of [`local::TRANSFORM_INPUTS`].
+pub const TRANSFORM_PROPERTIES: [&str; 3] = [local::TRANSLATION, local::ROTATION, local::SCALING];

@@ -34,14 +34,14 @@ impl Span {
 
 /// Appends the curve over the whole clip, without gaps. The first and last values hold outside the keys. `tolerance` is in the
 /// curve's own unit.
-pub fn pieces(curve: Option<&AnimCurve>, otherwise: f64, span: Span, tolerance: f64, out: &mut Vec<Piece>) {
+pub fn pieces(curve: Option<&AnimCurve>, constant: f64, span: Span, tolerance: f64, out: &mut Vec<Piece>) {
     let keys: &[Keyframe] = curve.map_or(&[], |c| &c.keyframes);
-    let mut pieces = PieceWriter { span, out, reached: Time::ZERO };
+    let mut list = PieceList { span, out, end: Time::ZERO };
     let [first, .., last] = keys else {
-        pieces.add_constant(span.length(), keys.first().map_or(otherwise, |k| k.value), false);
+        list.hold_value(span.length(), keys.first().map_or(constant, |k| k.value), false);
         return;
     };
-    pieces.add_constant(Time::from_secs(first.time) - span.begin, first.value, false);
+    list.hold_value(Time::from_secs(first.time) - span.begin, first.value, false);
     for pair in keys.windows(2) {
         let (a, b) = (&pair[0], &pair[1]);
         let (from, to) = (Time::from_secs(a.time) - span.begin, Time::from_secs(b.time) - span.begin);
@@ -49,51 +49,49 @@ pub fn pieces(curve: Option<&AnimCurve>, otherwise: f64, span: Span, tolerance: 
             continue;
         }
         match a.interpolation {
-            Interpolation::ConstantPrev => pieces.add(from, to, [a.value, 0.0, 0.0, 0.0], false),
-            Interpolation::ConstantNext => pieces.add(from, to, [b.value, 0.0, 0.0, 0.0], true),
-            Interpolation::Linear => pieces.add(from, to, [a.value, b.value - a.value, 0.0, 0.0], false),
+            Interpolation::ConstantPrev => list.add_cubic(from, to, [a.value, 0.0, 0.0, 0.0], false),
+            Interpolation::ConstantNext => list.add_cubic(from, to, [b.value, 0.0, 0.0, 0.0], true),
+            Interpolation::Linear => list.add_cubic(from, to, [a.value, b.value - a.value, 0.0, 0.0], false),
             Interpolation::Cubic => {
                 let bezier = Bezier::new(a, b);
-                if bezier.is_plain(tolerance) {
-                    pieces.add(from, to, bezier.plain(), false);
+                if bezier.is_cubic_in_time(tolerance) {
+                    list.add_cubic(from, to, bezier.to_cubic(), false);
                 } else {
-                    bezier.split(0.0, 1.0, tolerance, MAX_DEPTH, &mut |x, next, c| {
+                    bezier.approximate(0.0, 1.0, tolerance, MAX_DEPTH, &mut |x, next, c| {
                         let at = |x: f64| Time(from.0 + ((to.0 - from.0) as f64 * x).round() as i64);
-                        pieces.add(at(x), at(next), c, false);
+                        list.add_cubic(at(x), at(next), c, false);
                     });
                 }
             }
         }
     }
-    pieces.add_constant(span.length(), last.value, false);
+    list.hold_value(span.length(), last.value, false);
 }
 
-/// Appends pieces without gaps. `reached`: end of the last one.
-struct PieceWriter<'a> {
+struct PieceList<'a> {
     span: Span,
     out: &'a mut Vec<Piece>,
-    reached: Time,
+    end: Time,
 }
 
-impl PieceWriter<'_> {
-    /// Appends a constant piece up to a time. `jumps_after_key`: see [`Piece::jumps_after_key`].
-    fn add_constant(&mut self, to: Time, value: f64, jumps_after_key: bool) {
+impl PieceList<'_> {
+    fn hold_value(&mut self, to: Time, value: f64, jumps_after_key: bool) {
         let to = to.min(self.span.length());
-        if to > self.reached {
-            self.out.push(Piece { from: self.reached, to, c: [value, 0.0, 0.0, 0.0], jumps_after_key });
-            self.reached = to;
+        if to > self.end {
+            self.out.push(Piece { from: self.end, to, c: [value, 0.0, 0.0, 0.0], jumps_after_key });
+            self.end = to;
         }
     }
 
     /// Appends a piece, clipped to the time range of the clip.
-    fn add(&mut self, from: Time, to: Time, c: [f64; 4], jumps_after_key: bool) {
-        let (start, end) = (from.max(self.reached), to.min(self.span.length()));
+    fn add_cubic(&mut self, from: Time, to: Time, c: [f64; 4], jumps_after_key: bool) {
+        let (start, end) = (from.max(self.end), to.min(self.span.length()));
         if end <= start {
             return;
         }
         let whole = Piece { from, to, c, jumps_after_key: jumps_after_key && start == from };
         self.out.push(whole.part(start, end));
-        self.reached = end;
+        self.end = end;
     }
 }
 
@@ -140,13 +138,13 @@ impl Bezier {
     }
 
     /// Whether the value is, within the tolerance, a cubic in time.
-    fn is_plain(&self, tolerance: f64) -> bool {
+    fn is_cubic_in_time(&self, tolerance: f64) -> bool {
         let off = (self.x[0] - 1.0 / 3.0).abs().max((self.x[1] - 2.0 / 3.0).abs());
         let steepest = (1..4).map(|i| (self.y[i] - self.y[i - 1]).abs()).fold(0.0, f64::max);
         off <= DEFAULT_WEIGHT_TOLERANCE || off * 3.0 * steepest <= 0.1 * tolerance
     }
 
-    fn plain(&self) -> [f64; 4] {
+    fn to_cubic(&self) -> [f64; 4] {
         let [a, b, c, d] = self.y;
         [a, 3.0 * (b - a), 3.0 * (c - 2.0 * b + a), (d - a) + 3.0 * (b - c)]
     }
@@ -186,7 +184,7 @@ impl Bezier {
 
     /// Approximates the curve by cubics in time with its values and slopes at their ends, halved until the points between are
     /// close enough.
-    fn split(
+    fn approximate(
         &self,
         from: f64,
         to: f64,
@@ -206,8 +204,8 @@ impl Bezier {
             return;
         }
         let middle = 0.5 * (from + to);
-        self.split(from, middle, tolerance, depth - 1, add);
-        self.split(middle, to, tolerance, depth - 1, add);
+        self.approximate(from, middle, tolerance, depth - 1, add);
+        self.approximate(middle, to, tolerance, depth - 1, add);
     }
 }
 

@@ -1,10 +1,10 @@
 //! Finds the elements that an animation stack drives, and by which curves and layers.
 
-use crate::clips::PARTS;
+use crate::clips::TRANSFORM_PROPERTIES;
 use crate::curve::Span;
 use crate::local::{self, LocalTransform};
 use crate::sampled::is_flat;
-use crate::weights::WEIGHT;
+use crate::weights::WEIGHT_PROPERTY;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 use ufbx::{
@@ -20,22 +20,22 @@ struct Entry<'a> {
     value: &'a AnimValue,
 }
 
-pub struct Driven<'a> {
+pub struct DrivenProperties<'a> {
     layers: Vec<&'a AnimLayer>,
     /// Animated properties by element, in the order of layers.
     entries: BTreeMap<u32, (ElementType, Vec<Entry<'a>>)>,
-    overridden: bool,
+    has_overrides: bool,
 }
 
 /// The curves of a node that a single layer drives.
-pub struct Props<'a> {
+pub struct NodeCurves<'a> {
     pub local: LocalTransform,
     values: [Option<&'a AnimValue>; 3],
     /// Scales that are not inherited, helper by helper. They multiply the node's translation, or the scale of a scale helper.
-    pub factors: Vec<Factor<'a>>,
+    pub factors: Vec<ScaleFactor<'a>>,
 }
 
-pub struct Factor<'a> {
+pub struct ScaleFactor<'a> {
     value: Option<&'a AnimValue>,
     rest: DVec3,
 }
@@ -45,15 +45,15 @@ fn curves(value: &AnimValue) -> impl Iterator<Item = &AnimCurve> {
 }
 
 /// Source of a property outside transforms.
-pub enum Source<'a> {
+pub enum PropertySource<'a> {
     Nothing,
     One(&'a AnimValue),
     /// Curves of several layers, or a connected property.
     Mixed(Vec<&'a AnimCurve>),
 }
 
-impl<'a> Driven<'a> {
-    pub fn new(stack: &'a AnimStack) -> Driven<'a> {
+impl<'a> DrivenProperties<'a> {
+    pub fn new(stack: &'a AnimStack) -> DrivenProperties<'a> {
         let layers: Vec<&AnimLayer> = stack.anim.layers.into_iter().collect();
         let mut entries: BTreeMap<u32, (ElementType, Vec<Entry<'a>>)> = BTreeMap::new();
         for (index, layer) in layers.iter().enumerate() {
@@ -63,8 +63,9 @@ impl<'a> Driven<'a> {
                 list.1.push(Entry { layer: index, name: prop_name.as_ref(), value: anim_value });
             }
         }
-        let overridden = !stack.anim.prop_overrides.is_empty() || !stack.anim.transform_overrides.is_empty();
-        Driven { layers, entries, overridden }
+        let has_overrides =
+            !stack.anim.prop_overrides.is_empty() || !stack.anim.transform_overrides.is_empty();
+        DrivenProperties { layers, entries, has_overrides }
     }
 
     fn all_curves(&self) -> impl Iterator<Item = &'a AnimCurve> {
@@ -79,7 +80,7 @@ impl<'a> Driven<'a> {
     }
 
     /// Elements (by id) with a curve that ends within the span and then repeats or continues, instead of holding its value.
-    pub fn repeated(&self, span: Span) -> BTreeSet<u32> {
+    pub fn repeating_elements(&self, span: Span) -> BTreeSet<u32> {
         let (begin, end) = (span.begin.as_secs(), span.end.as_secs());
         let goes_on = |curve: &AnimCurve| {
             let before =
@@ -97,7 +98,7 @@ impl<'a> Driven<'a> {
             let drives = |id: &u32| {
                 self.entries
                     .get(id)
-                    .is_some_and(|(_, list)| list.iter().any(|e| local::ALL.contains(&e.name)))
+                    .is_some_and(|(_, list)| list.iter().any(|e| local::TRANSFORM_INPUTS.contains(&e.name)))
             };
             drives(&node.element.element_id) || helpers(node).iter().any(|h| drives(&h.element.element_id))
         };
@@ -106,24 +107,24 @@ impl<'a> Driven<'a> {
     }
 
     /// The curves of a node; `None` where they have no closed form: blended layers, animated pivots, connections.
-    pub fn props(&self, node: &Node) -> Option<Props<'a>> {
-        let local = LocalTransform::new(node).filter(|_| !self.overridden)?;
-        let values = self.replaced(&node.element)?;
+    pub fn node_curves(&self, node: &Node) -> Option<NodeCurves<'a>> {
+        let local = LocalTransform::new(node).filter(|_| !self.has_overrides)?;
+        let values = self.single_layer_transform(&node.element)?;
         let factor = |helper: &Node| {
-            let [_, _, value] = self.replaced(&helper.element)?;
-            Some(Factor { value, rest: local::property(helper, local::SCALING).unwrap_or(DVec3::ONE) })
+            let [_, _, value] = self.single_layer_transform(&helper.element)?;
+            Some(ScaleFactor { value, rest: local::property(helper, local::SCALING).unwrap_or(DVec3::ONE) })
         };
         let factors = helpers(node).into_iter().map(factor).collect::<Option<_>>()?;
-        Some(Props { local, values, factors })
+        Some(NodeCurves { local, values, factors })
     }
 
     /// The animated translation, rotation and scale of an element, each from a single layer; `None` where they have no closed
     /// form.
-    fn replaced(&self, element: &Element) -> Option<[Option<&'a AnimValue>; 3]> {
+    fn single_layer_transform(&self, element: &Element) -> Option<[Option<&'a AnimValue>; 3]> {
         let mut values = [None; 3];
         for entry in self.entries.get(&element.element_id).map_or(&[][..], |(_, list)| list) {
-            let Some(part) = PARTS.iter().position(|p| *p == entry.name) else {
-                if local::ALL.contains(&entry.name) {
+            let Some(part) = TRANSFORM_PROPERTIES.iter().position(|p| *p == entry.name) else {
+                if local::TRANSFORM_INPUTS.contains(&entry.name) {
                     return None;
                 }
                 continue;
@@ -140,11 +141,11 @@ impl<'a> Driven<'a> {
             let prop = element.props.find_prop(name);
             prop.is_some_and(|p| p.flags.has_any(PropFlags::CONNECTED))
         };
-        (!local::ALL.iter().any(connected)).then_some(values)
+        (!local::TRANSFORM_INPUTS.iter().any(connected)).then_some(values)
     }
 
     /// Whether a node, or a helper whose scale affects it, is among these elements.
-    pub fn is_of(elements: &BTreeSet<u32>, node: &Node) -> bool {
+    pub fn contains_node(elements: &BTreeSet<u32>, node: &Node) -> bool {
         let of = |n: &Node| elements.contains(&n.element.element_id);
         of(node) || helpers(node).into_iter().any(of)
     }
@@ -154,7 +155,7 @@ impl<'a> Driven<'a> {
         let own = [node.element.element_id];
         let ids: BTreeSet<u32> = helpers(node).iter().map(|h| h.element.element_id).chain(own).collect();
         let of_node = move |id: &u32| ids.contains(id);
-        let known = |e: &&Entry<'a>| local::ALL.contains(&e.name) || e.name == LAYER_WEIGHT;
+        let known = |e: &&Entry<'a>| local::TRANSFORM_INPUTS.contains(&e.name) || e.name == LAYER_WEIGHT;
         self.entries
             .iter()
             .filter(move |(id, (kind, _))| of_node(id) || *kind == ElementType::AnimLayer)
@@ -162,24 +163,24 @@ impl<'a> Driven<'a> {
             .flat_map(|e| curves(e.value))
     }
 
-    pub fn property(&self, element: &Element, name: &str) -> Source<'a> {
-        let Some((_, list)) = self.entries.get(&element.element_id) else { return Source::Nothing };
+    pub fn property_source(&self, element: &Element, name: &str) -> PropertySource<'a> {
+        let Some((_, list)) = self.entries.get(&element.element_id) else { return PropertySource::Nothing };
         let named: Vec<&Entry<'a>> = list.iter().filter(|e| e.name == name).collect();
-        let Some(last) = named.last() else { return Source::Nothing };
+        let Some(last) = named.last() else { return PropertySource::Nothing };
         let layer = self.layers[last.layer];
         let replaces = last.layer == 0 || !layer.additive && !layer.blended;
         let prop = element.props.find_prop(name);
         let connected = prop.is_some_and(|p| p.flags.has_any(PropFlags::CONNECTED));
-        match replaces && !connected && !self.overridden {
-            true => Source::One(last.value),
-            false => Source::Mixed(named.iter().flat_map(|e| curves(e.value)).collect()),
+        match replaces && !connected && !self.has_overrides {
+            true => PropertySource::One(last.value),
+            false => PropertySource::Mixed(named.iter().flat_map(|e| curves(e.value)).collect()),
         }
     }
 
     /// Curves of a blend channel's weight; empty where nothing drives it.
     pub fn weight_curves(&self, channel: &BlendChannel) -> Vec<&'a AnimCurve> {
         let Some((_, list)) = self.entries.get(&channel.element.element_id) else { return Vec::new() };
-        list.iter().filter(|e| e.name == WEIGHT).flat_map(|e| curves(e.value)).collect()
+        list.iter().filter(|e| e.name == WEIGHT_PROPERTY).flat_map(|e| curves(e.value)).collect()
     }
 
     /// Animated properties that are neither transforms, nor blend weights, nor `known` for their element.
@@ -187,10 +188,10 @@ impl<'a> Driven<'a> {
         let mut out = BTreeMap::new();
         for (id, (kind, list)) in &self.entries {
             let known = |name: &str| match kind {
-                ElementType::Node => local::ALL.contains(&name),
+                ElementType::Node => local::TRANSFORM_INPUTS.contains(&name),
                 ElementType::AnimLayer => name == LAYER_WEIGHT,
                 ElementType::Camera | ElementType::Light => known(*id, name),
-                _ => name == WEIGHT,
+                _ => name == WEIGHT_PROPERTY,
             };
             let changes = |e: &&Entry<'a>| {
                 curves(e.value).any(|c| c.keyframes.windows(2).any(|k| !is_flat(&k[0], &k[1])))
@@ -233,7 +234,7 @@ fn helpers(node: &Node) -> Vec<&Node> {
     out
 }
 
-impl<'a> Factor<'a> {
+impl<'a> ScaleFactor<'a> {
     pub fn drives(&self) -> bool {
         self.value.is_some()
     }
@@ -249,7 +250,7 @@ impl<'a> Factor<'a> {
     }
 }
 
-impl<'a> Props<'a> {
+impl<'a> NodeCurves<'a> {
     /// Whether the stack has curves for a part: 0 translation, 1 rotation, 2 scale.
     pub fn drives(&self, part: usize) -> bool {
         self.values[part].is_some()

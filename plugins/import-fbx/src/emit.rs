@@ -3,7 +3,7 @@
 
 use crate::file::Accuracy;
 use crate::joined::{RotationCache, TransformPart};
-use crate::keys::{Blend, Keys, finish};
+use crate::keys::{Blend, Keys, simplify_keys};
 use choreo_motion::{Interpolation, Path, Time};
 
 /// Parts of one interval between two keys of the file, at most.
@@ -22,7 +22,7 @@ struct Key {
 }
 
 /// Number of parts into which each interval is cut, so that the member that needs most is close enough.
-pub fn parts(members: &[TransformPart<'_>], accuracy: Accuracy) -> Vec<u32> {
+pub fn part_counts(members: &[TransformPart<'_>], accuracy: Accuracy) -> Vec<u32> {
     let Some(first) = members.first() else { return Vec::new() };
     let mut out = vec![1; first.curves.intervals.len()];
     for (interval, parts) in out.iter_mut().enumerate() {
@@ -30,7 +30,8 @@ pub fn parts(members: &[TransformPart<'_>], accuracy: Accuracy) -> Vec<u32> {
         let needed = match accuracy.rate {
             Some(rate) => (to - from).as_secs() * rate - 1e-3,
             None => {
-                let errors = members.iter().map(|m| m.cubic_error(interval) / limit(m.path, accuracy));
+                let errors =
+                    members.iter().map(|m| m.cubic_error(interval) / path_tolerance(m.path, accuracy));
                 let most = errors.fold(0.0, |a: f64, b| if b > a { b } else { a });
                 // The error of a cubic falls with the fourth power of the number of parts.
                 (most / CURVE_ERROR_SHARE).sqrt().sqrt()
@@ -42,7 +43,7 @@ pub fn parts(members: &[TransformPart<'_>], accuracy: Accuracy) -> Vec<u32> {
     out
 }
 
-fn limit(path: Path, accuracy: Accuracy) -> f64 {
+fn path_tolerance(path: Path, accuracy: Accuracy) -> f64 {
     match path {
         Path::Rotation => accuracy.radians,
         Path::Scale => accuracy.scale,
@@ -51,27 +52,27 @@ fn limit(path: Path, accuracy: Accuracy) -> f64 {
 }
 
 /// Key times of the divided intervals. No part is shorter than a tick.
-pub fn times(intervals: &[(Time, Time)], parts: &[u32]) -> Vec<Time> {
+pub fn key_times(intervals: &[(Time, Time)], parts: &[u32]) -> Vec<Time> {
     let mut out: Vec<Time> = Vec::with_capacity(parts.iter().map(|n| *n as usize + 1).sum());
     for ((from, to), parts) in intervals.iter().zip(parts) {
         if out.last() != Some(from) {
             out.push(*from);
         }
-        out.extend((1..=*parts).map(|k| cut(*from, *to, k, *parts)));
+        out.extend((1..=*parts).map(|k| part_time(*from, *to, k, *parts)));
     }
     out
 }
 
-fn cut(from: Time, to: Time, k: u32, parts: u32) -> Time {
+fn part_time(from: Time, to: Time, k: u32, parts: u32) -> Time {
     Time(from.0 + ((to.0 - from.0) as i128 * i128::from(k) / i128::from(parts)) as i64)
 }
 
 /// The keys of one member at these times.
-pub fn curve(member: &TransformPart<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
+pub fn member_keys(member: &TransformPart<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
     let mut latest = RotationCache::default();
-    let along = KeyIntervals { intervals: &member.curves.intervals, parts, times };
-    let limit = limit(member.path, accuracy);
-    spline(along, member.path, limit, accuracy, |i, u| member.at(i, u, &mut latest))
+    let key_intervals = KeyIntervals { intervals: &member.curves.intervals, parts, times };
+    let tolerance = path_tolerance(member.path, accuracy);
+    spline_keys(key_intervals, member.path, tolerance, accuracy, |i, u| member.at(i, u, &mut latest))
 }
 
 /// Intervals without gaps except at jumps, the number of parts of each, and the key times that follow from both.
@@ -82,21 +83,21 @@ pub struct KeyIntervals<'a> {
     pub times: &'a [Time],
 }
 
-/// Keys of any function that gives value and slope within each interval: lines where they stay within `limit`, else cubics.
-pub fn spline(
-    along: KeyIntervals<'_>,
+/// Keys of any function that gives value and slope within each interval: lines where they stay within `tolerance`, else cubics.
+pub fn spline_keys(
+    key_intervals: KeyIntervals<'_>,
     path: Path,
-    limit: f64,
+    tolerance: f64,
     accuracy: Accuracy,
     at: impl FnMut(usize, f64) -> ([f64; 4], [f64; 4]),
 ) -> Keys {
-    let KeyIntervals { intervals, parts, times } = along;
-    let keys = keys(intervals, parts, at);
+    let KeyIntervals { intervals, parts, times } = key_intervals;
+    let keys = evaluate_keys(intervals, parts, at);
     let width = path.width();
     let blend = if path == Path::Rotation { Blend::Rotation } else { Blend::Numbers };
-    if accuracy.rate.is_some() || straight(path, &keys, times, CURVE_ERROR_SHARE * limit) {
+    if accuracy.rate.is_some() || are_lines_close(path, &keys, times, CURVE_ERROR_SHARE * tolerance) {
         let values = keys.iter().flat_map(|k| &k.value[..width]).map(|v| *v as f32).collect();
-        return finish(times.to_vec(), values, width, blend);
+        return simplify_keys(times.to_vec(), values, width, blend);
     }
     let mut values = Vec::with_capacity(keys.len() * 3 * width);
     for key in &keys {
@@ -107,7 +108,7 @@ pub fn spline(
     Keys { interpolation: Interpolation::CubicSpline, times: times.to_vec(), values }
 }
 
-fn keys(
+fn evaluate_keys(
     intervals: &[(Time, Time)],
     parts: &[u32],
     mut at: impl FnMut(usize, f64) -> ([f64; 4], [f64; 4]),
@@ -135,7 +136,7 @@ fn keys(
 
 /// Whether lines (arcs for rotations) are close enough to the cubics between all keys. With tangents m, n and chord d, a cubic
 /// differs from its line by at most 4/27 (|m − d| + |n − d|).
-fn straight(path: Path, keys: &[Key], times: &[Time], limit: f64) -> bool {
+fn are_lines_close(path: Path, keys: &[Key], times: &[Time], tolerance: f64) -> bool {
     keys.windows(2).zip(times.windows(2)).all(|(k, t)| {
         let secs = (t[1] - t[0]).as_secs();
         // A jump.
@@ -156,7 +157,7 @@ fn straight(path: Path, keys: &[Key], times: &[Time], limit: f64) -> bool {
         };
         let far = (4.0 / 27.0) * (off(&k[0].after) + off(&k[1].before));
         let far = if path == Path::Rotation { 2.0 * far } else { far };
-        far <= limit
+        far <= tolerance
     })
 }
 

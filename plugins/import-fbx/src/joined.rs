@@ -15,19 +15,19 @@ pub struct JoinedCurves {
     pub intervals: Vec<(Time, Time)>,
     /// Polynomials of each interval, one for each curve.
     pieces: Vec<[f64; 4]>,
-    width: usize,
+    curve_count: usize,
 }
 
 impl JoinedCurves {
     /// Joins curves without gaps, as [`crate::curve::pieces`] makes them.
     pub fn new(curves: &[&[Piece]]) -> JoinedCurves {
         let width = curves.len();
-        let mut out = JoinedCurves { width, ..JoinedCurves::default() };
+        let mut out = JoinedCurves { curve_count: width, ..JoinedCurves::default() };
         let mut at = vec![0; width];
         let mut from = Time::ZERO;
-        let mut late = false;
+        let mut jumps_after_key = false;
         while let Some(to) = curves.iter().zip(&at).map(|(c, i)| c.get(*i).map(|p| p.to)).min().flatten() {
-            out.push(from, to, late, curves.iter().zip(&at).map(|(c, i)| c[*i].part(from, to).c));
+            out.push(from, to, jumps_after_key, curves.iter().zip(&at).map(|(c, i)| c[*i].part(from, to).c));
             let (mut before, mut after) = (false, false);
             for (curve, i) in curves.iter().zip(&mut at) {
                 let done = curve[*i];
@@ -42,43 +42,43 @@ impl JoinedCurves {
                 }
             }
             // A jump takes one tick (1.4 ns): before the key, or after it where the old value still holds at the key.
-            late = after && !before;
+            jumps_after_key = after && !before;
             if before && let Some(last) = out.intervals.last_mut() {
                 last.1 = Time(last.1.0 - 1);
             }
             from = to;
         }
-        out.drop_empty();
+        out.remove_empty_intervals();
         out
     }
 
-    fn push(&mut self, from: Time, to: Time, late: bool, pieces: impl Iterator<Item = [f64; 4]>) {
-        self.intervals.push((if late { Time(from.0 + 1) } else { from }, to));
+    fn push(&mut self, from: Time, to: Time, jumps_after_key: bool, pieces: impl Iterator<Item = [f64; 4]>) {
+        self.intervals.push((if jumps_after_key { Time(from.0 + 1) } else { from }, to));
         self.pieces.extend(pieces);
     }
 
     /// Removes intervals that jumps have left without length.
-    fn drop_empty(&mut self) {
+    fn remove_empty_intervals(&mut self) {
         let kept = |i: &(Time, Time)| i.1.0 - i.0.0 > 1;
         if self.intervals.iter().all(kept) {
             return;
         }
-        let pairs = self.intervals.iter().zip(self.pieces.chunks_exact(self.width));
+        let pairs = self.intervals.iter().zip(self.pieces.chunks_exact(self.curve_count));
         self.pieces = pairs.filter(|(i, _)| kept(i)).flat_map(|(_, c)| c).copied().collect();
         self.intervals.retain(kept);
     }
 
     pub fn is_constant(&self) -> bool {
-        let Some(first) = self.pieces.get(..self.width) else { return true };
+        let Some(first) = self.pieces.get(..self.curve_count) else { return true };
         let flat = |c: &[f64; 4], first: &[f64; 4]| c[0] == first[0] && c[1..] == [0.0; 3];
-        self.pieces.chunks_exact(self.width).all(|row| row.iter().zip(first).all(|(c, f)| flat(c, f)))
+        self.pieces.chunks_exact(self.curve_count).all(|row| row.iter().zip(first).all(|(c, f)| flat(c, f)))
     }
 
     /// A function of three consecutive curves in an interval.
-    fn vector(&self, interval: usize, first: usize, of: impl Fn(&[f64; 4]) -> f64) -> DVec3 {
-        let at = interval * self.width + first;
+    fn vector(&self, interval: usize, first: usize, component: impl Fn(&[f64; 4]) -> f64) -> DVec3 {
+        let at = interval * self.curve_count + first;
         let c = &self.pieces[at..at + 3];
-        DVec3::new(of(&c[0]), of(&c[1]), of(&c[2]))
+        DVec3::new(component(&c[0]), component(&c[1]), component(&c[2]))
     }
 
     fn value(&self, interval: usize, first: usize, u: f64) -> DVec3 {
@@ -90,10 +90,10 @@ impl JoinedCurves {
     }
 
     /// Three numbers or fewer, each mapped by a function that also returns its derivative: values, and changes over the interval.
-    pub fn numbers(&self, interval: usize, u: f64, of: impl Fn(f64) -> (f64, f64)) -> ([f64; 4], [f64; 4]) {
+    pub fn numbers(&self, interval: usize, u: f64, map: impl Fn(f64) -> (f64, f64)) -> ([f64; 4], [f64; 4]) {
         let (mut values, mut changes) = ([0.0; 4], [0.0; 4]);
-        for (k, c) in self.pieces[interval * self.width..][..self.width].iter().enumerate() {
-            let (value, slope) = of(c[0] + u * (c[1] + u * (c[2] + u * c[3])));
+        for (k, c) in self.pieces[interval * self.curve_count..][..self.curve_count].iter().enumerate() {
+            let (value, slope) = map(c[0] + u * (c[1] + u * (c[2] + u * c[3])));
             values[k] = value;
             changes[k] = slope * (c[1] + u * (2.0 * c[2] + u * (3.0 * c[3])));
         }
@@ -124,7 +124,7 @@ impl JoinedCurves {
 
 /// Bounds of the first four derivatives of eⁱᵃ from those of a (complete Bell polynomials; a cubic has no fourth derivative), and
 /// so of products of rotations whose angles add up to a.
-fn bell([a, b, c]: [f64; 3]) -> [f64; 4] {
+fn exponential_derivative_bounds([a, b, c]: [f64; 3]) -> [f64; 4] {
     [a, a * a + b, a * a * a + 3.0 * a * b + c, a * a * a * a + 6.0 * a * a * b + 3.0 * b * b + 4.0 * a * c]
 }
 
@@ -148,7 +148,7 @@ pub struct TransformPart<'a> {
 type Bounds = [DVec3; 5];
 
 /// Bounds of a product, by Leibniz's rule.
-fn product(a: &Bounds, b: &Bounds) -> Bounds {
+fn product_bounds(a: &Bounds, b: &Bounds) -> Bounds {
     const BINOMIAL: [[f64; 5]; 5] = [
         [1.0, 0.0, 0.0, 0.0, 0.0],
         [1.0, 1.0, 0.0, 0.0, 0.0],
@@ -179,29 +179,29 @@ impl RotationCache {
 impl TransformPart<'_> {
     /// The exact value and its change over the interval, at a position `u` in the interval.
     pub fn at(&self, interval: usize, u: f64, latest: &mut RotationCache) -> ([f64; 4], [f64; 4]) {
-        let (mut value, mut slope) = self.read(interval, 0, u);
+        let (mut value, mut slope) = self.value_and_slope(interval, 0, u);
         for first in &self.factors {
-            let (factor, change) = self.read(interval, *first, u);
+            let (factor, change) = self.value_and_slope(interval, *first, u);
             (value, slope) = (value * factor, slope * factor + value * change);
         }
         let local = self.local;
-        let wide = |v: DVec3| [v.x, v.y, v.z, 0.0];
+        let to_four = |v: DVec3| [v.x, v.y, v.z, 0.0];
         match self.path {
             Path::Rotation => {
                 let turn = latest.euler_rotation(local, value);
                 (local.rotation_of(&turn).to_array(), local.rotation_rate(&turn, slope).to_array())
             }
-            Path::Scale => (wide(local.scale_at(value)), wide(local.scale_at(slope))),
+            Path::Scale => (to_four(local.scale_at(value)), to_four(local.scale_at(slope))),
             _ => {
                 let other = |first: Option<usize>, rest| match first {
-                    Some(first) => self.read(interval, first, u),
+                    Some(first) => self.value_and_slope(interval, first, u),
                     None => (rest, DVec3::ZERO),
                 };
                 let (turned, turning) = other(self.rotation_curve, self.rest[0]);
                 let (scale, scaling) = other(self.scale_curve, self.rest[1]);
                 let turn = latest.euler_rotation(local, turned);
                 let at = local.translation_at(value, &turn, scale);
-                (wide(at), wide(local.translation_rate((&turn, scale), (slope, turning, scaling))))
+                (to_four(at), to_four(local.translation_rate((&turn, scale), (slope, turning, scaling))))
             }
         }
     }
@@ -211,7 +211,7 @@ impl TransformPart<'_> {
         self.at(0, 0.0, &mut RotationCache::default())
     }
 
-    fn read(&self, interval: usize, first: usize, u: f64) -> (DVec3, DVec3) {
+    fn value_and_slope(&self, interval: usize, first: usize, u: f64) -> (DVec3, DVec3) {
         (self.curves.value(interval, first, u), self.curves.slope(interval, first, u))
     }
 
@@ -220,29 +220,35 @@ impl TransformPart<'_> {
     pub(crate) fn cubic_error(&self, interval: usize) -> f64 {
         match self.path {
             // The chord between two quaternions is half the angle of rotation.
-            Path::Rotation => 2.0 * bell(self.curves.bounds(interval, 0, HALF_RAD))[3] / 384.0,
-            Path::Scale => self.local.scale_at(self.multiplied(interval)).abs().max_element() / 384.0,
+            Path::Rotation => {
+                2.0 * exponential_derivative_bounds(self.curves.bounds(interval, 0, HALF_RAD))[3] / 384.0
+            }
+            Path::Scale => {
+                self.local.scale_at(self.scaled_derivative_bound(interval)).abs().max_element() / 384.0
+            }
             _ => {
-                (self.multiplied(interval).length() * self.local.metres() + self.swing_bound(interval))
+                (self.scaled_derivative_bound(interval).length() * self.local.metres()
+                    + self.swing_bound(interval))
                     / 384.0
             }
         }
     }
 
     /// Bound of the fourth derivative of the part's own value, in the file's units; zero unless inherited scales multiply it.
-    fn multiplied(&self, interval: usize) -> DVec3 {
+    fn scaled_derivative_bound(&self, interval: usize) -> DVec3 {
         if self.factors.is_empty() {
             return DVec3::ZERO;
         }
         let own = self.curves.bounds_by_axis(interval, 0);
-        let of = |all: Bounds, first: &usize| product(&all, &self.curves.bounds_by_axis(interval, *first));
+        let of =
+            |all: Bounds, first: &usize| product_bounds(&all, &self.curves.bounds_by_axis(interval, *first));
         self.factors.iter().fold(own, of)[4]
     }
 
     /// Bound of the fourth derivative of the swing about a pivot, in metres.
     fn swing_bound(&self, interval: usize) -> f64 {
         let Some(turned) = self.rotation_curve else { return 0.0 };
-        let r = bell(self.curves.bounds(interval, turned, 2.0 * HALF_RAD));
+        let r = exponential_derivative_bounds(self.curves.bounds(interval, turned, 2.0 * HALF_RAD));
         let arm = self.local.scaled_lever_arm_metres();
         let Some(scaled) = self.scale_curve else {
             return self.local.lever_arm_metres(self.rest[1]) * r[3];

@@ -21,7 +21,7 @@ pub struct Keys {
 
 /// Simplifies rows of `width` numbers at strictly increasing times: to one key where nothing changes, and to STEP where all
 /// changes are jumps.
-pub fn finish(times: Vec<Time>, values: Vec<f32>, width: usize, blend: Blend) -> Keys {
+pub fn simplify_keys(times: Vec<Time>, values: Vec<f32>, width: usize, blend: Blend) -> Keys {
     let row = |i: usize| &values[i * width..(i + 1) * width];
     let same =
         |a: &[f32], b: &[f32]| a == b || blend == Blend::Rotation && a.iter().zip(b).all(|(a, b)| *a == -*b);
@@ -43,9 +43,9 @@ pub fn finish(times: Vec<Time>, values: Vec<f32>, width: usize, blend: Blend) ->
 
 /// Stores equal lists of key times once.
 #[derive(Default)]
-pub struct Times(BTreeMap<Vec<Time>, Arc<[Time]>>);
+pub struct SharedTimes(BTreeMap<Vec<Time>, Arc<[Time]>>);
 
-impl Times {
+impl SharedTimes {
     pub fn share(&mut self, times: Vec<Time>) -> Arc<[Time]> {
         if let Some(known) = self.0.get(&times) {
             return known.clone();
@@ -64,7 +64,7 @@ mod tests {
 
     fn numbers(keys: &[(i64, f32)]) -> Keys {
         let (times, values) = keys.iter().map(|k| (Time(k.0), k.1)).unzip();
-        finish(times, values, 1, Blend::Numbers)
+        simplify_keys(times, values, 1, Blend::Numbers)
     }
 
     #[test]
@@ -89,8 +89,12 @@ mod tests {
     fn constant_tracks_become_one_key() {
         let keys = numbers(&[(0, 4.0), (SECOND, 4.0)]);
         assert_eq!((keys.times, keys.values), (vec![Time::ZERO], vec![4.0]));
-        let turned =
-            finish(vec![Time(0), Time(1)], vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0], 4, Blend::Rotation);
+        let turned = simplify_keys(
+            vec![Time(0), Time(1)],
+            vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0],
+            4,
+            Blend::Rotation,
+        );
         assert_eq!(turned.times.len(), 1);
     }
 }

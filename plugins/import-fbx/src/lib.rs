@@ -10,7 +10,6 @@ mod file;
 mod geometry;
 mod joined;
 mod keys;
-mod lens;
 mod load;
 mod local;
 mod materials;
@@ -25,6 +24,7 @@ mod skinning;
 #[cfg(test)]
 mod tests;
 mod textures;
+mod value_conversion;
 mod vertices;
 mod weights;
 
@@ -103,7 +103,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
     let file = File::new(&scene, source.bytes.len(), files, needs, options);
     load::pass_warnings(&file);
     let tree = nodes::read(&file)?;
-    let mut table = textures::Table::default();
+    let mut table = textures::ImageTable::default();
     let mut materials = materials::read(&file, &mut table)?;
 
     // Decoding images takes as long as everything else together, so both run in parallel.

@@ -17,12 +17,12 @@ pub const MAX_DEPTH: u32 = 4096;
 /// Memory limit, as a factor of the file size plus a constant. It applies to each of three: ufbx's temporary data, its result,
 /// and the importer's own data. The first is freed before the third grows, so all together stay within 16 times the file size
 /// plus 64 MiB.
-pub(crate) const MEMORY_OF_FILE: usize = 8;
-pub(crate) const MEMORY_BESIDE: usize = 32 << 20;
+pub(crate) const MEMORY_PER_FILE_BYTE: usize = 8;
+pub(crate) const BASE_MEMORY: usize = 32 << 20;
 
 /// Bytes that each of the three may take for a file of this size.
 pub(crate) fn memory_limit(file_size: usize) -> usize {
-    file_size.saturating_mul(MEMORY_OF_FILE).saturating_add(MEMORY_BESIDE)
+    file_size.saturating_mul(MEMORY_PER_FILE_BYTE).saturating_add(BASE_MEMORY)
 }
 
 pub fn allocator(file_size: usize) -> AllocatorOpts {
@@ -37,30 +37,32 @@ pub fn allocator(file_size: usize) -> AllocatorOpts {
 
 /// Bytes between two progress reports. A report interrupts array decoding: with 256 bytes, reports took a fifth of the loading
 /// time.
-const INTERVAL: u64 = 16 << 10;
+const PROGRESS_INTERVAL_BYTES: u64 = 16 << 10;
 /// Bytes between two progress reports, where only the place of an error is wanted.
-const FINE_INTERVAL: u64 = 256;
+const FINE_PROGRESS_INTERVAL_BYTES: u64 = 256;
 
 /// Loads a file from memory; ufbx opens no files itself. A file that fails is read again with finer progress, to find the place
 /// of the error.
 pub fn load(bytes: &[u8], needs: ImportScope, files: &dyn Files) -> Result<SceneRoot> {
-    attempt(bytes, needs, files, INTERVAL).or_else(|(problem, cancelled)| match cancelled {
+    load_once(bytes, needs, files, PROGRESS_INTERVAL_BYTES).or_else(|(problem, cancelled)| match cancelled {
         true => Err(problem),
-        false => attempt(bytes, needs, &Silent, FINE_INTERVAL).map_err(|(problem, _)| problem),
+        false => {
+            load_once(bytes, needs, &NoFiles, FINE_PROGRESS_INTERVAL_BYTES).map_err(|(problem, _)| problem)
+        }
     })
 }
 
 /// Reports no progress, and finds no files.
-struct Silent;
+struct NoFiles;
 
-impl Files for Silent {
+impl Files for NoFiles {
     fn read(&self, name: &str) -> std::result::Result<Arc<Vec<u8>>, String> {
         Err(format!("{name}: not read"))
     }
 }
 
 /// Loads the file. An error comes with whether the user cancelled.
-fn attempt(
+fn load_once(
     bytes: &[u8],
     needs: ImportScope,
     files: &dyn Files,

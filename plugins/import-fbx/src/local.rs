@@ -10,7 +10,7 @@ pub const TRANSLATION: &str = "Lcl Translation";
 pub const ROTATION: &str = "Lcl Rotation";
 pub(crate) const SCALING: &str = "Lcl Scaling";
 /// All properties that the local transform depends on.
-pub const ALL: [&str; 10] = [
+pub const TRANSFORM_INPUTS: [&str; 10] = [
     TRANSLATION,
     ROTATION,
     SCALING,
@@ -36,7 +36,7 @@ pub struct LocalTransform {
     /// apply to offsets.
     left_rotation: DQuat,
     right_rotation: DQuat,
-    post: DQuat,
+    post_rotation: DQuat,
     axes_turn: DQuat,
     /// Soff + Sp − Rp, and −Sp: the lever arms that the rotation swings, without and with the scale.
     lever_arm: DVec3,
@@ -44,8 +44,8 @@ pub struct LocalTransform {
     /// Rp + Roff.
     offset: DVec3,
     metres: f64,
-    resize: f64,
-    mirror: Option<usize>,
+    scale_factor: f64,
+    mirror_axis: Option<usize>,
     /// The node is a helper that holds its parent's scale for children that inherit it.
     pub is_scale_helper: bool,
     /// Factors at rest from scale that is not inherited: of the translation, and of the scale.
@@ -58,7 +58,7 @@ pub struct EulerRotation {
     parts: [DQuat; 3],
     /// Product of the first two rotations, and of all three.
     first_two: DQuat,
-    all: DQuat,
+    product: DQuat,
 }
 
 fn vector(v: &ufbx::Vec3) -> DVec3 {
@@ -91,7 +91,7 @@ impl LocalTransform {
         let at = |name| property(node, name).unwrap_or(DVec3::ZERO);
         let space = node.use_rotation_space;
         let order = if space { node.rotation_order } else { RotationOrder::Xyz };
-        let (pre, post) = match space {
+        let (pre, post_rotation) = match space {
             true => (euler(at("PreRotation")), euler(at("PostRotation")).conjugate()),
             false => (DQuat::IDENTITY, DQuat::IDENTITY),
         };
@@ -101,15 +101,15 @@ impl LocalTransform {
             scaling: property(node, SCALING).unwrap_or(DVec3::ONE),
             rotation_axis_order: axes(order),
             left_rotation: pre,
-            right_rotation: post,
-            post,
+            right_rotation: post_rotation,
+            post_rotation,
             axes_turn: DQuat::IDENTITY,
             lever_arm: at("ScalingOffset") + at("ScalingPivot") - at("RotationPivot"),
             scaled_lever_arm: -at("ScalingPivot"),
             offset: at("RotationPivot") + at("RotationOffset"),
             metres: 1.0,
-            resize: 1.0,
-            mirror: match node.adjust_mirror_axis {
+            scale_factor: 1.0,
+            mirror_axis: match node.adjust_mirror_axis {
                 MirrorAxis::None => None,
                 MirrorAxis::X => Some(0),
                 MirrorAxis::Y => Some(1),
@@ -120,10 +120,10 @@ impl LocalTransform {
         };
         if node.has_adjust_transform {
             local.axes_turn = quaternion(&node.adjust_pre_rotation);
-            local.right_rotation = post * quaternion(&node.adjust_post_rotation);
+            local.right_rotation = post_rotation * quaternion(&node.adjust_post_rotation);
             local.offset += vector(&node.adjust_pre_translation);
             local.metres = node.adjust_pre_scale * node.adjust_translation_scale;
-            local.resize = node.adjust_pre_scale * node.adjust_post_scale;
+            local.scale_factor = node.adjust_pre_scale * node.adjust_post_scale;
         }
         Some(local)
     }
@@ -140,17 +140,17 @@ impl LocalTransform {
     }
 
     pub fn euler_rotation(&self, degrees: DVec3) -> EulerRotation {
-        turn(self.rotation_axis_order, degrees)
+        euler_rotation(self.rotation_axis_order, degrees)
     }
 
     /// The node's rotation for an Euler rotation, with the fixed rotations around it.
-    pub fn rotation_of(&self, turn: &EulerRotation) -> DQuat {
-        self.mirrored(self.with_fixed_rotations(turn.all))
+    pub fn rotation_of(&self, euler_rotation: &EulerRotation) -> DQuat {
+        self.mirror_rotation(self.with_fixed_rotations(euler_rotation.product))
     }
 
     /// Derivative of the node's rotation where the angles change by `rates`, in degrees for each unit of time.
-    pub(crate) fn rotation_rate(&self, turn: &EulerRotation, rates: DVec3) -> DQuat {
-        self.mirrored(self.with_fixed_rotations(self.euler_rate(turn, rates)))
+    pub(crate) fn rotation_rate(&self, euler_rotation: &EulerRotation, rates: DVec3) -> DQuat {
+        self.mirror_rotation(self.with_fixed_rotations(self.euler_rate(euler_rotation, rates)))
     }
 
     /// Skips identities: most nodes have no axis conversion and no pre- or post-rotation.
@@ -160,8 +160,8 @@ impl LocalTransform {
         if self.axes_turn == DQuat::IDENTITY { q } else { self.axes_turn * q }
     }
 
-    fn mirrored(&self, q: DQuat) -> DQuat {
-        match self.mirror {
+    fn mirror_rotation(&self, q: DQuat) -> DQuat {
+        match self.mirror_axis {
             None => q,
             Some(kept) => {
                 let mut v = (-q.xyz()).to_array();
@@ -171,18 +171,28 @@ impl LocalTransform {
         }
     }
 
-    fn euler_rate(&self, turn: &EulerRotation, rates: DVec3) -> DQuat {
+    fn euler_rate(&self, euler_rotation: &EulerRotation, rates: DVec3) -> DQuat {
         let Some([a, b, c]) = self.rotation_axis_order else { return DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0) };
         let half = |axis: usize| rates[axis] * HALF_RAD;
-        let inner = turn.parts[2] * axis_times(b, turn.first_two);
-        times_axis(turn.all, a) * half(a) + inner * half(b) + axis_times(c, turn.all) * half(c)
+        let inner = euler_rotation.parts[2] * axis_times(b, euler_rotation.first_two);
+        times_axis(euler_rotation.product, a) * half(a)
+            + inner * half(b)
+            + axis_times(c, euler_rotation.product) * half(c)
     }
 
     /// The node's translation in metres, pivots included.
-    pub(crate) fn translation_at(&self, translation: DVec3, turn: &EulerRotation, scaling: DVec3) -> DVec3 {
+    pub(crate) fn translation_at(
+        &self,
+        translation: DVec3,
+        euler_rotation: &EulerRotation,
+        scaling: DVec3,
+    ) -> DVec3 {
         let swing = self.lever_arm_at(scaling);
-        let turned =
-            if swing == DVec3::ZERO { swing } else { self.left_rotation * turn.all * self.post * swing };
+        let turned = if swing == DVec3::ZERO {
+            swing
+        } else {
+            self.left_rotation * euler_rotation.product * self.post_rotation * swing
+        };
         self.to_metres(turned + self.offset + translation)
     }
 
@@ -196,13 +206,13 @@ impl LocalTransform {
         at: (&EulerRotation, DVec3),
         rates: (DVec3, DVec3, DVec3),
     ) -> DVec3 {
-        let ((turn, scaling), (translation, rotation, scale)) = (at, rates);
+        let ((euler_rotation, scaling), (translation, rotation, scale)) = (at, rates);
         let (swing, swing_rate) = (self.lever_arm_at(scaling), scale * self.scaled_lever_arm);
         if swing == DVec3::ZERO && swing_rate == DVec3::ZERO {
             return self.to_metres(translation);
         }
-        let q = self.left_rotation * turn.all * self.post;
-        let dq = self.left_rotation * self.euler_rate(turn, rotation) * self.post;
+        let q = self.left_rotation * euler_rotation.product * self.post_rotation;
+        let dq = self.left_rotation * self.euler_rate(euler_rotation, rotation) * self.post_rotation;
         let (v, w) = (q.xyz(), q.w);
         let (dv, dw) = (dq.xyz(), dq.w);
         // Derivative of r = s + 2 (w v×s + v×(v×s)).
@@ -214,7 +224,7 @@ impl LocalTransform {
     fn to_metres(&self, v: DVec3) -> DVec3 {
         let turned = if self.axes_turn == DQuat::IDENTITY { v } else { self.axes_turn * v };
         let mut out = turned * self.metres;
-        if let Some(axis) = self.mirror {
+        if let Some(axis) = self.mirror_axis {
             out[axis] = -out[axis];
         }
         out
@@ -230,26 +240,27 @@ impl LocalTransform {
     }
 
     pub(crate) fn scale_at(&self, scaling: DVec3) -> DVec3 {
-        scaling * self.resize
+        scaling * self.scale_factor
     }
 
     /// Parent-from-node matrix at rest.
     pub(crate) fn matrix_at_rest(&self) -> DAffine3 {
-        let turn = self.euler_rotation(self.rotation);
-        let translation = self.translation_at(self.translation * self.factors[0], &turn, self.scaling);
+        let euler_rotation = self.euler_rotation(self.rotation);
+        let translation =
+            self.translation_at(self.translation * self.factors[0], &euler_rotation, self.scaling);
         let scale = self.scale_at(self.scaling) * self.factors[1];
-        DAffine3::from_scale_rotation_translation(scale, self.rotation_of(&turn), translation)
+        DAffine3::from_scale_rotation_translation(scale, self.rotation_of(&euler_rotation), translation)
     }
 
     /// The transform at rest.
     pub fn at_rest(&self) -> Transform {
-        let turn = self.euler_rotation(self.rotation);
-        let rotation = self.rotation_of(&turn);
+        let euler_rotation = self.euler_rotation(self.rotation);
+        let rotation = self.rotation_of(&euler_rotation);
         let length = rotation.length();
         let sound = length.is_finite() && length > 1e-9;
         Transform {
             translation: self
-                .translation_at(self.translation * self.factors[0], &turn, self.scaling)
+                .translation_at(self.translation * self.factors[0], &euler_rotation, self.scaling)
                 .as_vec3(),
             rotation: if sound { (rotation * (1.0 / length)).as_quat() } else { glam::Quat::IDENTITY },
             scale: (self.scale_at(self.scaling) * self.factors[1]).as_vec3(),
@@ -293,15 +304,15 @@ fn axis_times(axis: usize, q: DQuat) -> DQuat {
 
 /// Euler rotation about X, then Y, then Z.
 pub fn euler(degrees: DVec3) -> DQuat {
-    turn(Some([0, 1, 2]), degrees).all
+    euler_rotation(Some([0, 1, 2]), degrees).product
 }
 
-fn turn(axes: Option<[usize; 3]>, degrees: DVec3) -> EulerRotation {
+fn euler_rotation(axes: Option<[usize; 3]>, degrees: DVec3) -> EulerRotation {
     let Some(axes) = axes else {
         return EulerRotation {
             parts: [DQuat::IDENTITY; 3],
             first_two: DQuat::IDENTITY,
-            all: DQuat::IDENTITY,
+            product: DQuat::IDENTITY,
         };
     };
     let parts = axes.map(|axis| {
@@ -313,7 +324,7 @@ fn turn(axes: Option<[usize; 3]>, degrees: DVec3) -> EulerRotation {
         DQuat::from_xyzw(v.x, v.y, v.z, cos)
     });
     let first_two = parts[1] * parts[0];
-    EulerRotation { parts, first_two, all: parts[2] * first_two }
+    EulerRotation { parts, first_two, product: parts[2] * first_two }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use crate::alpha::Alpha;
 use crate::file::{File, place_of};
-use crate::textures::{Channel, Source, Table};
+use crate::textures::{Channel, ChannelSource, ImageTable};
 use choreo_asset::{AlphaMode, Material, Shading, TextureRef};
 use choreo_importer_kit::Result;
 use glam::{Vec3, Vec4};
@@ -20,7 +20,7 @@ pub struct MaterialDraft {
     pub alpha: Alpha,
 }
 
-pub fn read(file: &File<'_>, table: &mut Table) -> Result<Vec<MaterialDraft>> {
+pub fn read(file: &File<'_>, table: &mut ImageTable) -> Result<Vec<MaterialDraft>> {
     let scene = file.scene;
     file.charge(scene.materials.len(), size_of::<MaterialDraft>() + 64, || "materials".into())?;
     // The first mesh with the material determines which set a name means.
@@ -40,8 +40,8 @@ pub fn read(file: &File<'_>, table: &mut Table) -> Result<Vec<MaterialDraft>> {
             ShaderType::FbxLambert
             | ShaderType::FbxPhong
             | ShaderType::Unknown
-            | ShaderType::WavefrontMtl => reader.phong(material)?,
-            _ => reader.physical(material)?,
+            | ShaderType::WavefrontMtl => reader.read_phong(material)?,
+            _ => reader.read_physical(material)?,
         };
         own.name = material.element.name.to_string();
         let double_sided = &material.features.double_sided;
@@ -58,42 +58,42 @@ pub fn read(file: &File<'_>, table: &mut Table) -> Result<Vec<MaterialDraft>> {
 
 struct Reader<'a, 'f> {
     file: &'a File<'f>,
-    table: &'a mut Table,
+    table: &'a mut ImageTable,
     place: &'a str,
     mesh: Option<&'a ufbx::Mesh>,
     uv_names: Vec<String>,
 }
 
-fn real(map: &MaterialMap, default: f32) -> f32 {
+fn map_number(map: &MaterialMap, default: f32) -> f32 {
     if map.has_value { map.value_vec4.x as f32 } else { default }
 }
 
-fn color(map: &MaterialMap, default: Vec3) -> Vec3 {
+fn map_color(map: &MaterialMap, default: Vec3) -> Vec3 {
     let v = &map.value_vec4;
     if map.has_value { Vec3::new(v.x as f32, v.y as f32, v.z as f32) } else { default }
 }
 
-fn texture(map: &MaterialMap) -> Option<&Texture> {
+fn map_texture(map: &MaterialMap) -> Option<&Texture> {
     map.texture.as_ref().filter(|_| map.texture_enabled).map(|t| t.as_ref())
 }
 
 impl Reader<'_, '_> {
     /// Color and texture of a map. A connected texture replaces the color; the factor still applies.
-    fn tinted(
+    fn read_color(
         &mut self,
         map: &MaterialMap,
         factor: f32,
         default: Vec3,
     ) -> Result<(Vec3, Option<TextureRef>)> {
-        let found = self.texture(texture(map))?;
-        let own = if found.is_some() { Vec3::ONE } else { color(map, default) };
+        let found = self.read_texture(map_texture(map))?;
+        let own = if found.is_some() { Vec3::ONE } else { map_color(map, default) };
         Ok((own * factor, found))
     }
 
-    fn texture(&mut self, texture: Option<&Texture>) -> Result<Option<TextureRef>> {
+    fn read_texture(&mut self, texture: Option<&Texture>) -> Result<Option<TextureRef>> {
         let Some(texture) = texture else { return Ok(None) };
         let slot = self.uv_slot(texture);
-        self.table.reference(self.file, texture, slot)
+        self.table.texture_ref(self.file, texture, slot)
     }
 
     /// Texture coordinate slot: 0 for the mesh's first set, 1 for any other.
@@ -110,12 +110,12 @@ impl Reader<'_, '_> {
     }
 
     /// Reads FBX's own shading models, Phong and Lambert.
-    fn phong(&mut self, m: &ufbx::Material) -> Result<(Material, Alpha)> {
+    fn read_phong(&mut self, m: &ufbx::Material) -> Result<(Material, Alpha)> {
         let fbx = &m.fbx;
         let (diffuse, base_color_texture) =
-            self.tinted(&fbx.diffuse_color, real(&fbx.diffuse_factor, 1.0), Vec3::splat(0.8))?;
+            self.read_color(&fbx.diffuse_color, map_number(&fbx.diffuse_factor, 1.0), Vec3::splat(0.8))?;
         let (emissive, emissive_texture) =
-            self.tinted(&fbx.emission_color, real(&fbx.emission_factor, 1.0), Vec3::ZERO)?;
+            self.read_color(&fbx.emission_color, map_number(&fbx.emission_factor, 1.0), Vec3::ZERO)?;
         let mut out = Material {
             shading: Shading::BlinnPhong,
             base_color: diffuse.extend(1.0),
@@ -128,20 +128,20 @@ impl Reader<'_, '_> {
         };
         if m.shader_type != ShaderType::FbxLambert {
             let (specular, texture) =
-                self.tinted(&fbx.specular_color, real(&fbx.specular_factor, 1.0), Vec3::ZERO)?;
+                self.read_color(&fbx.specular_color, map_number(&fbx.specular_factor, 1.0), Vec3::ZERO)?;
             // A Phong lobe is as wide as a Blinn lobe of four times the exponent. Our lobe is normalized and FBX's is not; the
             // factor keeps the brightness of the highlight's center.
-            out.shininess = (4.0 * real(&fbx.specular_exponent, 20.0)).clamp(1.0, 4096.0);
+            out.shininess = (4.0 * map_number(&fbx.specular_exponent, 20.0)).clamp(1.0, 4096.0);
             out.specular_color = specular * (8.0 / (out.shininess + 8.0));
             out.specular_color_texture = texture;
         }
-        out.normal_texture = self.normal(texture(&fbx.normal_map), texture(&fbx.bump))?;
-        let map = texture(&fbx.transparency_color).or(texture(&fbx.transparency_factor));
+        out.normal_texture = self.read_normal_map(map_texture(&fbx.normal_map), map_texture(&fbx.bump))?;
+        let map = map_texture(&fbx.transparency_color).or(map_texture(&fbx.transparency_factor));
         let alpha = match map {
             // The map holds transparency, not opacity.
-            Some(map) => self.opacity_map(map, base_texture(m), &mut out, true)?,
+            Some(map) => self.apply_opacity_map(map, base_texture(m), &mut out, true)?,
             None => {
-                out.base_color.w = self.opacity(m);
+                out.base_color.w = self.read_opacity(m);
                 Alpha::Constant
             }
         };
@@ -149,13 +149,13 @@ impl Reader<'_, '_> {
     }
 
     /// Opacity of a material. Programs disagree on `TransparencyFactor`, so a fully transparent material is taken as opaque.
-    fn opacity(&self, m: &ufbx::Material) -> f32 {
+    fn read_opacity(&self, m: &ufbx::Material) -> f32 {
         let explicit = m.element.props.props.as_ref().iter().find(|p| p.name.as_ref() == "Opacity");
         if let Some(opacity) = explicit {
             return (opacity.value_vec4.x as f32).clamp(0.0, 1.0);
         }
-        let seen_through = color(&m.fbx.transparency_color, Vec3::ONE).element_sum() / 3.0;
-        let transparent = (real(&m.fbx.transparency_factor, 0.0) * seen_through).clamp(0.0, 1.0);
+        let seen_through = map_color(&m.fbx.transparency_color, Vec3::ONE).element_sum() / 3.0;
+        let transparent = (map_number(&m.fbx.transparency_factor, 0.0) * seen_through).clamp(0.0, 1.0);
         if transparent >= 1.0 {
             self.file.notes.warn(
                 self.place,
@@ -167,20 +167,20 @@ impl Reader<'_, '_> {
         1.0 - transparent
     }
 
-    fn physical(&mut self, m: &ufbx::Material) -> Result<(Material, Alpha)> {
+    fn read_physical(&mut self, m: &ufbx::Material) -> Result<(Material, Alpha)> {
         let pbr = &m.pbr;
         let multiplies = m.shader_type == ShaderType::GltfMaterial;
         let (mut base, base_color_texture) =
-            self.tinted(&pbr.base_color, real(&pbr.base_factor, 1.0), Vec3::splat(0.8))?;
+            self.read_color(&pbr.base_color, map_number(&pbr.base_factor, 1.0), Vec3::splat(0.8))?;
         if multiplies {
-            base = color(&pbr.base_color, Vec3::ONE) * real(&pbr.base_factor, 1.0);
+            base = map_color(&pbr.base_color, Vec3::ONE) * map_number(&pbr.base_factor, 1.0);
         }
         let (emissive, emissive_texture) =
-            self.tinted(&pbr.emission_color, real(&pbr.emission_factor, 1.0), Vec3::ZERO)?;
+            self.read_color(&pbr.emission_color, map_number(&pbr.emission_factor, 1.0), Vec3::ZERO)?;
         let glossy = m.features.roughness_as_glossiness.enabled;
         let roughness = match glossy {
-            true => 1.0 - real(&pbr.glossiness, real(&pbr.roughness, 0.5)),
-            false => real(&pbr.roughness, 0.5),
+            true => 1.0 - map_number(&pbr.glossiness, map_number(&pbr.roughness, 0.5)),
+            false => map_number(&pbr.roughness, 0.5),
         };
         let mut out = Material {
             base_color: base.extend(1.0),
@@ -188,50 +188,54 @@ impl Reader<'_, '_> {
             emissive,
             emissive_texture,
             roughness,
-            metallic: real(&pbr.metalness, 0.0),
-            specular: real(&pbr.specular_factor, 1.0).clamp(0.0, 1.0),
+            metallic: map_number(&pbr.metalness, 0.0),
+            specular: map_number(&pbr.specular_factor, 1.0).clamp(0.0, 1.0),
             ..Material::default()
         };
         if m.shader_type == ShaderType::E3DsMaxPbrSpecGloss {
-            let (specular, texture) = self.tinted(&pbr.specular_color, 1.0, Vec3::splat(DIELECTRIC_F0))?;
+            let (specular, texture) =
+                self.read_color(&pbr.specular_color, 1.0, Vec3::splat(DIELECTRIC_F0))?;
             out.specular_color = specular / DIELECTRIC_F0;
             out.specular_color_texture = texture;
         } else {
-            out.specular_color = color(&pbr.specular_color, Vec3::ONE);
+            out.specular_color = map_color(&pbr.specular_color, Vec3::ONE);
         }
-        self.metal_and_roughness(pbr, glossy, &mut out)?;
-        out.normal_texture = self.normal(texture(&pbr.normal_map), texture(&m.fbx.bump))?;
-        out.occlusion_texture = self.texture(texture(&pbr.ambient_occlusion))?;
-        let alpha = match texture(&pbr.opacity) {
-            Some(map) => self.opacity_map(map, texture(&pbr.base_color), &mut out, false)?,
+        self.add_metallic_roughness(pbr, glossy, &mut out)?;
+        out.normal_texture = self.read_normal_map(map_texture(&pbr.normal_map), map_texture(&m.fbx.bump))?;
+        out.occlusion_texture = self.read_texture(map_texture(&pbr.ambient_occlusion))?;
+        let alpha = match map_texture(&pbr.opacity) {
+            Some(map) => self.apply_opacity_map(map, map_texture(&pbr.base_color), &mut out, false)?,
             None => {
-                out.base_color.w = real(&pbr.opacity, 1.0).clamp(0.0, 1.0);
+                out.base_color.w = map_number(&pbr.opacity, 1.0).clamp(0.0, 1.0);
                 Alpha::Constant
             }
         };
-        if m.features.transmission.enabled && real(&pbr.transmission_factor, 0.0) > 0.0 {
+        if m.features.transmission.enabled && map_number(&pbr.transmission_factor, 0.0) > 0.0 {
             self.file.notes.warn(self.place, "has transmission, which is not drawn");
         }
         Ok((out, alpha))
     }
 
     /// Puts one or two images into the green (roughness) and blue (metalness) channels of one.
-    fn metal_and_roughness(
+    fn add_metallic_roughness(
         &mut self,
         pbr: &ufbx::MaterialPbrMaps,
         glossy: bool,
         out: &mut Material,
     ) -> Result<()> {
-        let rough = texture(if glossy && pbr.glossiness.texture.is_some() {
+        let rough = map_texture(if glossy && pbr.glossiness.texture.is_some() {
             &pbr.glossiness
         } else {
             &pbr.roughness
         });
-        let metal = texture(&pbr.metalness);
+        let metal = map_texture(&pbr.metalness);
         let slot = rough.or(metal).map_or(0, |t| self.uv_slot(t));
-        let rough_source = rough.map(|t| Source { texture: t, channel: Channel::Gray, invert: glossy });
-        let metal_source = metal.map(|t| Source { texture: t, channel: Channel::Gray, invert: false });
-        if let Some(made) = self.table.combined(self.file, [None, rough_source, metal_source, None], slot)? {
+        let rough_source =
+            rough.map(|t| ChannelSource { texture: t, channel: Channel::Gray, invert: glossy });
+        let metal_source = metal.map(|t| ChannelSource { texture: t, channel: Channel::Gray, invert: false });
+        if let Some(made) =
+            self.table.combined_texture_ref(self.file, [None, rough_source, metal_source, None], slot)?
+        {
             if rough.is_some() {
                 out.roughness = 1.0;
             }
@@ -244,15 +248,19 @@ impl Reader<'_, '_> {
     }
 
     /// The normal map. Many programs put normal maps into FBX's bump slot; a true height map there is left out.
-    fn normal(&mut self, normal: Option<&Texture>, bump: Option<&Texture>) -> Result<Option<TextureRef>> {
+    fn read_normal_map(
+        &mut self,
+        normal: Option<&Texture>,
+        bump: Option<&Texture>,
+    ) -> Result<Option<TextureRef>> {
         if normal.is_some() {
-            return self.texture(normal);
+            return self.read_texture(normal);
         }
         let Some(bump) = bump else { return Ok(None) };
         let names =
             format!("{} {}", bump.element.name.as_ref(), bump.relative_filename.as_ref()).to_lowercase();
         if ["normal", "nrm", "_n.", "_nor"].iter().any(|mark| names.contains(mark)) {
-            return self.texture(Some(bump));
+            return self.read_texture(Some(bump));
         }
         self.file
             .notes
@@ -261,7 +269,7 @@ impl Reader<'_, '_> {
     }
 
     /// Uses an opacity image: it already is the alpha of the base color's image, or it is combined into that.
-    fn opacity_map(
+    fn apply_opacity_map(
         &mut self,
         map: &Texture,
         base: Option<&Texture>,
@@ -277,10 +285,10 @@ impl Reader<'_, '_> {
             return Ok(Alpha::OfTexture);
         }
         let slot = self.uv_slot(base.unwrap_or(map));
-        let of = |channel| base.map(|texture| Source { texture, channel, invert: false });
-        let alpha = Source { texture: map, channel: Channel::AlphaOrGray, invert: shows_through };
+        let of = |channel| base.map(|texture| ChannelSource { texture, channel, invert: false });
+        let alpha = ChannelSource { texture: map, channel: Channel::AlphaOrGray, invert: shows_through };
         let sources = [of(Channel::Red), of(Channel::Green), of(Channel::Blue), Some(alpha)];
-        if let Some(made) = self.table.combined(self.file, sources, slot)? {
+        if let Some(made) = self.table.combined_texture_ref(self.file, sources, slot)? {
             out.base_color_texture = Some(made);
         }
         Ok(Alpha::OfTexture)
@@ -288,7 +296,7 @@ impl Reader<'_, '_> {
 }
 
 fn base_texture(m: &ufbx::Material) -> Option<&Texture> {
-    texture(&m.fbx.diffuse_color)
+    map_texture(&m.fbx.diffuse_color)
 }
 
 /// Replaces numbers that no renderer can use.

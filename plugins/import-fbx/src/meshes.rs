@@ -65,20 +65,20 @@ pub fn visible_meshes<'a>(file: &File<'a>, tree: &Tree) -> Vec<VisibleMesh<'a>> 
 pub fn read(
     file: &File<'_>,
     tree: &Tree,
-    shown: &[VisibleMesh<'_>],
+    visible_meshes: &[VisibleMesh<'_>],
     materials: &[MaterialDraft],
     asset: &mut Asset,
 ) -> Result<()> {
     // Key: the mesh, and the materials that its node assigns.
     let mut known: BTreeMap<(u32, Vec<u32>), Option<u32>> = BTreeMap::new();
-    for one in shown {
-        let slots = material_slots(one);
-        file.charge(slots.len() + 8, 8, || place_of(&one.node.element))?;
-        let key = (one.mesh.element.typed_id, slots);
+    for visible_mesh in visible_meshes {
+        let slots = material_slots(visible_mesh);
+        file.charge(slots.len() + 8, 8, || place_of(&visible_mesh.node.element))?;
+        let key = (visible_mesh.mesh.element.typed_id, slots);
         let mesh = match known.get(&key) {
             Some(mesh) => *mesh,
             None => {
-                let built = build(file, one, &key.1, materials)?;
+                let built = build_mesh(file, visible_mesh, &key.1, materials)?;
                 let index = built.map(|mesh| {
                     asset.meshes.push(Arc::new(mesh));
                     asset.meshes.len() as u32 - 1
@@ -88,22 +88,29 @@ pub fn read(
             }
         };
         let Some(mesh) = mesh else { continue };
-        let skin = skinning::skin(file, tree, one)?.map(|skin| {
+        let skin = skinning::skin(file, tree, visible_mesh)?.map(|skin| {
             asset.skins.push(skin);
             asset.skins.len() as u32 - 1
         });
-        let weights = morphs::rest_weights(one.mesh);
-        asset.instances.push(MeshInstance { joint: one.joint, mesh, skin, weights, ..Default::default() });
+        let weights = morphs::rest_weights(visible_mesh.mesh);
+        asset.instances.push(MeshInstance {
+            joint: visible_mesh.joint,
+            mesh,
+            skin,
+            weights,
+            ..Default::default()
+        });
     }
     Ok(())
 }
 
 /// Materials of a mesh instance, by `typed_id`. They come from the file's node, because ufbx gives helpers the materials of the
 /// mesh's first node.
-fn material_slots(one: &VisibleMesh<'_>) -> Vec<u32> {
+fn material_slots(visible_mesh: &VisibleMesh<'_>) -> Vec<u32> {
     let list = |node: &Node| -> Vec<u32> { node.materials.into_iter().map(|m| m.element.typed_id).collect() };
-    let mut out = list(one.holder);
-    let above = one.holder.parent.as_ref().filter(|_| one.holder.is_geometry_transform_helper);
+    let mut out = list(visible_mesh.holder);
+    let above =
+        visible_mesh.holder.parent.as_ref().filter(|_| visible_mesh.holder.is_geometry_transform_helper);
     for (slot, own) in out.iter_mut().zip(above.map_or(Vec::new(), |p| list(p))) {
         *slot = own;
     }
@@ -111,30 +118,30 @@ fn material_slots(one: &VisibleMesh<'_>) -> Vec<u32> {
 }
 
 /// Builds a mesh; `None` where no face has an area.
-fn build(
+fn build_mesh(
     file: &File<'_>,
-    one: &VisibleMesh<'_>,
+    visible_mesh: &VisibleMesh<'_>,
     slots: &[u32],
     materials: &[MaterialDraft],
 ) -> Result<Option<Mesh>> {
-    let mesh = one.mesh;
+    let mesh = visible_mesh.mesh;
     let place = || match mesh.element.name.as_ref() {
-        "" => format!("mesh of {}", place_of(&one.node.element)),
+        "" => format!("mesh of {}", place_of(&visible_mesh.node.element)),
         _ => place_of(&mesh.element),
     };
     warn_unread(file, mesh, &place());
     let weights = skinning::weights(file, mesh, &place)?;
-    let geometry = Geometry::of(one.holder);
+    let geometry = Geometry::of(visible_mesh.holder);
     let mut targets = morphs::targets(file, mesh, &place)?;
     if let Some(geometry) = &geometry {
-        targets.iter_mut().for_each(|t| t.turn(geometry));
+        targets.iter_mut().for_each(|t| t.apply_geometry(geometry));
     }
     let point_attributes = vertices::PointAttributes {
         weights: weights.as_ref(),
         targets: &targets,
         geometry: geometry.as_ref(),
     };
-    let primitives = vertices::primitives(file, mesh, slots, materials, point_attributes, &place)?;
+    let primitives = vertices::build_primitives(file, mesh, slots, materials, point_attributes, &place)?;
     if primitives.is_empty() {
         file.notes.warn(place(), "has no face with three or more vertices and is left out");
         return Ok(None);
@@ -143,7 +150,7 @@ fn build(
         return Err(Problem::new(place(), "a vertex position is not finite"));
     }
     let name = match mesh.element.name.as_ref() {
-        "" => one.node.element.name.to_string(),
+        "" => visible_mesh.node.element.name.to_string(),
         name => name.to_string(),
     };
     Ok(Some(Mesh { name, primitives, morph_targets: targets.len(), morph_names: morphs::names(mesh) }))

@@ -17,7 +17,7 @@ pub struct Target {
 
 impl Target {
     /// Applies the geometric transform that the mesh's points have.
-    pub fn turn(&mut self, geometry: &Geometry) {
+    pub fn apply_geometry(&mut self, geometry: &Geometry) {
         self.positions.iter_mut().for_each(|p| *p = geometry.offset(*p));
         self.normals.iter_mut().for_each(|n| *n = geometry.normal_offset(*n));
     }
@@ -53,7 +53,7 @@ pub fn names(mesh: &Mesh) -> Vec<String> {
 /// Morph weights where no clip drives them.
 pub fn rest_weights(mesh: &Mesh) -> Vec<f32> {
     let mut out = Vec::with_capacity(count(mesh));
-    channels(mesh).for_each(|channel| shape_weights(channel, channel.weight, &mut out));
+    channels(mesh).for_each(|channel| append_shape_weights(channel, channel.weight, &mut out));
     out
 }
 
@@ -61,7 +61,7 @@ pub fn rest_weights(mesh: &Mesh) -> Vec<f32> {
 /// falling to 0 at its neighbors' and at 0, which is the mesh without shapes. Past the outermost shape, the last two shapes are
 /// extrapolated. On a side of 0 without shapes, the first shape of the other side is extrapolated through 0: a negative weight of
 /// a channel with positive shapes moves the vertices the other way, as in ufbx (`ufbxi_update_blend_channel`) and in Maya.
-pub(crate) fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f32>) {
+pub(crate) fn append_shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f32>) {
     let places = || channel.keyframes.as_ref().iter().map(|k| k.target_weight);
     for (index, place) in places().enumerate() {
         if place == 0.0 {
@@ -89,7 +89,7 @@ pub(crate) fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f
 }
 
 /// Weights of the channel at which the weights of its shapes bend: those of the shapes, and 0 where shapes lie on both sides.
-pub fn bends(channel: &BlendChannel) -> Vec<f64> {
+pub fn bend_weights(channel: &BlendChannel) -> Vec<f64> {
     let mut out: Vec<f64> = channel.keyframes.as_ref().iter().map(|k| k.target_weight).collect();
     out.retain(|p| p.is_finite());
     if out.iter().any(|p| *p < 0.0) && out.iter().any(|p| *p > 0.0) {

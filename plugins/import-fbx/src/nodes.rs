@@ -23,9 +23,9 @@ pub fn read(file: &File<'_>) -> Result<Tree> {
     file.charge(count, 512, || "nodes".into())?;
     let root: &Node = &scene.root_node;
     let mut tree = Walk { joint_of_node: vec![None; count], ..Walk::default() };
-    tree.add(file, root);
-    let names = names(&tree.nodes);
-    let rest = tree.nodes.iter().map(|node| rest(node)).collect::<Result<_>>()?;
+    tree.add_nodes(file, root);
+    let names = joint_names(&tree.nodes);
+    let rest = tree.nodes.iter().map(|node| rest_transform(node)).collect::<Result<_>>()?;
     tree.holders.sort_unstable();
     let skeleton =
         Skeleton::new(names, tree.parents, rest).map_err(|e| Problem::new("nodes", e.to_string()))?;
@@ -33,7 +33,7 @@ pub fn read(file: &File<'_>) -> Result<Tree> {
 }
 
 /// The transform at rest. Nodes that [`LocalTransform`] covers use our own trigonometry: the same bits on every machine.
-fn rest(node: &Node) -> Result<Transform> {
+fn rest_transform(node: &Node) -> Result<Transform> {
     let Some(local) = LocalTransform::new(node) else {
         return convert::transform(&node.local_transform, || place_of(&node.element));
     };
@@ -55,7 +55,7 @@ struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     /// Walks depth first with an explicit stack: a file can nest deeper than the call stack reaches.
-    fn add(&mut self, file: &File<'_>, root: &'a Node) {
+    fn add_nodes(&mut self, file: &File<'_>, root: &'a Node) {
         let mut stack = vec![(root, None, true)];
         while let Some((node, parent, parent_shown)) = stack.pop() {
             let shown =
@@ -142,7 +142,7 @@ fn inherits_visibility(node: &Node) -> bool {
 }
 
 /// Names as in the file. A helper is named after its owner, a node without a name by its number.
-fn names(nodes: &[&Node]) -> Vec<String> {
+fn joint_names(nodes: &[&Node]) -> Vec<String> {
     let name = |node: &&Node| {
         let own = node.element.name.as_ref();
         if node.is_geometry_transform_helper || node.is_scale_helper {

@@ -2,8 +2,8 @@
 
 use crate::convert::vec3;
 use crate::file::{File, place_of};
-use crate::lens;
 use crate::nodes::Tree;
+use crate::value_conversion;
 use choreo_asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use choreo_importer_kit::{Problem, Result};
 use glam::{DVec3, Vec3};
@@ -38,7 +38,7 @@ pub struct Object<'a> {
     pub camera: Option<&'a Camera>,
     pub light: Option<&'a ufbx::Light>,
     /// Factor of a light's intensity: lux or candela of intensity 1.
-    pub unit: f64,
+    pub intensity_unit: f64,
 }
 
 impl Object<'_> {
@@ -59,7 +59,7 @@ pub fn cameras<'a>(file: &File<'a>, tree: &Tree, objects: &mut Vec<Object<'a>>) 
         for camera in node.all_attribs.as_ref().iter().filter_map(|a| ufbx::as_camera(a)) {
             let projection = projection(camera)?;
             let index = out.len() as u32;
-            objects.push(Object { index, camera: Some(camera), light: None, unit: 1.0 });
+            objects.push(Object { index, camera: Some(camera), light: None, intensity_unit: 1.0 });
             out.push(AssetCamera { name: name(&camera.element, node), joint: *joint, projection });
         }
     }
@@ -73,8 +73,8 @@ fn projection(camera: &Camera) -> Result<Projection> {
     let far = Some(far).filter(|f| f.is_finite() && *f > near);
     match camera.projection_mode {
         ProjectionMode::Perspective => {
-            let (_, lens, at) = lens::of(camera);
-            let yfov = lens.at(at).0 as f32;
+            let (_, conversion, at) = value_conversion::of_camera(camera);
+            let yfov = conversion.at(at).0 as f32;
             if !(yfov > 0.0 && f64::from(yfov) < PI) {
                 return Err(fail("its field of view must be between 0° and 180°"));
             }
@@ -101,7 +101,12 @@ pub fn lights<'a>(file: &File<'a>, tree: &Tree, objects: &mut Vec<Object<'a>>) -
             }
             let light_name = name(&light.element, node);
             let (read, unit) = read(file, node, light)?;
-            objects.push(Object { index: out.len() as u32, camera: None, light: Some(light), unit });
+            objects.push(Object {
+                index: out.len() as u32,
+                camera: None,
+                light: Some(light),
+                intensity_unit: unit,
+            });
             out.push(AssetLight { name: light_name, joint: *joint, light: read });
         }
     }
@@ -131,7 +136,7 @@ fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<(Light, f64
             LightKind::Point
         }
     };
-    let unit = unit(file, node, light, kind);
+    let unit = intensity_unit(file, node, light, kind);
     let intensity = (light.intensity.max(0.0) * unit) as f32;
     let intensity = if intensity.is_finite() { intensity } else { f32::MAX.sqrt() };
     Ok((Light { kind, color: color.max(Vec3::ZERO), intensity, range: None }, unit))
@@ -139,7 +144,7 @@ fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<(Light, f64
 
 /// Lux or candela of intensity 1. FBX defines no unit: intensity 1 makes a white surface white, at a distance of one unit if the
 /// light decays. Blender writes W/m² and W, which its glTF exporter converts to lux and W/4π candela.
-fn unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f64 {
+fn intensity_unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f64 {
     let blender = file.is_from_blender();
     if kind == LightKind::Directional {
         return if blender { 1.0 } else { PI };

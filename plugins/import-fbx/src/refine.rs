@@ -66,13 +66,13 @@ pub struct Rows<'a> {
     pub values: Vec<f64>,
 }
 
-/// Adds rows until lines between them are close enough. `evaluate` appends the row of a time. `room` is called before each
+/// Adds rows until lines between them are close enough. `evaluate` appends the row of a time. `has_room` is called before each
 /// addition; `false` stops adding.
 pub fn refine(
     rows: Rows<'_>,
     accuracy: Accuracy,
     mut evaluate: impl FnMut(Time, &mut Vec<f64>),
-    mut room: impl FnMut() -> bool,
+    mut has_room: impl FnMut() -> bool,
 ) -> Rows<'_> {
     let width: usize = rows.parts.iter().map(|p| p.width()).sum();
     let mut out = Rows { parts: rows.parts, times: Vec::new(), values: Vec::new() };
@@ -86,14 +86,14 @@ pub fn refine(
         let (mut from, mut a) = (pair[0], row(i));
         while let Some((to, b, depth)) = ahead.pop() {
             let ticks = to.0 - from.0;
-            let deeper = depth < MAX_DEPTH && ticks >= 2 * MIN_TICKS;
-            let off = deeper
+            let may_halve = depth < MAX_DEPTH && ticks >= 2 * MIN_TICKS;
+            let misses_curve = may_halve
                 && PROBES.iter().any(|probe| {
                     truth.clear();
                     evaluate(Time(from.0 + (ticks as f64 * probe) as i64), &mut truth);
                     misses(rows.parts, (&a, &b), &truth, *probe, accuracy)
                 });
-            if off && room() {
+            if misses_curve && has_room() {
                 let middle = Time(from.0 + ticks / 2);
                 let mut between = Vec::with_capacity(width);
                 evaluate(middle, &mut between);

@@ -12,7 +12,7 @@ use ufbx::{Anim, AnimCurve, Interpolation, Keyframe};
 const MAX_SEGMENTS: usize = 1 << 16;
 
 /// Sample times of the clip, increasing and distinct: keys, both sides of steps, and regular samples where a curve bends.
-pub fn knots<'a>(
+pub fn sample_times<'a>(
     file: &File<'_>,
     curves: impl Iterator<Item = &'a AnimCurve>,
     span: Span,
@@ -71,7 +71,7 @@ pub fn even_times(file: &File<'_>, span: Span, place: &dyn Fn() -> String) -> Re
 }
 
 /// Sampled translation, rotation and scale of a node. Rows are added until lines between them are close enough.
-pub fn node<'p>(
+pub fn sample_node<'p>(
     file: &File<'_>,
     anim: &Anim,
     node: &ufbx::Node,
@@ -84,10 +84,10 @@ pub fn node<'p>(
         let (t, r, s) = (at.translation, at.rotation, at.scale);
         out.extend([t.x, t.y, t.z, r.x, r.y, r.z, r.w, s.x, s.y, s.z]);
     };
-    rows(file, &[Quantity::Translation, Quantity::Rotation, Quantity::Scale], times, evaluate, place)
+    sample_rows(file, &[Quantity::Translation, Quantity::Rotation, Quantity::Scale], times, evaluate, place)
 }
 
-pub fn rows<'p>(
+pub fn sample_rows<'p>(
     file: &File<'_>,
     parts: &'p [Quantity],
     times: Vec<Time>,

@@ -28,14 +28,15 @@ fn deformer(mesh: &Mesh) -> Option<&SkinDeformer> {
 
 /// The joints and inverse bind matrices of a mesh on one node. The node itself comes after the clusters, and carries the points
 /// without influence.
-pub fn skin(file: &File<'_>, tree: &Tree, one: &VisibleMesh<'_>) -> Result<Option<Skin>> {
-    let Some(deformer) = deformer(one.mesh) else { return Ok(None) };
+pub fn skin(file: &File<'_>, tree: &Tree, visible_mesh: &VisibleMesh<'_>) -> Result<Option<Skin>> {
+    let Some(deformer) = deformer(visible_mesh.mesh) else { return Ok(None) };
     let place = || place_of(&deformer.element);
     let mut skin = Skin::default();
     file.charge(deformer.clusters.len() + 1, size_of::<Mat4>() + 4, place)?;
     // The geometry helper is a joint where its mesh has several instances.
-    let helper = one.holder.is_geometry_transform_helper && !nodes::is_folded(one.holder);
-    let geometry = LocalTransform::new(one.holder).filter(|_| helper).map(|local| local.matrix_at_rest());
+    let helper = visible_mesh.holder.is_geometry_transform_helper && !nodes::is_folded(visible_mesh.holder);
+    let geometry =
+        LocalTransform::new(visible_mesh.holder).filter(|_| helper).map(|local| local.matrix_at_rest());
     for cluster in &deformer.clusters {
         let bone = cluster.bone_node.as_ref().map(|b| b.element.typed_id as usize);
         let joint = bone.and_then(|b| tree.joint_of_node.get(b).copied().flatten());
@@ -46,7 +47,7 @@ pub fn skin(file: &File<'_>, tree: &Tree, one: &VisibleMesh<'_>) -> Result<Optio
         let bind = geometry.map_or(bind, |g| bind * g);
         skin.inverse_bind.push(convert::matrix(&bind, || place_of(&cluster.element))?);
     }
-    skin.joints.push(one.joint);
+    skin.joints.push(visible_mesh.joint);
     skin.inverse_bind.push(Mat4::IDENTITY);
     Ok(Some(skin))
 }
@@ -75,7 +76,7 @@ pub fn weights(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Resu
     file.charge(points, influences * 6, place)?;
     let mut out =
         Weights { influences, joints: vec![0; points * influences], weights: vec![0.0; points * influences] };
-    let mut loss = Loss::default();
+    let mut loss = InfluenceLoss::default();
     for point in 0..points {
         let at = point * influences;
         let vertex = deformer.vertices.as_ref().get(point);
@@ -90,14 +91,14 @@ pub fn weights(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Resu
         if !(total > 0.0 && total.is_finite()) {
             out.joints[at] = of_node as u16;
             out.weights[at] = 1.0;
-            loss.free += 1;
+            loss.points_without_influence += 1;
             continue;
         }
         if of_vertex.len() > kept.len() {
             let all = sum(of_vertex);
-            loss.cut += 1;
-            loss.most = loss.most.max(of_vertex.len());
-            loss.worst = loss.worst.max((all - total) / all);
+            loss.points_with_loss += 1;
+            loss.max_influences = loss.max_influences.max(of_vertex.len());
+            loss.max_lost_share = loss.max_lost_share.max((all - total) / all);
         }
         for (k, weight) in kept.iter().enumerate() {
             out.joints[at + k] = (weight.cluster_index as usize).min(of_node) as u16;
@@ -109,28 +110,31 @@ pub fn weights(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Resu
 }
 
 #[derive(Default)]
-struct Loss {
-    cut: usize,
-    most: usize,
-    worst: f64,
-    free: usize,
+struct InfluenceLoss {
+    points_with_loss: usize,
+    max_influences: usize,
+    max_lost_share: f64,
+    points_without_influence: usize,
 }
 
-impl Loss {
+impl InfluenceLoss {
     fn warn_lost_influences(&self, file: &File<'_>, points: usize, place: &dyn Fn() -> String) {
-        if self.cut > 0 {
+        if self.points_with_loss > 0 {
             let what = format!(
                 "{} of {points} points have more than {MAX_INFLUENCES} influences, up to {}; the {MAX_INFLUENCES} largest are kept and stretched to 1, at worst {:.2} % of the weight is lost",
-                self.cut,
-                self.most,
-                self.worst * 100.0
+                self.points_with_loss,
+                self.max_influences,
+                self.max_lost_share * 100.0
             );
             file.notes.warn(place(), what);
         }
-        if self.free > 0 {
+        if self.points_without_influence > 0 {
             file.notes.warn(
                 place(),
-                format!("{} of {points} points have no influence; they follow the mesh's node", self.free),
+                format!(
+                    "{} of {points} points have no influence; they follow the mesh's node",
+                    self.points_without_influence
+                ),
             );
         }
     }

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use ufbx::{Texture, TextureType, WrapMode};
 
 /// Image indices from here on refer to combined images.
-const COMBINED: u32 = 1 << 30;
+const FIRST_COMBINED_INDEX: u32 = 1 << 30;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Channel {
@@ -30,7 +30,7 @@ pub enum Channel {
 
 /// One channel of a combined image.
 #[derive(Clone, Copy)]
-pub struct Source<'a> {
+pub struct ChannelSource<'a> {
     pub texture: &'a Texture,
     pub channel: Channel,
     pub invert: bool,
@@ -41,56 +41,56 @@ type Recipe = [Option<(u32, Channel, bool)>; 4];
 
 /// The images that materials request; equal ones are stored once.
 #[derive(Default)]
-pub struct Table {
+pub struct ImageTable {
     /// Image index by texture; `None` where it has no image.
     image_of_texture: BTreeMap<u32, Option<u32>>,
     encoded: Vec<Encoded<Bytes>>,
     recipes: Vec<Recipe>,
 }
 
-impl Table {
+impl ImageTable {
     pub fn encoded(&self) -> &[Encoded<Bytes>] {
         &self.encoded
     }
 
-    pub fn reference(
+    pub fn texture_ref(
         &mut self,
         file: &File<'_>,
         texture: &Texture,
         uv_set: u8,
     ) -> Result<Option<TextureRef>> {
         let image = self.image_index(file, texture)?;
-        Ok(image.map(|image| place(file, texture, image, uv_set)))
+        Ok(image.map(|image| make_texture_ref(file, texture, image, uv_set)))
     }
 
     /// A texture whose red, green, blue and alpha come from the sources; `None` where none of them has an image.
-    pub fn combined(
+    pub fn combined_texture_ref(
         &mut self,
         file: &File<'_>,
-        sources: [Option<Source<'_>>; 4],
+        sources: [Option<ChannelSource<'_>>; 4],
         uv_set: u8,
     ) -> Result<Option<TextureRef>> {
         let mut recipe: Recipe = [None; 4];
-        let mut leader = None;
+        let mut first_texture = None;
         for (slot, source) in recipe.iter_mut().zip(&sources) {
             let Some(source) = source else { continue };
             if let Some(image) = self.image_index(file, source.texture)? {
                 *slot = Some((image, source.channel, source.invert));
-                leader.get_or_insert(source.texture);
+                first_texture.get_or_insert(source.texture);
             }
         }
-        let Some(leader) = leader else { return Ok(None) };
+        let Some(first_texture) = first_texture else { return Ok(None) };
         let index = match self.recipes.iter().position(|r| *r == recipe) {
             Some(known) => known,
             None => {
                 let size =
                     recipe.iter().flatten().map(|r| self.encoded[r.0 as usize].pixels()).max().unwrap_or(0);
-                file.image_budget.charge(size, 4).at(|| place_of(&leader.element))?;
+                file.image_budget.charge(size, 4).at(|| place_of(&first_texture.element))?;
                 self.recipes.push(recipe);
                 self.recipes.len() - 1
             }
         };
-        Ok(Some(place(file, leader, COMBINED + index as u32, uv_set)))
+        Ok(Some(make_texture_ref(file, first_texture, FIRST_COMBINED_INDEX + index as u32, uv_set)))
     }
 
     /// Index of a texture's image; `None`, with a warning, where it cannot be found or read.
@@ -173,7 +173,7 @@ impl Table {
             ] {
                 let Some(reference) = slot else { continue };
                 let index = *index_of.entry(reference.image).or_insert_with(|| {
-                    let image = match reference.image.checked_sub(COMBINED) {
+                    let image = match reference.image.checked_sub(FIRST_COMBINED_INDEX) {
                         Some(recipe) => combined.get(recipe as usize),
                         None => decoded.get(reference.image as usize),
                     };
@@ -190,7 +190,7 @@ impl Table {
             if read.alpha == Alpha::OfTexture
                 && let Some(base) = &m.base_color_texture
             {
-                m.alpha_mode = alpha::mode(&out[base.image as usize]);
+                m.alpha_mode = alpha::alpha_mode(&out[base.image as usize]);
             }
         }
         Ok(out)
@@ -245,19 +245,20 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
 /// libm from the file's angles.
 fn texture_from_uv(texture: &Texture) -> DAffine2 {
     let props = &texture.element.props;
-    let at = |name: &str, otherwise: DVec3| {
+    let at = |name: &str, default: DVec3| {
         let found = props.find_prop(name);
-        found.map_or(otherwise, |p| DVec3::new(p.value_vec4.x, p.value_vec4.y, p.value_vec4.z))
+        found.map_or(default, |p| DVec3::new(p.value_vec4.x, p.value_vec4.y, p.value_vec4.z))
     };
-    let (turned, scaled) = (at("TextureRotationPivot", DVec3::ZERO), at("TextureScalingPivot", DVec3::ZERO));
-    let moved = DAffine3::from_translation;
+    let (rotation_pivot, scaling_pivot) =
+        (at("TextureRotationPivot", DVec3::ZERO), at("TextureScalingPivot", DVec3::ZERO));
+    let translation = DAffine3::from_translation;
     let rotation = DAffine3::from_quat(local::euler(at("Rotation", DVec3::ZERO)));
     let scale = DAffine3::from_scale(at("Scaling", DVec3::ONE));
-    let whole = moved(at("Translation", DVec3::ZERO) + turned)
+    let whole = translation(at("Translation", DVec3::ZERO) + rotation_pivot)
         * rotation
-        * moved(scaled - turned)
+        * translation(scaling_pivot - rotation_pivot)
         * scale
-        * moved(-scaled);
+        * translation(-scaling_pivot);
     let swapped = props.find_prop("UVSwap").is_some_and(|p| p.value_int != 0);
     let (x, y) = (whole.matrix3.x_axis, whole.matrix3.y_axis);
     let flat = DAffine2::from_mat2_translation(
@@ -277,7 +278,7 @@ fn texture_from_uv(texture: &Texture) -> DAffine2 {
 }
 
 /// A texture reference. v points up in FBX and down here, so the transform is flipped before and after.
-fn place(file: &File<'_>, texture: &Texture, image: u32, uv_set: u8) -> TextureRef {
+fn make_texture_ref(file: &File<'_>, texture: &Texture, image: u32, uv_set: u8) -> TextureRef {
     let wrap = |mode| if mode == WrapMode::Clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
     let mut uv_transform = match texture.has_uv_transform {
         true => {

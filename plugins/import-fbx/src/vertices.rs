@@ -21,7 +21,7 @@ pub struct PointAttributes<'a> {
     pub geometry: Option<&'a Geometry>,
 }
 
-pub fn primitives(
+pub fn build_primitives(
     file: &File<'_>,
     mesh: &Mesh,
     slots: &[u32],
@@ -35,17 +35,17 @@ pub fn primitives(
     let mut out = Vec::new();
     for part in &mesh.material_parts {
         let material = slots.get(part.index as usize).copied().filter(|m| (*m as usize) < materials.len());
-        let maker = Maker {
+        let builder = PrimitiveBuilder {
             file,
             mesh,
             point_attributes,
             uv_sets: &uv_sets,
             welder: &mut welder,
-            of_file: Vec::new(),
+            point_of_vertex: Vec::new(),
             out: Primitive { material, ..Primitive::default() },
         };
         let normal_map = material.and_then(|m| materials[m as usize].material.normal_texture.as_ref());
-        if let Some(primitive) = maker.make(part, normal_map.map(|t| t.uv_set), place)? {
+        if let Some(primitive) = builder.build(part, normal_map.map(|t| t.uv_set), place)? {
             out.push(primitive);
         }
     }
@@ -80,14 +80,14 @@ fn uv_sets<'m>(
     [sets.first(), sets.get(second)].map(|set| set.map(|s| &s.vertex_uv).filter(|uv| uv.exists))
 }
 
-struct Maker<'a, 'f> {
+struct PrimitiveBuilder<'a, 'f> {
     file: &'a File<'f>,
     mesh: &'a Mesh,
     point_attributes: PointAttributes<'a>,
     uv_sets: &'a [Option<&'a VertexVec2>; 2],
     welder: &'a mut Welder,
     /// The point of the mesh that each vertex came from.
-    of_file: Vec<u32>,
+    point_of_vertex: Vec<u32>,
     out: Primitive,
 }
 
@@ -99,8 +99,8 @@ struct FaceVertex {
     color: Vec4,
 }
 
-impl Maker<'_, '_> {
-    fn make(
+impl PrimitiveBuilder<'_, '_> {
+    fn build(
         mut self,
         part: &MeshPart,
         normal_map: Option<u8>,
@@ -115,14 +115,14 @@ impl Maker<'_, '_> {
         let morphs: usize =
             self.point_attributes.targets.iter().map(|t| if t.normals.is_empty() { 12 } else { 24 }).sum();
         self.file.charge(part.num_triangles, 12, place)?;
-        self.triangles(part);
+        self.add_triangles(part);
         self.file.charge(self.out.positions.len(), 120 + skin + morphs, place)?;
         if self.out.positions.is_empty() {
             return Ok(None);
         }
-        self.finish(place);
-        self.skin();
-        self.morphs();
+        self.repair_attributes(place);
+        self.add_skin_weights();
+        self.add_morph_targets();
         let mut out = self.out;
         if let Some(set) = normal_map {
             let uvs = &out.uvs[usize::from(set).min(1)];
@@ -138,7 +138,7 @@ impl Maker<'_, '_> {
         Ok(Some(out))
     }
 
-    fn triangles(&mut self, part: &MeshPart) {
+    fn add_triangles(&mut self, part: &MeshPart) {
         let mesh = self.mesh;
         let mut face_vertices: Vec<u32> = Vec::new();
         let holes = mesh.face_hole.as_ref();
@@ -151,7 +151,7 @@ impl Maker<'_, '_> {
                 continue;
             }
             if num_indices == 3 {
-                (index_begin..index_begin + 3).for_each(|face_vertex| self.face_vertex(face_vertex));
+                (index_begin..index_begin + 3).for_each(|face_vertex| self.add_face_vertex(face_vertex));
                 continue;
             }
             face_vertices.clear();
@@ -160,23 +160,23 @@ impl Maker<'_, '_> {
             face_vertices
                 .iter()
                 .take(count as usize * 3)
-                .for_each(|face_vertex| self.face_vertex(*face_vertex));
+                .for_each(|face_vertex| self.add_face_vertex(*face_vertex));
         }
         if self.point_attributes.geometry.is_some_and(|g| g.mirrors) {
             self.out.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
         }
-        // Triangles are always complete: `face_vertex` skips no single vertex of a face.
+        // Triangles are always complete: `add_face_vertex` skips no single vertex of a face.
         debug_assert!(self.out.indices.len().is_multiple_of(3));
     }
 
-    fn face_vertex(&mut self, index: u32) {
+    fn add_face_vertex(&mut self, index: u32) {
         let mesh = self.mesh;
         let at = index as usize;
         // ufbx has clamped the indices to the valid range.
         let point =
             mesh.vertex_indices.as_ref().get(at).copied().unwrap_or(0).min(mesh.num_vertices as u32 - 1);
         let values = FaceVertex {
-            normal: at3(&mesh.vertex_normal, at).map_or(Vec3::ZERO, |n| {
+            normal: vec3_at(&mesh.vertex_normal, at).map_or(Vec3::ZERO, |n| {
                 match self.point_attributes.geometry {
                     Some(geometry) => geometry.normal(n),
                     None => vec3(n),
@@ -184,10 +184,11 @@ impl Maker<'_, '_> {
             }),
             uv: self.uv_sets.map(|set| {
                 // FBX has v pointing up; here it points down.
-                set.and_then(|s| at2(s, at)).map_or(Vec2::ZERO, |v| Vec2::new(v.x as f32, (1.0 - v.y) as f32))
+                set.and_then(|s| vec2_at(s, at))
+                    .map_or(Vec2::ZERO, |v| Vec2::new(v.x as f32, (1.0 - v.y) as f32))
             }),
             color: match self.file.vertex_colors {
-                true => at4(&mesh.vertex_color, at)
+                true => vec4_at(&mesh.vertex_color, at)
                     .map_or(Vec4::ONE, |c| Vec4::new(c.x as f32, c.y as f32, c.z as f32, c.w as f32)),
                 false => Vec4::ONE,
             },
@@ -200,12 +201,12 @@ impl Maker<'_, '_> {
                 && out.colors.get(at).is_none_or(|color| *color == values.color)
         });
         if new {
-            self.push(point, values);
+            self.push_vertex(point, values);
         }
         self.out.indices.push(vertex);
     }
 
-    fn push(&mut self, point: u32, values: FaceVertex) {
+    fn push_vertex(&mut self, point: u32, values: FaceVertex) {
         let place = |p: &ufbx::Vec3| self.point_attributes.geometry.map_or_else(|| vec3(p), |g| g.point(p));
         let position = self.mesh.vertices.as_ref().get(point as usize).map_or(Vec3::ZERO, place);
         self.out.positions.push(position);
@@ -218,10 +219,10 @@ impl Maker<'_, '_> {
         if self.file.vertex_colors && self.mesh.vertex_color.exists {
             self.out.colors.push(values.color);
         }
-        self.of_file.push(point);
+        self.point_of_vertex.push(point);
     }
 
-    fn finish(&mut self, place: &dyn Fn() -> String) {
+    fn repair_attributes(&mut self, place: &dyn Fn() -> String) {
         for color in &mut self.out.colors {
             let finite =
                 if color.is_finite() { color.clamp(Vec4::ZERO, Vec4::splat(1e4)) } else { Vec4::ONE };
@@ -243,25 +244,25 @@ impl Maker<'_, '_> {
         }
     }
 
-    fn skin(&mut self) {
+    fn add_skin_weights(&mut self) {
         let Some(weights) = self.point_attributes.weights else { return };
         let n = weights.influences;
         self.out.influences = n;
-        self.out.joint_indices.reserve(self.of_file.len() * n);
-        self.out.joint_weights.reserve(self.of_file.len() * n);
-        for point in &self.of_file {
+        self.out.joint_indices.reserve(self.point_of_vertex.len() * n);
+        self.out.joint_weights.reserve(self.point_of_vertex.len() * n);
+        for point in &self.point_of_vertex {
             let range = *point as usize * n..(*point as usize + 1) * n;
             self.out.joint_indices.extend_from_slice(&weights.joints[range.clone()]);
             self.out.joint_weights.extend_from_slice(&weights.weights[range]);
         }
     }
 
-    fn morphs(&mut self) {
+    fn add_morph_targets(&mut self) {
         for target in self.point_attributes.targets {
             let moves = |offsets: &[Vec3]| -> Vec<Vec3> {
                 let get = |p: &u32| offsets.get(*p as usize).copied().unwrap_or(Vec3::ZERO);
-                match self.of_file.iter().any(|p| get(p) != Vec3::ZERO) {
-                    true => self.of_file.iter().map(get).collect(),
+                match self.point_of_vertex.iter().any(|p| get(p) != Vec3::ZERO) {
+                    true => self.point_of_vertex.iter().map(get).collect(),
                     false => Vec::new(),
                 }
             };
@@ -274,14 +275,14 @@ impl Maker<'_, '_> {
     }
 }
 
-fn at2(a: &VertexVec2, index: usize) -> Option<&ufbx::Vec2> {
+fn vec2_at(a: &VertexVec2, index: usize) -> Option<&ufbx::Vec2> {
     a.values.as_ref().get(*a.indices.as_ref().get(index)? as usize)
 }
 
-fn at3(a: &VertexVec3, index: usize) -> Option<&ufbx::Vec3> {
+fn vec3_at(a: &VertexVec3, index: usize) -> Option<&ufbx::Vec3> {
     a.values.as_ref().get(*a.indices.as_ref().get(index)? as usize)
 }
 
-fn at4(a: &VertexVec4, index: usize) -> Option<&ufbx::Vec4> {
+fn vec4_at(a: &VertexVec4, index: usize) -> Option<&ufbx::Vec4> {
     a.values.as_ref().get(*a.indices.as_ref().get(index)? as usize)
 }

@@ -9,14 +9,14 @@ use choreo_importer_kit::Result;
 use choreo_motion::Time;
 use ufbx::{Anim, AnimCurve, BlendChannel};
 
-pub const WEIGHT: &str = "DeformPercent";
+pub const WEIGHT_PROPERTY: &str = "DeformPercent";
 
 /// A channel's weight (1 for 100 percent), linear between keys.
-pub struct Track(Vec<(Time, f64)>);
+pub struct WeightTrack(Vec<(Time, f64)>);
 
-impl Track {
-    pub fn still(channel: &BlendChannel) -> Track {
-        Track(vec![(Time::ZERO, channel.weight)])
+impl WeightTrack {
+    pub fn still(channel: &BlendChannel) -> WeightTrack {
+        WeightTrack(vec![(Time::ZERO, channel.weight)])
     }
 
     /// `repeats`: a curve of the channel repeats or continues beyond its keys.
@@ -27,18 +27,18 @@ impl Track {
         (curves, repeats): (&[&AnimCurve], bool),
         span: Span,
         place: &dyn Fn() -> String,
-    ) -> Result<Track> {
+    ) -> Result<WeightTrack> {
         let times = match repeats {
             true => sampled::even_times(file, span, place)?,
-            false => sampled::knots(file, curves.iter().copied(), span, place)?,
+            false => sampled::sample_times(file, curves.iter().copied(), span, place)?,
         };
         let begin = span.begin.as_secs();
         let evaluate = |time: Time, out: &mut Vec<f64>| {
             out.push(channel.evaluate_blend_weight(anim, begin + time.as_secs()));
         };
-        let rows = sampled::rows(file, &[Quantity::Weight], times, evaluate, place)?;
+        let rows = sampled::sample_rows(file, &[Quantity::Weight], times, evaluate, place)?;
         let keys = rows.times.into_iter().zip(rows.values).collect();
-        Ok(Track(with_bends(channel, keys)))
+        Ok(WeightTrack(add_bends(channel, keys)))
     }
 
     pub fn times(&self) -> impl Iterator<Item = Time> {
@@ -58,8 +58,8 @@ impl Track {
 }
 
 /// Adds keys where the weights of the channel's shapes bend.
-fn with_bends(channel: &BlendChannel, track: Vec<(Time, f64)>) -> Vec<(Time, f64)> {
-    let bends = morphs::bends(channel);
+fn add_bends(channel: &BlendChannel, track: Vec<(Time, f64)>) -> Vec<(Time, f64)> {
+    let bends = morphs::bend_weights(channel);
     let mut keys: Vec<(Time, f64)> = Vec::with_capacity(track.len());
     for pair in track.windows(2) {
         let ((from, a), (to, b)) = (pair[0], pair[1]);

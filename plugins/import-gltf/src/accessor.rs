@@ -51,10 +51,10 @@ impl Strided<'_> {
 
 impl File<'_> {
     /// Elements of `N` floats. Integers are converted. Fails on values that are not finite.
-    pub fn floats<const N: usize>(&self, index: usize, integers: Integers) -> Result<Vec<[f32; N]>> {
+    pub fn read_floats<const N: usize>(&self, index: usize, integers: Integers) -> Result<Vec<[f32; N]>> {
         let normalized =
             integers == Integers::Normalized || self.root.accessors.get(index).is_some_and(|a| a.normalized);
-        let out = self.read::<N, f32>(index, |source, component| {
+        let out = self.read_elements::<N, f32>(index, |source, component| {
             // glTF 2.0 §3.11: f = c / 255, max(c / 127, -1), c / 65535, max(c / 32767, -1).
             Some(match (component, normalized) {
                 (ComponentType::F32, _) => source.map(f32::from_le_bytes),
@@ -87,7 +87,7 @@ impl File<'_> {
     }
 
     /// Unsigned integers, not normalized: indices and joints.
-    pub fn integers<const N: usize>(&self, index: usize) -> Result<Vec<[u32; N]>> {
+    pub fn read_integers<const N: usize>(&self, index: usize) -> Result<Vec<[u32; N]>> {
         // Checked first, because an accessor without data has no bytes whose decoding could fail.
         if let Some(accessor) = self.root.accessors.get(index)
             && let Checked::Valid(component) = accessor.component_type
@@ -97,7 +97,7 @@ impl File<'_> {
             return Err(Problem::new(format!("accessors[{index}]"), what)
                 .hint("indices and joints are whole numbers; export the file again"));
         }
-        self.read::<N, u32>(index, unsigned)
+        self.read_elements::<N, u32>(index, read_unsigned)
     }
 
     pub fn count(&self, index: usize) -> Result<u64> {
@@ -116,7 +116,7 @@ impl File<'_> {
         }
     }
 
-    fn read<const N: usize, T: Copy + Default>(
+    fn read_elements<const N: usize, T: Copy + Default>(
         &self,
         index: usize,
         decode: impl Fn(&Strided<'_>, ComponentType) -> Option<Vec<[T; N]>>,
@@ -145,7 +145,8 @@ impl File<'_> {
         let mut out = match accessor.buffer_view {
             Some(view) => {
                 let offset = accessor.byte_offset.map_or(0, |o| o.0);
-                let source = self.strided(view.value(), offset, accessor.count.0, element_bytes, &place)?;
+                let source =
+                    self.strided_view(view.value(), offset, accessor.count.0, element_bytes, &place)?;
                 decode(&source, component).ok_or_else(wrong_component)?
             }
             None if accessor.count.0 <= MAX_ZERO_ELEMENTS => {
@@ -168,21 +169,21 @@ impl File<'_> {
                 return Err(Problem::new(place(), what));
             }
             self.charge(sparse.count.0, 4 + N * size_of::<T>()).at(place)?;
-            let indices = self.strided(
+            let indices = self.strided_view(
                 sparse.indices.buffer_view.value(),
                 sparse.indices.byte_offset.0,
                 sparse.count.0,
                 index_type.0.size(),
                 &place,
             )?;
-            let values = self.strided(
+            let values = self.strided_view(
                 sparse.values.buffer_view.value(),
                 sparse.values.byte_offset.0,
                 sparse.count.0,
                 element_bytes,
                 &place,
             )?;
-            let indices: Vec<[u32; 1]> = unsigned(&indices, index_type.0).ok_or_else(wrong_component)?;
+            let indices: Vec<[u32; 1]> = read_unsigned(&indices, index_type.0).ok_or_else(wrong_component)?;
             let values = decode(&values, component).ok_or_else(wrong_component)?;
             for ([at], value) in indices.into_iter().zip(values) {
                 match out.get_mut(at as usize) {
@@ -197,7 +198,7 @@ impl File<'_> {
         Ok(out)
     }
 
-    fn strided(
+    fn strided_view(
         &self,
         view: usize,
         offset: u64,
@@ -235,7 +236,7 @@ impl File<'_> {
     }
 }
 
-fn unsigned<const N: usize>(source: &Strided<'_>, component: ComponentType) -> Option<Vec<[u32; N]>> {
+fn read_unsigned<const N: usize>(source: &Strided<'_>, component: ComponentType) -> Option<Vec<[u32; N]>> {
     Some(match component {
         ComponentType::U8 => source.map(|b: [u8; 1]| u32::from(b[0])),
         ComponentType::U16 => source.map(|b| u32::from(u16::from_le_bytes(b))),

@@ -4,7 +4,7 @@ use crate::accessor::Integers;
 use crate::file::File;
 use crate::meshes::morph_counts;
 use crate::nodes::Tree;
-use crate::pointers::{self, Meaning};
+use crate::pointers::{self, PointerTarget};
 use crate::problem::{Problem, Result, WithPlace, element};
 use choreo_motion::{Clip, ClipError, Curve, Interpolation, Path, PropertyCurve, PropertyTarget, Time};
 use gltf::json::animation::{self, Property};
@@ -22,7 +22,7 @@ pub fn read(file: &File<'_>, tree: &Tree) -> Result<Vec<Arc<Clip>>> {
     for (index, animation) in file.root.animations.iter().enumerate() {
         let name = animation.name.clone().unwrap_or_else(|| format!("animation {index}"));
         let clip = match file.files.wants_clip(index, &name) {
-            true => clip(file, tree, index, name, &morphs, &mut times)?,
+            true => read_clip(file, tree, index, name, &morphs, &mut times)?,
             false => Clip::new(name, tree.skeleton.len(), Vec::new())
                 .map_err(|e| Problem::new(format!("animations[{index}]"), e.to_string()))?,
         };
@@ -38,7 +38,7 @@ struct Keys {
     kept: Option<Vec<usize>>,
 }
 
-fn clip(
+fn read_clip(
     file: &File<'_>,
     tree: &Tree,
     index: usize,
@@ -54,28 +54,29 @@ fn clip(
     let mut targets = HashSet::new();
     for (number, channel) in animation.channels.iter().enumerate() {
         let place = || format!("animations[{index}].channels[{number}]");
-        let twice = || file.warn(place(), "animates the same property as an earlier channel; it is left out");
-        match target(file, tree, (index, number), morphs, &place)? {
+        let warn_duplicate =
+            || file.warn(place(), "animates the same property as an earlier channel; it is left out");
+        match read_target(file, tree, (index, number), morphs, &place)? {
             None => {}
-            Some(Target::Joint(joint, path)) => {
+            Some(ChannelTarget::Joint(joint, path)) => {
                 if !targets.insert((joint, std::mem::discriminant(&path))) {
-                    twice();
+                    warn_duplicate();
                     continue;
                 }
                 let sampler = element(&animation.samplers, channel.sampler.value(), "samplers", place)?;
-                if let Some(curve) = curve(file, sampler, joint, path, cache, &place)? {
+                if let Some(curve) = read_curve(file, sampler, joint, path, cache, &place)? {
                     curves.push(curve);
                     channel_of_curve.push(number);
                 }
             }
-            Some(Target::Properties { targets, factor }) => {
+            Some(ChannelTarget::Properties { targets, factor }) => {
                 let sampler = element(&animation.samplers, channel.sampler.value(), "samplers", place)?;
                 let path = Path::Weights(targets.first().map_or(0, |t| t.width() as u32));
-                let Some(curve) = curve(file, sampler, 0, path, cache, &place)? else { continue };
+                let Some(curve) = read_curve(file, sampler, 0, path, cache, &place)? else { continue };
                 let values: Arc<[f32]> = curve.values.iter().map(|v| v * factor).collect();
                 for target in targets {
                     if properties.iter().any(|p: &PropertyCurve| p.target == target) {
-                        twice();
+                        warn_duplicate();
                         continue;
                     }
                     properties.push(PropertyCurve {
@@ -99,7 +100,7 @@ fn clip(
     })
 }
 
-enum Target {
+enum ChannelTarget {
     Joint(u32, Path),
     /// Properties of equal width. Values of the file are multiplied by the factor.
     Properties {
@@ -108,18 +109,22 @@ enum Target {
     },
 }
 
-fn target(
+fn read_target(
     file: &File<'_>,
     tree: &Tree,
     (animation, number): (usize, usize),
     morphs: &[usize],
     place: &dyn Fn() -> String,
-) -> Result<Option<Target>> {
+) -> Result<Option<ChannelTarget>> {
     let channel = &file.root.animations[animation].channels[number];
     if let Some(pointer) = file.pointers.get(&(animation, number)) {
-        return match pointers::meaning(file, tree, pointer) {
-            Some(Meaning::Node(node, property)) => node_target(file, tree, node, property, morphs, place),
-            Some(Meaning::Properties { targets, factor }) => Ok(Some(Target::Properties { targets, factor })),
+        return match pointers::resolve_pointer(file, tree, pointer) {
+            Some(PointerTarget::Node(node, property)) => {
+                read_node_target(file, tree, node, property, morphs, place)
+            }
+            Some(PointerTarget::Properties { targets, factor }) => {
+                Ok(Some(ChannelTarget::Properties { targets, factor }))
+            }
             None => {
                 file.warn(
                     place(),
@@ -134,7 +139,7 @@ fn target(
             file.warn(place(), "names neither a node nor a pointer; it is left out");
             Ok(None)
         }
-        (Checked::Valid(property), node) => node_target(file, tree, node, property, morphs, place),
+        (Checked::Valid(property), node) => read_node_target(file, tree, node, property, morphs, place),
         (Checked::Invalid, node) => {
             element(&file.root.nodes, node, "nodes", place)?;
             file.warn(place(), "animates an unknown property; it is left out");
@@ -143,14 +148,14 @@ fn target(
     }
 }
 
-fn node_target(
+fn read_node_target(
     file: &File<'_>,
     tree: &Tree,
     node: usize,
     property: Property,
     morphs: &[usize],
     place: &dyn Fn() -> String,
-) -> Result<Option<Target>> {
+) -> Result<Option<ChannelTarget>> {
     let node_json = element(&file.root.nodes, node, "nodes", place)?;
     let Some(joint) = tree.joint_of_node[node] else {
         file.warn(place(), format!("animates nodes[{node}], which is not in the scene; it is left out"));
@@ -177,10 +182,10 @@ fn node_target(
             }
         },
     };
-    Ok(Some(Target::Joint(joint, path)))
+    Ok(Some(ChannelTarget::Joint(joint, path)))
 }
 
-fn curve(
+fn read_curve(
     file: &File<'_>,
     sampler: &animation::Sampler,
     joint: u32,
@@ -199,21 +204,21 @@ fn curve(
     };
     let input = sampler.input.value();
     if let std::collections::btree_map::Entry::Vacant(slot) = cache.entry(input) {
-        slot.insert(keys(file, input).at(place)?);
+        slot.insert(read_keys(file, input).at(place)?);
     }
     let keys = &cache[&input];
     let output = sampler.output.value();
     let values = match path {
         Path::Translation | Path::Scale => {
-            file.floats::<3>(output, Integers::AsFlagged).map(Vec::into_flattened)
+            file.read_floats::<3>(output, Integers::AsFlagged).map(Vec::into_flattened)
         }
-        Path::Rotation => file.floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),
+        Path::Rotation => file.read_floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),
         Path::Weights(_) => match file.width(output) {
             // Vectors of colors and texture transforms.
-            Some(2) => file.floats::<2>(output, Integers::Normalized).map(Vec::into_flattened),
-            Some(3) => file.floats::<3>(output, Integers::Normalized).map(Vec::into_flattened),
-            Some(4) => file.floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),
-            _ => file.floats::<1>(output, Integers::Normalized).map(Vec::into_flattened),
+            Some(2) => file.read_floats::<2>(output, Integers::Normalized).map(Vec::into_flattened),
+            Some(3) => file.read_floats::<3>(output, Integers::Normalized).map(Vec::into_flattened),
+            Some(4) => file.read_floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),
+            _ => file.read_floats::<1>(output, Integers::Normalized).map(Vec::into_flattened),
         },
     };
     let mut values = values.at(place)?;
@@ -241,8 +246,8 @@ fn curve(
 
 /// Decreasing key times are an error, because the intended order is unknown. Of keys at the same time (within a tick) the last
 /// one counts, as it would just after that time.
-fn keys(file: &File<'_>, accessor: usize) -> Result<Keys> {
-    let secs = file.floats::<1>(accessor, Integers::AsFlagged)?.into_flattened();
+fn read_keys(file: &File<'_>, accessor: usize) -> Result<Keys> {
+    let secs = file.read_floats::<1>(accessor, Integers::AsFlagged)?.into_flattened();
     let fail =
         |k: usize, what: String| Problem::new(format!("accessors[{accessor}]"), format!("key {k} {what}"));
     let mut times: Vec<Time> = Vec::with_capacity(secs.len());

@@ -38,13 +38,13 @@ pub(crate) fn json_chunk(glb: &[u8]) -> &[u8] {
 }
 
 /// The JSON without a byte order mark, which some editors and exporters put before it.
-pub fn without_mark(json: &[u8]) -> &[u8] {
+pub fn without_byte_order_mark(json: &[u8]) -> &[u8] {
     json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json)
 }
 
 pub fn split(bytes: &[u8]) -> Result<Container<'_>> {
     if !bytes.starts_with(GLB_MAGIC) {
-        let json = without_mark(bytes);
+        let json = without_byte_order_mark(bytes);
         let json_offset = bytes.len() - json.len();
         return Ok(Container { json, json_offset, bin: None, warnings: Vec::new() });
     }
@@ -85,7 +85,7 @@ pub fn split(bytes: &[u8]) -> Result<Container<'_>> {
         };
         match kind {
             CHUNK_JSON if json.is_none() => {
-                let text = without_mark(chunk);
+                let text = without_byte_order_mark(chunk);
                 json = Some((text, start + chunk.len() - text.len()));
             }
             CHUNK_BIN if bin.is_none() => bin = Some(chunk),
@@ -119,7 +119,7 @@ pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
                 .hint("split the file, or leave out what the scene does not need"));
         }
     }
-    let error = match typed(container.json) {
+    let error = match parse_root(container.json) {
         Ok(root) => return Ok((root, Pointers::new())),
         Err(e) => e,
     };
@@ -130,15 +130,15 @@ pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
         if let Some(pointers) = repair::repair(&mut value) {
             // Parsing text again makes the typed form report where an error lies.
             let text = value.to_string();
-            let root = typed(text.as_bytes());
-            return root.map(|root| (root, pointers)).map_err(|e| invalid(text.as_bytes(), None, &e));
+            let root = parse_root(text.as_bytes());
+            return root.map(|root| (root, pointers)).map_err(|e| json_problem(text.as_bytes(), None, &e));
         }
     }
-    Err(invalid(container.json, Some(container.json_offset), &error))
+    Err(json_problem(container.json, Some(container.json_offset), &error))
 }
 
 /// Calls the parser that is compiled in the crate `gltf`: instantiating it here would cost half of this crate's build time.
-fn typed(json: &[u8]) -> serde_json::Result<Root> {
+fn parse_root(json: &[u8]) -> serde_json::Result<Root> {
     match gltf::Gltf::from_slice_without_validation(json) {
         Ok(gltf) => Ok(gltf.document.into_json()),
         Err(gltf::Error::Deserialize(e)) => Err(e),
@@ -148,7 +148,7 @@ fn typed(json: &[u8]) -> serde_json::Result<Root> {
 }
 
 /// `start`: offset of the JSON in the file; `None` where a repair has changed the text.
-fn invalid(json: &[u8], start: Option<usize>, error: &serde_json::Error) -> Problem {
+fn json_problem(json: &[u8], start: Option<usize>, error: &serde_json::Error) -> Problem {
     let offset = byte_offset(json, error.line(), error.column());
     let element = element_at(json, offset);
     let byte = start.map(|start| format!("byte {}", start + offset));

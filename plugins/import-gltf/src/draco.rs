@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 pub const NAME: &str = "KHR_draco_mesh_compression";
 
 /// Working memory of the decoder for each triangle, bytes: its tables of edges, for each attribute with seams.
-const BYTES_OF_FACE: u64 = 200;
+const DECODER_BYTES_PER_TRIANGLE: u64 = 200;
 
 /// The contents of a compressed primitive.
 #[derive(Default)]
@@ -65,7 +65,7 @@ pub fn unpack(file: &File<'_>, primitive: &Primitive, place: &dyn Fn() -> String
         // Counts the floats that the decoder makes, and their bytes.
         file.charge(points as u64, 8 * width).map_err(|p| p.used_by(place()))?;
         let values = attribute.read_f32s(points, width);
-        let decoded = Decoded { component, count: points, bytes: bytes(&values, component) };
+        let decoded = Decoded { component, count: points, bytes: component_bytes(&values, component) };
         out.attributes.insert(accessor, decoded);
     }
     Ok(out)
@@ -95,8 +95,9 @@ fn accessor_type(
 
 fn decode(file: &File<'_>, data: &[u8], broken: &dyn Fn(String) -> Problem) -> Result<Mesh> {
     let left = file.budget_left();
-    let limits =
-        DecodeLimits::default().with_max_faces(left / BYTES_OF_FACE).with_max_decoded_bytes(left / 4);
+    let limits = DecodeLimits::default()
+        .with_max_faces(left / DECODER_BYTES_PER_TRIANGLE)
+        .with_max_decoded_bytes(left / 4);
     let mut mesh = Mesh::new();
     let mut buffer = DecoderBuffer::new(data).with_limits(limits);
     MeshDecoder::new().decode(&mut buffer, &mut mesh).map_err(|e| broken(e.to_string()))?;
@@ -110,7 +111,7 @@ fn decode(file: &File<'_>, data: &[u8], broken: &dyn Fn(String) -> Problem) -> R
 }
 
 /// Values as bytes of the accessor's component type. Integers up to 2²⁴ are exact as floats.
-fn bytes(values: &[f32], component: ComponentType) -> Vec<u8> {
+fn component_bytes(values: &[f32], component: ComponentType) -> Vec<u8> {
     fn encode_each<const N: usize>(values: &[f32], one: impl Fn(f32) -> [u8; N]) -> Vec<u8> {
         values.iter().flat_map(|v| one(*v)).collect()
     }

@@ -5,7 +5,7 @@ use crate::problem::{Problem, Result};
 use crate::repair;
 use choreo_plugin::ImportScope;
 
-const READ: &[&str] = &[
+const SUPPORTED_EXTENSIONS: &[&str] = &[
     "EXT_meshopt_compression",
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
@@ -33,10 +33,10 @@ const READ: &[&str] = &[
 ];
 
 /// The texture extension that makes a file unreadable where it is required.
-const DDS: &str = "MSFT_texture_dds";
+const DDS_EXTENSION: &str = "MSFT_texture_dds";
 
-/// `own`: the extensions that the profile reads.
-pub fn check(file: &File<'_>, needs: ImportScope, own: &[&str]) -> Result<()> {
+/// `profile_extensions`: the extensions that the profile reads.
+pub fn check(file: &File<'_>, needs: ImportScope, profile_extensions: &[&str]) -> Result<()> {
     let asset = &file.root.asset;
     let needed = asset.min_version.as_ref().unwrap_or(&asset.version);
     let readable = match asset.min_version.is_some() {
@@ -46,15 +46,17 @@ pub fn check(file: &File<'_>, needs: ImportScope, own: &[&str]) -> Result<()> {
     if !readable {
         return Err(repair::unsupported_version(needed));
     }
-    let known = |name: &str| READ.contains(&name) || own.contains(&name);
+    let is_supported =
+        |name: &str| SUPPORTED_EXTENSIONS.contains(&name) || profile_extensions.contains(&name);
     let required = &file.root.extensions_required;
-    if needs.textures && required.iter().any(|name| name == DDS) {
+    if needs.textures && required.iter().any(|name| name == DDS_EXTENSION) {
         // Lists all of them, so that one conversion is enough.
-        let names: Vec<&str> = required.iter().map(String::as_str).filter(|name| !known(name)).collect();
+        let names: Vec<&str> =
+            required.iter().map(String::as_str).filter(|name| !is_supported(name)).collect();
         return Err(unsupported(&names));
     }
-    for name in crate::profile::used(&file.root) {
-        if known(name) {
+    for name in crate::profile::used_extensions(&file.root) {
+        if is_supported(name) {
             continue;
         }
         // Most files that require it can be read without it, so it is only a warning.

@@ -11,7 +11,7 @@ use std::sync::Arc;
 pub const NAME: &str = "EXT_mesh_gpu_instancing";
 
 /// The joint-from-mesh transform of every copy; empty where the node lacks the extension.
-pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
+pub fn read_copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
     let extension = file.root.nodes[node].extensions.as_ref().and_then(|e| e.others.get(NAME));
     let Some(extension) = extension else { return Ok([].into()) };
     let place = || format!("nodes[{node}].extensions.{NAME}");
@@ -53,7 +53,7 @@ pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
     let vectors = |accessor: Option<usize>, name: &str| match accessor {
         None => Ok(Vec::new()),
         Some(accessor) => {
-            file.floats::<3>(accessor, Integers::AsFlagged).at(|| format!("{}.{name}", place()))
+            file.read_floats::<3>(accessor, Integers::AsFlagged).at(|| format!("{}.{name}", place()))
         }
     };
     let translations = vectors(translation, "TRANSLATION")?;
@@ -61,7 +61,7 @@ pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
     let rotations = match rotation {
         None => Vec::new(),
         Some(accessor) => {
-            file.floats::<4>(accessor, Integers::Normalized).at(|| format!("{}.ROTATION", place()))?
+            file.read_floats::<4>(accessor, Integers::Normalized).at(|| format!("{}.ROTATION", place()))?
         }
     };
     let mut zero = 0;

@@ -85,7 +85,7 @@ impl Importer for GltfImporter {
             return Claim::Content(95);
         }
         let named = MANIFEST.has_extension(&source.extension());
-        let text = container::without_mark(bytes).trim_ascii_start();
+        let text = container::without_byte_order_mark(bytes).trim_ascii_start();
         if !text.starts_with(b"{") {
             return if named { Claim::Extension } else { Claim::NotMine };
         }
@@ -104,7 +104,7 @@ impl Importer for GltfImporter {
         needs: ImportScope,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
-        profile::import_with(source, files, needs, options, &profile::Plain)
+        profile::import_with(source, files, needs, options, &profile::NoProfile)
     }
 }
 
@@ -137,7 +137,7 @@ fn import(
     let container = container::split(&source.bytes)?;
     let root = container::parse(&container)?;
     let mut file = File::new(root, &container, files);
-    file.variant = variants::chosen(&file, options.text("variant").unwrap_or_default())?;
+    file.variant = variants::find_variant(&file, options.text("variant").unwrap_or_default())?;
     extensions::check(&file, needs, profile.extensions())?;
 
     let scene = options.number("scene").filter(|s| *s >= 0.0).map(|s| s as usize);

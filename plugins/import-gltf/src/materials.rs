@@ -22,7 +22,7 @@ const DIELECTRIC_F0: f32 = 0.04;
 pub fn read<'a>(
     file: &'a File<'_>,
     images: &mut ImageTable<'a>,
-    textures: bool,
+    wants_textures: bool,
     profile: &dyn Profile,
 ) -> Result<(Vec<Material>, Vec<Glossy>)> {
     let none = serde_json::Map::new();
@@ -30,9 +30,9 @@ pub fn read<'a>(
     let mut glossy = Vec::new();
     for (index, material) in file.root.materials.iter().enumerate() {
         let place = format!("materials[{index}]");
-        let mut reader = Reader { file, images, textures, place: &place, glossy: None };
+        let mut reader = Reader { file, images, wants_textures, place: &place, glossy: None };
         let others = material.extensions.as_ref().map_or(&none, |e| &e.others);
-        let mut material = reader.material(material)?;
+        let mut material = reader.read_material(material)?;
         let factor = reader.glossy;
         profile.material(&file.document(None), index, others, &mut reader, &mut material)?;
         if !all_finite(&material) {
@@ -79,7 +79,7 @@ impl MaterialTextures for Reader<'_, '_, '_> {
     fn texture(&mut self, slot: &'static str, value: &serde_json::Value) -> Result<Option<TextureRef>> {
         let parsed = repair::typed::<json::texture::Info>(value)
             .map_err(|e| Problem::new(format!("{}.{slot}", self.place), format!("is no textureInfo: {e}")))?;
-        Reader::texture(self, info(slot, &parsed))
+        Reader::read_texture(self, texture_use(slot, &parsed))
     }
 }
 
@@ -91,7 +91,7 @@ pub(crate) struct TextureUse<'u> {
     pub transform: Option<&'u TextureTransform>,
 }
 
-fn info<'u>(slot: &'static str, info: &'u json::texture::Info) -> TextureUse<'u> {
+fn texture_use<'u>(slot: &'static str, info: &'u json::texture::Info) -> TextureUse<'u> {
     TextureUse {
         slot,
         texture: info.index.value(),
@@ -101,28 +101,30 @@ fn info<'u>(slot: &'static str, info: &'u json::texture::Info) -> TextureUse<'u>
 }
 
 impl<'a> Reader<'a, '_, '_> {
-    fn material(&mut self, m: &json::Material) -> Result<Material> {
+    fn read_material(&mut self, m: &json::Material) -> Result<Material> {
         let pbr = &m.pbr_metallic_roughness;
         let mut out = Material {
             name: m.name.clone().unwrap_or_default(),
             base_color: Vec4::from(pbr.base_color_factor.0),
-            base_color_texture: self
-                .optional(pbr.base_color_texture.as_ref().map(|t| info("baseColorTexture", t)))?,
+            base_color_texture: self.read_optional_texture(
+                pbr.base_color_texture.as_ref().map(|t| texture_use("baseColorTexture", t)),
+            )?,
             metallic: pbr.metallic_factor.0.clamp(0.0, 1.0),
             roughness: pbr.roughness_factor.0.clamp(0.0, 1.0),
-            metallic_roughness_texture: self.optional(
-                pbr.metallic_roughness_texture.as_ref().map(|t| info("metallicRoughnessTexture", t)),
+            metallic_roughness_texture: self.read_optional_texture(
+                pbr.metallic_roughness_texture.as_ref().map(|t| texture_use("metallicRoughnessTexture", t)),
             )?,
             emissive: Vec3::from(m.emissive_factor.0),
-            emissive_texture: self
-                .optional(m.emissive_texture.as_ref().map(|t| info("emissiveTexture", t)))?,
+            emissive_texture: self.read_optional_texture(
+                m.emissive_texture.as_ref().map(|t| texture_use("emissiveTexture", t)),
+            )?,
             double_sided: m.double_sided,
             ..Material::default()
         };
         if let Some(t) = &m.normal_texture {
-            let transform = loose_transform(t.extensions.as_ref().map(|e| &e.others));
+            let transform = untyped_transform(t.extensions.as_ref().map(|e| &e.others));
             out.normal_scale = t.scale;
-            out.normal_texture = self.texture(TextureUse {
+            out.normal_texture = self.read_texture(TextureUse {
                 slot: "normalTexture",
                 texture: t.index.value(),
                 uv_set: t.tex_coord,
@@ -130,9 +132,9 @@ impl<'a> Reader<'a, '_, '_> {
             })?;
         }
         if let Some(t) = &m.occlusion_texture {
-            let transform = loose_transform(t.extensions.as_ref().map(|e| &e.others));
+            let transform = untyped_transform(t.extensions.as_ref().map(|e| &e.others));
             out.occlusion_strength = t.strength.0.clamp(0.0, 1.0);
-            out.occlusion_texture = self.texture(TextureUse {
+            out.occlusion_texture = self.read_texture(TextureUse {
                 slot: "occlusionTexture",
                 texture: t.index.value(),
                 uv_set: t.tex_coord,
@@ -151,19 +153,25 @@ impl<'a> Reader<'a, '_, '_> {
             }
         };
         if let Some(extensions) = &m.extensions {
-            self.extensions(extensions, &mut out)?;
+            self.read_extensions(extensions, &mut out)?;
         }
         Ok(out)
     }
 
-    fn extensions(&mut self, e: &json::extensions::material::Material, out: &mut Material) -> Result<()> {
+    fn read_extensions(
+        &mut self,
+        e: &json::extensions::material::Material,
+        out: &mut Material,
+    ) -> Result<()> {
         if let Some(s) = &e.specular {
             out.specular = s.specular_factor.0.clamp(0.0, 1.0);
             out.specular_color = Vec3::from(s.specular_color_factor.0).max(Vec3::ZERO);
-            out.specular_texture =
-                self.optional(s.specular_texture.as_ref().map(|t| info("specularTexture", t)))?;
-            out.specular_color_texture =
-                self.optional(s.specular_color_texture.as_ref().map(|t| info("specularColorTexture", t)))?;
+            out.specular_texture = self.read_optional_texture(
+                s.specular_texture.as_ref().map(|t| texture_use("specularTexture", t)),
+            )?;
+            out.specular_color_texture = self.read_optional_texture(
+                s.specular_color_texture.as_ref().map(|t| texture_use("specularColorTexture", t)),
+            )?;
         }
         if let Some(s) = &e.pbr_specular_glossiness {
             // The reflectance is exact: F0 = 0.04 · specular_color, and the dielectric's F0 is specularFactor. Glossiness that
@@ -172,12 +180,13 @@ impl<'a> Reader<'a, '_, '_> {
             out.metallic_roughness_texture = None;
             out.roughness = (1.0 - s.glossiness_factor.0).clamp(0.0, 1.0);
             out.base_color = Vec4::from(s.diffuse_factor.0);
-            out.base_color_texture =
-                self.optional(s.diffuse_texture.as_ref().map(|t| info("diffuseTexture", t)))?;
+            out.base_color_texture = self.read_optional_texture(
+                s.diffuse_texture.as_ref().map(|t| texture_use("diffuseTexture", t)),
+            )?;
             out.specular = 1.0;
             out.specular_color = Vec3::from(s.specular_factor.0).max(Vec3::ZERO) / DIELECTRIC_F0;
-            out.specular_color_texture = self.optional(
-                s.specular_glossiness_texture.as_ref().map(|t| info("specularGlossinessTexture", t)),
+            out.specular_color_texture = self.read_optional_texture(
+                s.specular_glossiness_texture.as_ref().map(|t| texture_use("specularGlossinessTexture", t)),
             )?;
             self.glossy = Some(s.glossiness_factor.0);
         }
@@ -194,16 +203,16 @@ impl<'a> Reader<'a, '_, '_> {
         Ok(())
     }
 
-    fn optional(&mut self, texture: Option<TextureUse<'_>>) -> Result<Option<TextureRef>> {
-        texture.map_or(Ok(None), |t| self.texture(t))
+    fn read_optional_texture(&mut self, texture: Option<TextureUse<'_>>) -> Result<Option<TextureRef>> {
+        texture.map_or(Ok(None), |t| self.read_texture(t))
     }
 
     pub(crate) fn place(&self) -> &str {
         self.place
     }
 
-    pub(crate) fn texture(&mut self, usage: TextureUse<'_>) -> Result<Option<TextureRef>> {
-        if !self.textures {
+    pub(crate) fn read_texture(&mut self, usage: TextureUse<'_>) -> Result<Option<TextureRef>> {
+        if !self.wants_textures {
             return Ok(None);
         }
         let file = self.file;
@@ -245,7 +254,7 @@ impl<'a> Reader<'a, '_, '_> {
         let sampler = match texture.sampler {
             Some(index) => {
                 let user = || format!("textures[{}].sampler", usage.texture);
-                sampler(element(&file.root.samplers, index.value(), "samplers", user)?)
+                read_sampler(element(&file.root.samplers, index.value(), "samplers", user)?)
             }
             None => Sampler::default(),
         };
@@ -260,7 +269,9 @@ impl<'a> Reader<'a, '_, '_> {
 }
 
 /// The KHR_texture_transform of normal and occlusion textures, whose extensions the crate leaves untyped.
-fn loose_transform(others: Option<&serde_json::Map<String, serde_json::Value>>) -> Option<TextureTransform> {
+fn untyped_transform(
+    others: Option<&serde_json::Map<String, serde_json::Value>>,
+) -> Option<TextureTransform> {
     repair::typed(others?.get("KHR_texture_transform")?).ok()
 }
 
@@ -273,7 +284,7 @@ fn uv_transform(t: &TextureTransform) -> Affine2 {
     Affine2 { matrix2: matrix, translation: Vec2::from(t.offset.0) }
 }
 
-fn sampler(s: &json::texture::Sampler) -> Sampler {
+fn read_sampler(s: &json::texture::Sampler) -> Sampler {
     let wrap = |w: Checked<WrappingMode>| match w {
         Checked::Valid(WrappingMode::ClampToEdge) => Wrap::ClampToEdge,
         Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::MirroredRepeat,

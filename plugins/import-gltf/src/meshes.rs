@@ -22,10 +22,10 @@ pub(crate) fn morph_counts(file: &File<'_>) -> Vec<usize> {
 
 pub fn read(file: &File<'_>, materials: &[Material]) -> Result<Vec<Arc<Mesh>>> {
     let counts = morph_counts(file).into_iter().enumerate();
-    counts.map(|(index, morphs)| Ok(Arc::new(mesh(file, index, morphs, materials)?))).collect()
+    counts.map(|(index, morphs)| Ok(Arc::new(read_mesh(file, index, morphs, materials)?))).collect()
 }
 
-fn mesh(file: &File<'_>, index: usize, morph_targets: usize, materials: &[Material]) -> Result<Mesh> {
+fn read_mesh(file: &File<'_>, index: usize, morph_targets: usize, materials: &[Material]) -> Result<Mesh> {
     let json = &file.root.meshes[index];
     let mut primitives = Vec::with_capacity(json.primitives.len());
     for (number, primitive) in json.primitives.iter().enumerate() {
@@ -79,7 +79,7 @@ impl Attributes<'_, '_> {
     }
 
     /// The values of an attribute, exactly `vertices` of them; empty where the primitive lacks it.
-    fn floats<const N: usize>(
+    fn read_floats<const N: usize>(
         &self,
         semantic: Semantic,
         integers: Integers,
@@ -87,11 +87,11 @@ impl Attributes<'_, '_> {
     ) -> Result<Vec<[f32; N]>> {
         match self.find(semantic.clone()) {
             None => Ok(Vec::new()),
-            Some(accessor) => self.sized(accessor, &semantic.to_string(), integers, vertices),
+            Some(accessor) => self.read_exactly(accessor, &semantic.to_string(), integers, vertices),
         }
     }
 
-    fn sized<const N: usize>(
+    fn read_exactly<const N: usize>(
         &self,
         accessor: usize,
         name: &str,
@@ -99,7 +99,7 @@ impl Attributes<'_, '_> {
         vertices: usize,
     ) -> Result<Vec<[f32; N]>> {
         let user = || format!("{}.{name}", (self.place)());
-        let values = self.file.floats::<N>(accessor, integers).at(user)?;
+        let values = self.file.read_floats::<N>(accessor, integers).at(user)?;
         if values.len() != vertices {
             let what =
                 format!("accessors[{accessor}] has {} elements for {vertices} positions", values.len());
@@ -122,7 +122,7 @@ fn read_primitive(
         return Ok(None);
     };
     let vertices = file.count(accessor).at(|| format!("{}.POSITION", place()))? as usize;
-    let positions = attributes.sized::<3>(accessor, "POSITION", Integers::AsFlagged, vertices)?;
+    let positions = attributes.read_exactly::<3>(accessor, "POSITION", Integers::AsFlagged, vertices)?;
     if positions.is_empty() {
         file.warn(place(), "has no vertices; it is left out");
         return Ok(None);
@@ -131,55 +131,62 @@ fn read_primitive(
     if let Some(m) = material {
         element(materials, m, "materials", || format!("{}.material", place()))?;
     }
-    let (topology, indices) = indices(file, json, vertices, place)?;
+    let (topology, indices) = read_indices(file, json, vertices, place)?;
     let mut out = Primitive {
         topology,
         indices,
-        positions: vectors(positions, Vec3::from),
-        normals: vectors(attributes.floats(Semantic::Normals, Integers::AsFlagged, vertices)?, Vec3::from),
-        uvs: [uvs(&attributes, 0, vertices)?, uvs(&attributes, 1, vertices)?],
-        colors: colors(&attributes, vertices)?,
-        morphs: morphs(&attributes, vertices)?,
+        positions: to_vectors(positions, Vec3::from),
+        normals: to_vectors(
+            attributes.read_floats(Semantic::Normals, Integers::AsFlagged, vertices)?,
+            Vec3::from,
+        ),
+        uvs: [read_uvs(&attributes, 0, vertices)?, read_uvs(&attributes, 1, vertices)?],
+        colors: read_colors(&attributes, vertices)?,
+        morphs: read_morphs(&attributes, vertices)?,
         material: material.map(|m| m as u32),
         ..Primitive::default()
     };
     skinning::read(file, json, place, &mut out)?;
-    finish_normals(file, &mut out, place)?;
-    if let (Some((uv_set, why)), Topology::Triangles) =
+    complete_normals(file, &mut out, place)?;
+    if let (Some((uv_set, used_by)), Topology::Triangles) =
         (material.and_then(|m| needs_tangents(&materials[m])), topology)
     {
-        finish_tangents(&attributes, &mut out, (uv_set, why), vertices)?;
+        complete_tangents(&attributes, &mut out, (uv_set, used_by), vertices)?;
     }
     Ok(Some(out))
 }
 
-fn vectors<const N: usize, V>(from: Vec<[f32; N]>, to: impl Fn([f32; N]) -> V) -> Vec<V> {
+fn to_vectors<const N: usize, V>(from: Vec<[f32; N]>, to: impl Fn([f32; N]) -> V) -> Vec<V> {
     from.into_iter().map(to).collect()
 }
 
-fn uvs(attributes: &Attributes<'_, '_>, set: u32, vertices: usize) -> Result<Vec<Vec2>> {
-    Ok(vectors(attributes.floats(Semantic::TexCoords(set), Integers::AsFlagged, vertices)?, Vec2::from))
+fn read_uvs(attributes: &Attributes<'_, '_>, set: u32, vertices: usize) -> Result<Vec<Vec2>> {
+    Ok(to_vectors(
+        attributes.read_floats(Semantic::TexCoords(set), Integers::AsFlagged, vertices)?,
+        Vec2::from,
+    ))
 }
 
-fn colors(attributes: &Attributes<'_, '_>, vertices: usize) -> Result<Vec<Vec4>> {
+fn read_colors(attributes: &Attributes<'_, '_>, vertices: usize) -> Result<Vec<Vec4>> {
     let Some(accessor) = attributes.find(Semantic::Colors(0)) else { return Ok(Vec::new()) };
     let clamp = |c: Vec4| c.clamp(Vec4::ZERO, Vec4::ONE);
     if attributes.file.width(accessor) == Some(3) {
-        let rgb = attributes.sized::<3>(accessor, "COLOR_0", Integers::Normalized, vertices)?;
-        return Ok(vectors(rgb, |c| clamp(Vec3::from(c).extend(1.0))));
+        let rgb = attributes.read_exactly::<3>(accessor, "COLOR_0", Integers::Normalized, vertices)?;
+        return Ok(to_vectors(rgb, |c| clamp(Vec3::from(c).extend(1.0))));
     }
-    let rgba = attributes.sized::<4>(accessor, "COLOR_0", Integers::Normalized, vertices)?;
-    Ok(vectors(rgba, |c| clamp(Vec4::from(c))))
+    let rgba = attributes.read_exactly::<4>(accessor, "COLOR_0", Integers::Normalized, vertices)?;
+    Ok(to_vectors(rgba, |c| clamp(Vec4::from(c))))
 }
 
-fn morphs(attributes: &Attributes<'_, '_>, vertices: usize) -> Result<Vec<MorphTarget>> {
+fn read_morphs(attributes: &Attributes<'_, '_>, vertices: usize) -> Result<Vec<MorphTarget>> {
     let mut out = Vec::new();
     for (number, target) in attributes.json.targets.iter().flatten().enumerate() {
         let read = |accessor: Option<json::Index<json::Accessor>>, name: &str| -> Result<Vec<Vec3>> {
             let Some(accessor) = accessor else { return Ok(Vec::new()) };
             let name = format!("targets[{number}].{name}");
-            let offsets = attributes.sized::<3>(accessor.value(), &name, Integers::AsFlagged, vertices)?;
-            Ok(vectors(offsets, Vec3::from))
+            let offsets =
+                attributes.read_exactly::<3>(accessor.value(), &name, Integers::AsFlagged, vertices)?;
+            Ok(to_vectors(offsets, Vec3::from))
         };
         out.push(MorphTarget {
             positions: read(target.positions, "POSITION")?,
@@ -190,7 +197,7 @@ fn morphs(attributes: &Attributes<'_, '_>, vertices: usize) -> Result<Vec<MorphT
     Ok(out)
 }
 
-fn indices(
+fn read_indices(
     file: &File<'_>,
     json: &json::mesh::Primitive,
     vertices: usize,
@@ -203,10 +210,10 @@ fn indices(
         return Ok((Topology::Triangles, triangles));
     }
     let charge = |n: usize| file.charge(n as u64, 12).at(place);
-    let listed = match json.indices {
+    let index_list = match json.indices {
         Some(accessor) => {
             let user = || format!("{}.indices", place());
-            let read = file.integers::<1>(accessor.value()).at(user)?.into_flattened();
+            let read = file.read_integers::<1>(accessor.value()).at(user)?.into_flattened();
             if let Some(at) = read.iter().position(|i| *i as usize >= vertices) {
                 return Err(Problem::new(
                     format!("{} (accessors[{}])", user(), accessor.value()),
@@ -218,15 +225,15 @@ fn indices(
         None => (0..vertices as u32).collect(),
     };
     // Converted to lists, strips and fans become up to three times as long.
-    charge(listed.len())?;
-    let (topology, list, rest) = topology::to_list(mode, listed);
+    charge(index_list.len())?;
+    let (topology, list, rest) = topology::to_list(mode, index_list);
     if rest > 0 {
         file.warn(place(), format!("{rest} indices at the end make no whole line or triangle"));
     }
     Ok((topology, list))
 }
 
-fn finish_normals(file: &File<'_>, out: &mut Primitive, place: &dyn Fn() -> String) -> Result<()> {
+fn complete_normals(file: &File<'_>, out: &mut Primitive, place: &dyn Fn() -> String) -> Result<()> {
     if out.normals.is_empty() {
         if out.topology == Topology::Triangles {
             charge_split(file, out, place)?;
@@ -261,19 +268,19 @@ fn needs_tangents(material: &Material) -> Option<(usize, &'static str)> {
     map.map(|t| (usize::from(t.uv_set), "a normal map")).or_else(brushed)
 }
 
-fn finish_tangents(
+fn complete_tangents(
     attributes: &Attributes<'_, '_>,
     out: &mut Primitive,
-    (uv_set, why): (usize, &str),
+    (uv_set, used_by): (usize, &str),
     vertices: usize,
 ) -> Result<()> {
     // Flat normals split vertices: tangents of the file no longer fit (and §3.7.2.1 says to ignore them).
     let of_file = match out.positions.len() == vertices && attributes.find(Semantic::Normals).is_some() {
-        true => attributes.floats::<4>(Semantic::Tangents, Integers::AsFlagged, vertices)?,
+        true => attributes.read_floats::<4>(Semantic::Tangents, Integers::AsFlagged, vertices)?,
         false => Vec::new(),
     };
     if !of_file.is_empty() {
-        out.tangents = vectors(of_file, |t| {
+        out.tangents = to_vectors(of_file, |t| {
             let t = Vec4::from(t);
             let direction = normals::unit(t.truncate()).unwrap_or(Vec3::X);
             direction.extend(if t.w < 0.0 { -1.0 } else { 1.0 })
@@ -281,7 +288,7 @@ fn finish_tangents(
         return Ok(());
     }
     if out.uvs[uv_set].is_empty() {
-        let what = format!("has {why} but no TEXCOORD_{uv_set}, so it has no effect");
+        let what = format!("has {used_by} but no TEXCOORD_{uv_set}, so it has no effect");
         attributes.file.warn((attributes.place)(), what);
         return Ok(());
     }
@@ -351,7 +358,7 @@ pub fn instances(
         }
         file.charge(mesh.morph_targets as u64, 4).at(place)?;
         weights.resize(mesh.morph_targets, 0.0);
-        let mut copies = instancing::copies(file, *node)?;
+        let mut copies = instancing::read_copies(file, *node)?;
         if skin.is_some() && !copies.is_empty() {
             let what = format!("has a skin and {}; a skinned mesh is shown once", instancing::NAME);
             file.warn(place(), what);

@@ -24,13 +24,13 @@ pub fn cameras(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetCamera>> {
         out.push(AssetCamera {
             name: name.cloned().unwrap_or_else(|| format!("camera {}", index.value())),
             joint: joint as u32,
-            projection: projection(file, camera, &place)?,
+            projection: read_projection(file, camera, &place)?,
         });
     }
     Ok(out)
 }
 
-fn projection(file: &File<'_>, camera: &json::Camera, place: &str) -> Result<Projection> {
+fn read_projection(file: &File<'_>, camera: &json::Camera, place: &str) -> Result<Projection> {
     let check = |ok: bool, what: &str| if ok { Ok(()) } else { Err(Problem::new(place, what)) };
     match (camera.type_, &camera.perspective, &camera.orthographic) {
         (Checked::Valid(json::camera::Type::Perspective), Some(p), _) => {
@@ -75,13 +75,13 @@ pub fn lights(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetLight>> {
         out.push(AssetLight {
             name: name.cloned().unwrap_or_else(|| format!("light {index}")),
             joint: joint as u32,
-            light: punctual(file, light, place)?,
+            light: read_punctual_light(file, light, place)?,
         });
     }
     Ok(out)
 }
 
-fn punctual(
+fn read_punctual_light(
     file: &File<'_>,
     light: &json::extensions::scene::khr_lights_punctual::Light,
     place: String,
@@ -149,8 +149,9 @@ pub fn skins(file: &File<'_>, tree: &Tree) -> Result<Vec<Skin>> {
             None => vec![Mat4::IDENTITY; joints.len()],
             Some(accessor) => {
                 let place = || format!("skins[{index}].inverseBindMatrices");
-                let matrices =
-                    file.floats::<16>(accessor.value(), crate::accessor::Integers::AsFlagged).at(place)?;
+                let matrices = file
+                    .read_floats::<16>(accessor.value(), crate::accessor::Integers::AsFlagged)
+                    .at(place)?;
                 if matrices.len() < joints.len() {
                     return Err(Problem::new(
                         place(),

@@ -40,7 +40,7 @@ pub(crate) fn mark_channels(root: &mut Value) -> Option<Pointers> {
 }
 
 /// The meaning of a pointer in the asset.
-pub enum Meaning {
+pub enum PointerTarget {
     /// A property of a node, as in plain channels.
     Node(usize, Property),
     /// A property of each object that the file's element became: a camera on two nodes is two objects.
@@ -48,12 +48,12 @@ pub enum Meaning {
 }
 
 /// Resolves a pointer; `None` where it names nothing that can be animated.
-pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
+pub fn resolve_pointer(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<PointerTarget> {
     let steps: Vec<&str> = pointer.strip_prefix('/')?.split('/').collect();
     let number = |text: &str| text.parse::<usize>().ok();
     let things = |list: Vec<u32>, target: fn(u32) -> PropertyTarget, factor: f32| {
         let targets: Vec<PropertyTarget> = list.into_iter().map(target).collect();
-        (!targets.is_empty()).then_some(Meaning::Properties { targets, factor })
+        (!targets.is_empty()).then_some(PointerTarget::Properties { targets, factor })
     };
     match steps[..] {
         ["nodes", node, property] => {
@@ -64,7 +64,7 @@ pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
                 "weights" => Property::MorphTargetWeights,
                 _ => return None,
             };
-            Some(Meaning::Node(number(node)?, property))
+            Some(PointerTarget::Node(number(node)?, property))
         }
         ["cameras", camera, "perspective", "yfov"] => {
             things(cameras_of(file, tree, number(camera)?), PropertyTarget::CameraYfov, 1.0)
@@ -97,7 +97,7 @@ pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
             let material = number(material).filter(|m| *m < file.root.materials.len())?;
             let (property, factor) = material_property(&file.root.materials[material], path)?;
             let targets = vec![PropertyTarget::Material(material as u32, property)];
-            Some(Meaning::Properties { targets, factor })
+            Some(PointerTarget::Properties { targets, factor })
         }
         _ => None,
     }

@@ -51,9 +51,9 @@ pub trait Profile {
 }
 
 /// Plain glTF, without extensions of a profile.
-pub(crate) struct Plain;
+pub(crate) struct NoProfile;
 
-impl Profile for Plain {}
+impl Profile for NoProfile {}
 
 /// The parsed file, as a profile sees it.
 pub struct Document<'d> {
@@ -118,12 +118,12 @@ pub fn has_extension(bytes: &[u8], names: &[&str]) -> Option<bool> {
     struct Top {
         extensions: Option<std::collections::BTreeMap<String, serde::de::IgnoredAny>>,
     }
-    let top: Top = serde_json::from_slice(container::without_mark(json)).ok()?;
+    let top: Top = serde_json::from_slice(container::without_byte_order_mark(json)).ok()?;
     Some(top.extensions.is_some_and(|e| names.iter().any(|n| e.contains_key(*n))))
 }
 
 /// Names of the extensions that the file and its materials use, for messages.
-pub(crate) fn used(root: &Root) -> Vec<&String> {
+pub(crate) fn used_extensions(root: &Root) -> Vec<&String> {
     let mut all: Vec<&String> = root.extensions_used.iter().chain(&root.extensions_required).collect();
     all.sort();
     all.dedup();

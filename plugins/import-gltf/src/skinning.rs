@@ -26,8 +26,8 @@ pub fn read(
             }
         };
         let user = |name: &str| format!("{}.{name}_{set}", place());
-        let joints = file.integers::<4>(joints).at(|| user("JOINTS"))?;
-        let weights = file.floats::<4>(weights, Integers::Normalized).at(|| user("WEIGHTS"))?;
+        let joints = file.read_integers::<4>(joints).at(|| user("JOINTS"))?;
+        let weights = file.read_floats::<4>(weights, Integers::Normalized).at(|| user("WEIGHTS"))?;
         if joints.len() != vertices || weights.len() != vertices {
             return Err(Problem::new(
                 place(),
@@ -52,7 +52,7 @@ pub fn read(
     out.joint_indices.reserve_exact(vertices * out.influences);
     out.joint_weights.reserve_exact(vertices * out.influences);
 
-    let mut counts = Guesses::default();
+    let mut counts = RepairCounts::default();
     let mut row: Vec<(u32, f32)> = Vec::new();
     for vertex in 0..vertices {
         row.clear();
@@ -73,13 +73,13 @@ pub fn read(
 }
 
 #[derive(Default)]
-struct Guesses {
+struct RepairCounts {
     zero_sum: usize,
     negative: usize,
     too_many: usize,
 }
 
-impl Guesses {
+impl RepairCounts {
     fn warn(&self, file: &File<'_>, place: &dyn Fn() -> String, vertices: usize) {
         for (count, text) in [
             (self.zero_sum, "have weights that sum to 0; their first joint gets weight 1"),
@@ -94,7 +94,7 @@ impl Guesses {
 }
 
 /// Brings a vertex to `n` influences with non-negative weights that sum to 1. Influences without weight name joint 0.
-fn normalize_influences(row: &mut Vec<(u32, f32)>, n: usize, counts: &mut Guesses) {
+fn normalize_influences(row: &mut Vec<(u32, f32)>, n: usize, counts: &mut RepairCounts) {
     if row.iter().any(|(_, w)| *w < 0.0) {
         counts.negative += 1;
         row.iter_mut().for_each(|(_, w)| *w = w.max(0.0));
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn influences_are_merged_limited_and_normalized() {
-        let mut counts = Guesses::default();
+        let mut counts = RepairCounts::default();
         let mut tidied = |mut row: Vec<(u32, f32)>, n| {
             normalize_influences(&mut row, n, &mut counts);
             row

@@ -9,7 +9,7 @@ use serde_json::Value;
 pub const NAME: &str = "KHR_materials_variants";
 
 /// The index of the variant with this name; `None` for an empty name.
-pub fn chosen(file: &File<'_>, name: &str) -> Result<Option<u64>> {
+pub fn find_variant(file: &File<'_>, name: &str) -> Result<Option<u64>> {
     let extensions = file.root.extensions.as_ref();
     let listed = extensions.and_then(|e| e.others.get(NAME)?.get("variants")?.as_array());
     let names: Vec<&str> = match listed {

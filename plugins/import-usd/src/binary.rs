@@ -6,23 +6,23 @@ use choreo_importer_kit::{Budget, Problem, Result};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-const ARRAY: u64 = 1 << 63;
-const INLINED: u64 = 1 << 62;
-const COMPRESSED: u64 = 1 << 61;
-const PAYLOAD: u64 = (1 << 48) - 1;
+const IS_ARRAY: u64 = 1 << 63;
+const IS_INLINED: u64 = 1 << 62;
+const IS_COMPRESSED: u64 = 1 << 61;
+const PAYLOAD_MASK: u64 = (1 << 48) - 1;
 
 /// Arrays with fewer elements are never compressed.
-const LEAST_COMPRESSED: usize = 16;
+const MIN_COMPRESSED_LENGTH: usize = 16;
 /// Largest expansion ratio of LZ4.
-const MOST_RATIO: usize = 256;
+const MAX_EXPANSION_RATIO: usize = 256;
 /// Nesting of prims, at most.
-const MOST_DEPTH: usize = 96;
+const MAX_DEPTH: usize = 96;
 
 pub(crate) fn is_crate(bytes: &[u8]) -> bool {
     bytes.starts_with(b"PXR-USDC")
 }
 
-fn damaged(what: impl Into<String>) -> Problem {
+fn damage_error(what: impl Into<String>) -> Problem {
     Problem::new("crate file", what)
 }
 
@@ -37,49 +37,49 @@ impl<'a> Cursor<'a> {
     fn take(&mut self, length: usize) -> Result<&'a [u8]> {
         let end = self.at.checked_add(length);
         let out = end.and_then(|end| self.bytes.get(self.at..end));
-        let out = out.ok_or_else(|| damaged(format!("ends within the data at byte {}", self.at)))?;
+        let out = out.ok_or_else(|| damage_error(format!("ends within the data at byte {}", self.at)))?;
         self.at += length;
         Ok(out)
     }
 
-    fn fixed<const N: usize>(&mut self) -> Result<[u8; N]> {
+    fn take_array<const N: usize>(&mut self) -> Result<[u8; N]> {
         let mut out = [0; N];
         out.copy_from_slice(self.take(N)?);
         Ok(out)
     }
 
     fn u32(&mut self) -> Result<u32> {
-        self.fixed().map(u32::from_le_bytes)
+        self.take_array().map(u32::from_le_bytes)
     }
 
     fn u64(&mut self) -> Result<u64> {
-        self.fixed().map(u64::from_le_bytes)
+        self.take_array().map(u64::from_le_bytes)
     }
 
     fn f64(&mut self) -> Result<f64> {
-        self.fixed().map(f64::from_le_bytes)
+        self.take_array().map(f64::from_le_bytes)
     }
 
     /// Reads a count of elements of `size` bytes. Fails where the rest of the file is too short for them.
-    fn count(&mut self, size: usize) -> Result<usize> {
+    fn read_count(&mut self, size: usize) -> Result<usize> {
         let count = self.u64()?;
         let left = self.bytes.len().saturating_sub(self.at) as u64;
         match count.checked_mul(size as u64) {
             Some(all) if all <= left => Ok(count as usize),
-            _ => Err(damaged(format!(
+            _ => Err(damage_error(format!(
                 "declares {count} elements at byte {}, but the file is too short for them",
                 self.at - 8
             ))),
         }
     }
 
-    fn at_offset(self, at: u64) -> Cursor<'a> {
+    fn with_offset(self, at: u64) -> Cursor<'a> {
         Cursor { bytes: self.bytes, at: usize::try_from(at).unwrap_or(usize::MAX) }
     }
 }
 
 struct Reader<'a> {
-    all: Cursor<'a>,
+    file: Cursor<'a>,
     budget: &'a Budget,
     version: [u8; 3],
     tokens: Vec<String>,
@@ -106,30 +106,31 @@ pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
     let all = Cursor { bytes, at: 0 };
     let mut head = all;
     head.take(8)?;
-    let version = head.fixed::<8>()?;
+    let version = head.take_array::<8>()?;
     let version = [version[0], version[1], version[2]];
     if version[0] != 0 || version[1] < 4 {
         let [a, b, c] = version;
-        return Err(damaged(format!("has version {a}.{b}.{c}; version 0.4 or later is needed")));
+        return Err(damage_error(format!("has version {a}.{b}.{c}; version 0.4 or later is needed")));
     }
     let (tokens, strings, fields, field_sets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let paths = Vec::new();
     let mut reader = Reader { all, budget, version, tokens, strings, fields, field_sets, paths };
-    let mut list = all.at_offset(head.u64()?);
+    let mut list = all.with_offset(head.u64()?);
     let mut sections: BTreeMap<String, Cursor<'_>> = BTreeMap::new();
-    for _ in 0..list.count(32)? {
-        let name = list.fixed::<16>()?;
+    for _ in 0..list.read_count(32)? {
+        let name = list.take_array::<16>()?;
         let name = String::from_utf8_lossy(&name).trim_end_matches('\0').to_string();
         let (start, _size) = (list.u64()?, list.u64()?);
-        sections.insert(name, all.at_offset(start));
+        sections.insert(name, all.with_offset(start));
     }
-    let section =
-        |name: &str| sections.get(name).copied().ok_or_else(|| damaged(format!("has no section {name}")));
+    let section = |name: &str| {
+        sections.get(name).copied().ok_or_else(|| damage_error(format!("has no section {name}")))
+    };
     reader.read_tokens(section("TOKENS")?)?;
     reader.read_tables([section("STRINGS")?, section("FIELDS")?, section("FIELDSETS")?])?;
     reader.read_paths(section("PATHS")?)?;
-    let specs = reader.specs(section("SPECS")?)?;
-    reader.layer(&specs)
+    let specs = reader.read_specs(section("SPECS")?)?;
+    reader.read_layer(&specs)
 }
 
 impl<'a> Reader<'a> {
@@ -137,27 +138,27 @@ impl<'a> Reader<'a> {
         self.budget.charge(count as u64, size)
     }
 
-    /// Decompresses an LZ4 block to at most `most` bytes.
-    fn decompressed(&self, cursor: &mut Cursor<'a>, most: usize) -> Result<Vec<u8>> {
-        let length = cursor.count(1)?;
+    /// Decompresses an LZ4 block to at most `max_bytes` bytes.
+    fn decompress(&self, cursor: &mut Cursor<'a>, max_bytes: usize) -> Result<Vec<u8>> {
+        let length = cursor.read_count(1)?;
         let bytes = cursor.take(length)?;
         let Some((0, block)) = bytes.split_first().map(|(chunks, rest)| (*chunks, rest)) else {
-            return Err(damaged("is compressed in several parts, which are not read"));
+            return Err(damage_error("is compressed in several parts, which are not read"));
         };
-        let most = most.min(block.len().saturating_mul(MOST_RATIO));
-        self.charge(most, 1)?;
-        lz4_flex::block::decompress(block, most).map_err(|e| damaged(format!("is damaged: {e}")))
+        let max_bytes = max_bytes.min(block.len().saturating_mul(MAX_EXPANSION_RATIO));
+        self.charge(max_bytes, 1)?;
+        lz4_flex::block::decompress(block, max_bytes).map_err(|e| damage_error(format!("is damaged: {e}")))
     }
 
-    fn integers(&self, cursor: &mut Cursor<'a>, count: usize) -> Result<Vec<i32>> {
+    fn read_integers(&self, cursor: &mut Cursor<'a>, count: usize) -> Result<Vec<i32>> {
         if count == 0 {
             return Ok(Vec::new());
         }
         let codes = count.div_ceil(4);
         // Every integer takes at least two bits, so the bytes bound the count.
-        let bytes = self.decompressed(cursor, count.saturating_mul(4).saturating_add(codes + 4))?;
+        let bytes = self.decompress(cursor, count.saturating_mul(4).saturating_add(codes + 4))?;
         if bytes.len() < 4 + codes {
-            return Err(damaged("has fewer integers than it declares"));
+            return Err(damage_error("has fewer integers than it declares"));
         }
         self.charge(count, 4)?;
         let mut numbers = Cursor { bytes: &bytes, at: 4 + codes };
@@ -167,9 +168,9 @@ impl<'a> Reader<'a> {
             let code = bytes[4 + index / 4] >> (2 * (index % 4)) & 3;
             let difference = match code {
                 0 => common,
-                1 => i32::from(i8::from_le_bytes(numbers.fixed()?)),
-                2 => i32::from(i16::from_le_bytes(numbers.fixed()?)),
-                _ => i32::from_le_bytes(numbers.fixed()?),
+                1 => i32::from(i8::from_le_bytes(numbers.take_array()?)),
+                2 => i32::from(i16::from_le_bytes(numbers.take_array()?)),
+                _ => i32::from_le_bytes(numbers.take_array()?),
             };
             value = value.wrapping_add(difference);
             out.push(value);
@@ -180,7 +181,7 @@ impl<'a> Reader<'a> {
     fn read_tokens(&mut self, mut cursor: Cursor<'a>) -> Result<()> {
         let count = cursor.u64()?;
         let length = usize::try_from(cursor.u64()?).unwrap_or(usize::MAX);
-        let bytes = self.decompressed(&mut cursor, length)?;
+        let bytes = self.decompress(&mut cursor, length)?;
         self.charge(bytes.iter().filter(|b| **b == 0).count(), 32)?;
         self.tokens =
             bytes.split(|b| *b == 0).map(|token| String::from_utf8_lossy(token).into_owned()).collect();
@@ -189,35 +190,38 @@ impl<'a> Reader<'a> {
     }
 
     fn read_tables(&mut self, [mut strings, mut fields, mut sets]: [Cursor<'a>; 3]) -> Result<()> {
-        let count = strings.count(4)?;
+        let count = strings.read_count(4)?;
         self.strings = (0..count).map(|_| strings.u32()).collect::<Result<_>>()?;
-        let count = self.compressed_count(&mut fields)?;
-        let names = self.integers(&mut fields, count)?;
-        let values = self.decompressed(&mut fields, count.saturating_mul(8))?;
+        let count = self.read_compressed_count(&mut fields)?;
+        let names = self.read_integers(&mut fields, count)?;
+        let values = self.decompress(&mut fields, count.saturating_mul(8))?;
         let mut values = Cursor { bytes: &values, at: 0 };
         self.charge(count, 16)?;
         self.fields = names.iter().map(|name| Ok((*name as u32, values.u64()?))).collect::<Result<_>>()?;
-        let count = self.compressed_count(&mut sets)?;
-        self.field_sets = self.integers(&mut sets, count)?.into_iter().map(|index| index as u32).collect();
+        let count = self.read_compressed_count(&mut sets)?;
+        self.field_sets =
+            self.read_integers(&mut sets, count)?.into_iter().map(|index| index as u32).collect();
         Ok(())
     }
 
     /// Reads the element count of a compressed list. Fails where the file could not contain as many.
-    fn compressed_count(&self, cursor: &mut Cursor<'a>) -> Result<usize> {
+    fn read_compressed_count(&self, cursor: &mut Cursor<'a>) -> Result<usize> {
         let count = cursor.u64()?;
-        let most = cursor.bytes.len().saturating_mul(4 * MOST_RATIO) as u64;
+        let most = cursor.bytes.len().saturating_mul(4 * MAX_EXPANSION_RATIO) as u64;
         match count <= most {
             true => Ok(count as usize),
-            false => Err(damaged(format!("declares {count} elements, but the file is too short for them"))),
+            false => {
+                Err(damage_error(format!("declares {count} elements, but the file is too short for them")))
+            }
         }
     }
 
     fn read_paths(&mut self, mut cursor: Cursor<'a>) -> Result<()> {
-        let number = self.compressed_count(&mut cursor)?;
-        let count = self.compressed_count(&mut cursor)?;
-        let indices = self.integers(&mut cursor, count)?;
-        let tokens = self.integers(&mut cursor, count)?;
-        let jumps = self.integers(&mut cursor, count)?;
+        let number = self.read_compressed_count(&mut cursor)?;
+        let count = self.read_compressed_count(&mut cursor)?;
+        let indices = self.read_integers(&mut cursor, count)?;
+        let tokens = self.read_integers(&mut cursor, count)?;
+        let jumps = self.read_integers(&mut cursor, count)?;
         self.charge(number, size_of::<Path>())?;
         self.paths = vec![Path::default(); number];
         // (place, parent). Each place is visited once, so damaged jumps cannot loop.
@@ -235,10 +239,10 @@ impl<'a> Reader<'a> {
                 self.charge(element.len(), 1)?;
                 // A path that occurs twice could be its own ancestor.
                 if assigned.get_mut(index as usize).is_none_or(|was| std::mem::replace(was, true)) {
-                    return Err(damaged("has a path index that is out of range or repeated"));
+                    return Err(damage_error("has a path index that is out of range or repeated"));
                 }
-                if depth > MOST_DEPTH {
-                    return Err(damaged(format!("has more than {MOST_DEPTH} nested prims")));
+                if depth > MAX_DEPTH {
+                    return Err(damage_error(format!("has more than {MAX_DEPTH} nested prims")));
                 }
                 self.paths[index as usize] = Path { parent, element, is_property: token < 0, depth };
                 if jump > 0 {
@@ -258,27 +262,27 @@ impl<'a> Reader<'a> {
 
     fn token(&self, index: u32) -> Result<&str> {
         let token = self.tokens.get(index as usize);
-        token.map(String::as_str).ok_or_else(|| damaged("refers to a token that it does not have"))
+        token.map(String::as_str).ok_or_else(|| damage_error("refers to a token that it does not have"))
     }
 
     fn string(&self, index: u32) -> Result<&str> {
         let token = self.strings.get(index as usize);
-        self.token(*token.ok_or_else(|| damaged("refers to a string that it does not have"))?)
+        self.token(*token.ok_or_else(|| damage_error("refers to a string that it does not have"))?)
     }
 
     /// A path as text.
-    fn path(&self, index: u32) -> Result<String> {
+    fn path_text(&self, index: u32) -> Result<String> {
         let mut elements = Vec::new();
         let mut at = Some(index);
         while let Some(index) = at {
             let path = self.paths.get(index as usize);
-            let path = path.ok_or_else(|| damaged("refers to a path that it does not have"))?;
+            let path = path.ok_or_else(|| damage_error("refers to a path that it does not have"))?;
             if path.parent.is_some() {
                 elements.push(path);
             }
             at = path.parent;
-            if elements.len() > MOST_DEPTH + 2 {
-                return Err(damaged("has an endless path"));
+            if elements.len() > MAX_DEPTH + 2 {
+                return Err(damage_error("has an endless path"));
             }
         }
         let mut out = String::new();
@@ -290,25 +294,26 @@ impl<'a> Reader<'a> {
     }
 
     /// Index of each spec's fields, by path.
-    fn specs(&self, mut cursor: Cursor<'a>) -> Result<BTreeMap<u32, u32>> {
-        let count = self.compressed_count(&mut cursor)?;
-        let paths = self.integers(&mut cursor, count)?;
-        let sets = self.integers(&mut cursor, count)?;
+    fn read_specs(&self, mut cursor: Cursor<'a>) -> Result<BTreeMap<u32, u32>> {
+        let count = self.read_compressed_count(&mut cursor)?;
+        let paths = self.read_integers(&mut cursor, count)?;
+        let sets = self.read_integers(&mut cursor, count)?;
         self.charge(count, 64)?;
         Ok(paths.into_iter().map(|p| p as u32).zip(sets.into_iter().map(|s| s as u32)).collect())
     }
 
-    fn fields_of(&self, set: u32) -> Result<Fields<'_>> {
+    fn read_fields(&self, set: u32) -> Result<Fields<'_>> {
         let mut out = BTreeMap::new();
         for field in self.field_sets.iter().skip(set as usize).take_while(|field| **field != u32::MAX) {
             let field = self.fields.get(*field as usize);
-            let (name, value) = field.ok_or_else(|| damaged("refers to a field that it does not have"))?;
+            let (name, value) =
+                field.ok_or_else(|| damage_error("refers to a field that it does not have"))?;
             out.insert(self.token(*name)?, *value);
         }
         Ok(out)
     }
 
-    fn layer(&self, specs: &BTreeMap<u32, u32>) -> Result<Layer> {
+    fn read_layer(&self, specs: &BTreeMap<u32, u32>) -> Result<Layer> {
         let mut children: Vec<Vec<u32>> = vec![Vec::new(); self.paths.len()];
         self.charge(self.paths.len(), 32)?;
         let mut root = None;
@@ -319,38 +324,38 @@ impl<'a> Reader<'a> {
                 None => root = root.or(Some(*index)),
             }
         }
-        let root = root.ok_or_else(|| damaged("has no root"))?;
-        let fields = self.fields_of(specs[&root])?;
-        let mut layer = Layer { root: self.prim(root, specs, &children)?, ..Layer::default() };
+        let root = root.ok_or_else(|| damage_error("has no root"))?;
+        let fields = self.read_fields(specs[&root])?;
+        let mut layer = Layer { root: self.read_prim(root, specs, &children)?, ..Layer::default() };
         let number = |name: &str| -> Result<Option<f64>> {
             let Some(value) = fields.get(name) else { return Ok(None) };
-            Ok(self.value(*value, "double")?.and_then(|v| v.numbers().first().copied()))
+            Ok(self.read_value(*value, "double")?.and_then(|v| v.numbers().first().copied()))
         };
         let text = |name: &str| -> Result<Option<String>> {
             let Some(value) = fields.get(name) else { return Ok(None) };
-            Ok(self.value(*value, "token")?.and_then(|v| v.texts().first().cloned()))
+            Ok(self.read_value(*value, "token")?.and_then(|v| v.texts().first().cloned()))
         };
-        layer.up = text("upAxis")?;
+        layer.up_axis = text("upAxis")?;
         layer.default_prim = text("defaultPrim")?.unwrap_or_default();
         layer.comment = text("comment")?.unwrap_or_default();
-        layer.metres = number("metersPerUnit")?;
-        layer.rate = number("timeCodesPerSecond")?.or(number("framesPerSecond")?);
-        layer.start = number("startTimeCode")?;
+        layer.metres_per_unit = number("metersPerUnit")?;
+        layer.time_codes_per_second = number("timeCodesPerSecond")?.or(number("framesPerSecond")?);
+        layer.start_time_code = number("startTimeCode")?;
         if let Some(value) = fields.get("subLayers") {
-            let mut cursor = self.all.at_offset(value & PAYLOAD);
-            for _ in 0..cursor.count(4)? {
+            let mut cursor = self.file.with_offset(value & PAYLOAD_MASK);
+            for _ in 0..cursor.read_count(4)? {
                 layer.sublayers.push(self.string(cursor.u32()?)?.to_string());
             }
         }
         Ok(layer)
     }
 
-    fn prim(&self, index: u32, specs: &BTreeMap<u32, u32>, children: &[Vec<u32>]) -> Result<Prim> {
-        let fields = self.fields_of(specs[&index])?;
+    fn read_prim(&self, index: u32, specs: &BTreeMap<u32, u32>, children: &[Vec<u32>]) -> Result<Prim> {
+        let fields = self.read_fields(specs[&index])?;
         let mut out = Prim { name: self.paths[index as usize].element.clone(), ..Prim::default() };
         self.charge(1, size_of::<Prim>())?;
         if let Some(specifier) = fields.get("specifier") {
-            out.specifier = match specifier & PAYLOAD {
+            out.specifier = match specifier & PAYLOAD_MASK {
                 0 => Specifier::Def,
                 2 => Specifier::Class,
                 _ => Specifier::Over,
@@ -358,43 +363,44 @@ impl<'a> Reader<'a> {
         }
         for (name, to) in [("typeName", &mut out.kind), ("displayName", &mut out.display_name)] {
             if let Some(value) = fields.get(name) {
-                let value = self.value(*value, name)?;
+                let value = self.read_value(*value, name)?;
                 *to = value.and_then(|v| v.texts().first().cloned()).unwrap_or_default();
             }
         }
         if let Some(value) = fields.get("active") {
-            out.inactive = value & PAYLOAD == 0;
+            out.inactive = value & PAYLOAD_MASK == 0;
         }
-        for (name, with_offset) in [("references", true), ("payload", self.version >= [0, 8, 0])] {
+        for (name, has_offset) in [("references", true), ("payload", self.version >= [0, 8, 0])] {
             if let Some(value) = fields.get(name) {
-                out.references.extend(self.references(*value, with_offset)?);
+                out.references.extend(self.read_references(*value, has_offset)?);
             }
         }
         for name in ["inheritPaths", "specializes"] {
             if let Some(value) = fields.get(name) {
-                out.classes.extend(self.paths_of(*value)?);
+                out.classes.extend(self.read_paths_of_list(*value)?);
             }
         }
         if let Some(value) = fields.get("variantSelection") {
-            let mut cursor = self.all.at_offset(value & PAYLOAD);
-            for _ in 0..cursor.count(8)? {
+            let mut cursor = self.file.with_offset(value & PAYLOAD_MASK);
+            for _ in 0..cursor.read_count(8)? {
                 let (set, selected) = (cursor.u32()?, cursor.u32()?);
                 out.selections.insert(self.string(set)?.into(), self.string(selected)?.into());
             }
         }
         for child in &children[index as usize] {
-            self.child(*child, (specs, children), &mut out)?;
+            self.add_child(*child, (specs, children), &mut out)?;
         }
         if let Some(order) = fields.get("primChildren") {
-            let order = self.token_vector(*order)?;
-            let place: BTreeMap<&str, usize> =
-                order.iter().enumerate().map(|(place, name)| (*name, place)).collect();
-            out.children.sort_by_key(|child| place.get(child.name.as_str()).copied().unwrap_or(usize::MAX));
+            let order = self.read_token_vector(*order)?;
+            let index_of_name: BTreeMap<&str, usize> =
+                order.iter().enumerate().map(|(index, name)| (*name, index)).collect();
+            out.children
+                .sort_by_key(|child| index_of_name.get(child.name.as_str()).copied().unwrap_or(usize::MAX));
         }
         Ok(out)
     }
 
-    fn child(
+    fn add_child(
         &self,
         index: u32,
         (specs, children): (&BTreeMap<u32, u32>, &[Vec<u32>]),
@@ -402,166 +408,171 @@ impl<'a> Reader<'a> {
     ) -> Result<()> {
         let path = &self.paths[index as usize];
         if path.is_property {
-            return self.property(&path.element, &self.fields_of(specs[&index])?, out);
+            return self.add_property(&path.element, &self.read_fields(specs[&index])?, out);
         }
         let Some(variant) = path.element.strip_prefix('{') else {
-            out.children.push(self.prim(index, specs, children)?);
+            out.children.push(self.read_prim(index, specs, children)?);
             return Ok(());
         };
         // `{set=variant}`. The element of a set alone has no variant.
         let (set, name) = variant.trim_end_matches('}').split_once('=').unwrap_or_default();
         if !name.is_empty() {
-            let variant = self.prim(index, specs, children)?;
+            let variant = self.read_prim(index, specs, children)?;
             out.variants.entry(set.into()).or_default().insert(name.into(), variant);
         }
         Ok(())
     }
 
-    fn property(&self, name: &str, fields: &Fields<'_>, out: &mut Prim) -> Result<()> {
+    fn add_property(&self, name: &str, fields: &Fields<'_>, out: &mut Prim) -> Result<()> {
         if let Some(targets) = fields.get("targetPaths") {
-            out.relations.insert(name.into(), self.paths_of(*targets)?);
+            out.relations.insert(name.into(), self.read_paths_of_list(*targets)?);
             return Ok(());
         }
         let kind = match fields.get("typeName") {
             Some(kind) => {
-                self.value(*kind, "token")?.and_then(|v| v.texts().first().cloned()).unwrap_or_default()
+                self.read_value(*kind, "token")?.and_then(|v| v.texts().first().cloned()).unwrap_or_default()
             }
             None => return Ok(()),
         };
         if let Some(sources) = fields.get("connectionPaths") {
-            out.connections.insert(name.into(), self.paths_of(*sources)?);
+            out.connections.insert(name.into(), self.read_paths_of_list(*sources)?);
         }
         let mut attribute = Attribute { kind, ..Attribute::default() };
         if let Some(value) = fields.get("default") {
-            attribute.value = self.value(*value, name)?;
+            attribute.value = self.read_value(*value, name)?;
         }
         if let Some(value) = fields.get("timeSamples") {
-            attribute.samples = self.samples(*value, name)?;
+            attribute.samples = self.read_samples(*value, name)?;
         }
         if let Some(value) = fields.get("interpolation") {
-            let value = self.value(*value, name)?;
+            let value = self.read_value(*value, name)?;
             attribute.interpolation = value.and_then(|v| v.texts().first().cloned()).unwrap_or_default();
         }
         if let Some(value) = fields.get("elementSize") {
-            attribute.element_size = (value & PAYLOAD) as u32 as usize;
+            attribute.element_size = (value & PAYLOAD_MASK) as u32 as usize;
         }
         out.attributes.insert(name.into(), Arc::new(attribute));
         Ok(())
     }
 
-    fn token_vector(&self, value: u64) -> Result<Vec<&str>> {
-        let mut cursor = self.all.at_offset(value & PAYLOAD);
-        (0..cursor.count(4)?).map(|_| self.token(cursor.u32()?)).collect()
+    fn read_token_vector(&self, value: u64) -> Result<Vec<&str>> {
+        let mut cursor = self.file.with_offset(value & PAYLOAD_MASK);
+        (0..cursor.read_count(4)?).map(|_| self.token(cursor.u32()?)).collect()
     }
 
     /// The paths of a list operation, without deleted and reordered ones.
-    fn paths_of(&self, value: u64) -> Result<Vec<String>> {
+    fn read_paths_of_list(&self, value: u64) -> Result<Vec<String>> {
         let mut out = Vec::new();
-        self.list_op(value, 4, |cursor, keep| {
-            let path = self.path(cursor.u32()?)?;
-            out.extend(keep.then_some(path));
+        self.read_list_op(value, 4, |cursor, is_kept| {
+            let path = self.path_text(cursor.u32()?)?;
+            out.extend(is_kept.then_some(path));
             Ok(())
         })?;
         Ok(out)
     }
 
-    fn references(&self, value: u64, with_offset: bool) -> Result<Vec<Reference>> {
+    fn read_references(&self, value: u64, has_offset: bool) -> Result<Vec<Reference>> {
         let mut out = Vec::new();
         // Type 47 is a single payload; the other types are list operations.
         if value >> 48 & 0xff == 47 {
-            let mut cursor = self.all.at_offset(value & PAYLOAD);
-            return Ok(vec![self.reference(&mut cursor, with_offset, false)?]);
+            let mut cursor = self.file.with_offset(value & PAYLOAD_MASK);
+            return Ok(vec![self.read_reference(&mut cursor, has_offset, false)?]);
         }
         let is_payload = value >> 48 & 0xff == 55;
-        self.list_op(value, 8, |cursor, keep| {
-            let reference = self.reference(cursor, with_offset, !is_payload)?;
-            out.extend(keep.then_some(reference));
+        self.read_list_op(value, 8, |cursor, is_kept| {
+            let reference = self.read_reference(cursor, has_offset, !is_payload)?;
+            out.extend(is_kept.then_some(reference));
             Ok(())
         })?;
         Ok(out)
     }
 
-    fn reference(&self, cursor: &mut Cursor<'a>, with_offset: bool, with_data: bool) -> Result<Reference> {
+    fn read_reference(
+        &self,
+        cursor: &mut Cursor<'a>,
+        has_offset: bool,
+        has_custom_data: bool,
+    ) -> Result<Reference> {
         let (file, path) = (cursor.u32()?, cursor.u32()?);
         let mut out = Reference { file: self.string(file)?.into(), scale: 1.0, ..Reference::default() };
-        out.path = self.path(path).unwrap_or_default();
-        if with_offset {
+        out.path = self.path_text(path).unwrap_or_default();
+        if has_offset {
             (out.offset, out.scale) = (cursor.f64()?, cursor.f64()?);
         }
-        if with_data {
-            for _ in 0..cursor.count(20)? {
+        if has_custom_data {
+            for _ in 0..cursor.read_count(20)? {
                 cursor.u32()?;
                 let from = cursor.at as u64;
                 let jump = cursor.u64()?;
-                *cursor = cursor.at_offset(from.wrapping_add(jump).wrapping_add(8));
+                *cursor = cursor.with_offset(from.wrapping_add(jump).wrapping_add(8));
             }
         }
         Ok(out)
     }
 
-    /// Reads a list operation. `each` gets explicit, added, prepended and appended items with `true`, in this order, and deleted
+    /// Reads a list operation. `receive` gets explicit, added, prepended and appended items with `true`, in this order, and deleted
     /// and reordered ones with `false`.
-    fn list_op(
+    fn read_list_op(
         &self,
         value: u64,
         size: usize,
-        mut each: impl FnMut(&mut Cursor<'a>, bool) -> Result<()>,
+        mut receive: impl FnMut(&mut Cursor<'a>, bool) -> Result<()>,
     ) -> Result<()> {
-        let mut cursor = self.all.at_offset(value & PAYLOAD);
-        let bits = cursor.fixed::<1>()?[0];
-        for (bit, keep) in [(2, true), (4, true), (32, true), (64, true), (8, false), (16, false)] {
-            if bits & bit != 0 {
-                for _ in 0..cursor.count(size)? {
-                    each(&mut cursor, keep)?;
+        let mut cursor = self.file.with_offset(value & PAYLOAD_MASK);
+        let flags = cursor.take_array::<1>()?[0];
+        for (bit, is_kept) in [(2, true), (4, true), (32, true), (64, true), (8, false), (16, false)] {
+            if flags & bit != 0 {
+                for _ in 0..cursor.read_count(size)? {
+                    receive(&mut cursor, is_kept)?;
                 }
             }
         }
         Ok(())
     }
 
-    fn samples(&self, value: u64, name: &str) -> Result<Vec<(f64, Value)>> {
-        let mut cursor = self.all.at_offset(value & PAYLOAD);
-        let jumped = |cursor: &mut Cursor<'a>| -> Result<()> {
+    fn read_samples(&self, value: u64, name: &str) -> Result<Vec<(f64, Value)>> {
+        let mut cursor = self.file.with_offset(value & PAYLOAD_MASK);
+        let follow_jump = |cursor: &mut Cursor<'a>| -> Result<()> {
             let from = cursor.at as u64;
             let jump = cursor.u64()?;
-            *cursor = cursor.at_offset(from.wrapping_add(jump));
+            *cursor = cursor.with_offset(from.wrapping_add(jump));
             Ok(())
         };
-        jumped(&mut cursor)?;
+        follow_jump(&mut cursor)?;
         let times = cursor.u64()?;
-        jumped(&mut cursor)?;
-        let times = self.times(times)?;
-        let count = cursor.count(8)?;
+        follow_jump(&mut cursor)?;
+        let times = self.read_times(times)?;
+        let count = cursor.read_count(8)?;
         let mut out = Vec::with_capacity(count);
         for time in times.into_iter().take(count).filter(|time| time.is_finite()) {
             let value = cursor.u64()?;
-            out.extend(self.value(value, name)?.map(|value| (time, value)));
+            out.extend(self.read_value(value, name)?.map(|value| (time, value)));
         }
         out.sort_by(|a, b| a.0.total_cmp(&b.0));
         Ok(out)
     }
 
-    fn times(&self, value: u64) -> Result<Vec<f64>> {
+    fn read_times(&self, value: u64) -> Result<Vec<f64>> {
         if value >> 48 & 0xff == 48 {
-            let mut cursor = self.all.at_offset(value & PAYLOAD);
-            return (0..cursor.count(8)?).map(|_| cursor.f64()).collect();
+            let mut cursor = self.file.with_offset(value & PAYLOAD_MASK);
+            return (0..cursor.read_count(8)?).map(|_| cursor.f64()).collect();
         }
-        Ok(self.value(value, "times")?.map(|v| v.numbers().to_vec()).unwrap_or_default())
+        Ok(self.read_value(value, "times")?.map(|v| v.numbers().to_vec()).unwrap_or_default())
     }
 
     /// A value of an attribute; `None` for types that scene attributes do not have.
-    fn value(&self, value: u64, name: &str) -> Result<Option<Value>> {
-        let (kind, payload) = ((value >> 48 & 0xff) as u8, value & PAYLOAD);
+    fn read_value(&self, value: u64, name: &str) -> Result<Option<Value>> {
+        let (kind, payload) = ((value >> 48 & 0xff) as u8, value & PAYLOAD_MASK);
         if matches!(kind, 10..=12) {
-            return self.texts(value, kind).map(Some);
+            return self.read_texts(value, kind).map(Some);
         }
-        let Some((component, width)) = numbers_of(kind) else { return Ok(None) };
-        if value & INLINED != 0 {
-            return Ok(Some(Value::Numbers(inlined(component, width, kind, payload).into())));
+        let Some((component, width)) = number_layout(kind) else { return Ok(None) };
+        if value & IS_INLINED != 0 {
+            return Ok(Some(Value::Numbers(decode_inlined(component, width, kind, payload).into())));
         }
-        let mut cursor = self.all.at_offset(payload);
-        if value & ARRAY == 0 {
-            let list = self.raw(&mut cursor, component, width)?;
+        let mut cursor = self.file.with_offset(payload);
+        if value & IS_ARRAY == 0 {
+            let list = self.read_numbers(&mut cursor, component, width)?;
             return Ok(Some(Value::Numbers(list.into())));
         }
         if payload == 0 {
@@ -575,31 +586,31 @@ impl<'a> Reader<'a> {
             false => cursor.u64()?,
         };
         let count = usize::try_from(count).unwrap_or(usize::MAX);
-        let list = match value & COMPRESSED != 0 && count >= LEAST_COMPRESSED {
-            true => self.packed(&mut cursor, component, count)?,
-            false => self.raw(&mut cursor, component, count.saturating_mul(width))?,
+        let list = match value & IS_COMPRESSED != 0 && count >= MIN_COMPRESSED_LENGTH {
+            true => self.read_compressed_numbers(&mut cursor, component, count)?,
+            false => self.read_numbers(&mut cursor, component, count.saturating_mul(width))?,
         };
         if list.iter().any(|v| v.is_nan()) {
-            return Err(damaged(format!("{name} has a value that is not a number")));
+            return Err(damage_error(format!("{name} has a value that is not a number")));
         }
         Ok(Some(Value::Numbers(list.into())))
     }
 
-    fn texts(&self, value: u64, kind: u8) -> Result<Value> {
+    fn read_texts(&self, value: u64, kind: u8) -> Result<Value> {
         let text = |index: u32| if kind == 10 { self.string(index) } else { self.token(index) };
-        if value & ARRAY == 0 {
-            return Ok(Value::Texts([text((value & PAYLOAD) as u32)?.to_string()].into()));
+        if value & IS_ARRAY == 0 {
+            return Ok(Value::Texts([text((value & PAYLOAD_MASK) as u32)?.to_string()].into()));
         }
-        if value & PAYLOAD == 0 {
+        if value & PAYLOAD_MASK == 0 {
             return Ok(Value::Texts([].into()));
         }
-        let mut cursor = self.all.at_offset(value & PAYLOAD);
+        let mut cursor = self.file.with_offset(value & PAYLOAD_MASK);
         if self.version < [0, 5, 0] {
             cursor.u32()?;
         }
         let count = match self.version < [0, 7, 0] {
             true => cursor.u32()? as usize,
-            false => cursor.count(4)?,
+            false => cursor.read_count(4)?,
         };
         let mut out = Vec::new();
         for _ in 0..count {
@@ -610,18 +621,23 @@ impl<'a> Reader<'a> {
         Ok(Value::Texts(out.into()))
     }
 
-    fn raw(&self, cursor: &mut Cursor<'a>, component: Component, count: usize) -> Result<Vec<f64>> {
+    fn read_numbers(&self, cursor: &mut Cursor<'a>, component: Component, count: usize) -> Result<Vec<f64>> {
         let bytes = cursor.take(count.saturating_mul(component.size()))?;
         self.charge(count, 8)?;
         Ok(bytes.chunks_exact(component.size()).map(|b| component.number(b)).collect())
     }
 
     /// Reads a compressed array of scalars.
-    fn packed(&self, cursor: &mut Cursor<'a>, component: Component, count: usize) -> Result<Vec<f64>> {
+    fn read_compressed_numbers(
+        &self,
+        cursor: &mut Cursor<'a>,
+        component: Component,
+        count: usize,
+    ) -> Result<Vec<f64>> {
         let numbers = |list: Vec<i32>| list.into_iter().map(f64::from).collect();
         match component {
             Component::Int | Component::Uint => {
-                let list = self.integers(cursor, self.checked_count(count)?)?;
+                let list = self.read_integers(cursor, self.checked_count(count)?)?;
                 self.charge(count, 8)?;
                 let signed = component == Component::Int;
                 Ok(list
@@ -629,27 +645,29 @@ impl<'a> Reader<'a> {
                     .map(|v| if signed { f64::from(v) } else { f64::from(v as u32) })
                     .collect())
             }
-            Component::Half | Component::Float | Component::Double => match cursor.fixed::<1>()?[0] {
-                b'i' => self.integers(cursor, self.checked_count(count)?).map(numbers),
+            Component::Half | Component::Float | Component::Double => match cursor.take_array::<1>()?[0] {
+                b'i' => self.read_integers(cursor, self.checked_count(count)?).map(numbers),
                 b't' => {
                     let length = cursor.u32()? as usize;
-                    let table = self.raw(cursor, component, length)?;
-                    let places = self.integers(cursor, self.checked_count(count)?)?;
+                    let table = self.read_numbers(cursor, component, length)?;
+                    let places = self.read_integers(cursor, self.checked_count(count)?)?;
                     self.charge(count, 8)?;
                     let place = |place: i32| table.get(place as u32 as usize).copied();
                     let list: Option<Vec<f64>> = places.into_iter().map(place).collect();
-                    list.ok_or_else(|| damaged("refers to a number that it does not have"))
+                    list.ok_or_else(|| damage_error("refers to a number that it does not have"))
                 }
-                _ => Err(damaged("has an array that is compressed in an unknown way")),
+                _ => Err(damage_error("has an array that is compressed in an unknown way")),
             },
-            _ => Err(damaged("has a compressed array of a type that is never compressed")),
+            _ => Err(damage_error("has a compressed array of a type that is never compressed")),
         }
     }
 
     fn checked_count(&self, count: usize) -> Result<usize> {
-        match count <= self.all.bytes.len().saturating_mul(4 * MOST_RATIO) {
+        match count <= self.file.bytes.len().saturating_mul(4 * MAX_EXPANSION_RATIO) {
             true => Ok(count),
-            false => Err(damaged(format!("declares {count} elements, but the file is too short for them"))),
+            false => {
+                Err(damage_error(format!("declares {count} elements, but the file is too short for them")))
+            }
         }
     }
 }
@@ -695,7 +713,7 @@ impl Component {
 }
 
 /// Component and width of a numeric type code; `None` for other types.
-fn numbers_of(kind: u8) -> Option<(Component, usize)> {
+fn number_layout(kind: u8) -> Option<(Component, usize)> {
     use Component::{Byte, Double, Float, Half, Int, Int64, Uint, Uint64};
     Some(match kind {
         1 | 2 => (Byte, 1),
@@ -729,7 +747,7 @@ fn numbers_of(kind: u8) -> Option<(Component, usize)> {
 }
 
 /// A value stored in its own description: vectors as one signed byte for each component, matrices as bytes of their diagonal.
-fn inlined(component: Component, width: usize, kind: u8, payload: u64) -> Vec<f64> {
+fn decode_inlined(component: Component, width: usize, kind: u8, payload: u64) -> Vec<f64> {
     let bytes = payload.to_le_bytes();
     let byte = |i: usize| f64::from(bytes[i] as i8);
     match (kind, width) {

@@ -12,9 +12,9 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 /// Nesting of prims and chained arcs, at most.
-const MOST_DEPTH: usize = 100;
+const MAX_DEPTH: usize = 100;
 /// Prims of the scene, at most: nested references multiply.
-const MOST_PRIMS: usize = 500_000;
+const MAX_PRIMS: usize = 500_000;
 
 /// Files beside the scene, and files in its packages: `robot.usdz[skin.png]`.
 pub struct Packages<'a> {
@@ -59,11 +59,11 @@ impl Files for Packages<'_> {
 }
 
 /// Resolves a file name relative to the file that contains it.
-fn path_beside(of: &str, file: &str) -> String {
-    if let Some((package, inner)) = of.strip_suffix(']').and_then(|path| path.split_once('[')) {
+fn path_beside(layer_path: &str, file: &str) -> String {
+    if let Some((package, inner)) = layer_path.strip_suffix(']').and_then(|path| path.split_once('[')) {
         return format!("{package}[{}]", path_beside(inner, file));
     }
-    let folder = of.rsplit_once('/').map_or("", |(folder, _)| folder);
+    let folder = layer_path.rsplit_once('/').map_or("", |(folder, _)| folder);
     let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
     if file.starts_with('/') {
         return file.to_string();
@@ -83,23 +83,28 @@ pub struct Composer<'a> {
     notes: &'a Notes,
     /// Layer stacks by the path of their root layer.
     stacks: BTreeMap<String, Rc<Layer>>,
-    prims: usize,
+    prim_count: usize,
 }
 
 impl<'a> Composer<'a> {
     pub fn new(packages: &'a Packages<'a>, budget: &'a Budget, notes: &'a Notes) -> Composer<'a> {
-        Composer { packages, budget, notes, stacks: BTreeMap::new(), prims: 0 }
+        Composer { packages, budget, notes, stacks: BTreeMap::new(), prim_count: 0 }
     }
 
     /// The composed scene of a file, with the metadata of its root layer.
-    pub fn scene(&mut self, name: &str, bytes: Arc<Vec<u8>>) -> Result<Layer> {
-        let stack = self.stack(name, Some(bytes), 0)?;
-        let root = self.flattened((&stack, name), &stack.root, "", (None, 0))?;
+    pub fn compose_scene(&mut self, name: &str, bytes: Arc<Vec<u8>>) -> Result<Layer> {
+        let stack = self.load_layer_stack(name, Some(bytes), 0)?;
+        let root = self.compose_prim((&stack, name), &stack.root, "", (None, 0))?;
         Ok(Layer { root, ..Layer::clone(&stack) })
     }
 
     /// A layer merged with its sublayers.
-    fn stack(&mut self, name: &str, bytes: Option<Arc<Vec<u8>>>, depth: usize) -> Result<Rc<Layer>> {
+    fn load_layer_stack(
+        &mut self,
+        name: &str,
+        bytes: Option<Arc<Vec<u8>>>,
+        depth: usize,
+    ) -> Result<Rc<Layer>> {
         if let Some(known) = self.stacks.get(name) {
             return Ok(known.clone());
         }
@@ -119,10 +124,10 @@ impl<'a> Composer<'a> {
             true => binary::read(&bytes, self.budget)?,
             false => text::read(&bytes, self.budget)?,
         };
-        place_files(&mut layer.root, &place);
+        resolve_asset_paths(&mut layer.root, &place);
         for sublayer in std::mem::take(&mut layer.sublayers) {
             let path = path_beside(&place, &sublayer);
-            match self.stack(&path, None, depth + 1) {
+            match self.load_layer_stack(&path, None, depth + 1) {
                 Ok(below) => merge_specs(&mut layer.root, below.root.clone()),
                 Err(problem) => self.notes.warn(name, format!("{problem}; the layer is left out")),
             }
@@ -132,18 +137,18 @@ impl<'a> Composer<'a> {
         Ok(layer)
     }
 
-    /// A prim merged with the targets of all its arcs. `over`: the stronger prim that it is composed for, whose variant
+    /// A prim merged with the targets of all its arcs. `stronger`: the stronger prim that it is composed for, whose variant
     /// selections win.
-    fn flattened(
+    fn compose_prim(
         &mut self,
         (stack, name): (&Rc<Layer>, &str),
         spec: &Prim,
         path: &str,
-        (over, depth): (Option<&Prim>, usize),
+        (stronger, depth): (Option<&Prim>, usize),
     ) -> Result<Prim> {
-        self.prims += 1;
+        self.prim_count += 1;
         self.budget.charge(1, size_of::<Prim>())?;
-        if depth > MOST_DEPTH || self.prims > MOST_PRIMS {
+        if depth > MAX_DEPTH || self.prim_count > MAX_PRIMS {
             let what = "has too many references to be read; check for references in a cycle";
             return Err(Problem::new(if path.is_empty() { "/" } else { path }, what));
         }
@@ -154,7 +159,7 @@ impl<'a> Composer<'a> {
                 break;
             }
             for (set, mut all) in variants {
-                let chosen = over.and_then(|over| over.selections.get(&set));
+                let chosen = stronger.and_then(|stronger| stronger.selections.get(&set));
                 let Some(chosen) = chosen.or_else(|| spec.selections.get(&set)).cloned() else { continue };
                 if let Some(variant) = all.remove(&chosen) {
                     merge_specs(&mut spec, variant);
@@ -165,16 +170,16 @@ impl<'a> Composer<'a> {
             Prim { children: Vec::new(), references: Vec::new(), classes: Vec::new(), ..spec.clone() };
         for class in &spec.classes {
             let arc = Reference { path: class.clone(), scale: 1.0, ..Reference::default() };
-            self.add((stack, name), &arc, (&spec, path, depth), &mut out)?;
+            self.merge_arc((stack, name), &arc, (&spec, path, depth), &mut out)?;
         }
         for reference in &spec.references {
-            self.add((stack, name), reference, (&spec, path, depth), &mut out)?;
+            self.merge_arc((stack, name), reference, (&spec, path, depth), &mut out)?;
         }
-        let mut places = places(&out.children);
+        let mut places = index_by_name(&out.children);
         for child in &spec.children {
             let below = format!("{path}/{}", child.name);
-            let over = over.and_then(|over| over.child(&child.name));
-            let composed = self.flattened((stack, name), child, &below, (over, depth + 1))?;
+            let stronger = stronger.and_then(|stronger| stronger.child(&child.name));
+            let composed = self.compose_prim((stack, name), child, &below, (stronger, depth + 1))?;
             match places.get(&child.name) {
                 Some(place) => {
                     let weaker = std::mem::replace(&mut out.children[*place], composed);
@@ -190,7 +195,7 @@ impl<'a> Composer<'a> {
     }
 
     /// Merges the target of an arc into a prim, as the weaker opinion.
-    fn add(
+    fn merge_arc(
         &mut self,
         (stack, name): (&Rc<Layer>, &str),
         arc: &Reference,
@@ -199,7 +204,7 @@ impl<'a> Composer<'a> {
     ) -> Result<()> {
         let (target, target_name) = match arc.file.is_empty() {
             true => (stack.clone(), name.to_string()),
-            false => match self.stack(&arc.file, None, 0) {
+            false => match self.load_layer_stack(&arc.file, None, 0) {
                 Ok(target) => (target, arc.file.clone()),
                 Err(problem) => {
                     self.notes.warn(path, format!("{problem}; the reference is left out"));
@@ -207,16 +212,17 @@ impl<'a> Composer<'a> {
                 }
             },
         };
-        let from = match arc.path.is_empty() {
+        let target_path = match arc.path.is_empty() {
             true => format!("/{}", target.default_prim),
             false => arc.path.clone(),
         };
-        let Some(found) = target.root.at(&from).filter(|_| from != "/") else {
-            self.notes.warn(path, format!("refers to <{from}>, which does not exist"));
+        let Some(found) = target.root.at(&target_path).filter(|_| target_path != "/") else {
+            self.notes.warn(path, format!("refers to <{target_path}>, which does not exist"));
             return Ok(());
         };
-        let mut weak = self.flattened((&target, &target_name), found, &from, (Some(spec), depth + 1))?;
-        remap_paths(&mut weak, &from, path);
+        let mut weak =
+            self.compose_prim((&target, &target_name), found, &target_path, (Some(spec), depth + 1))?;
+        remap_paths(&mut weak, &target_path, path);
         if arc.offset != 0.0 || arc.scale != 1.0 {
             retime(&mut weak, arc.offset, arc.scale);
         }
@@ -226,12 +232,12 @@ impl<'a> Composer<'a> {
 }
 
 /// Index of each prim by name.
-fn places(children: &[Prim]) -> BTreeMap<String, usize> {
+fn index_by_name(children: &[Prim]) -> BTreeMap<String, usize> {
     children.iter().enumerate().map(|(place, child)| (child.name.clone(), place)).collect()
 }
 
 /// Makes asset paths in a layer relative to the scene's folder.
-fn place_files(prim: &mut Prim, layer: &str) {
+fn resolve_asset_paths(prim: &mut Prim, layer: &str) {
     for reference in prim.references.iter_mut().filter(|r| !r.file.is_empty()) {
         reference.file = path_beside(layer, &reference.file);
     }
@@ -245,9 +251,9 @@ fn place_files(prim: &mut Prim, layer: &str) {
             *value = Value::Texts(placed.collect());
         }
     }
-    prim.children.iter_mut().for_each(|child| place_files(child, layer));
+    prim.children.iter_mut().for_each(|child| resolve_asset_paths(child, layer));
     for variant in prim.variants.values_mut().flat_map(BTreeMap::values_mut) {
-        place_files(variant, layer);
+        resolve_asset_paths(variant, layer);
     }
 }
 
@@ -311,7 +317,7 @@ fn merge_opinions(strong: &mut Prim, weak: Prim, each_child: fn(&mut Prim, Prim)
     for (name, targets) in weak.relations {
         strong.relations.entry(name).or_insert(targets);
     }
-    let places = places(&strong.children);
+    let places = index_by_name(&strong.children);
     for child in weak.children {
         match places.get(&child.name) {
             Some(place) => each_child(&mut strong.children[*place], child),
@@ -321,16 +327,16 @@ fn merge_opinions(strong: &mut Prim, weak: Prim, each_child: fn(&mut Prim, Prim)
 }
 
 /// Rewrites connection and relationship targets below one path to another path.
-fn remap_paths(prim: &mut Prim, from: &str, to: &str) {
+fn remap_paths(prim: &mut Prim, old_root: &str, new_root: &str) {
     let lists = prim.connections.values_mut().chain(prim.relations.values_mut());
     for path in lists.flatten() {
-        if let Some(rest) = path.strip_prefix(from)
+        if let Some(rest) = path.strip_prefix(old_root)
             && (rest.is_empty() || rest.starts_with(['/', '.']))
         {
-            *path = format!("{to}{rest}");
+            *path = format!("{new_root}{rest}");
         }
     }
-    prim.children.iter_mut().for_each(|child| remap_paths(child, from, to));
+    prim.children.iter_mut().for_each(|child| remap_paths(child, old_root, new_root));
 }
 
 fn retime(prim: &mut Prim, offset: f64, scale: f64) {

@@ -81,10 +81,10 @@ pub struct Prim {
 
 #[derive(Clone, Debug, Default)]
 pub struct Layer {
-    pub up: Option<String>,
-    pub metres: Option<f64>,
-    pub rate: Option<f64>,
-    pub start: Option<f64>,
+    pub up_axis: Option<String>,
+    pub metres_per_unit: Option<f64>,
+    pub time_codes_per_second: Option<f64>,
+    pub start_time_code: Option<f64>,
     pub default_prim: String,
     pub comment: String,
     pub sublayers: Vec<String>,

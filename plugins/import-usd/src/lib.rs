@@ -82,17 +82,19 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope) -> Result<Asse
     let packages = Packages::new(files);
     // File names are relative to the folder of the source.
     let name = source.name.rsplit(['/', '\\']).next().unwrap_or_default();
-    let layer = Composer::new(&packages, &budget, &notes).scene(name, source.bytes.clone())?;
+    let layer = Composer::new(&packages, &budget, &notes).compose_scene(name, source.bytes.clone())?;
     let mut tree = Tree::of(&layer)?;
     let skeleton = tree.skeleton()?;
-    let metres = layer.metres.unwrap_or(0.01);
+    let metres = layer.metres_per_unit.unwrap_or(0.01);
     let mut asset =
         Asset { name: source.name.clone(), origin: origin(source, &layer, metres), ..Asset::default() };
-    let start = layer.start.unwrap_or(0.0);
-    let rate = layer.rate.filter(|rate| rate.is_finite() && *rate > 0.0).unwrap_or(24.0);
+    let start_time_code = layer.start_time_code.unwrap_or(0.0);
+    let time_codes_per_second =
+        layer.time_codes_per_second.filter(|rate| rate.is_finite() && *rate > 0.0).unwrap_or(24.0);
     let (curves, properties) = (Vec::new(), Vec::new());
-    let mut clips = Clips { budget: &budget, notes: &notes, start, rate, curves, properties };
-    objects::add(&tree, metres, &mut clips, &mut asset)?;
+    let mut clips =
+        Clips { budget: &budget, notes: &notes, start_time_code, time_codes_per_second, curves, properties };
+    objects::add_cameras_and_lights(&tree, metres, &mut clips, &mut asset)?;
     let materials = Materials::new(&layer.root, (&packages, &budget, &notes), needs.textures);
     let mut scene = MeshReader {
         tree: &tree,
@@ -103,17 +105,17 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope) -> Result<Asse
         needs,
     };
     for node in tree.nodes.iter().filter(|node| node.prim.kind == "Mesh") {
-        scene.mesh(node, (node.joint, &[]), &mut asset)?;
+        scene.add_mesh(node, (node.joint, &[]), &mut asset)?;
     }
     for node in tree.nodes.iter().filter(|node| node.prim.kind == "PointInstancer") {
-        scene.instancer(node, &mut asset)?;
+        scene.add_instancer(node, &mut asset)?;
     }
     let MeshReader { mut clips, materials, .. } = scene;
     if needs.clips {
-        clips.places(&tree)?;
+        clips.add_prim_curves(&tree)?;
         for (path, rig) in &tree.rigs {
             if let Some((animation, at)) = animation_of(&tree, path) {
-                clips.skeleton(rig, animation, &at)?;
+                clips.add_skeleton_curves(rig, animation, &at)?;
             }
         }
         asset.clips.extend(clips.finish(stem(&source.name), skeleton.len())?.map(Arc::new));
@@ -140,7 +142,7 @@ fn origin(source: &Source, layer: &Layer, metres: f64) -> Origin {
         format: format.into(),
         writer: shown(layer.comment.trim().as_bytes()),
         metres_per_unit: Some(metres),
-        up: if layer.up.as_deref() == Some("Z") { "+Z" } else { "+Y" }.into(),
+        up: if layer.up_axis.as_deref() == Some("Z") { "+Z" } else { "+Y" }.into(),
         ..Origin::default()
     }
 }
@@ -166,20 +168,20 @@ struct MeshReader<'a, 'b> {
 
 impl<'b> MeshReader<'_, 'b> {
     /// Adds the mesh of a prim at a joint.
-    fn mesh(
+    fn add_mesh(
         &mut self,
         node: &Node<'_>,
         (joint, copies): (u32, &[Affine3A]),
         asset: &mut Asset,
     ) -> Result<()> {
         let prim = node.prim;
-        let parts = self.parts(node);
-        let known = parts.1;
+        let parts = self.read_material_subsets(node);
+        let material_info = parts.1;
         let tree = self.tree;
         let skeleton = tree
             .inherited(node, |prim| prim.targets("skel:skeleton").first().cloned())
             .filter(|path| tree.rigs.get(path).is_some_and(|rig| !rig.joints.is_empty()));
-        let skinned = skeleton.is_some() && prim.attributes.contains_key("primvars:skel:jointIndices");
+        let is_skinned = skeleton.is_some() && prim.attributes.contains_key("primvars:skel:jointIndices");
         let shapes: Vec<(String, &Prim)> = prim
             .texts("skel:blendShapes")
             .iter()
@@ -192,26 +194,26 @@ impl<'b> MeshReader<'_, 'b> {
             && !names.is_empty()
             && copies.is_empty()
         {
-            weights = self.clips.weights(joint, &names, animation)?;
+            weights = self.clips.add_weight_curve(joint, &names, animation)?;
         }
         if !self.needs.geometry {
             return Ok(());
         }
         let (notes, budget) = (self.clips.notes, self.clips.budget);
         let uvs = match parts.0.iter().any(|part| part.material.is_some()) {
-            true => known.uvs,
+            true => material_info.uvs,
             false => ["st".into(), String::new()],
         };
-        let colors = known.colors || known.index.is_none();
-        let reading = MeshContext { path: &node.path, budget, notes, uvs, colors, shapes, skinned };
-        let Some(mut mesh) = meshes::mesh(prim, &parts.0, &reading, &mut self.triangulator)? else {
+        let reads_colors = material_info.reads_vertex_colors || material_info.index.is_none();
+        let context = MeshContext { path: &node.path, budget, notes, uvs, reads_colors, shapes, is_skinned };
+        let Some(mut mesh) = meshes::read_mesh(prim, &parts.0, &context, &mut self.triangulator)? else {
             return Ok(());
         };
         if !prim.display_name.is_empty() {
             mesh.name.clone_from(&prim.display_name);
         }
-        let skin = match (&skeleton, skinned) {
-            (Some(path), true) => Some(self.skin(prim, path, asset)),
+        let skin = match (&skeleton, is_skinned) {
+            (Some(path), true) => Some(self.add_skin(prim, path, asset)),
             _ => None,
         };
         if skin.is_some() {
@@ -227,7 +229,7 @@ impl<'b> MeshReader<'_, 'b> {
     }
 
     /// The material subsets of a mesh, and what the first material reads from the mesh.
-    fn parts(&mut self, node: &Node<'_>) -> (Vec<FaceSubset>, MaterialInfo) {
+    fn read_material_subsets(&mut self, node: &Node<'_>) -> (Vec<FaceSubset>, MaterialInfo) {
         let bound = |prim: &Prim| prim.targets("material:binding").first().cloned();
         let whole = self.tree.inherited(node, bound);
         let mut first = whole.map(|path| self.materials.at(&path)).unwrap_or_default();
@@ -246,19 +248,20 @@ impl<'b> MeshReader<'_, 'b> {
         (out, first)
     }
 
-    fn skin(&mut self, prim: &Prim, path: &str, asset: &mut Asset) -> u32 {
+    fn add_skin(&mut self, prim: &Prim, path: &str, asset: &mut Asset) -> u32 {
         let rig = &self.tree.rigs[path];
-        let (own, geometry) = (prim.texts("skel:joints"), meshes::geometry(prim));
+        let (own, geometry) = (prim.texts("skel:joints"), meshes::geometry_bind_transform(prim));
         let bits = geometry.to_cols_array().map(f64::to_bits).to_vec();
         let key = (path.to_string(), own.to_vec(), bits);
         if let Some(known) = self.skins.get(&key) {
             return *known;
         }
         let all = || (0..rig.joints.len()).collect::<Vec<usize>>();
-        let place = |token: &String| rig.places.get(token.as_str()).copied().unwrap_or(0);
+        let place = |token: &String| rig.index_of_path.get(token.as_str()).copied().unwrap_or(0);
         let used: Vec<usize> = if own.is_empty() { all() } else { own.iter().map(place).collect() };
         let inverse = |joint: &usize| {
-            let bound = rig.bind.get(*joint).copied().unwrap_or(DMat4::IDENTITY).inverse() * geometry;
+            let bound =
+                rig.bind_transforms.get(*joint).copied().unwrap_or(DMat4::IDENTITY).inverse() * geometry;
             if bound.as_mat4().is_finite() { bound.as_mat4() } else { glam::Mat4::IDENTITY }
         };
         let skin = Skin {
@@ -271,7 +274,7 @@ impl<'b> MeshReader<'_, 'b> {
     }
 
     /// Adds the meshes of an instancer's prototypes, each once with its copies.
-    fn instancer(&mut self, node: &Node<'_>, asset: &mut Asset) -> Result<()> {
+    fn add_instancer(&mut self, node: &Node<'_>, asset: &mut Asset) -> Result<()> {
         let prim = node.prim;
         let list = |name: &str| prim.numbers(name).unwrap_or_default();
         let (places, indices, scales) = (list("positions"), list("protoIndices"), list("scales"));
@@ -292,38 +295,38 @@ impl<'b> MeshReader<'_, 'b> {
                     three(places, DVec3::ZERO),
                 ));
             }
-            self.prototype((node, prototype, path), &copies, DMat4::IDENTITY, asset)?;
+            self.add_prototype((node, prototype, path), &copies, DMat4::IDENTITY, asset)?;
         }
         Ok(())
     }
 
-    fn prototype(
+    fn add_prototype(
         &mut self,
         (node, prim, path): (&Node<'_>, &Prim, &str),
         copies: &[DMat4],
-        above: DMat4,
+        parent_transform: DMat4,
         asset: &mut Asset,
     ) -> Result<()> {
-        let own = above * transforms::local(prim, self.clips.start);
+        let own = parent_transform * transforms::local_matrix(prim, self.clips.start_time_code);
         if prim.kind == "Mesh" {
             let placed: Vec<Affine3A> =
                 copies.iter().map(|copy| Affine3A::from_mat4((*copy * own).as_mat4())).collect();
             if placed.iter().all(|copy| copy.is_finite()) && !placed.is_empty() {
                 let joint = node.joint;
                 let of = Node { prim, path: path.to_string(), joint, ancestors: Vec::new() };
-                self.mesh(&of, (joint, &placed), asset)?;
+                self.add_mesh(&of, (joint, &placed), asset)?;
             }
         }
         for child in &prim.children {
             let path = format!("{path}/{}", child.name);
-            self.prototype((node, child, &path), copies, own, asset)?;
+            self.add_prototype((node, child, &path), copies, own, asset)?;
         }
         Ok(())
     }
 }
 
 /// Redirects influences beyond a skin's last joint to its first joint.
-fn limit_joints(mesh: &mut choreo_asset::Mesh, joints: usize) {
+fn limit_joints(mesh: &mut choreo_asset::Mesh, joint_count: usize) {
     let all = mesh.primitives.iter_mut().flat_map(|p| &mut p.joint_indices);
-    all.filter(|joint| usize::from(**joint) >= joints).for_each(|joint| *joint = 0);
+    all.filter(|joint| usize::from(**joint) >= joint_count).for_each(|joint| *joint = 0);
 }

@@ -26,9 +26,9 @@ pub struct MaterialInfo {
     pub index: Option<u32>,
     pub uvs: [String; 2],
     /// The material reads vertex colors.
-    pub colors: bool,
+    pub reads_vertex_colors: bool,
     /// The material has a texture.
-    read: bool,
+    has_texture: bool,
 }
 
 /// A texture with the settings of the shader that reads it.
@@ -55,7 +55,7 @@ impl<'a> Materials<'a> {
             return known.clone();
         }
         let known = match self.root.at(path) {
-            Some(prim) => self.read(prim, path),
+            Some(prim) => self.read_material(prim, path),
             None => {
                 self.notes.warn(path, "is bound as a material, but does not exist");
                 MaterialInfo::default()
@@ -65,10 +65,10 @@ impl<'a> Materials<'a> {
         known
     }
 
-    fn read(&mut self, prim: &'a Prim, path: &str) -> MaterialInfo {
+    fn read_material(&mut self, prim: &'a Prim, path: &str) -> MaterialInfo {
         let surface = ["outputs:surface", "outputs:mtlx:surface", "outputs:surface:surface"];
         let source = surface.iter().find_map(|name| prim.connections.get(*name)?.first());
-        let shader = source.and_then(|source| self.root.at(prim_of(source)));
+        let shader = source.and_then(|source| self.root.at(prim_path(source)));
         let Some(shader) = shader.filter(|s| s.text("info:id") == "UsdPreviewSurface") else {
             self.notes.warn(path, "has no UsdPreviewSurface; it is gray");
             let gray = Material {
@@ -82,34 +82,39 @@ impl<'a> Materials<'a> {
         };
         let mut known = MaterialInfo { uvs: ["st".into(), String::new()], ..MaterialInfo::default() };
         let mut out = Material { metallic: 0.0, ..named_material(prim) };
-        self.colors(shader, (path, &mut known), &mut out);
-        self.reflection(shader, (path, &mut known), &mut out);
+        self.read_colors(shader, (path, &mut known), &mut out);
+        self.read_reflection(shader, (path, &mut known), &mut out);
         replace_non_finite(&mut out);
         self.list.push(out);
         known.index = Some(self.list.len() as u32 - 1);
         known
     }
 
-    fn colors(&mut self, shader: &'a Prim, (path, known): (&str, &mut MaterialInfo), out: &mut Material) {
+    fn read_colors(
+        &mut self,
+        shader: &'a Prim,
+        (path, known): (&str, &mut MaterialInfo),
+        out: &mut Material,
+    ) {
         let color = |name: &str, default: f32| -> Vec3 {
             let found = shader.numbers(name).and_then(|v| v.first_chunk::<3>());
             found.map_or(Vec3::splat(default), |v| DVec3::from_array(*v).as_vec3())
         };
         out.base_color = color("inputs:diffuseColor", 0.18).extend(1.0);
-        if let Some(read) = self.texture(shader, "inputs:diffuseColor", (path, known)) {
+        if let Some(read) = self.read_texture(shader, "inputs:diffuseColor", (path, known)) {
             out.base_color = read.scale.truncate().extend(1.0);
             out.base_color_texture = Some(read.texture);
-        } else if known.colors {
+        } else if known.reads_vertex_colors {
             out.base_color = Vec4::ONE;
         }
         out.emissive = color("inputs:emissiveColor", 0.0);
-        if let Some(read) = self.texture(shader, "inputs:emissiveColor", (path, known)) {
+        if let Some(read) = self.read_texture(shader, "inputs:emissiveColor", (path, known)) {
             out.emissive = read.scale.truncate();
             out.emissive_texture = Some(read.texture);
         }
         let opacity = shader.number("inputs:opacity").unwrap_or(1.0) as f32;
         let threshold = shader.number("inputs:opacityThreshold").unwrap_or(0.0) as f32;
-        let texture = self.texture(shader, "inputs:opacity", (path, known));
+        let texture = self.read_texture(shader, "inputs:opacity", (path, known));
         let is_of_base = match (&texture, &out.base_color_texture) {
             (Some(read), Some(base)) => read.texture.image == base.image && read.channel == "a",
             _ => false,
@@ -128,12 +133,17 @@ impl<'a> Materials<'a> {
         }
     }
 
-    fn reflection(&mut self, shader: &'a Prim, (path, known): (&str, &mut MaterialInfo), out: &mut Material) {
+    fn read_reflection(
+        &mut self,
+        shader: &'a Prim,
+        (path, known): (&str, &mut MaterialInfo),
+        out: &mut Material,
+    ) {
         let number = |name: &str, default: f32| shader.number(name).map_or(default, |v| v as f32);
         out.metallic = number("inputs:metallic", 0.0);
         out.roughness = number("inputs:roughness", 0.5);
-        let metallic = self.texture(shader, "inputs:metallic", (path, known));
-        let roughness = self.texture(shader, "inputs:roughness", (path, known));
+        let metallic = self.read_texture(shader, "inputs:metallic", (path, known));
+        let roughness = self.read_texture(shader, "inputs:roughness", (path, known));
         let fits = |read: &TextureInput, channel: &str| read.channel == channel || read.channel == "rgb";
         match (metallic, roughness) {
             (Some(m), Some(r)) if m.texture == r.texture && fits(&m, "b") && fits(&r, "g") => {
@@ -149,11 +159,11 @@ impl<'a> Materials<'a> {
                 .notes
                 .warn(path, "has roughness or metalness in channels of other textures; they are left out"),
         }
-        if let Some(read) = self.texture(shader, "inputs:normal", (path, known)) {
+        if let Some(read) = self.read_texture(shader, "inputs:normal", (path, known)) {
             out.normal_scale = if read.bias.x < 0.0 { read.scale.x * 0.5 } else { 1.0 };
             out.normal_texture = Some(read.texture);
         }
-        if let Some(read) = self.texture(shader, "inputs:occlusion", (path, known)) {
+        if let Some(read) = self.read_texture(shader, "inputs:occlusion", (path, known)) {
             out.occlusion_strength = read.scale.x.clamp(0.0, 1.0);
             out.occlusion_texture = Some(read.texture);
         }
@@ -169,7 +179,7 @@ impl<'a> Materials<'a> {
     }
 
     /// The texture that drives an input.
-    fn texture(
+    fn read_texture(
         &mut self,
         shader: &'a Prim,
         input: &str,
@@ -181,7 +191,7 @@ impl<'a> Materials<'a> {
         match texture.text("info:id") {
             "UsdUVTexture" => {}
             "UsdPrimvarReader_float3" if texture.text("inputs:varname") == "displayColor" => {
-                known.colors = true;
+                known.reads_vertex_colors = true;
                 return None;
             }
             other => {
@@ -193,12 +203,12 @@ impl<'a> Materials<'a> {
                 return None;
             }
         }
-        let (set, uv_transform) = self.texture_coordinates(texture);
+        let (set, uv_transform) = self.uv_set_and_transform(texture);
         let uv_set = match known.uvs.iter().position(|known| *known == set) {
             Some(known) => known,
             None if known.uvs[1].is_empty() => {
                 // The first set may be replaced as long as no texture uses it.
-                let next = usize::from(known.read);
+                let next = usize::from(known.has_texture);
                 known.uvs[next] = set;
                 next
             }
@@ -223,17 +233,17 @@ impl<'a> Materials<'a> {
         let (scale, bias) = (four("inputs:scale", Vec4::ONE), four("inputs:bias", Vec4::ZERO));
         let channel = output.trim_start_matches("outputs:").to_string();
         let texture = TextureRef { image, sampler, uv_set: uv_set as u8, uv_transform };
-        known.read = true;
+        known.has_texture = true;
         Some(TextureInput { texture, channel, scale, bias })
     }
 
     /// The primvar name of a texture's coordinates, and their transform with the origin at the top.
-    fn texture_coordinates(&self, texture: &Prim) -> (String, Affine2) {
+    fn uv_set_and_transform(&self, texture: &Prim) -> (String, Affine2) {
         let mut transform = Affine2::IDENTITY;
         let mut at = texture.connections.get("inputs:st").and_then(|list| list.first());
         // A transform, then a primvar reader; at most four nodes are followed.
         for _ in 0..4 {
-            let Some(prim) = at.and_then(|path| self.root.at(prim_of(path))) else { break };
+            let Some(prim) = at.and_then(|path| self.root.at(prim_path(path))) else { break };
             match prim.text("info:id") {
                 "UsdTransform2d" => {
                     transform = with_v_flipped(prim);
@@ -256,7 +266,7 @@ impl<'a> Materials<'a> {
     }
 }
 
-fn prim_of(path: &str) -> &str {
+fn prim_path(path: &str) -> &str {
     path.rsplit_once('.').map_or(path, |(prim, _)| prim)
 }
 

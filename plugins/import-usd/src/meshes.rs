@@ -11,7 +11,7 @@ use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 /// Degrees up to which an edge is smooth, where a file has no normals.
 const SMOOTHING_ANGLE_DEG: f64 = 60.0;
 /// Influences of a vertex, at most.
-const MOST_INFLUENCES: usize = 8;
+const MAX_INFLUENCES: usize = 8;
 
 /// The parts of a mesh to read, and the context for reading them.
 pub struct MeshContext<'a> {
@@ -20,11 +20,11 @@ pub struct MeshContext<'a> {
     pub notes: &'a Notes,
     /// Primvar names of the first and the second texture coordinate set.
     pub uvs: [String; 2],
-    pub colors: bool,
+    pub reads_colors: bool,
     /// Names of the blend shapes, with their prims.
     pub shapes: Vec<(String, &'a Prim)>,
     /// Whether the mesh has joint influences.
-    pub skinned: bool,
+    pub is_skinned: bool,
 }
 
 /// The faces of a mesh that share a material.
@@ -58,7 +58,7 @@ impl<'a> Primvar<'a> {
         name: &str,
         width: usize,
         counts: [usize; 3],
-        reading: &MeshContext<'_>,
+        context: &MeshContext<'_>,
     ) -> Option<Self> {
         let attribute: &'a Attribute = prim.attributes.get(name)?;
         let values = prim.numbers(name)?;
@@ -81,7 +81,7 @@ impl<'a> Primvar<'a> {
         if elements < count || !indices.unwrap_or_default().iter().all(in_range) || values.len() < width {
             let what =
                 format!("{name} has {elements} of {count} elements, or indices out of range; it is left out");
-            reading.notes.warn(reading.path, what);
+            context.notes.warn(context.path, what);
             return None;
         }
         Some(Primvar { values, width, indices, interpolation })
@@ -135,16 +135,16 @@ impl<'a> Faces<'a> {
 }
 
 /// The mesh of a prim; `None` where it has no faces.
-pub fn mesh(
+pub fn read_mesh(
     prim: &Prim,
     parts: &[FaceSubset],
-    reading: &MeshContext<'_>,
+    context: &MeshContext<'_>,
     triangulator: &mut Triangulator,
 ) -> Result<Option<Mesh>> {
-    let Some(faces) = Faces::of(prim, reading.path)? else { return Ok(None) };
+    let Some(faces) = Faces::of(prim, context.path)? else { return Ok(None) };
     let counts = [faces.counts.len(), faces.points.len() / 3, faces.indices.len()];
     // Memory of vertices, indices and their attributes, for each face vertex.
-    reading.budget.charge(counts[2] as u64, 160)?;
+    context.budget.charge(counts[2] as u64, 160)?;
     let mut taken = vec![false; counts[0]];
     for part in parts.iter().filter_map(|part| part.faces.as_ref()) {
         part.iter()
@@ -157,12 +157,12 @@ pub fn mesh(
         starts.push(next);
         next += *count as usize;
     }
-    let primvars = Primvars::of(prim, counts, reading);
-    let influences = reading.skinned.then(|| Influences::of(prim, counts[1], reading)).flatten();
+    let primvars = Primvars::of(prim, counts, context);
+    let influences = context.is_skinned.then(|| Influences::of(prim, counts[1], context)).flatten();
     let mut out = Mesh { name: prim.name.clone(), ..Mesh::default() };
-    out.morph_targets = reading.shapes.len();
-    out.morph_names = reading.shapes.iter().map(|(name, _)| name.clone()).collect();
-    let shapes: Vec<Shape> = reading.shapes.iter().map(|(_, shape)| Shape::of(shape, counts[1])).collect();
+    out.morph_targets = context.shapes.len();
+    out.morph_names = context.shapes.iter().map(|(name, _)| name.clone()).collect();
+    let shapes: Vec<Shape> = context.shapes.iter().map(|(_, shape)| Shape::of(shape, counts[1])).collect();
     let mut welder = Welder::default();
     for part in parts {
         let of_part: Vec<u32> = match &part.faces {
@@ -172,7 +172,7 @@ pub fn mesh(
         let mut builder = Builder { material: part.material, ..Builder::default() };
         welder.start(counts[1]);
         for face in of_part {
-            builder.face(
+            builder.add_face(
                 &faces,
                 (face as usize, starts[face as usize]),
                 &primvars,
@@ -194,14 +194,14 @@ struct Primvars<'a> {
 }
 
 impl<'a> Primvars<'a> {
-    fn of(prim: &'a Prim, counts: [usize; 3], reading: &MeshContext<'_>) -> Primvars<'a> {
-        let find = |name: &str, width| Primvar::of(prim, name, width, counts, reading);
+    fn of(prim: &'a Prim, counts: [usize; 3], context: &MeshContext<'_>) -> Primvars<'a> {
+        let find = |name: &str, width| Primvar::of(prim, name, width, counts, context);
         let uv = |name: &String| find(&format!("primvars:{name}"), 2).filter(|_| !name.is_empty());
         Primvars {
             normals: find("primvars:normals", 3).or_else(|| find("normals", 3)),
-            uvs: [uv(&reading.uvs[0]), uv(&reading.uvs[1])],
-            colors: find("primvars:displayColor", 3).filter(|_| reading.colors),
-            opacities: find("primvars:displayOpacity", 1).filter(|_| reading.colors),
+            uvs: [uv(&context.uvs[0]), uv(&context.uvs[1])],
+            colors: find("primvars:displayColor", 3).filter(|_| context.reads_colors),
+            opacities: find("primvars:displayOpacity", 1).filter(|_| context.reads_colors),
         }
     }
 }
@@ -223,7 +223,7 @@ struct Builder {
 }
 
 impl Builder {
-    fn face(
+    fn add_face(
         &mut self,
         faces: &Faces<'_>,
         (face, start): (usize, usize),
@@ -240,7 +240,7 @@ impl Builder {
             };
             // USD has the origin of texture coordinates at the bottom; here it is at the top.
             let uv = |primvar| {
-                at(primvar).map_or(Vec2::ZERO, |v| finite(Vec2::new(v[0] as f32, 1.0 - v[1] as f32)))
+                at(primvar).map_or(Vec2::ZERO, |v| finite_or_zero(Vec2::new(v[0] as f32, 1.0 - v[1] as f32)))
             };
             let color = at(&primvars.colors).map_or(Vec3::ONE, |v| vector(&v));
             let opacity = at(&primvars.opacities).map_or(1.0, |v| v[0] as f32);
@@ -352,7 +352,7 @@ struct Influences {
 }
 
 impl Influences {
-    fn of(prim: &Prim, points: usize, reading: &MeshContext<'_>) -> Option<Influences> {
+    fn of(prim: &Prim, points: usize, context: &MeshContext<'_>) -> Option<Influences> {
         let joints = prim.numbers("primvars:skel:jointIndices")?;
         let weights = prim.numbers("primvars:skel:jointWeights")?;
         let attribute = prim.attributes.get("primvars:skel:jointIndices")?;
@@ -361,10 +361,10 @@ impl Influences {
         let size = if attribute.element_size > 0 { attribute.element_size } else { per_point };
         let needed = if constant { size } else { points.saturating_mul(size) };
         if size == 0 || joints.len() < needed || weights.len() < needed {
-            reading.notes.warn(reading.path, "has fewer influences of joints than points; they are left out");
+            context.notes.warn(context.path, "has fewer influences of joints than points; they are left out");
             return None;
         }
-        let kept = if size <= 4 { 4 } else { MOST_INFLUENCES };
+        let kept = if size <= 4 { 4 } else { MAX_INFLUENCES };
         let mut out = Influences { size: kept, joints: Vec::new(), weights: Vec::new() };
         let mut row: Vec<(u16, f64)> = Vec::new();
         for point in 0..points {
@@ -389,10 +389,10 @@ impl Influences {
 }
 
 /// Geometry bind transform: from mesh space to skeleton space at bind time.
-pub fn geometry(prim: &Prim) -> DMat4 {
+pub fn geometry_bind_transform(prim: &Prim) -> DMat4 {
     prim.numbers("primvars:skel:geomBindTransform").map_or(DMat4::IDENTITY, transforms::matrix)
 }
 
-fn finite(uv: Vec2) -> Vec2 {
+fn finite_or_zero(uv: Vec2) -> Vec2 {
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }

@@ -22,16 +22,16 @@ pub struct Rig<'a> {
     /// The asset's joint for each joint of the skeleton.
     pub joints: Vec<u32>,
     /// Index of each joint by its path.
-    pub places: BTreeMap<&'a str, usize>,
+    pub index_of_path: BTreeMap<&'a str, usize>,
     /// Bind transforms, skeleton from joint.
-    pub bind: Vec<DMat4>,
+    pub bind_transforms: Vec<DMat4>,
 }
 
 pub struct Tree<'a> {
     pub root: &'a Prim,
     pub nodes: Vec<Node<'a>>,
     /// Index of each node by path.
-    by_path: BTreeMap<String, usize>,
+    index_of_path: BTreeMap<String, usize>,
     /// Skeletons by the path of the Skeleton prim.
     pub rigs: BTreeMap<String, Rig<'a>>,
     names: Vec<String>,
@@ -56,38 +56,38 @@ impl<'a> Tree<'a> {
         let mut out = Tree {
             root: &layer.root,
             nodes: Vec::new(),
-            by_path: BTreeMap::new(),
+            index_of_path: BTreeMap::new(),
             rigs: BTreeMap::new(),
             names: Vec::new(),
             parents: Vec::new(),
             rest: Vec::new(),
         };
         // The conversion to metres and +Y up.
-        let metres = layer.metres.filter(|m| m.is_finite() && *m > 0.0).unwrap_or(0.01);
-        let turn = match layer.up.as_deref() {
+        let metres = layer.metres_per_unit.filter(|m| m.is_finite() && *m > 0.0).unwrap_or(0.01);
+        let turn = match layer.up_axis.as_deref() {
             Some("Z") => DMat4::from_rotation_x(-FRAC_PI_2),
             _ => DMat4::IDENTITY,
         };
-        let convention = turn * DMat4::from_scale(DVec3::splat(metres));
-        let above =
-            (convention != DMat4::IDENTITY).then(|| out.joint("stage", None, transforms::parts(&convention)));
+        let conversion = turn * DMat4::from_scale(DVec3::splat(metres));
+        let above = (conversion != DMat4::IDENTITY)
+            .then(|| out.add_joint("stage", None, transforms::to_transform(&conversion)));
         for prim in &layer.root.children {
-            out.add(prim, "", (above, &[]), layer.start.unwrap_or(0.0))?;
+            out.add_prim(prim, "", (above, &[]), layer.start_time_code.unwrap_or(0.0))?;
         }
         if out.names.is_empty() {
-            out.joint("stage", None, Transform::IDENTITY);
+            out.add_joint("stage", None, Transform::IDENTITY);
         }
         Ok(out)
     }
 
-    fn joint(&mut self, name: &str, parent: Option<u32>, rest: Transform) -> u32 {
+    fn add_joint(&mut self, name: &str, parent: Option<u32>, rest: Transform) -> u32 {
         self.names.push(name.to_string());
         self.parents.push(parent);
         self.rest.push(rest);
         self.names.len() as u32 - 1
     }
 
-    fn add(
+    fn add_prim(
         &mut self,
         prim: &'a Prim,
         parent: &str,
@@ -107,16 +107,19 @@ impl<'a> Tree<'a> {
         }
         let path = format!("{parent}/{}", prim.name);
         if prim.kind == "Scope" {
-            return prim.children.iter().try_for_each(|child| self.add(child, &path, (joint, above), start));
+            return prim
+                .children
+                .iter()
+                .try_for_each(|child| self.add_prim(child, &path, (joint, above), start));
         }
         let name = if prim.display_name.is_empty() { &prim.name } else { &prim.display_name };
-        let rest = transforms::parts(&transforms::local(prim, start));
-        let own = self.joint(name, joint, rest);
+        let rest = transforms::to_transform(&transforms::local_matrix(prim, start));
+        let own = self.add_joint(name, joint, rest);
         if prim.kind == "Skeleton" {
-            let rig = self.rig(prim, own, &path)?;
+            let rig = self.add_rig(prim, own, &path)?;
             self.rigs.insert(path.clone(), rig);
         }
-        self.by_path.insert(path.clone(), self.nodes.len());
+        self.index_of_path.insert(path.clone(), self.nodes.len());
         self.nodes.push(Node { prim, path: path.clone(), joint: own, ancestors: above.to_vec() });
         let mut inside = above.to_vec();
         inside.push(self.nodes.len() - 1);
@@ -124,10 +127,10 @@ impl<'a> Tree<'a> {
         if prim.kind == "PointInstancer" {
             return Ok(());
         }
-        prim.children.iter().try_for_each(|child| self.add(child, &path, (Some(own), &inside), start))
+        prim.children.iter().try_for_each(|child| self.add_prim(child, &path, (Some(own), &inside), start))
     }
 
-    fn rig(&mut self, prim: &'a Prim, above: u32, path: &str) -> Result<Rig<'a>> {
+    fn add_rig(&mut self, prim: &'a Prim, parent_joint: u32, path: &str) -> Result<Rig<'a>> {
         let tokens = prim.texts("joints");
         let names = prim.texts("jointNames");
         let list = |name: &str| -> Vec<DMat4> {
@@ -153,8 +156,8 @@ impl<'a> Tree<'a> {
                 true => names[index].as_str(),
                 false => token.rsplit('/').next().unwrap_or(token),
             };
-            let parent = found.map_or(above, |parent| joints[parent]);
-            joints.push(self.joint(name, Some(parent), transforms::parts(&local)));
+            let parent = found.map_or(parent_joint, |parent| joints[parent]);
+            joints.push(self.add_joint(name, Some(parent), transforms::to_transform(&local)));
             parents.push(found);
             if known.insert(token, index).is_some() {
                 return Err(Problem::new(path, format!("has the joint \"{token}\" twice")));
@@ -165,11 +168,11 @@ impl<'a> Tree<'a> {
             bind = rest_in_skeleton(&rest, &parents);
         }
         bind.resize(tokens.len(), DMat4::IDENTITY);
-        Ok(Rig { joints, places: known, bind })
+        Ok(Rig { joints, index_of_path: known, bind_transforms: bind })
     }
 
     pub fn node(&self, path: &str) -> Option<&Node<'a>> {
-        self.nodes.get(*self.by_path.get(path)?)
+        self.nodes.get(*self.index_of_path.get(path)?)
     }
 
     pub fn skeleton(&mut self) -> Result<Skeleton> {

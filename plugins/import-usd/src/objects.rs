@@ -16,14 +16,14 @@ const SAMPLING_LIMITS: SamplingLimits = SamplingLimits { tolerance: 5e-5, depth:
 
 /// A prim evaluated at a time code.
 #[derive(Clone, Copy)]
-struct At<'a> {
+struct PrimAtTime<'a> {
     prim: &'a Prim,
-    code: f64,
+    time_code: f64,
 }
 
-impl At<'_> {
+impl PrimAtTime<'_> {
     fn numbers(&self, name: &str) -> Vec<f64> {
-        self.prim.attributes.get(name).map(|a| transforms::at(a, self.code)).unwrap_or_default()
+        self.prim.attributes.get(name).map(|a| transforms::numbers_at(a, self.time_code)).unwrap_or_default()
     }
 
     fn number(&self, name: &str) -> Option<f64> {
@@ -113,11 +113,16 @@ impl At<'_> {
 }
 
 /// Adds the cameras and lights of a tree, and the curves of their animated properties.
-pub fn add(tree: &Tree<'_>, metres: f64, clips: &mut Clips<'_>, asset: &mut Asset) -> Result<()> {
+pub fn add_cameras_and_lights(
+    tree: &Tree<'_>,
+    metres: f64,
+    clips: &mut Clips<'_>,
+    asset: &mut Asset,
+) -> Result<()> {
     for node in &tree.nodes {
         let (prim, joint, notes) = (node.prim, node.joint, clips.notes);
-        let at = |code: f64| At { prim, code };
-        let rest = at(clips.start);
+        let at = |time_code: f64| PrimAtTime { prim, time_code };
+        let rest = at(clips.start_time_code);
         match prim.kind.as_str() {
             "Camera" => {
                 let index = asset.cameras.len() as u32;
@@ -131,9 +136,9 @@ pub fn add(tree: &Tree<'_>, metres: f64, clips: &mut Clips<'_>, asset: &mut Asse
                     Projection::Perspective { yfov, .. } => vec![yfov],
                     Projection::Orthographic { height, .. } => vec![height],
                 };
-                properties(prim, &["focalLength", "verticalAperture"], &[target], clips, row)?;
+                add_property_curves(prim, &["focalLength", "verticalAperture"], &[target], clips, row)?;
             }
-            "DomeLight" => dome(&rest, &node.path, notes, asset),
+            "DomeLight" => add_dome_light(&rest, &node.path, notes, asset),
             "GeometryLight" | "PortalLight" | "PluginLight" => {
                 notes.warn(&node.path, format!("is a {}, which is left out", prim.kind));
             }
@@ -156,7 +161,7 @@ pub fn add(tree: &Tree<'_>, metres: f64, clips: &mut Clips<'_>, asset: &mut Asse
                     let cone = light.kind.cone().into_iter().flatten();
                     light.color.to_array().into_iter().chain([light.intensity]).chain(cone).collect()
                 };
-                properties(prim, &INPUTS, targets, clips, row)?;
+                add_property_curves(prim, &LIGHT_INPUTS, targets, clips, row)?;
             }
         }
     }
@@ -164,7 +169,7 @@ pub fn add(tree: &Tree<'_>, metres: f64, clips: &mut Clips<'_>, asset: &mut Asse
 }
 
 /// Light attributes whose time samples are read.
-const INPUTS: [&str; 9] = [
+const LIGHT_INPUTS: [&str; 9] = [
     "inputs:color",
     "inputs:intensity",
     "inputs:exposure",
@@ -177,7 +182,7 @@ const INPUTS: [&str; 9] = [
 ];
 
 /// Adds a dome light without an image to the ambient light; warns about one with an image.
-fn dome(at: &At<'_>, path: &str, notes: &Notes, asset: &mut Asset) {
+fn add_dome_light(at: &PrimAtTime<'_>, path: &str, notes: &Notes, asset: &mut Asset) {
     let image = ["inputs:texture:file", "texture:file"].map(|name| at.prim.text(name));
     match image.into_iter().find(|image| !image.is_empty()) {
         Some(image) => {
@@ -200,7 +205,7 @@ fn dome(at: &At<'_>, path: &str, notes: &Notes, asset: &mut Asset) {
 
 /// Adds curves of the targets where any of the attributes has time samples. `row` returns the values of all targets,
 /// concatenated, at a time code.
-fn properties(
+fn add_property_curves(
     prim: &Prim,
     attributes: &[&str],
     targets: &[PropertyTarget],
@@ -211,9 +216,9 @@ fn properties(
     let mut codes: Vec<f64> = samples.map(|(code, _)| *code).collect();
     codes.sort_by(f64::total_cmp);
     codes.dedup();
-    let Some((_, times)) = clips.times(&codes) else { return Ok(()) };
+    let Some((_, times)) = clips.key_times(&codes) else { return Ok(()) };
     clips.budget.charge(times.len() as u64, 64)?;
-    let (start, rate) = (clips.start, clips.rate);
+    let (start, rate) = (clips.start_time_code, clips.time_codes_per_second);
     let width: usize = targets.iter().map(|target| target.width()).sum();
     let made = sample_rows(&times, SAMPLING_LIMITS, |time: Time| {
         let mut row = row(start + time.as_secs() * rate);

@@ -6,7 +6,7 @@ use choreo_importer_kit::{Budget, Problem, Result};
 use std::sync::Arc;
 
 /// Nesting of prims, values and dictionaries, at most.
-const MOST_DEPTH: usize = 96;
+const MAX_DEPTH: usize = 96;
 
 pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
     // A number takes at least two bytes of text, and eight bytes in memory.
@@ -17,10 +17,10 @@ pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
         return Err(Problem::new("line 1", "does not begin with #usda"));
     }
     let mut layer = Layer::default();
-    parser.line_end();
+    parser.skip_line();
     parser.skip_space();
     if parser.take(b'(') {
-        parser.layer_metadata(&mut layer)?;
+        parser.read_layer_metadata(&mut layer)?;
     }
     let mut root = Prim::default();
     loop {
@@ -28,7 +28,7 @@ pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
         if parser.at == bytes.len() {
             break;
         }
-        parser.statement(&mut root)?;
+        parser.read_statement(&mut root)?;
     }
     layer.root = root;
     Ok(layer)
@@ -72,7 +72,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    fn line_end(&mut self) {
+    fn skip_line(&mut self) {
         let rest = self.rest();
         self.at += rest.iter().position(|b| *b == b'\n').map_or(rest.len(), |end| end + 1);
     }
@@ -82,7 +82,7 @@ impl<'a> Parser<'a> {
         loop {
             match self.peek() {
                 b' ' | b'\t' | b'\r' | b'\n' | b';' | b',' => self.at += 1,
-                b'#' => self.line_end(),
+                b'#' => self.skip_line(),
                 0xEF if self.rest().starts_with(b"\xEF\xBB\xBF") => self.at += 3,
                 _ => return,
             }
@@ -91,9 +91,9 @@ impl<'a> Parser<'a> {
 
     fn take(&mut self, byte: u8) -> bool {
         self.skip_space();
-        let is = self.at < self.bytes.len() && self.peek() == byte;
-        self.at += usize::from(is);
-        is
+        let is_next = self.at < self.bytes.len() && self.peek() == byte;
+        self.at += usize::from(is_next);
+        is_next
     }
 
     fn expect(&mut self, byte: u8) -> Result<()> {
@@ -104,7 +104,7 @@ impl<'a> Parser<'a> {
     }
 
     /// A name with namespaces; empty where none follows.
-    fn word(&mut self) -> &'a str {
+    fn read_word(&mut self) -> &'a str {
         self.skip_space();
         let is_of_word = |b: &u8| b.is_ascii_alphanumeric() || matches!(b, b'_' | b':' | b'.') || *b >= 0x80;
         let rest = self.rest();
@@ -114,8 +114,8 @@ impl<'a> Parser<'a> {
     }
 
     fn with_depth<R>(&mut self, read: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
-        if self.depth == MOST_DEPTH {
-            return Err(self.error(format!("more than {MOST_DEPTH} nested parts")));
+        if self.depth == MAX_DEPTH {
+            return Err(self.error(format!("more than {MAX_DEPTH} nested parts")));
         }
         self.depth += 1;
         let out = read(self);
@@ -123,7 +123,7 @@ impl<'a> Parser<'a> {
         out
     }
 
-    fn string(&mut self) -> Result<String> {
+    fn read_string(&mut self) -> Result<String> {
         self.skip_space();
         let quote = self.peek();
         if !matches!(quote, b'"' | b'\'') {
@@ -158,7 +158,7 @@ impl<'a> Parser<'a> {
     }
 
     /// Text up to a mark, which is consumed.
-    fn text_until(&mut self, end: &[u8]) -> Result<String> {
+    fn read_text_until(&mut self, end: &[u8]) -> Result<String> {
         let rest = self.rest();
         let Some(found) = rest.windows(end.len()).position(|w| w == end) else {
             return Err(self.error(format!("the closing \"{}\" is missing", shown(end))));
@@ -167,7 +167,7 @@ impl<'a> Parser<'a> {
         Ok(String::from_utf8_lossy(&rest[..found]).into_owned())
     }
 
-    fn value(&mut self, out: &mut Parsed) -> Result<()> {
+    fn read_value(&mut self, out: &mut Parsed) -> Result<()> {
         self.skip_space();
         match self.peek() {
             open @ (b'(' | b'[') => {
@@ -175,27 +175,27 @@ impl<'a> Parser<'a> {
                 self.at += 1;
                 self.with_depth(|parser| {
                     while !parser.take(close) {
-                        parser.value(out)?;
+                        parser.read_value(out)?;
                     }
                     Ok(())
                 })
             }
             b'{' => self.skip_dictionary(),
             b'"' | b'\'' => {
-                out.texts.push(self.string()?);
+                out.texts.push(self.read_string()?);
                 Ok(())
             }
             b'@' => {
                 let mark: &[u8] = if self.rest().starts_with(b"@@@") { b"@@@" } else { b"@" };
                 self.at += mark.len();
-                let file = self.text_until(mark)?;
+                let file = self.read_text_until(mark)?;
                 out.texts.push(file.clone());
-                let path = if self.peek() == b'<' { self.path()? } else { String::new() };
-                self.reference(file, path, out)
+                let path = if self.peek() == b'<' { self.read_path()? } else { String::new() };
+                self.read_reference(file, path, out)
             }
             b'<' => {
-                let path = self.path()?;
-                self.reference(String::new(), path, out)
+                let path = self.read_path()?;
+                self.read_reference(String::new(), path, out)
             }
             b'0'..=b'9' | b'-' | b'+' | b'.' => {
                 let rest = self.rest();
@@ -210,7 +210,7 @@ impl<'a> Parser<'a> {
                 Ok(())
             }
             _ => {
-                match self.word() {
+                match self.read_word() {
                     "" => return Err(self.unexpected("a value")),
                     "true" => out.numbers.push(1.0),
                     "false" => out.numbers.push(0.0),
@@ -224,21 +224,21 @@ impl<'a> Parser<'a> {
         }
     }
 
-    fn path(&mut self) -> Result<String> {
+    fn read_path(&mut self) -> Result<String> {
         self.at += 1;
-        self.text_until(b">")
+        self.read_text_until(b">")
     }
 
     /// Reads the rest of a reference: its time offset and scale.
-    fn reference(&mut self, file: String, path: String, out: &mut Parsed) -> Result<()> {
+    fn read_reference(&mut self, file: String, path: String, out: &mut Parsed) -> Result<()> {
         let mut reference = Reference { file, path, offset: 0.0, scale: 1.0 };
         if self.rest().iter().find(|b| !matches!(b, b' ' | b'\t')) == Some(&b'(') {
             self.expect(b'(')?;
             while !self.take(b')') {
-                let key = self.word();
+                let key = self.read_word();
                 self.expect(b'=')?;
                 let mut parsed = Parsed::default();
-                self.with_depth(|parser| parser.value(&mut parsed))?;
+                self.with_depth(|parser| parser.read_value(&mut parsed))?;
                 match (key, parsed.numbers.first()) {
                     ("offset", Some(offset)) => reference.offset = *offset,
                     ("scale", Some(scale)) => reference.scale = *scale,
@@ -257,25 +257,25 @@ impl<'a> Parser<'a> {
                 match parser.peek() {
                     b'{' => parser.skip_dictionary()?,
                     b'=' | b':' => parser.at += 1,
-                    _ => parser.value(&mut Parsed::default())?,
+                    _ => parser.read_value(&mut Parsed::default())?,
                 }
             }
             Ok(())
         })
     }
 
-    fn layer_metadata(&mut self, layer: &mut Layer) -> Result<()> {
-        self.metadata(|key, parsed| {
+    fn read_layer_metadata(&mut self, layer: &mut Layer) -> Result<()> {
+        self.read_metadata(|key, parsed| {
             let text = parsed.texts.first().cloned();
             let number = parsed.numbers.first().copied();
             match key {
                 "" => layer.comment = text.unwrap_or_default(),
                 "defaultPrim" => layer.default_prim = text.unwrap_or_default(),
-                "upAxis" => layer.up = text,
-                "metersPerUnit" => layer.metres = number,
-                "timeCodesPerSecond" => layer.rate = number,
-                "framesPerSecond" => layer.rate = layer.rate.or(number),
-                "startTimeCode" => layer.start = number,
+                "upAxis" => layer.up_axis = text,
+                "metersPerUnit" => layer.metres_per_unit = number,
+                "timeCodesPerSecond" => layer.time_codes_per_second = number,
+                "framesPerSecond" => layer.time_codes_per_second = layer.time_codes_per_second.or(number),
+                "startTimeCode" => layer.start_time_code = number,
                 "subLayers" => layer.sublayers = parsed.texts,
                 _ => {}
             }
@@ -283,17 +283,17 @@ impl<'a> Parser<'a> {
     }
 
     /// Reads metadata entries up to the closing parenthesis. A bare string has an empty key.
-    fn metadata(&mut self, mut each: impl FnMut(&str, Parsed)) -> Result<()> {
+    fn read_metadata(&mut self, mut receive: impl FnMut(&str, Parsed)) -> Result<()> {
         while !self.take(b')') {
             if matches!(self.peek(), b'"' | b'\'') {
-                let texts = vec![self.string()?];
-                each("", Parsed { texts, ..Parsed::default() });
+                let texts = vec![self.read_string()?];
+                receive("", Parsed { texts, ..Parsed::default() });
                 continue;
             }
-            let mut key = self.word();
-            let deleted = matches!(key, "delete" | "reorder");
-            if deleted || matches!(key, "prepend" | "append" | "add") {
-                key = self.word();
+            let mut key = self.read_word();
+            let is_deleted = matches!(key, "delete" | "reorder");
+            if is_deleted || matches!(key, "prepend" | "append" | "add") {
+                key = self.read_word();
             }
             if key.is_empty() {
                 return Err(self.unexpected("metadata"));
@@ -301,78 +301,78 @@ impl<'a> Parser<'a> {
             self.expect(b'=')?;
             let mut parsed = Parsed::default();
             if key == "variants" {
-                parsed.texts = self.selections()?;
+                parsed.texts = self.read_selections()?;
             } else {
-                self.with_depth(|parser| parser.value(&mut parsed))?;
+                self.with_depth(|parser| parser.read_value(&mut parsed))?;
             }
-            if !deleted {
-                each(key, parsed);
+            if !is_deleted {
+                receive(key, parsed);
             }
         }
         Ok(())
     }
 
     /// Names of variant sets and of the selected variants, alternating.
-    fn selections(&mut self) -> Result<Vec<String>> {
+    fn read_selections(&mut self) -> Result<Vec<String>> {
         self.expect(b'{')?;
         let mut out = Vec::new();
         while !self.take(b'}') {
-            if !matches!(self.word(), "string" | "") {
+            if !matches!(self.read_word(), "string" | "") {
                 return Err(self.unexpected("a variant set"));
             }
             self.skip_space();
-            let quoted = matches!(self.peek(), b'"' | b'\'');
-            let name = if quoted { self.string()? } else { self.word().to_string() };
+            let is_quoted = matches!(self.peek(), b'"' | b'\'');
+            let name = if is_quoted { self.read_string()? } else { self.read_word().to_string() };
             self.expect(b'=')?;
-            out.extend([name, self.string()?]);
+            out.extend([name, self.read_string()?]);
         }
         Ok(out)
     }
 
     /// Reads a prim, a variant set or a property.
-    fn statement(&mut self, parent: &mut Prim) -> Result<()> {
+    fn read_statement(&mut self, parent: &mut Prim) -> Result<()> {
         let start = self.at;
-        match self.word() {
-            "def" => self.prim(Specifier::Def, parent),
-            "over" => self.prim(Specifier::Over, parent),
-            "class" => self.prim(Specifier::Class, parent),
-            "variantSet" => self.variant_set(parent),
+        match self.read_word() {
+            "def" => self.read_prim(Specifier::Def, parent),
+            "over" => self.read_prim(Specifier::Over, parent),
+            "class" => self.read_prim(Specifier::Class, parent),
+            "variantSet" => self.read_variant_set(parent),
             "reorder" => {
-                self.word();
+                self.read_word();
                 self.expect(b'=')?;
-                self.value(&mut Parsed::default())
+                self.read_value(&mut Parsed::default())
             }
             "" => Err(self.unexpected("a prim or a property")),
             _ => {
                 self.at = start;
-                self.property(parent)
+                self.read_property(parent)
             }
         }
     }
 
-    fn prim(&mut self, specifier: Specifier, parent: &mut Prim) -> Result<()> {
-        let kind = self.word().to_string();
-        let mut prim = Prim { name: self.string()?, kind, specifier, ..Prim::default() };
+    fn read_prim(&mut self, specifier: Specifier, parent: &mut Prim) -> Result<()> {
+        let kind = self.read_word().to_string();
+        let mut prim = Prim { name: self.read_string()?, kind, specifier, ..Prim::default() };
         if self.take(b'(') {
-            self.prim_metadata(&mut prim)?;
+            self.read_prim_metadata(&mut prim)?;
         }
-        self.contents(&mut prim)?;
+        self.read_contents(&mut prim)?;
         parent.children.push(prim);
         Ok(())
     }
 
-    fn contents(&mut self, prim: &mut Prim) -> Result<()> {
+    fn read_contents(&mut self, prim: &mut Prim) -> Result<()> {
         self.expect(b'{')?;
         self.with_depth(|parser| {
             while !parser.take(b'}') {
-                parser.statement(prim)?;
+                parser.read_statement(prim)?;
             }
             Ok(())
         })
     }
 
-    fn prim_metadata(&mut self, prim: &mut Prim) -> Result<()> {
-        self.metadata(|key, parsed| match key {
+    fn read_prim_metadata(&mut self, prim: &mut Prim) -> Result<()> {
+        self.read_metadata(|key, parsed| match key {
             "references" | "payload" => prim.references.extend(parsed.references),
             "inherits" | "specializes" => {
                 prim.classes.extend(parsed.references.into_iter().map(|class| class.path));
@@ -387,52 +387,52 @@ impl<'a> Parser<'a> {
         })
     }
 
-    fn variant_set(&mut self, prim: &mut Prim) -> Result<()> {
-        let set = self.string()?;
+    fn read_variant_set(&mut self, prim: &mut Prim) -> Result<()> {
+        let set = self.read_string()?;
         self.expect(b'=')?;
         self.expect(b'{')?;
         self.with_depth(|parser| {
             while !parser.take(b'}') {
-                let name = parser.string()?;
+                let name = parser.read_string()?;
                 let mut variant = Prim::default();
                 if parser.take(b'(') {
-                    parser.prim_metadata(&mut variant)?;
+                    parser.read_prim_metadata(&mut variant)?;
                 }
-                parser.contents(&mut variant)?;
+                parser.read_contents(&mut variant)?;
                 prim.variants.entry(set.clone()).or_default().insert(name, variant);
             }
             Ok(())
         })
     }
 
-    fn property(&mut self, prim: &mut Prim) -> Result<()> {
-        let mut word = self.word();
-        let deleted = matches!(word, "delete");
+    fn read_property(&mut self, prim: &mut Prim) -> Result<()> {
+        let mut word = self.read_word();
+        let is_deleted = matches!(word, "delete");
         while matches!(
             word,
             "custom" | "uniform" | "varying" | "config" | "prepend" | "append" | "add" | "delete"
         ) {
-            word = self.word();
+            word = self.read_word();
         }
         let is_array = self.take(b'[');
         if is_array {
             self.expect(b']')?;
         }
         let kind = if is_array { format!("{word}[]") } else { word.to_string() };
-        let full = self.word();
-        if full.is_empty() {
+        let full_name = self.read_word();
+        if full_name.is_empty() {
             return Err(self.unexpected("the name of a property"));
         }
-        let (name, suffix) = match full.rsplit_once('.') {
+        let (name, suffix) = match full_name.rsplit_once('.') {
             Some((name, suffix)) => (name, suffix),
-            None => (full, ""),
+            None => (full_name, ""),
         };
         let mut parsed = Parsed::default();
         if kind == "rel" {
             if self.take(b'=') {
-                self.value(&mut parsed)?;
+                self.read_value(&mut parsed)?;
             }
-            if !deleted {
+            if !is_deleted {
                 let targets = parsed.references.into_iter().map(|target| target.path);
                 prim.relations.entry(name.to_string()).or_default().extend(targets);
             }
@@ -443,22 +443,22 @@ impl<'a> Parser<'a> {
         match suffix {
             "timeSamples" => {
                 self.expect(b'=')?;
-                attribute.samples = self.samples(&kind)?;
+                attribute.samples = self.read_samples(&kind)?;
             }
             "connect" => {
                 self.expect(b'=')?;
-                self.value(&mut parsed)?;
+                self.read_value(&mut parsed)?;
                 let sources = parsed.references.into_iter().map(|source| source.path).collect();
                 prim.connections.insert(name.to_string(), sources);
             }
             "" => {
                 if self.take(b'=') {
-                    self.value(&mut parsed)?;
+                    self.read_value(&mut parsed)?;
                     attribute.value = value_of(parsed, &kind);
                 }
-                if self.is_metadata() {
+                if self.has_metadata() {
                     self.expect(b'(')?;
-                    self.metadata(|key, parsed| match key {
+                    self.read_metadata(|key, parsed| match key {
                         "interpolation" => {
                             attribute.interpolation = parsed.texts.into_iter().next().unwrap_or_default();
                         }
@@ -472,7 +472,7 @@ impl<'a> Parser<'a> {
             // Other statements, such as splines, are skipped.
             _ => {
                 if self.take(b'=') {
-                    self.value(&mut parsed)?;
+                    self.read_value(&mut parsed)?;
                 }
                 self.skip_metadata()?;
             }
@@ -481,30 +481,30 @@ impl<'a> Parser<'a> {
     }
 
     /// Whether metadata in parentheses follows on the same line.
-    fn is_metadata(&self) -> bool {
+    fn has_metadata(&self) -> bool {
         self.rest().iter().find(|b| !matches!(b, b' ' | b'\t')) == Some(&b'(')
     }
 
     fn skip_metadata(&mut self) -> Result<()> {
-        if self.is_metadata() {
+        if self.has_metadata() {
             self.expect(b'(')?;
-            self.metadata(|_, _| {})?;
+            self.read_metadata(|_, _| {})?;
         }
         Ok(())
     }
 
-    fn samples(&mut self, kind: &str) -> Result<Vec<(f64, Value)>> {
+    fn read_samples(&mut self, kind: &str) -> Result<Vec<(f64, Value)>> {
         self.expect(b'{')?;
         let mut out = Vec::new();
         while !self.take(b'}') {
             let mut time = Parsed::default();
-            self.value(&mut time)?;
+            self.read_value(&mut time)?;
             let Some(time) = time.numbers.first().copied().filter(|time| time.is_finite()) else {
                 return Err(self.unexpected("a time"));
             };
             self.expect(b':')?;
             let mut parsed = Parsed::default();
-            self.value(&mut parsed)?;
+            self.read_value(&mut parsed)?;
             out.extend(value_of(parsed, kind).map(|value| (time, value)));
         }
         out.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -6,7 +6,7 @@ use choreo_motion::Transform;
 use glam::{DMat4, DQuat, DVec3};
 
 /// The numbers of an attribute at a time code: linear between samples, slerp for quaternions.
-pub fn at(attribute: &Attribute, code: f64) -> Vec<f64> {
+pub fn numbers_at(attribute: &Attribute, code: f64) -> Vec<f64> {
     let samples = &attribute.samples;
     let whole = |value: &crate::layer::Value| value.numbers().to_vec();
     let Some(first) = samples.first() else { return attribute.value.as_ref().map(whole).unwrap_or_default() };
@@ -39,7 +39,7 @@ pub fn matrix(numbers: &[f64]) -> DMat4 {
 }
 
 /// Parent-from-prim matrix at a time code.
-pub fn local(prim: &Prim, code: f64) -> DMat4 {
+pub fn local_matrix(prim: &Prim, code: f64) -> DMat4 {
     let mut out = DMat4::IDENTITY;
     for full in prim.texts("xformOpOrder") {
         let (name, inverted) = match full.strip_prefix("!invert!") {
@@ -47,13 +47,13 @@ pub fn local(prim: &Prim, code: f64) -> DMat4 {
             None => (full.as_str(), false),
         };
         let Some(attribute) = prim.attributes.get(name) else { continue };
-        let operation = operation(name, &at(attribute, code));
+        let operation = op_matrix(name, &numbers_at(attribute, code));
         out *= if inverted { operation.inverse() } else { operation };
     }
     if out.is_finite() { out } else { DMat4::IDENTITY }
 }
 
-fn operation(name: &str, numbers: &[f64]) -> DMat4 {
+fn op_matrix(name: &str, numbers: &[f64]) -> DMat4 {
     let kind = name.split(':').nth(1).unwrap_or_default();
     let vector = || numbers.first_chunk::<3>().map(|v| DVec3::from_array(*v));
     let angle = numbers.first().copied().unwrap_or(0.0).to_radians();
@@ -83,7 +83,7 @@ fn operation(name: &str, numbers: &[f64]) -> DMat4 {
 const MAX_ROTATION_STEP: f64 = 1.0;
 
 /// Increasing times of all samples of the transform ops, with added times between samples of angles.
-pub fn times(prim: &Prim) -> Vec<f64> {
+pub fn sample_times(prim: &Prim) -> Vec<f64> {
     let mut out: Vec<f64> = Vec::new();
     for name in prim.texts("xformOpOrder") {
         let name = name.strip_prefix("!invert!").unwrap_or(name);
@@ -104,7 +104,7 @@ pub fn times(prim: &Prim) -> Vec<f64> {
 }
 
 /// Translation, rotation and scale of a matrix; the identity where they are not finite.
-pub fn parts(m: &DMat4) -> Transform {
+pub fn to_transform(m: &DMat4) -> Transform {
     let parts = decompose(m);
     let out = Transform {
         translation: parts.translation.as_vec3(),

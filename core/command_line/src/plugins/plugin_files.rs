@@ -20,6 +20,6 @@ pub fn listing(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Resul
         FolderError::Missing { .. } => Failure::Usage(error.to_string()),
         FolderError::Unreadable { .. } | FolderError::Link { .. } => Failure::input(error.to_string()),
     })?;
-    listing.replaced.iter().for_each(|text| print_message(format_args!("note: {text}")));
+    listing.replacement_notes.iter().for_each(|text| print_message(format_args!("note: {text}")));
     Ok(listing)
 }

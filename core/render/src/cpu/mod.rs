@@ -232,8 +232,8 @@ impl CpuRenderer {
                     thick_lines::thick_line_triangles(primitive, &vertices, pipeline, width, clip, size)
                 } else {
                     let edges = features.has(Features::WIREFRAME);
-                    let edges =
-                        edges.then(|| crate::scene_resources::vertex_layout::edges(&primitive.indices));
+                    let edges = edges
+                        .then(|| crate::scene_resources::vertex_layout::unique_edges(&primitive.indices));
                     let indices = edges.as_ref().unwrap_or(&primitive.indices);
                     PrimitiveAssembly { vertices: &vertices, indices, pipeline, size }.run()
                 };

@@ -20,7 +20,7 @@ pub fn thick_line_triangles(
     let expander = ThickLineExpander::new(clip_from_relative, size);
     let expanded_vertex = |i: usize| {
         let [own, other] = [wide.source_vertices[i], wide.other_ends[i]].map(|v| &vertices[v as usize]);
-        Vertex { clip: expander.vertex(own.clip, other.clip, wide.offsets[i], width), ..*own }
+        Vertex { clip: expander.expand_vertex(own.clip, other.clip, wide.offsets[i], width), ..*own }
     };
     let expanded_vertices: Vec<Vertex> = (0..wide.source_vertices.len()).map(expanded_vertex).collect();
     let pipeline = PipelineKey { topology: TopologyKey::Triangles, ..pipeline };

@@ -3,7 +3,7 @@
 use crate::commands::{Command, Recording, Target};
 use crate::explain::{CostKind, Costs, RequestedBy};
 use crate::plan::{SceneColorCopy, ShadowMaps};
-use crate::vulkan::deferred::{BYTES, FORMATS};
+use crate::vulkan::deferred::{BYTES_PER_PIXEL, FORMATS};
 use std::collections::BTreeMap;
 
 impl Costs<'_> {
@@ -42,7 +42,7 @@ impl Costs<'_> {
         }
         if recording.commands.contains(&Command::BeginGBuffer) {
             let names = ["normal and factors", "color", "depth"];
-            for ((name, format), bytes) in names.iter().zip(FORMATS).zip(BYTES) {
+            for ((name, format), bytes) in names.iter().zip(FORMATS).zip(BYTES_PER_PIXEL) {
                 let what = format!("G-buffer {name} {size}, {format:?}");
                 self.add(CostKind::Target, what, Some(bytes * pixels), self.deferred_shading_cause());
             }

@@ -65,7 +65,7 @@ struct View {
     /// Color times coverage, and coverage, at each pixel size, the finest first.
     images: Vec<Vec<Vec4>>,
     /// Whether each vertex of each part can be seen.
-    seen: Vec<Vec<bool>>,
+    visible: Vec<Vec<bool>>,
 }
 
 impl Appearance {
@@ -83,9 +83,9 @@ impl Appearance {
         let view = |direction: &Vec3| {
             let pixels_from_model = orthographic_view(*direction, model, pixel);
             let (finest, nearest) = draw_triangles(&drawn, pixels_from_model);
-            let seen =
+            let visible =
                 drawn.iter().map(|d| visible_points(d.positions, pixels_from_model, &nearest)).collect();
-            View { pixels_from_model, images: pyramid(finest), seen }
+            View { pixels_from_model, images: pyramid(finest), visible }
         };
         Appearance { views: DIRECTIONS.par_iter().map(view).collect(), pixel }
     }
@@ -93,10 +93,10 @@ impl Appearance {
     /// Whether each vertex of each part is hidden from all sides.
     pub fn hidden(&self) -> Vec<Vec<bool>> {
         let part = |part: usize| {
-            let seen = |v: usize| self.views.iter().any(|view| view.seen[part][v]);
-            (0..self.views[0].seen[part].len()).map(|v| !seen(v)).collect()
+            let visible = |v: usize| self.views.iter().any(|view| view.visible[part][v]);
+            (0..self.views[0].visible[part].len()).map(|v| !visible(v)).collect()
         };
-        (0..self.views[0].seen.len()).map(part).collect()
+        (0..self.views[0].visible.len()).map(part).collect()
     }
 
     /// The smallest pixel size in metres from which other shapes of the parts look like the model; `None` if none does.
@@ -117,10 +117,10 @@ impl Appearance {
         let excess: Vec<f32> = (0..PIXEL_SIZES)
             .map(|size| {
                 let all = || by_view.iter().map(|view| &view[size]);
-                let pixels: f32 = all().map(|d| d.pixels).sum::<f32>().max(1.0);
-                let shape = all().map(|d| d.shape).sum::<f32>() / pixels;
+                let pixels: f32 = all().map(|d| d.covered_pixels).sum::<f32>().max(1.0);
+                let shape = all().map(|d| d.coverage).sum::<f32>() / pixels;
                 let color = all().map(|d| d.color).sum::<f32>() / pixels;
-                let worst = all().map(|d| d.worst).fold(0.0, f32::max);
+                let worst = all().map(|d| d.max_mean_color).fold(0.0, f32::max);
                 (shape / MAX_COVERAGE_DIFFERENCE)
                     .max(color / MAX_COLOR_DIFFERENCE)
                     .max(worst / MAX_LOCAL_DIFFERENCE)
@@ -143,13 +143,13 @@ impl Appearance {
 /// Differences between two images of one size.
 struct Difference {
     /// Number of pixels that either image covers.
-    pixels: f32,
+    covered_pixels: f32,
     /// Sum of the differences of coverage.
-    shape: f32,
+    coverage: f32,
     /// Sum of the differences of color where both images are covered.
     color: f32,
     /// Largest difference of the mean color of two by two pixels where both images are covered.
-    worst: f32,
+    max_mean_color: f32,
 }
 
 impl Difference {
@@ -161,10 +161,10 @@ impl Difference {
         let covered = || a.iter().zip(b).filter(|(a, b)| a.w > 0.0 || b.w > 0.0);
         let [halves_a, halves_b] = [a, b].map(half_size);
         Difference {
-            pixels: covered().count() as f32,
-            shape: covered().map(|(a, b)| (a.w - b.w).abs()).sum(),
+            covered_pixels: covered().count() as f32,
+            coverage: covered().map(|(a, b)| (a.w - b.w).abs()).sum(),
             color: covered().map(|(a, b)| of_color(a, b)).sum(),
-            worst: halves_a.iter().zip(&halves_b).map(|(a, b)| of_color(a, b)).fold(0.0, f32::max),
+            max_mean_color: halves_a.iter().zip(&halves_b).map(|(a, b)| of_color(a, b)).fold(0.0, f32::max),
         }
     }
 }
@@ -183,12 +183,12 @@ fn orthographic_view(direction: Vec3, model: &Model, pixel: f32) -> (Mat3, Vec3)
 
 /// Whether each point lies on the nearest surface of its pixel.
 fn visible_points(points: &[Vec3], (rotation, offset): (Mat3, Vec3), nearest: &[f32]) -> Vec<bool> {
-    let seen = |point: &Vec3| {
+    let visible = |point: &Vec3| {
         let here = rotation * *point + offset;
         let [x, y] = [here.x, here.y].map(|c| (c as usize).min(IMAGE_SIDE - 1));
         here.z >= nearest[y * IMAGE_SIDE + x] - VISIBLE_DEPTH
     };
-    points.iter().map(seen).collect()
+    points.iter().map(visible).collect()
 }
 
 /// The image, and the depth of the nearest surface at each pixel, greater towards the viewer.
@@ -202,7 +202,8 @@ fn draw_triangles(drawn: &[PartTriangles], (rotation, offset): (Mat3, Vec3)) -> 
             let vertices = [triangle[0], triangle[1], triangle[2]].map(|v| here[v as usize]);
             each_pixel(vertices, |at, weights| {
                 let depth = weights.dot(Vec3::from_array(vertices.map(|c| c.z)));
-                let cut = d.part.paint.cutoff > 0.0 && color_at(d, triangle, weights).w < d.part.paint.cutoff;
+                let cut = d.part.surface_color.cutoff > 0.0
+                    && color_at(d, triangle, weights).w < d.part.surface_color.cutoff;
                 if depth > nearest[at] && !cut {
                     (nearest[at], ids[at]) = (depth, (part, index));
                 }
@@ -237,7 +238,7 @@ fn color_at(d: &PartTriangles, triangle: &[u32], weights: Vec3) -> Vec4 {
     let vertex = |v: u32| colors.get(v as usize).copied().unwrap_or(Vec4::ONE);
     let own =
         vertex(triangle[0]) * weights.x + vertex(triangle[1]) * weights.y + vertex(triangle[2]) * weights.z;
-    d.part.paint.at(uv) * own
+    d.part.surface_color.at(uv) * own
 }
 
 /// Barycentric coordinates of a point in the image; `None` if the triangle has no area there.

@@ -38,7 +38,7 @@ pub struct PrimitiveInfo {
     /// Whether the triangles fill all faces of `bounds`: the primitive is a rectangle along the axes, or a box.
     pub covers_bounding_box: bool,
     /// Joints that share a vertex with each joint, itself included. Computed on first use.
-    companions: OnceLock<Vec<Vec<u16>>>,
+    connected_joints: OnceLock<Vec<Vec<u16>>>,
     /// Computed on first use; see [`crate::scene_resources::PrimitiveResource::watertight`].
     pub(crate) watertight: OnceLock<WatertightOrder>,
     /// Computed on first use; see [`crate::scene_resources::PrimitiveResource::morphed_ranges`].
@@ -69,7 +69,7 @@ impl PrimitiveInfo {
             influences: 0,
             colored: p.colors.iter().any(|&c| c != glam::Vec4::ONE),
             covers_bounding_box: false,
-            companions: OnceLock::new(),
+            connected_joints: OnceLock::new(),
             watertight: OnceLock::new(),
             morphed_ranges: OnceLock::new(),
         };
@@ -123,7 +123,7 @@ impl PrimitiveInfo {
 
     /// Camera-relative bounds of an instance with one transform.
     pub fn rigid_bounds(&self, relative_from_mesh: &Affine3x4, morph_offset: Aabb) -> Aabb {
-        transformed(grown(self.bounds, morph_offset), relative_from_mesh)
+        transformed(expanded(self.bounds, morph_offset), relative_from_mesh)
     }
 
     /// Camera-relative bounds of a skinned instance. A skinned vertex is a convex combination of its positions under each joint,
@@ -132,7 +132,7 @@ impl PrimitiveInfo {
         let mut all = Aabb::EMPTY;
         for (joint, b) in &self.joint_bounds {
             if let Some(rows) = joints.get(*joint as usize) {
-                all = all.union(transformed(grown(*b, morph_offset), rows));
+                all = all.union(transformed(expanded(*b, morph_offset), rows));
             }
         }
         all
@@ -143,19 +143,20 @@ impl PrimitiveInfo {
     /// With q = Σ wᵢ qᵢ, a vertex moves to Σᵢⱼ wᵢ wⱼ pᵢ qᵢ q̄ⱼ / |q|², where pᵢ is its stretched position moved by joint i alone.
     /// Since the same sum of any fixed point c is c, the vertex is at most max |pᵢ − c| / |q| from c. If all pairs of qᵢ have a
     /// dot product of at least κ, |q| ≥ κ + (1 − κ) / n for n influences, since the heaviest weighs at least 1/n.
-    pub fn dual_skinned(
+    pub fn dual_quaternion_bounds(
         &self,
         primitive: &Primitive,
         carriers: &[StretchedDualQuaternion],
         relative_from_model: &Affine3x4,
         morph_offset: Aabb,
     ) -> Aabb {
-        let companions = self.companions.get_or_init(|| companions(primitive, self.joint_count()));
+        let connected_joints =
+            self.connected_joints.get_or_init(|| connected_joints(primitive, self.joint_count()));
         let mut all = Aabb::EMPTY;
         for (joint, b) in &self.joint_bounds {
             let of = |j: &u16| carriers.get(usize::from(*j));
-            let together = || companions[usize::from(*joint)].iter().filter_map(of);
-            let reach = grown(*b, morph_offset);
+            let together = || connected_joints[usize::from(*joint)].iter().filter_map(of);
+            let reach = expanded(*b, morph_offset);
             let stretched = together().fold(Aabb::EMPTY, |sum, c| {
                 let stretch = DAffine3 { matrix3: c.stretch, translation: glam::DVec3::ZERO };
                 sum.union(transformed(reach, &Affine3x4::from_affine(stretch)))
@@ -182,7 +183,7 @@ impl PrimitiveInfo {
 }
 
 /// The joints that share a vertex with each joint.
-fn companions(p: &Primitive, joints: usize) -> Vec<Vec<u16>> {
+fn connected_joints(p: &Primitive, joints: usize) -> Vec<Vec<u16>> {
     let mut all = vec![std::collections::BTreeSet::new(); joints];
     let vertices = p.joint_indices.chunks_exact(p.influences.max(1));
     for (joints, weights) in vertices.zip(p.joint_weights.chunks_exact(p.influences.max(1))) {
@@ -194,7 +195,7 @@ fn companions(p: &Primitive, joints: usize) -> Vec<Vec<u16>> {
     all.into_iter().map(|joints| joints.into_iter().collect()).collect()
 }
 
-fn grown(b: Aabb, by: Aabb) -> Aabb {
+fn expanded(b: Aabb, by: Aabb) -> Aabb {
     Aabb { min: b.min + by.min, max: b.max + by.max }
 }
 

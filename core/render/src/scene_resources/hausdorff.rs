@@ -62,10 +62,10 @@ struct Tree {
 
 struct Node {
     bounds: Aabb,
-    first: u32,
+    first_triangle: u32,
     count: u32,
     /// The second child; 0 for a leaf.
-    second: u32,
+    second_child: u32,
 }
 
 impl Tree {
@@ -83,7 +83,7 @@ impl Tree {
         let middle = |t: &[Vec3; 3]| t[0] + t[1] + t[2];
         let bounds = Aabb::of(all.iter().flatten().copied());
         let node = self.nodes.len() as u32;
-        self.nodes.push(Node { bounds, first: first as u32, count: count as u32, second: 0 });
+        self.nodes.push(Node { bounds, first_triangle: first as u32, count: count as u32, second_child: 0 });
         if count > LEAF_SIZE {
             let spread = Aabb::of(all.iter().map(middle));
             let size = spread.max - spread.min;
@@ -92,13 +92,13 @@ impl Tree {
             all.select_nth_unstable_by(half, |a, b| middle(a)[axis].total_cmp(&middle(b)[axis]));
             self.split(first, half);
             let second = self.split(first + half, count - half);
-            self.nodes[node as usize].second = second;
+            self.nodes[node as usize].second_child = second;
         }
         node
     }
 
-    /// The larger of `than` and the squared distance from a point to the nearest triangle.
-    fn farthest_squared(&self, from: Vec3, than: f32) -> f32 {
+    /// The larger of `minimum` and the squared distance from a point to the nearest triangle.
+    fn farthest_squared(&self, from: Vec3, minimum: f32) -> f32 {
         let outside = |b: &Aabb| from.distance_squared(from.clamp(b.min, b.max));
         let mut nearest = f32::INFINITY;
         let mut open: Vec<u32> = Vec::with_capacity(32);
@@ -108,21 +108,22 @@ impl Tree {
             if outside(&node.bounds) >= nearest {
                 continue;
             }
-            if node.second == 0 {
-                let all = &self.triangles[node.first as usize..(node.first + node.count) as usize];
+            if node.second_child == 0 {
+                let all = &self.triangles
+                    [node.first_triangle as usize..(node.first_triangle + node.count) as usize];
                 nearest = all.iter().fold(nearest, |least, t| least.min(squared_distance(from, *t)));
                 // The point is too near to increase the maximum.
-                if nearest <= than {
-                    return than;
+                if nearest <= minimum {
+                    return minimum;
                 }
                 continue;
             }
             // The nearer child is visited first.
-            let halves = [at + 1, node.second];
+            let halves = [at + 1, node.second_child];
             let [a, b] = halves.map(|half| outside(&self.nodes[half as usize].bounds));
             open.extend(if a < b { [halves[1], halves[0]] } else { halves });
         }
-        if nearest.is_finite() { nearest.max(than) } else { than }
+        if nearest.is_finite() { nearest.max(minimum) } else { minimum }
     }
 }
 

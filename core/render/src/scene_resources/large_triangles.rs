@@ -44,7 +44,7 @@ pub(super) fn split(resources: &mut SceneResources, stage: &Stage) {
     for (primitive, uses) in uses {
         let resource = &mut resources.primitives[primitive as usize];
         let factors = (0..32).map(|halvings| MAX_EDGE_RATIO * f64::from(1u32 << halvings));
-        let parts = factors.map(|longest| Splitter::run(resource.primitive(), &uses, longest));
+        let parts = factors.map(|max_edge_ratio| Splitter::run(resource.primitive(), &uses, max_edge_ratio));
         let parts = parts.flatten().next();
         if let Some(parts) = parts.filter(|parts| parts.indices.len() > resource.primitive().indices.len()) {
             *resource = PrimitiveResource::alone(resource.mesh.name.clone(), parts);
@@ -64,7 +64,7 @@ fn large_meshes(resources: &SceneResources, stage: &Stage) -> Vec<LargeMesh> {
     let scale = |index: usize| stage.actors[index].transform.scale.abs().max_element();
     let sizes = (0..stage.actors.len()).map(|i| f64::from(model_diagonal(stage, i)) * scale(i));
     let near = stage.cameras.iter().map(|camera| CAMERA_RADIUS_IN_NEAR_PLANES * f64::from(camera.near()));
-    let smallest = sizes.chain(near).filter(|size| *size > 0.0).fold(f64::INFINITY, f64::min);
+    let smallest_size = sizes.chain(near).filter(|size| *size > 0.0).fold(f64::INFINITY, f64::min);
     let mut all = Vec::new();
     for (index, actor) in stage.actors.iter().enumerate().filter(|(_, a)| a.asset.placements.is_empty()) {
         let entry = resources.entry(index);
@@ -77,7 +77,7 @@ fn large_meshes(resources: &SceneResources, stage: &Stage) -> Vec<LargeMesh> {
             let is_large = |primitive: &u32| {
                 let resource = &resources.primitives[*primitive as usize];
                 let bounds = resource.info.bounds;
-                let large = |length: f32| f64::from(length) * stretch > MAX_EDGE_RATIO * smallest;
+                let large = |length: f32| f64::from(length) * stretch > MAX_EDGE_RATIO * smallest_size;
                 is_rigid(resource)
                     && large((bounds.max - bounds.min).length())
                     && edge_lengths(resource).any(large)
@@ -119,8 +119,8 @@ struct FineRegion {
 #[derive(Debug)]
 struct MeshUse {
     place: DAffine3,
-    near: Vec<FineRegion>,
-    smallest: f64,
+    fine_regions: Vec<FineRegion>,
+    smallest_radius: f64,
 }
 
 impl MeshUse {
@@ -130,35 +130,39 @@ impl MeshUse {
         let world_from_mesh = |s: &Snapshot| s.actors[mesh.actor].world_from_model * joint;
         let place = world_from_mesh(snapshots.first()?);
         // The mesh stays at its first placement; everything else moves relative to it.
-        let still = |s: &Snapshot| place * world_from_mesh(s).inverse();
+        let to_first_placement = |s: &Snapshot| place * world_from_mesh(s).inverse();
         let actors: Vec<usize> =
             (0..stage.actors.len()).filter(|i| *i != mesh.actor && model_diagonal(stage, *i) > 0.0).collect();
         let mut known = HashSet::new();
-        let mut near = Vec::new();
+        let mut fine_regions = Vec::new();
         for pair in snapshots.windows(2) {
-            let [from, to] =
-                [&pair[0], &pair[1]].map(|s| balls_around_camera_and_actors(stage, s, &actors, &still(s)));
+            let [from, to] = [&pair[0], &pair[1]]
+                .map(|s| balls_around_camera_and_actors(stage, s, &actors, &to_first_placement(s)));
             // The camera jumps at a cut, so it does not move in between.
             let cut = pair[0].camera.camera != pair[1].camera.camera;
             for (i, (from, to)) in from.into_iter().zip(to).enumerate() {
                 let paths = if i == 0 && cut { vec![[from.0; 2], [to.0; 2]] } else { vec![[from.0, to.0]] };
                 let balls = paths.into_iter().map(|path| FineRegion { path, radius: from.1.max(to.1) });
-                near.extend(balls.filter(|ball| ball.is_known() && known.insert(ball.cell())));
+                fine_regions.extend(balls.filter(|ball| ball.is_finite() && known.insert(ball.cell_key())));
             }
         }
-        let smallest = near.iter().map(|ball| ball.radius).fold(f64::INFINITY, f64::min);
-        (place.is_finite() && place.matrix3.determinant() != 0.0).then_some(MeshUse { place, near, smallest })
+        let smallest_radius = fine_regions.iter().map(|ball| ball.radius).fold(f64::INFINITY, f64::min);
+        (place.is_finite() && place.matrix3.determinant() != 0.0).then_some(MeshUse {
+            place,
+            fine_regions,
+            smallest_radius,
+        })
     }
 
-    fn is_long(&self, [a, b]: [Vec3; 2], longest: f64) -> bool {
+    fn is_long(&self, [a, b]: [Vec3; 2], max_edge_ratio: f64) -> bool {
         let [a, b] = [a, b].map(|p| self.place.transform_point3(p.as_dvec3()));
         let length = a.distance(b);
         // Splitting gains nothing below the rounding error of the mesh's own positions.
         let least = a.length().max(b.length()) * f64::from(f32::EPSILON);
         let long = |ball: &FineRegion| {
-            length > longest * (ball.radius.max(least) + segment_distance([a, b], ball.path))
+            length > max_edge_ratio * (ball.radius.max(least) + segment_distance([a, b], ball.path))
         };
-        length > longest * self.smallest && self.near.iter().any(long)
+        length > max_edge_ratio * self.smallest_radius && self.fine_regions.iter().any(long)
     }
 }
 
@@ -167,7 +171,7 @@ fn balls_around_camera_and_actors(
     stage: &Stage,
     s: &Snapshot,
     actors: &[usize],
-    still: &DAffine3,
+    to_first_placement: &DAffine3,
 ) -> Vec<(DVec3, f64)> {
     let near = s.camera.camera.and_then(|camera| stage.cameras.get(camera)).map_or(0.0, |c| c.near());
     let camera = (s.camera.world_from_view.translation, CAMERA_RADIUS_IN_NEAR_PLANES * f64::from(near));
@@ -178,16 +182,16 @@ fn balls_around_camera_and_actors(
         (world_from_model.transform_point3(center), scale * f64::from(model_diagonal(stage, *index)))
     };
     let balls = std::iter::once(camera).chain(actors.iter().map(of_actor));
-    balls.map(|(center, radius)| (still.transform_point3(center), radius)).collect()
+    balls.map(|(center, radius)| (to_first_placement.transform_point3(center), radius)).collect()
 }
 
 impl FineRegion {
-    fn is_known(&self) -> bool {
+    fn is_finite(&self) -> bool {
         self.path.iter().all(|p| p.is_finite()) && self.radius.is_finite()
     }
 
     /// Key of nearly equal balls, of which only one is kept.
-    fn cell(&self) -> [i64; 7] {
+    fn cell_key(&self) -> [i64; 7] {
         let exponent = if self.radius > 0.0 { libm::ilogb(self.radius) } else { -20 };
         let side = libm::ldexp(1.0, exponent);
         let cell = |i: usize| (self.path[i / 3][i % 3] / side).floor() as i64;
@@ -212,18 +216,18 @@ fn segment_distance([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> f64 {
 struct Splitter<'a> {
     shape: Primitive,
     uses: &'a [MeshUse],
-    longest: f64,
+    max_edge_ratio: f64,
     /// The vertex in the middle of each visited edge; `None` if the edge is short enough.
     middles: HashMap<[u32; 2], Option<u32>>,
 }
 
 impl Splitter<'_> {
     /// The split mesh; `None` if it would need too many triangles.
-    fn run(shape: &Primitive, uses: &[MeshUse], longest: f64) -> Option<Primitive> {
+    fn run(shape: &Primitive, uses: &[MeshUse], max_edge_ratio: f64) -> Option<Primitive> {
         let mut splitter = Splitter {
             shape: Primitive { indices: Vec::new(), ..shape.clone() },
             uses,
-            longest,
+            max_edge_ratio,
             middles: HashMap::new(),
         };
         let most = shape.indices.len() + 3 * MAX_TRIANGLES;
@@ -241,7 +245,7 @@ impl Splitter<'_> {
 
     /// Keeps a triangle whose edges are short, or pushes its parts.
     fn split(&mut self, [a, b, c]: [u32; 3], parts: &mut Vec<[u32; 3]>) {
-        let middles = [[a, b], [b, c], [c, a]].map(|edge| self.middle(edge));
+        let middles = [[a, b], [b, c], [c, a]].map(|edge| self.split_point(edge));
         match middles {
             [None, None, None] => self.shape.indices.extend([a, b, c]),
             [Some(ab), None, None] => parts.extend([[a, ab, c], [ab, b, c]]),
@@ -256,7 +260,7 @@ impl Splitter<'_> {
         }
     }
 
-    fn middle(&mut self, [a, b]: [u32; 2]) -> Option<u32> {
+    fn split_point(&mut self, [a, b]: [u32; 2]) -> Option<u32> {
         let key = [a.min(b), a.max(b)];
         if let Some(known) = self.middles.get(&key) {
             return *known;
@@ -264,7 +268,7 @@ impl Splitter<'_> {
         let mut ends = [a, b].map(|i| self.shape.positions[i as usize]);
         // The order of the ends is canonical, so that two meshes decide alike about a shared edge.
         ends.sort_by(|a, b| a.to_array().map(f32::to_bits).cmp(&b.to_array().map(f32::to_bits)));
-        let long = self.uses.iter().any(|of| of.is_long(ends, self.longest));
+        let long = self.uses.iter().any(|of| of.is_long(ends, self.max_edge_ratio));
         let middle = long.then(|| self.add_middle(a as usize, b as usize));
         self.middles.insert(key, middle);
         middle
@@ -311,7 +315,11 @@ mod tests {
 
     /// A character of two metres that walks from one place to another.
     fn use_with_walking_character(path: [DVec3; 2]) -> MeshUse {
-        MeshUse { place: DAffine3::IDENTITY, near: vec![FineRegion { path, radius: 2.0 }], smallest: 2.0 }
+        MeshUse {
+            place: DAffine3::IDENTITY,
+            fine_regions: vec![FineRegion { path, radius: 2.0 }],
+            smallest_radius: 2.0,
+        }
     }
 
     #[test]

@@ -38,9 +38,9 @@ pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
     let mut bytes = vec![0u8; first.width * first.height * 4];
     let mut above = vec![[0.0f32; 4]; first.width * first.height];
     if first.width == 1 && first.height == 1 {
-        first.row(0, texel, &mut above);
+        first.compute_row(0, texel, &mut above);
         encode(&above, &mut bytes, srgb);
-        out.push(first.level(bytes));
+        out.push(first.to_level(bytes));
         return out;
     }
     let second = Downsampler::new(first.width, first.height);
@@ -48,25 +48,25 @@ pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
     let two_rows = 2 * first.width * 4;
     above.par_chunks_mut(second.width).zip(bytes.par_chunks_mut(two_rows)).enumerate().for_each(
         |(y, (row, bytes))| {
-            let covered = taps(y, first.height, second.height);
+            let covered = filter_taps(y, first.height, second.height);
             let mut rows = vec![[0.0f32; 4]; covered.count * first.width];
             for (i, row) in rows.chunks_exact_mut(first.width).enumerate() {
-                first.row(covered.first + i, texel, row);
+                first.compute_row(covered.first + i, texel, row);
             }
             for (row, bytes) in rows.chunks_exact(first.width).zip(bytes.chunks_exact_mut(first.width * 4)) {
                 encode(row, bytes, srgb);
             }
-            second.row(y, |x, y| rows[(y - covered.first) * first.width + x], row);
+            second.compute_row(y, |x, y| rows[(y - covered.first) * first.width + x], row);
         },
     );
     if first.height == 2 * second.height + 1 {
         // The last row of an odd height covers a third row.
         let mut row = vec![[0.0f32; 4]; first.width];
-        first.row(first.height - 1, texel, &mut row);
+        first.compute_row(first.height - 1, texel, &mut row);
         let at = (first.height - 1) * first.width * 4;
         encode(&row, &mut bytes[at..], srgb);
     }
-    out.push(first.level(bytes));
+    out.push(first.to_level(bytes));
     let mut last = second;
     loop {
         let mut bytes = vec![0u8; last.width * last.height * 4];
@@ -75,14 +75,14 @@ pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
             .par_chunks_mut(last.width * 4)
             .zip(texels)
             .for_each(|(bytes, texels)| encode(texels, bytes, srgb));
-        out.push(last.level(bytes));
+        out.push(last.to_level(bytes));
         if last.width == 1 && last.height == 1 {
             return out;
         }
         let next = Downsampler::new(last.width, last.height);
         let mut level = vec![[0.0f32; 4]; next.width * next.height];
         let fetch = |x: usize, y: usize| above[y * last.width + x];
-        level.par_chunks_mut(next.width).enumerate().for_each(|(y, row)| next.row(y, fetch, row));
+        level.par_chunks_mut(next.width).enumerate().for_each(|(y, row)| next.compute_row(y, fetch, row));
         above = level;
         last = next;
     }
@@ -100,11 +100,16 @@ struct Downsampler {
 impl Downsampler {
     fn new(w: usize, h: usize) -> Downsampler {
         let (width, height) = ((w / 2).max(1), (h / 2).max(1));
-        Downsampler { width, height, above: h, columns: (0..width).map(|x| taps(x, w, width)).collect() }
+        Downsampler {
+            width,
+            height,
+            above: h,
+            columns: (0..width).map(|x| filter_taps(x, w, width)).collect(),
+        }
     }
 
-    fn row(&self, y: usize, above: impl Fn(usize, usize) -> [f32; 4], out: &mut [[f32; 4]]) {
-        let rows = taps(y, self.above, self.height);
+    fn compute_row(&self, y: usize, above: impl Fn(usize, usize) -> [f32; 4], out: &mut [[f32; 4]]) {
+        let rows = filter_taps(y, self.above, self.height);
         for (texel, columns) in out.iter_mut().zip(&self.columns) {
             let mut sum = [0.0f32; 4];
             for (dy, wy) in rows.weights[..rows.count].iter().enumerate() {
@@ -120,7 +125,7 @@ impl Downsampler {
         }
     }
 
-    fn level(&self, rgba: Vec<u8>) -> MipLevel {
+    fn to_level(&self, rgba: Vec<u8>) -> MipLevel {
         MipLevel { width: self.width as u32, height: self.height as u32, rgba }
     }
 }
@@ -141,7 +146,7 @@ struct Taps {
 }
 
 /// The texels of a side of `size` that texel `i` of a side of `half` covers, with their weights.
-fn taps(i: usize, size: usize, half: usize) -> Taps {
+fn filter_taps(i: usize, size: usize, half: usize) -> Taps {
     if size == half {
         return Taps { first: i, count: 1, weights: [1.0, 0.0, 0.0] };
     }
@@ -261,11 +266,11 @@ mod tests {
             let next = Downsampler::new(w, h);
             let mut level = vec![[0.0; 4]; next.width * next.height];
             for (y, row) in level.chunks_exact_mut(next.width).enumerate() {
-                next.row(y, |x, y| above[y * w + x], row);
+                next.compute_row(y, |x, y| above[y * w + x], row);
             }
             let mut bytes = vec![0; 4 * level.len()];
             encode(&level, &mut bytes, srgb);
-            out.push(next.level(bytes));
+            out.push(next.to_level(bytes));
             (w, h, above) = (next.width, next.height, level);
         }
         out

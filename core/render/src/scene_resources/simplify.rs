@@ -49,7 +49,7 @@ pub(super) struct ModelPrimitive {
     /// Positions at rest in model space.
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
-    pub paint: SurfaceColor,
+    pub surface_color: SurfaceColor,
     /// Metres of the model per metre of the mesh.
     stretch: f32,
 }
@@ -105,7 +105,7 @@ impl ModelPrimitive {
 
     /// Texture coordinates of the color texture; empty without one.
     pub fn uvs(&self) -> &[Vec2] {
-        &self.primitive().uvs[self.paint.uv_set()]
+        &self.primitive().uvs[self.surface_color.uv_set()]
     }
 
     /// The triangles simplified up to an error of `error` metres of the model.
@@ -141,9 +141,9 @@ impl ModelPrimitive {
     fn attributes(&self, v: usize) -> [f32; 8] {
         let uv = self.uvs().get(v).copied().unwrap_or_default();
         let vertex_color = self.primitive().colors.get(v).map_or(Vec4::ONE, |c| *c);
-        let color = self.paint.at(uv) * vertex_color;
+        let color = self.surface_color.at(uv) * vertex_color;
         let normal = self.normals.get(v).copied().unwrap_or_default();
-        let uv = if self.paint.texture.is_some() { uv } else { Vec2::ZERO };
+        let uv = if self.surface_color.texture.is_some() { uv } else { Vec2::ZERO };
         [color.x, color.y, color.z, uv.x, uv.y, normal.x, normal.y, normal.z]
     }
 }
@@ -181,7 +181,7 @@ impl Model {
                     stretch: size_ratio(&primitive.positions, &positions),
                     positions,
                     normals: posed.normals.iter().map(|n| n.as_vec3()).collect(),
-                    paint: SurfaceColor::new(asset, material.unwrap_or(&default)),
+                    surface_color: SurfaceColor::new(asset, material.unwrap_or(&default)),
                 });
             }
         }

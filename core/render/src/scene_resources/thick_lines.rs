@@ -140,7 +140,7 @@ impl ThickLineExpander {
     ///
     /// The offset is scaled by w, so that it is the same on screen anywhere on the line. The near plane then clips it like any
     /// triangle, and ends behind the camera need no screen position.
-    pub fn vertex(&self, own: Vec4, other: Vec4, offset: Vec3, width: f32) -> Vec4 {
+    pub fn expand_vertex(&self, own: Vec4, other: Vec4, offset: Vec3, width: f32) -> Vec4 {
         let (a, b) = if offset.z > 0.5 { (other, own) } else { (own, other) };
         // The direction from the first end to the second in the image: d(xy/w) is proportional to this.
         let way = (b.xy() * a.w - a.xy() * b.w) * self.size;
@@ -206,7 +206,7 @@ mod tests {
         let expander = ThickLineExpander::new(&clip, [200, 200]);
         let pixels = |depth: f32, width: f32| {
             let [a, b] = [-1.0, 1.0].map(|x| clip * Vec4::new(x, 0.3, -depth, 1.0));
-            let [up, down] = [1.0, -1.0].map(|y| expander.vertex(a, b, Vec3::new(0.0, y, 0.0), width));
+            let [up, down] = [1.0, -1.0].map(|y| expander.expand_vertex(a, b, Vec3::new(0.0, y, 0.0), width));
             ((up.y / up.w - down.y / down.w) * 100.0).abs()
         };
         for depth in [0.5, 5.0, 500.0] {
@@ -224,14 +224,14 @@ mod tests {
         let (front, behind) = (at(0.2, -3.0), at(0.2, 4.0));
         // The line goes down from its front end to the camera, and both edges keep their distance.
         let edges = [1.0, -1.0].map(|y| {
-            let near = expander.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
-            let far = expander.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
+            let near = expander.expand_vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
+            let far = expander.expand_vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
             // Point of the edge that is a metre in front of the camera.
             near + (far - near) * ((near.w - 1.0) / (near.w - far.w))
         });
         let [a, b] = edges.map(|e| e.xy() / e.w * Vec2::new(100.0, 50.0));
         assert!((a.distance(b) - 8.0).abs() < 1e-3, "{a} {b}");
-        let dot = expander.vertex(front, front, Vec3::new(-1.0, 0.0, 0.0), 8.0);
+        let dot = expander.expand_vertex(front, front, Vec3::new(-1.0, 0.0, 0.0), 8.0);
         assert!(dot.is_finite() && dot.x < front.x);
     }
 }

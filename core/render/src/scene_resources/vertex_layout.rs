@@ -42,7 +42,7 @@ impl VertexLayout {
     pub(crate) const ROUND: u16 = 1 << 12;
     /// Triangles of watertight surfaces come first; see [`crate::scene_resources::watertight`].
     pub(crate) const WATERTIGHT_FIRST: u16 = 1 << 13;
-    /// Indices are those of [`edges`], two for each line.
+    /// Indices are those of [`unique_edges`], two for each line.
     pub const EDGES: u16 = 1 << 14;
     /// Normals are those of [`welded_normals`].
     pub(crate) const WELDED: u16 = 1 << 15;
@@ -154,7 +154,7 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
             bytes.extend_from_slice(bytemuck::bytes_of(&wide.offsets[at]));
         }
     }
-    let indices = if layout.0 & VertexLayout::EDGES != 0 { edges(&indices) } else { indices };
+    let indices = if layout.0 & VertexLayout::EDGES != 0 { unique_edges(&indices) } else { indices };
     let wide_indices = order.len() > 0xffff;
     let index_count = indices.len() as u32;
     let indices = if wide_indices {
@@ -175,7 +175,7 @@ pub fn pack_morphs(p: &Primitive, indices: &[u32], layout: VertexLayout) -> Vec<
 }
 
 /// Each edge of the triangles once, as two indices, in the order of their first triangle.
-pub fn edges(triangles: &[u32]) -> Vec<u32> {
+pub fn unique_edges(triangles: &[u32]) -> Vec<u32> {
     let mut all: Vec<([u32; 2], u32)> = Vec::with_capacity(triangles.len());
     for t in triangles.chunks_exact(3) {
         for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {

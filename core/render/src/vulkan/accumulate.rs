@@ -28,10 +28,10 @@ impl VulkanRenderer {
 
     /// Draws the oldest waiting plan. Nothing may be in flight.
     pub(super) fn collect_later(&mut self, plan: Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
-        dissolved(plan, reuse, |plan, reuse| self.collect_exposed(plan, reuse))
+        dissolved(plan, reuse, |plan, reuse| self.collect_accumulated(plan, reuse))
     }
 
-    fn collect_exposed(&mut self, plan: Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+    fn collect_accumulated(&mut self, plan: Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         if self.is_tiled(&plan) {
             return self.collect_tiled(&plan, reuse);
         }
@@ -46,7 +46,7 @@ impl VulkanRenderer {
         let mut waiting: VecDeque<&Plan> = plan.sub_plans().collect();
         let mut done = 0;
         while !waiting.is_empty() || !self.pending.is_empty() {
-            while self.pending.len() < self.slots.len()
+            while self.pending.len() < self.frames.len()
                 && let Some(part) = waiting.pop_front()
             {
                 self.submit_now(part)?;
@@ -85,22 +85,26 @@ impl VulkanRenderer {
     }
 
     /// Waits for the oldest frame in flight and returns its bytes. `at`: position of its part in the whole image.
-    pub(super) fn finish_oldest(&mut self, bytes_a_pixel: usize, at: [u32; 2]) -> Result<&[u8], RenderError> {
+    pub(super) fn finish_oldest(
+        &mut self,
+        bytes_per_pixel: usize,
+        at: [u32; 2],
+    ) -> Result<&[u8], RenderError> {
         let index = *self.pending.front().ok_or_else(|| {
             RenderError::Usage("no frame is submitted: submit a plan before you collect a frame".into())
         })?;
-        self.wait_for(self.slots[index].done_at)?;
+        self.wait_for(self.frames[index].done_at)?;
         self.pending.pop_front();
         if let Some(clock) = &self.clock {
             clock.read(&self.gpu, index)?;
         }
-        self.slots[index].release_staging(&self.gpu);
+        self.frames[index].release_staging(&self.gpu);
         if std::mem::take(&mut self.awaits_first_frame) {
             context::give_back_freed_memory();
         }
-        let slot = &self.slots[index];
+        let slot = &self.frames[index];
         self.faults.read_device_records(self.pipelines.effects(), slot.fault_records(), at);
-        let bytes = slot.size[0] as usize * slot.size[1] as usize * bytes_a_pixel;
+        let bytes = slot.size[0] as usize * slot.size[1] as usize * bytes_per_pixel;
         slot.readback.as_ref().and_then(|b| b.mapped().get(..bytes)).ok_or_else(|| RenderError::Vulkan {
             object: "read-back buffer".into(),
             result: "it is not mapped".into(),
@@ -112,8 +116,8 @@ impl VulkanRenderer {
         rgba.clear();
         let index = self.pending.front().copied().unwrap_or_default();
         rgba.extend_from_slice(self.finish_oldest(4, [0, 0])?);
-        let layers = self.slots[index].layers_in_front.take();
-        let [width, height] = self.slots[index].size;
+        let layers = self.frames[index].layers_in_front.take();
+        let [width, height] = self.frames[index].size;
         self.gpu.check_messages()?;
         let mut frame = Frame { width, height, rgba };
         if let Some(layers) = layers {

@@ -32,9 +32,9 @@ pub struct Clock {
     pool: vk::QueryPool,
     time: Arc<DeviceTime>,
     /// Nanoseconds of one tick.
-    nanos: f64,
+    nanos_per_tick: f64,
     /// Number of valid bits of a timestamp.
-    bits: u32,
+    timestamp_bits: u32,
 }
 
 impl Clock {
@@ -44,13 +44,18 @@ impl Clock {
         time: Option<Arc<DeviceTime>>,
         slots: u32,
     ) -> Result<Option<Clock>, RenderError> {
-        let (Some(time), bits @ 1..) = (time, gpu.timestamp_bits) else { return Ok(None) };
+        let (Some(time), timestamp_bits @ 1..) = (time, gpu.timestamp_bits) else { return Ok(None) };
         let info =
             vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * slots);
         // SAFETY: the device is alive; destroyed by `destroy`.
         let pool = unsafe { gpu.device.create_query_pool(&info, None) }.named("timestamps")?;
-        gpu.name(pool, "timestamps");
-        Ok(Some(Clock { pool, time, nanos: f64::from(gpu.limits().timestamp_period), bits }))
+        gpu.set_name(pool, "timestamps");
+        Ok(Some(Clock {
+            pool,
+            time,
+            nanos_per_tick: f64::from(gpu.limits().timestamp_period),
+            timestamp_bits,
+        }))
     }
 
     /// Writes the timestamp before the first command of a frame in this slot.
@@ -81,9 +86,9 @@ impl Clock {
         unsafe { gpu.device.get_query_pool_results(self.pool, 2 * slot as u32, &mut ticks, flags) }
             .named("timestamps")?;
         // A timestamp with few bits wraps around to 0.
-        let mask = u64::MAX >> (64 - self.bits.min(64));
+        let mask = u64::MAX >> (64 - self.timestamp_bits.min(64));
         let busy = ticks[1].wrapping_sub(ticks[0]) & mask;
-        self.time.add((busy as f64 * self.nanos) as u64);
+        self.time.add((busy as f64 * self.nanos_per_tick) as u64);
         Ok(())
     }
 

@@ -204,7 +204,7 @@ impl Context {
     }
 
     /// Gives an object the name that validation messages show.
-    pub fn name<T: vk::Handle>(&self, object: T, name: &str) {
+    pub fn set_name<T: vk::Handle>(&self, object: T, name: &str) {
         if let (Some(names), Ok(name)) = (&self.names, CString::new(name)) {
             let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
             // Names are only for debugging, so a failure is ignored.
@@ -249,12 +249,12 @@ fn keep_freed_memory() {
         fn mallopt(parameter: std::ffi::c_int, value: std::ffi::c_int) -> std::ffi::c_int;
     }
     // Constants of malloc.h: M_TRIM_THRESHOLD and M_MMAP_THRESHOLD, whose largest value is 32 MB.
-    const TRIM: std::ffi::c_int = -1;
-    const MMAP: std::ffi::c_int = -3;
+    const M_TRIM_THRESHOLD: std::ffi::c_int = -1;
+    const M_MMAP_THRESHOLD: std::ffi::c_int = -3;
     // SAFETY: glibc's own function, safe to call at any time; it changes when memory is given back, nothing else.
     unsafe {
-        mallopt(MMAP, 32 << 20);
-        mallopt(TRIM, 128 << 20);
+        mallopt(M_MMAP_THRESHOLD, 32 << 20);
+        mallopt(M_TRIM_THRESHOLD, 128 << 20);
     }
 }
 

@@ -21,7 +21,7 @@ use ash::vk;
 pub const FORMATS: [vk::Format; 3] =
     [vk::Format::R32G32B32A32_UINT, vk::Format::R32G32B32A32_UINT, vk::Format::R32_SFLOAT];
 /// Bytes per pixel of each image.
-pub(crate) const BYTES: [u64; 3] = [16, 16, 4];
+pub(crate) const BYTES_PER_PIXEL: [u64; 3] = [16, 16, 4];
 
 /// Bindings of set 3 in the lighting pass.
 pub(crate) const BINDINGS: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 4] = [
@@ -52,7 +52,7 @@ impl VulkanRenderer {
         let no_deferred = !has(Ability::ColorAttachments);
         let options = RecordOptions {
             cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu,
-            textures: Some(self.textures()),
+            textures: Some(self.max_textures()),
             no_coverage: !has(Ability::AlphaToOne),
             no_depth_peeling: plan.samples > 1 && !has(Ability::SampleRateShading),
             no_deferred,
@@ -61,7 +61,7 @@ impl VulkanRenderer {
         };
         // The note answers a script that requests deferred shading; the planner's own choice needs none.
         let asked = plan.deferred.as_ref().is_some_and(|d| d.cause == DeferredCause::Requested);
-        if asked && no_deferred && !std::mem::replace(&mut self.noted_forward, true) {
+        if asked && no_deferred && !std::mem::replace(&mut self.noted_forward_shading, true) {
             let ability = Ability::ColorAttachments;
             let note = format!(
                 "pipeline \"deferred\": this device lacks {}: {}",
@@ -117,7 +117,7 @@ impl Execution<'_> {
     /// Lights the G-buffer with the pipeline that was bound before.
     pub(super) fn light(&self, area: Option<[u32; 4]>) -> Result<(), RenderError> {
         let set = self
-            .slot
+            .frame
             .gbuffer_set
             .ok_or_else(|| RenderError::Usage("the G-buffer set was not prepared".into()))?;
         self.bind_set(self.layouts.light()?.pipeline, 3, set.raw);
@@ -128,7 +128,7 @@ impl Execution<'_> {
             extent: vk::Extent2D { width: w, height: h },
         };
         let whole = [0, 0, width, height];
-        let (device, commands) = (&self.gpu.device, self.slot.commands);
+        let (device, commands) = (&self.gpu.device, self.frame.commands);
         // SAFETY: the command buffer is being recorded; the pipeline reads no vertices, its sets are bound, and every pipeline
         // has the scissor dynamic.
         unsafe {

@@ -80,7 +80,7 @@ fn create_set_layout(
     let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
     // SAFETY: the device is alive; destroyed by `Layouts::destroy`.
     let layout = unsafe { gpu.device.create_descriptor_set_layout(&info, None) }.named(name)?;
-    gpu.name(layout, name);
+    gpu.set_name(layout, name);
     Ok(layout)
 }
 
@@ -131,7 +131,7 @@ impl Layouts {
             // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
             layouts.preskin_pipeline = unsafe { gpu.device.create_pipeline_layout(&info, None) }
                 .named("pre-skinning pipeline layout")?;
-            gpu.name(layouts.preskin_pipeline, "pre-skinning pipeline layout");
+            gpu.set_name(layouts.preskin_pipeline, "pre-skinning pipeline layout");
             Ok(())
         })();
         match made {
@@ -196,7 +196,7 @@ impl Layouts {
         // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
         match unsafe { gpu.device.create_pipeline_layout(&info, None) }.named("scene pipeline layout") {
             Ok(pipeline) => {
-                gpu.name(pipeline, "scene pipeline layout");
+                gpu.set_name(pipeline, "scene pipeline layout");
                 Ok(MaterialLayout { set, pipeline })
             }
             Err(e) => {
@@ -259,13 +259,13 @@ impl Pools {
     ) -> Result<Set, RenderError> {
         for &pool in self.pools.iter().rev() {
             if let Ok(set) = allocate(gpu, pool, layout) {
-                gpu.name(set.raw, name);
+                gpu.set_name(set.raw, name);
                 return Ok(set);
             }
         }
         let pool = self.grow(gpu)?;
         let set = allocate(gpu, pool, layout).named(name)?;
-        gpu.name(set.raw, name);
+        gpu.set_name(set.raw, name);
         Ok(set)
     }
 

@@ -66,17 +66,17 @@ impl RecoveringRenderer {
     /// Repeats an operation until it succeeds or has failed twice.
     fn retry_once<T>(
         &mut self,
-        mut what: impl FnMut(&mut RecoveringRenderer) -> Result<T, RenderError>,
+        mut operation: impl FnMut(&mut RecoveringRenderer) -> Result<T, RenderError>,
     ) -> Result<T, RenderError> {
         loop {
-            match what(self) {
-                Err(error) if is_recoverable(&error) => self.start_again(error)?,
+            match operation(self) {
+                Err(error) if is_recoverable(&error) => self.recreate_device(error)?,
                 result => return result,
             }
         }
     }
 
-    fn start_again(&mut self, error: RenderError) -> Result<(), RenderError> {
+    fn recreate_device(&mut self, error: RenderError) -> Result<(), RenderError> {
         self.drop_device(&error);
         if let Some(first) = self.failed.take() {
             return Err(RenderError::FailedTwice { first: Box::new(first), second: Box::new(error) });
@@ -106,7 +106,7 @@ impl RecoveringRenderer {
     }
 
     /// Removes the oldest plan, which has been collected.
-    fn collected(&mut self) {
+    fn remove_oldest_plan(&mut self) {
         self.plans.pop_front();
         self.submitted_to_inner = self.submitted_to_inner.saturating_sub(1);
         self.failed = None;
@@ -167,7 +167,7 @@ impl Renderer for RecoveringRenderer {
             this.submit_waiting_plans()?;
             this.inner()?.collect(reuse.take())
         })?;
-        self.collected();
+        self.remove_oldest_plan();
         Ok(frame)
     }
 
@@ -176,7 +176,7 @@ impl Renderer for RecoveringRenderer {
             this.submit_waiting_plans()?;
             this.inner()?.collect_floats()
         })?;
-        self.collected();
+        self.remove_oldest_plan();
         Ok(frame)
     }
 

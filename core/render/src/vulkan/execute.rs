@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::descriptors::{Layouts, POST_TEXTURES, write_image};
 use super::frame_in_flight::FrameInFlight;
-use super::memory::{Image, range};
+use super::memory::{Image, all_mip_levels};
 use super::pipelines::{PipelineId, Pipelines};
 use super::resources::Resources;
 use super::targets::Targets;
@@ -23,7 +23,7 @@ pub(crate) struct Execution<'a> {
     pub resources: &'a Resources,
     pub pipelines: &'a Pipelines,
     pub targets: &'a Targets,
-    pub slot: &'a FrameInFlight,
+    pub frame: &'a FrameInFlight,
     /// Whether a pass of this recording draws shadow maps.
     pub draws_shadows: bool,
 }
@@ -31,7 +31,7 @@ pub(crate) struct Execution<'a> {
 impl Execution<'_> {
     pub fn run(&self, recording: &Recording, ids: &[Option<PipelineId>]) -> Result<(), RenderError> {
         let device = &self.gpu.device;
-        let commands = self.slot.commands;
+        let commands = self.frame.commands;
         let pipeline_of = |i: usize| {
             let id = ids[i].as_ref();
             id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| not_prepared("a pipeline"))
@@ -43,7 +43,7 @@ impl Execution<'_> {
             match command {
                 Command::Preskin { variant, primitive, layout, first, count } => {
                     let morphs = variant.features.has(Features::MORPH);
-                    self.pose(pipeline_of(i)?, (*primitive, *layout), morphs, [*first, *count])?;
+                    self.preskin_mesh(pipeline_of(i)?, (*primitive, *layout), morphs, [*first, *count])?;
                 }
                 Command::BindPipeline(variant) => {
                     self.bind_pipeline(pipeline_of(i)?);
@@ -96,7 +96,7 @@ impl Execution<'_> {
                 if *clear {
                     self.clear_depth(*at, *size);
                 }
-                let set = self.slot.view_sets.get(*index).ok_or_else(|| not_prepared("a shadow view"))?;
+                let set = self.frame.view_sets.get(*index).ok_or_else(|| not_prepared("a shadow view"))?;
                 self.bind_set(self.pipelines.layout, 0, set.raw);
             }
             Command::BeginGBuffer => {
@@ -114,10 +114,10 @@ impl Execution<'_> {
             }
             Command::BeginPeel { layer, area, .. } => {
                 // The depth that the pass reads: the scene's for the first layer, then that of even and odd layers in turn.
-                let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
+                let set = self.frame.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
                 let set = set.ok_or_else(|| not_prepared("a set of peeled layers"))?;
                 self.begin_peel(*layer, *area)?;
-                self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
+                self.bind_set(self.pipelines.layout, 0, self.frame.frame_set.raw);
                 self.bind_set(self.pipelines.layout, 2, set.raw);
             }
             Command::BeginLayer { layer, nearer, target, area, .. } => {
@@ -126,7 +126,7 @@ impl Execution<'_> {
             }
             Command::EndPass => {
                 // SAFETY: `BeginPass` began it.
-                unsafe { self.gpu.device.cmd_end_rendering(self.slot.commands) };
+                unsafe { self.gpu.device.cmd_end_rendering(self.frame.commands) };
             }
             Command::ReadBack => self.read_back(Target::Image),
             Command::ReadBackLinear => self.read_back(Target::Float(0)),
@@ -150,7 +150,7 @@ impl Execution<'_> {
     fn bind_material(&self, material: u32, changed: Option<u32>, slots: u32) -> Result<(), RenderError> {
         let kept = || self.scene_resources.materials.get(material as usize);
         let set = match changed {
-            Some(changed) => self.slot.override_set(changed, slots),
+            Some(changed) => self.frame.override_set(changed, slots),
             None => kept().and_then(|m| self.resources.material_set(m.hash, slots)),
         };
         let layout = self.layouts.material(slots)?.pipeline;
@@ -160,13 +160,13 @@ impl Execution<'_> {
 
     /// Binds a mesh and returns its number of indices.
     fn bind_mesh(&self, primitive: u32, layout: VertexLayout, morphs: bool) -> Result<u32, RenderError> {
-        let (device, commands) = (&self.gpu.device, self.slot.commands);
+        let (device, commands) = (&self.gpu.device, self.frame.commands);
         let hash = self.scene_resources.primitives[primitive as usize].hash;
         let mesh = self.resources.mesh(hash, layout).ok_or_else(|| not_prepared("a mesh"))?;
         // SAFETY: the command buffer is being recorded; the buffer outlives the frame.
         unsafe {
             device.cmd_bind_vertex_buffers(commands, 0, &[mesh.buffer.raw], &[0]);
-            device.cmd_bind_index_buffer(commands, mesh.buffer.raw, mesh.indices_at, mesh.index_type);
+            device.cmd_bind_index_buffer(commands, mesh.buffer.raw, mesh.index_offset, mesh.index_type);
         }
         if morphs {
             let set = self.resources.morph_set(hash, layout);
@@ -180,8 +180,8 @@ impl Execution<'_> {
     }
 
     pub(super) fn bind_scene_sets(&self) {
-        self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
-        if let Some((set, _)) = &self.slot.scene_set {
+        self.bind_set(self.pipelines.layout, 0, self.frame.frame_set.raw);
+        if let Some((set, _)) = &self.frame.scene_set {
             self.bind_set(self.pipelines.layout, 2, set.raw);
         }
     }
@@ -193,14 +193,14 @@ impl Execution<'_> {
             Cull::Front => vk::CullModeFlags::FRONT,
         };
         // SAFETY: the command buffer is being recorded; every pipeline has this state dynamic.
-        unsafe { self.gpu.device.cmd_set_cull_mode(self.slot.commands, mode) };
+        unsafe { self.gpu.device.cmd_set_cull_mode(self.frame.commands, mode) };
     }
 
     fn bind_pipeline(&self, pipeline: vk::Pipeline) {
         // SAFETY: the command buffer is being recorded; the pipeline outlives the frame.
         unsafe {
             let bind = vk::PipelineBindPoint::GRAPHICS;
-            self.gpu.device.cmd_bind_pipeline(self.slot.commands, bind, pipeline);
+            self.gpu.device.cmd_bind_pipeline(self.frame.commands, bind, pipeline);
         }
     }
 
@@ -208,14 +208,14 @@ impl Execution<'_> {
         // SAFETY: the command buffer is being recorded; the set fits the layout and outlives the frame.
         unsafe {
             let bind = vk::PipelineBindPoint::GRAPHICS;
-            self.gpu.device.cmd_bind_descriptor_sets(self.slot.commands, bind, layout, index, &[set], &[]);
+            self.gpu.device.cmd_bind_descriptor_sets(self.frame.commands, bind, layout, index, &[set], &[]);
         }
     }
 
     pub(super) fn barriers(&self, barriers: &[vk::ImageMemoryBarrier2<'_>]) {
         let info = vk::DependencyInfo::default().image_memory_barriers(barriers);
         // SAFETY: the command buffer is being recorded, outside a pass; the images are alive.
-        unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
+        unsafe { self.gpu.device.cmd_pipeline_barrier2(self.frame.commands, &info) };
     }
 
     /// Copies the background from the host over the whole image.
@@ -230,7 +230,7 @@ impl Execution<'_> {
         // SAFETY: the command buffer is being recorded; the buffer holds one image.
         unsafe {
             let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
-            let commands = self.slot.commands;
+            let commands = self.frame.commands;
             self.gpu.device.cmd_copy_buffer_to_image(commands, rows, image.raw, layout, &region);
         }
     }
@@ -264,7 +264,7 @@ impl Execution<'_> {
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
         let info = vk::RenderingInfo::default().render_area(area).layer_count(1).depth_attachment(&depth);
         // SAFETY: the command buffer is being recorded, outside a pass; the image is in the layout named.
-        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
+        unsafe { self.gpu.device.cmd_begin_rendering(self.frame.commands, &info) };
         Ok(())
     }
 
@@ -275,7 +275,7 @@ impl Execution<'_> {
         let rect = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
         let rect = vk::ClearRect { rect, base_array_layer: 0, layer_count: 1 };
         // SAFETY: a pass with a depth attachment has been begun, and the part lies in its area.
-        unsafe { self.gpu.device.cmd_clear_attachments(self.slot.commands, &[clear], &[rect]) };
+        unsafe { self.gpu.device.cmd_clear_attachments(self.frame.commands, &[clear], &[rect]) };
     }
 
     /// Sets viewport and scissor.
@@ -292,8 +292,8 @@ impl Execution<'_> {
         let area = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
         // SAFETY: the command buffer is being recorded; every pipeline has this state dynamic.
         unsafe {
-            self.gpu.device.cmd_set_viewport(self.slot.commands, 0, &[viewport]);
-            self.gpu.device.cmd_set_scissor(self.slot.commands, 0, &[area]);
+            self.gpu.device.cmd_set_viewport(self.frame.commands, 0, &[viewport]);
+            self.gpu.device.cmd_set_scissor(self.frame.commands, 0, &[area]);
         }
     }
 
@@ -393,10 +393,10 @@ impl Execution<'_> {
             info = info.depth_attachment(depth);
         }
         // SAFETY: the command buffer is being recorded, outside a pass; the attachments are in the layouts named.
-        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
+        unsafe { self.gpu.device.cmd_begin_rendering(self.frame.commands, &info) };
         self.set_area([0; 2], [width, height]);
         // SAFETY: the command buffer is being recorded; every pipeline has this state dynamic.
-        unsafe { self.gpu.device.cmd_set_scissor(self.slot.commands, 0, &[area]) };
+        unsafe { self.gpu.device.cmd_set_scissor(self.frame.commands, 0, &[area]) };
     }
 
     /// Runs a full-screen pass. `is_new`: its input was drawn by the pass before and is not yet in the layout for reading.
@@ -406,7 +406,7 @@ impl Execution<'_> {
         };
         // Later passes of an effect find the effect's input in the layout for reading already.
         let (from, original) = (self.targets.image(*from), self.targets.image(*original));
-        let set = self.slot.post_sets[*index].raw;
+        let set = self.frame.post_sets[*index].raw;
         let sampled = vk::DescriptorType::SAMPLED_IMAGE;
         write_image(self.gpu, set, 1, sampled, from.view, vk::Sampler::null());
         write_image(self.gpu, set, 2, sampled, original.view, vk::Sampler::null());
@@ -432,8 +432,8 @@ impl Execution<'_> {
         self.bind_set(self.pipelines.post_layout, 0, set);
         // SAFETY: the pipeline reads no vertices, and its one set is bound.
         unsafe {
-            self.gpu.device.cmd_draw(self.slot.commands, 3, 1, 0, 0);
-            self.gpu.device.cmd_end_rendering(self.slot.commands);
+            self.gpu.device.cmd_draw(self.frame.commands, 3, 1, 0, 0);
+            self.gpu.device.cmd_end_rendering(self.frame.commands);
         }
         // Several passes may read a texture, so it is made readable at once.
         if matches!(to, Target::Texture(_)) {
@@ -450,7 +450,7 @@ impl Execution<'_> {
             .dst_access_mask(vk::AccessFlags2::TRANSFER_READ)
             .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
             .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
-        let Some(readback) = &self.slot.readback else { return };
+        let Some(readback) = &self.frame.readback else { return };
         self.copy_to_host(image, readback.raw, 0);
     }
 
@@ -467,14 +467,14 @@ impl Execution<'_> {
         // SAFETY: the command buffer is being recorded; the buffer holds at least one image.
         unsafe {
             self.gpu.device.cmd_copy_image_to_buffer(
-                self.slot.commands,
+                self.frame.commands,
                 image.raw,
                 vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
                 buffer,
                 &region,
             );
             let info = vk::DependencyInfo::default().memory_barriers(&to_host);
-            self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info);
+            self.gpu.device.cmd_pipeline_barrier2(self.frame.commands, &info);
         }
     }
 }
@@ -485,7 +485,9 @@ pub(super) fn not_prepared(what: &str) -> RenderError {
 }
 
 pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
-    vk::ImageMemoryBarrier2::default().image(image.raw).subresource_range(range(vk::ImageAspectFlags::COLOR))
+    vk::ImageMemoryBarrier2::default()
+        .image(image.raw)
+        .subresource_range(all_mip_levels(vk::ImageAspectFlags::COLOR))
 }
 
 /// Barrier after drawing: shaders read the image from now on.
@@ -559,7 +561,7 @@ const DEPTH_STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
 fn barrier_after_depth_write(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     vk::ImageMemoryBarrier2::default()
         .image(image.raw)
-        .subresource_range(range(vk::ImageAspectFlags::DEPTH))
+        .subresource_range(all_mip_levels(vk::ImageAspectFlags::DEPTH))
         .src_stage_mask(DEPTH_STAGES)
         .src_access_mask(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE)
 }

@@ -25,7 +25,7 @@ pub struct Block {
 
 impl Block {
     /// A range for a descriptor, which must not be empty even if nothing reads it.
-    pub(crate) fn or_any(self) -> Block {
+    pub(crate) fn nonempty(self) -> Block {
         if self.bytes > 0 { self } else { Block { at: 0, bytes: 16 } }
     }
 }
@@ -59,7 +59,7 @@ impl Blocks {
 
 /// Block of a storage buffer, and the data of the plan that is copied into it unchanged.
 struct CopiedData<'a> {
-    what: &'static str,
+    name: &'static str,
     block: Block,
     data: &'a [u8],
 }
@@ -88,7 +88,7 @@ pub struct FrameData<'a> {
     pub light_clusters: Block,
     /// Fault records of effects.
     pub faults: Block,
-    storage_buffers: [CopiedData<'a>; 6],
+    copied_data: [CopiedData<'a>; 6],
 }
 
 impl<'a> FrameData<'a> {
@@ -129,7 +129,7 @@ impl<'a> FrameData<'a> {
         let overlay = blocks.allocate(overlay_data.len());
         let light_clusters = blocks.allocate(cluster_data.len());
         let has_effects = !plan.post.is_empty() || !plan.scene_effects.is_empty();
-        let storage_buffer = |what, block, data| CopiedData { what, block, data };
+        let copied_data = |what, block, data| CopiedData { name: what, block, data };
         let data = FrameData {
             reads,
             light_count: *lights as u32,
@@ -154,13 +154,13 @@ impl<'a> FrameData<'a> {
             overlay,
             light_clusters,
             faults: blocks.allocate(if has_effects { images.faults } else { 0 }),
-            storage_buffers: [
-                storage_buffer("instances", instances, instance_data),
-                storage_buffer("joint matrices", joints, joint_data),
-                storage_buffer("weights of morph targets", morphs, morph_data),
-                storage_buffer("vertices that effects draw", overlay, overlay_data),
-                storage_buffer("light clusters", light_clusters, cluster_data),
-                storage_buffer("lights", light_block, light_data),
+            copied_data: [
+                copied_data("instances", instances, instance_data),
+                copied_data("joint matrices", joints, joint_data),
+                copied_data("weights of morph targets", morphs, morph_data),
+                copied_data("vertices that effects draw", overlay, overlay_data),
+                copied_data("light clusters", light_clusters, cluster_data),
+                copied_data("lights", light_block, light_data),
             ],
             bytes: blocks.end,
         };
@@ -170,9 +170,9 @@ impl<'a> FrameData<'a> {
 
     /// Fails if a shader would read more from one buffer than the device's limit.
     fn check(&self, limit: u64) -> Result<(), RenderError> {
-        match self.storage_buffers.iter().find(|s| s.data.len() as u64 > limit) {
-            Some(CopiedData { what, data, .. }) => {
-                let what = format!("size in bytes of all {what}");
+        match self.copied_data.iter().find(|s| s.data.len() as u64 > limit) {
+            Some(CopiedData { name, data, .. }) => {
+                let what = format!("size in bytes of all {name}");
                 Err(RenderError::Limit { what, value: data.len() as u64, limit })
             }
             None => Ok(()),
@@ -189,7 +189,7 @@ impl<'a> FrameData<'a> {
         let mut put = |at: u64, bytes: &[u8]| {
             mapped[at as usize..at as usize + bytes.len()].copy_from_slice(bytes);
         };
-        for CopiedData { block, data, .. } in &self.storage_buffers {
+        for CopiedData { block, data, .. } in &self.copied_data {
             put(block.at, data);
         }
         put(self.faults.at, &vec![u8::MAX; self.faults.bytes as usize]);

@@ -92,7 +92,7 @@ impl FrameInFlight {
                 return Err(e).named("command buffer");
             }
         };
-        gpu.name(commands, "frame commands");
+        gpu.set_name(commands, "frame commands");
         Ok(FrameInFlight {
             pool,
             commands,
@@ -136,7 +136,7 @@ impl FrameInFlight {
         let mapped = data_buffer.mapped_mut();
         data.write(plan, &images, mapped);
         let Block { at, bytes } = data.instances;
-        self.preskin.place(&mut mapped[at as usize..][..bytes as usize]);
+        self.preskin.patch_instances(&mut mapped[at as usize..][..bytes as usize]);
         // If there are no effect textures, the binding points at the frame's own data: see `prepare_buffer`.
         let texels = images.texels.map_or((raw, 16), |b| (b.raw, b.size));
         self.write_frame_sets(gpu, &data, raw, texels);
@@ -151,7 +151,7 @@ impl FrameInFlight {
         for (set, block) in self.post_sets.iter().zip(&data.post) {
             write_buffer(gpu, set.raw, 0, vk::DescriptorType::UNIFORM_BUFFER, raw, block.at, block.bytes);
             write_buffer(gpu, set.raw, 3, vk::DescriptorType::STORAGE_BUFFER, texels.0, 0, texels.1);
-            let Block { at, bytes } = data.faults.or_any();
+            let Block { at, bytes } = data.faults.nonempty();
             write_buffer(gpu, set.raw, 4, vk::DescriptorType::STORAGE_BUFFER, raw, at, bytes);
         }
         self.prepare_readback(gpu, plan)
@@ -178,11 +178,11 @@ impl FrameInFlight {
             let data_buffer = Buffer::new(gpu, "frame data", size, usage, MemoryLocation::CpuToGpu)?;
             // Every binding is written, read or not: lavapipe (22.3) dereferences all descriptors of a bound set and crashes on a
             // buffer that was just destroyed, although that is legal if no shader reads it.
-            bind_everywhere(gpu, &self.frame_set, data_buffer.raw);
-            self.view_sets.iter().for_each(|set| bind_everywhere(gpu, set, data_buffer.raw));
+            bind_all_to_buffer(gpu, &self.frame_set, data_buffer.raw);
+            self.view_sets.iter().for_each(|set| bind_all_to_buffer(gpu, set, data_buffer.raw));
             self.data_buffer = Some(data_buffer);
         } else if let Some(data_buffer) = &self.data_buffer {
-            self.view_sets[old_views..].iter().for_each(|set| bind_everywhere(gpu, set, data_buffer.raw));
+            self.view_sets[old_views..].iter().for_each(|set| bind_all_to_buffer(gpu, set, data_buffer.raw));
         }
         Ok(())
     }
@@ -251,7 +251,7 @@ impl FrameInFlight {
         let layers = behind_scene.map(|view| ([view; 2], vk::Sampler::null()));
         let any = shadows.or(glass).or(of_sky).or(layers);
         let (Some((set, _)), Some(any)) = (self.scene_set, any) else { return Ok(()) };
-        for (binding, block) in [(0, data.shadow_lookups.or_any()), (5, data.sky.or_any())] {
+        for (binding, block) in [(0, data.shadow_lookups.nonempty()), (5, data.sky.nonempty())] {
             write_buffer(gpu, set.raw, binding, T::UNIFORM_BUFFER, raw, block.at, block.bytes);
         }
         for (binding, there) in [(1, shadows), (3, glass), (6, of_sky)] {
@@ -414,7 +414,7 @@ impl FrameInFlight {
 }
 
 /// Points every binding of a set with the frame's layout at a buffer.
-fn bind_everywhere(gpu: &Context, set: &Set, buffer: vk::Buffer) {
+fn bind_all_to_buffer(gpu: &Context, set: &Set, buffer: vk::Buffer) {
     for (binding, kind) in FRAME_BINDINGS {
         write_buffer(gpu, set.raw, binding, kind, buffer, 0, 16);
     }

@@ -54,7 +54,7 @@ impl Buffer {
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device is alive; the buffer is freed by `destroy`.
         let raw = unsafe { gpu.device.create_buffer(&info, None) }.named(name)?;
-        gpu.name(raw, name);
+        gpu.set_name(raw, name);
         let mut buffer = Buffer { raw, allocation: None, size };
         // SAFETY: the buffer was just made.
         let requirements = unsafe { gpu.device.get_buffer_memory_requirements(raw) };
@@ -136,7 +136,7 @@ impl Image {
             .usage(d.usage);
         // SAFETY: the device is alive; the image is freed by `destroy`.
         let raw = unsafe { gpu.device.create_image(&info, None) }.named(d.name)?;
-        gpu.name(raw, d.name);
+        gpu.set_name(raw, d.name);
         let mut image = Image { raw, view: vk::ImageView::null(), allocation: None };
         match image.bind_and_view(gpu, d) {
             Ok(()) => Ok(image),
@@ -167,10 +167,10 @@ impl Image {
             .image(self.raw)
             .view_type(vk::ImageViewType::TYPE_2D)
             .format(d.format)
-            .subresource_range(range(d.aspect));
+            .subresource_range(all_mip_levels(d.aspect));
         // SAFETY: the image has memory and a format that the view repeats.
         self.view = unsafe { gpu.device.create_image_view(&info, None) }.named(d.name)?;
-        gpu.name(self.view, d.name);
+        gpu.set_name(self.view, d.name);
         Ok(())
     }
 
@@ -191,7 +191,7 @@ impl Image {
 }
 
 /// Subresource range of all mip levels.
-pub fn range(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
+pub fn all_mip_levels(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange {
         aspect_mask: aspect,
         base_mip_level: 0,

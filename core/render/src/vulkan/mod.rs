@@ -74,7 +74,7 @@ use upload::Uploads;
 pub(crate) const TIMEOUT_SECS: u64 = 300;
 
 /// Largest upload of a frugal renderer in bytes.
-const FRUGAL_UPLOAD: usize = 8 << 20;
+const MAX_FRUGAL_UPLOAD_BYTES: usize = 8 << 20;
 
 pub struct VulkanRenderer {
     gpu: Context,
@@ -85,8 +85,8 @@ pub struct VulkanRenderer {
     targets: Option<Targets>,
     /// Textures of effects.
     texels: Option<Buffer>,
-    slots: Vec<FrameInFlight>,
-    /// Indices into `slots`, the oldest first.
+    frames: Vec<FrameInFlight>,
+    /// Indices into `frames`, the oldest first.
     pending: VecDeque<usize>,
     /// Plans submitted after those, and drawn when they are collected; the oldest first.
     waiting_plans: VecDeque<Plan>,
@@ -100,9 +100,9 @@ pub struct VulkanRenderer {
     /// Messages for the user about textures and features that were left out.
     notes: Vec<String>,
     faults: EffectFaults,
-    most_textures: Option<u32>,
+    texture_limit: Option<u32>,
     /// Whether the user was informed that forward shading replaces the requested deferred shading.
-    noted_forward: bool,
+    noted_forward_shading: bool,
     clock: Option<clock::Clock>,
     longest_side: u32,
 }
@@ -145,7 +145,7 @@ impl VulkanRenderer {
             resources,
             targets: None,
             texels: None,
-            slots: Vec::new(),
+            frames: Vec::new(),
             pending: VecDeque::new(),
             waiting_plans: VecDeque::new(),
             timeline: vk::Semaphore::null(),
@@ -155,8 +155,8 @@ impl VulkanRenderer {
             awaits_first_frame: true,
             notes: Vec::new(),
             faults: EffectFaults::default(),
-            most_textures: options.textures,
-            noted_forward: false,
+            texture_limit: options.textures,
+            noted_forward_shading: false,
             clock: None,
             longest_side: options.longest_side.unwrap_or(u32::MAX).max(1),
             frugal: options.frugal,
@@ -168,12 +168,12 @@ impl VulkanRenderer {
         // SAFETY: the device is alive and has the feature; destroyed by `drop`.
         renderer.timeline =
             unsafe { renderer.gpu.device.create_semaphore(&info, None) }.named("frame timeline")?;
-        renderer.gpu.name(renderer.timeline, "frame timeline");
+        renderer.gpu.set_name(renderer.timeline, "frame timeline");
         for _ in 0..frames_in_flight(renderer.gpu.info.kind, options.frugal) {
             let slot = FrameInFlight::new(&renderer.gpu, &renderer.layouts, &mut renderer.pools)?;
-            renderer.slots.push(slot);
+            renderer.frames.push(slot);
         }
-        let slots = renderer.slots.len() as u32;
+        let slots = renderer.frames.len() as u32;
         renderer.clock = clock::Clock::new(&renderer.gpu, options.device_time, slots)?;
         renderer.gpu.check_messages()?;
         Ok(renderer)
@@ -237,8 +237,8 @@ impl VulkanRenderer {
         crate::plan::light_clusters::check(plan)
     }
 
-    fn free_slot(&self) -> Option<usize> {
-        (0..self.slots.len()).find(|s| !self.pending.contains(s))
+    fn free_frame_index(&self) -> Option<usize> {
+        (0..self.frames.len()).find(|s| !self.pending.contains(s))
     }
 
     fn has_targets(&self, recording: &Recording) -> bool {
@@ -277,22 +277,22 @@ impl VulkanRenderer {
         uploads: Uploads,
     ) -> Result<(), RenderError> {
         let gpu = &self.gpu;
-        let slot = &mut self.slots[index];
+        let frame = &mut self.frames[index];
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the slot's last frame is done, so its commands are not pending.
         unsafe {
             gpu.device
-                .reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty())
+                .reset_command_pool(frame.pool, vk::CommandPoolResetFlags::empty())
                 .named("command pool")?;
-            gpu.device.begin_command_buffer(slot.commands, &begin).named("frame commands")?;
+            gpu.device.begin_command_buffer(frame.commands, &begin).named("frame commands")?;
         }
         if let Some(clock) = &self.clock {
-            clock.begin(gpu, slot.commands, index);
+            clock.begin(gpu, frame.commands, index);
         }
         if !uploads.is_empty() {
-            slot.staging = Some(uploads.record(gpu, slot.commands)?);
+            frame.staging = Some(uploads.record(gpu, frame.commands)?);
         }
-        let slot = &self.slots[index];
+        let frame = &self.frames[index];
         let Some(targets) = &self.targets else {
             return Err(RenderError::Usage("targets were not prepared".into()));
         };
@@ -303,20 +303,20 @@ impl VulkanRenderer {
             resources: &self.resources,
             pipelines: &self.pipelines,
             targets,
-            slot,
+            frame,
             draws_shadows: recording.commands.iter().any(|c| matches!(c, Command::BeginShadows { .. })),
         };
         execution.run(recording, ids)?;
         if let Some(clock) = &self.clock {
-            clock.end(gpu, slot.commands, index);
+            clock.end(gpu, frame.commands, index);
         }
         // SAFETY: recording was begun above.
-        unsafe { gpu.device.end_command_buffer(slot.commands) }.named("frame commands")
+        unsafe { gpu.device.end_command_buffer(frame.commands) }.named("frame commands")
     }
 
-    fn submit_slot(&mut self, index: usize) -> Result<(), RenderError> {
+    fn submit_frame(&mut self, index: usize) -> Result<(), RenderError> {
         self.submit_commands(index)?;
-        self.slots[index].done_at = self.submitted;
+        self.frames[index].done_at = self.submitted;
         self.pending.push_back(index);
         Ok(())
     }
@@ -324,7 +324,7 @@ impl VulkanRenderer {
     /// Submits the slot's commands to the queue.
     fn submit_commands(&mut self, index: usize) -> Result<(), RenderError> {
         let value = self.submitted + 1;
-        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.slots[index].commands)];
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.frames[index].commands)];
         let signals = [vk::SemaphoreSubmitInfo::default()
             .semaphore(self.timeline)
             .value(value)
@@ -342,8 +342,8 @@ impl VulkanRenderer {
     /// Like [`Renderer::submit`], without taking the plan.
     pub fn submit_plan(&mut self, plan: &Plan) -> Result<(), RenderError> {
         let _calls = self.gpu.lock_for_calls();
-        if self.pending.len() + self.waiting_plans.len() >= self.slots.len() {
-            let text = format!("{} frames are in flight; collect one first", self.slots.len());
+        if self.pending.len() + self.waiting_plans.len() >= self.frames.len() {
+            let text = format!("{} frames are in flight; collect one first", self.frames.len());
             return Err(RenderError::Usage(text));
         }
         plan.record_faults(&self.faults);
@@ -357,8 +357,8 @@ impl VulkanRenderer {
     }
 
     fn submit_now(&mut self, plan: &Plan) -> Result<(), RenderError> {
-        let index = self.free_slot().ok_or_else(|| {
-            RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
+        let index = self.free_frame_index().ok_or_else(|| {
+            RenderError::Usage(format!("{} frames are in flight; collect one first", self.frames.len()))
         })?;
         self.check_plan(plan)?;
         let maps = shadow::maps_of(plan, &self.scene_resources);
@@ -389,8 +389,8 @@ impl VulkanRenderer {
             // The uploads were not executed: the resources are dropped, so that the next frame creates them again.
             self.wait_idle()?;
             self.resources.forget(&self.gpu);
-            self.slots[index].forget_layers_2d(&self.gpu);
-            self.slots[index].release_staging(&self.gpu);
+            self.frames[index].forget_layers_2d(&self.gpu);
+            self.frames[index].release_staging(&self.gpu);
             return Err(e);
         }
         if let Some(targets) = &mut self.targets {
@@ -416,11 +416,11 @@ impl VulkanRenderer {
     ) -> Result<(), RenderError> {
         let mut uploads = Uploads::default();
         let (gpu, layouts, pools) = (&self.gpu, &self.layouts, &mut self.pools);
-        let (scene_resources, slot) = (&*self.scene_resources, &mut self.slots[index]);
+        let (scene_resources, slot) = (&*self.scene_resources, &mut self.frames[index]);
         self.resources.prepare(gpu, layouts, scene_resources, recording, &mut uploads)?;
         slot.prepare_layers_2d(gpu, plan, &mut uploads)?;
         slot.preskin.prepare(gpu, layouts, pools, (scene_resources, &self.resources), plan, recording)?;
-        let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
+        let seen = self.targets.as_ref().map(Targets::shader_images).unwrap_or_default();
         let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
         let images = FrameImages { sky, texels, faults: self.pipelines.fault_buffer_bytes(), ..seen };
         slot.write(gpu, layouts, pools, plan, recording, images)?;
@@ -429,7 +429,7 @@ impl VulkanRenderer {
             self.upload_in_parts(index, std::mem::take(&mut uploads))?;
         }
         self.record_commands(index, recording, ids, uploads)?;
-        self.submit_slot(index)
+        self.submit_frame(index)
     }
 }
 
@@ -439,7 +439,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn frames_in_flight(&self) -> usize {
-        self.slots.len()
+        self.frames.len()
     }
 
     fn load(&mut self, scene_resources: Arc<SceneResources>) -> Result<(), RenderError> {
@@ -525,7 +525,7 @@ impl Drop for VulkanRenderer {
         if let Some(mut targets) = self.targets.take() {
             targets.destroy(&self.gpu);
         }
-        for slot in &mut self.slots {
+        for slot in &mut self.frames {
             slot.destroy(&self.gpu);
         }
         if let Some(mut texels) = self.texels.take() {

@@ -10,7 +10,7 @@ use crate::error::RenderError;
 use ash::vk;
 
 impl Execution<'_> {
-    fn layer(&self, layer: u32) -> Result<&Image, RenderError> {
+    fn layer_depth(&self, layer: u32) -> Result<&Image, RenderError> {
         let missing = || RenderError::Usage("the layers were not prepared".into());
         self.targets.layers.get(layer as usize % 2).ok_or_else(missing)
     }
@@ -21,9 +21,9 @@ impl Execution<'_> {
         let missing = || RenderError::Usage("the depth was not prepared".into());
         let before = match layer {
             0 => self.targets.depth.as_ref().ok_or_else(missing)?,
-            _ => self.layer(layer - 1)?,
+            _ => self.layer_depth(layer - 1)?,
         };
-        let image = self.layer(layer)?;
+        let image = self.layer_depth(layer)?;
         // The layer before was found by reading this image.
         let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let barrier = barrier_to_depth_target(image);
@@ -47,7 +47,7 @@ impl Execution<'_> {
         area: Option<[u32; 4]>,
     ) -> Result<(), RenderError> {
         let target_image = self.targets.multisampled.as_ref().unwrap_or(self.targets.image(target));
-        let image = self.layer(layer)?;
+        let image = self.layer_depth(layer)?;
         let mut barriers = vec![
             keeping_contents(
                 barrier_to_color_target(target_image),
@@ -70,7 +70,7 @@ impl Execution<'_> {
         // Reversed Z: nearer is greater.
         let compare = if nearer { vk::CompareOp::GREATER } else { vk::CompareOp::EQUAL };
         // SAFETY: the command buffer is being recorded; the pipelines of this pass have this state dynamic.
-        unsafe { self.gpu.device.cmd_set_depth_compare_op(self.slot.commands, compare) };
+        unsafe { self.gpu.device.cmd_set_depth_compare_op(self.frame.commands, compare) };
         Ok(())
     }
 }

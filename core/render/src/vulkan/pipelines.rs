@@ -10,7 +10,7 @@ use super::pipeline_ids::Backdrop;
 pub use super::pipeline_ids::{PipelineId, ids};
 use super::preskin;
 use super::state::{BlendMode, PipelineState, format_of};
-use super::targets::DEPTH;
+use super::targets::DEPTH_FORMAT;
 use crate::commands::EffectOnSurfaces;
 use crate::effect_faults::RECORDS_PER_EFFECT;
 use crate::error::RenderError;
@@ -64,7 +64,7 @@ impl Pipelines {
             let info = vk::PipelineLayoutCreateInfo::default().set_layouts(sets);
             // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
             let layout = unsafe { gpu.device.create_pipeline_layout(&info, None) }.named(name)?;
-            gpu.name(layout, name);
+            gpu.set_name(layout, name);
             Ok(layout)
         };
         let made = (|| {
@@ -195,7 +195,7 @@ impl Pipelines {
     fn create(&self, gpu: &Context, layouts: &Layouts, id: &PipelineId) -> Result<vk::Pipeline, RenderError> {
         let (code, state) = match id {
             PipelineId::Pose(variant) => {
-                return preskin::pipeline(gpu, layouts, &self.sources, self.cache.raw, variant);
+                return preskin::create_pipeline(gpu, layouts, &self.sources, self.cache.raw, variant);
             }
             PipelineId::Scene { variant, samples, float, surface } => (
                 self.scene_code(variant, surface)?,
@@ -425,7 +425,7 @@ impl Pipelines {
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
         let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colors);
         if state.depth.is_some() {
-            rendering = rendering.depth_attachment_format(DEPTH);
+            rendering = rendering.depth_attachment_format(DEPTH_FORMAT);
         }
         let info = [vk::GraphicsPipelineCreateInfo::default()
             .stages(&stages)
@@ -443,7 +443,7 @@ impl Pipelines {
         // SAFETY: modules, layout and cache belong to this device; the cache is synchronized by the driver.
         let made = unsafe { gpu.device.create_graphics_pipelines(self.cache.raw, &info, None) };
         let pipeline = made.map_err(|(_, r)| r).named(&state.name)?[0];
-        gpu.name(pipeline, &state.name);
+        gpu.set_name(pipeline, &state.name);
         Ok(pipeline)
     }
 

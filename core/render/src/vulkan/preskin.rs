@@ -42,9 +42,9 @@ pub struct Job {
 pub struct PreskinBuffers {
     jobs: Option<Buffer>,
     vertices: Option<Buffer>,
-    /// Descriptor sets: `write` has both buffers for the compute stage; `read` has the vertices for all passes.
-    write: Option<Set>,
-    read: Option<Set>,
+    /// Descriptor sets: `write_set` has both buffers for the compute stage; `read_set` has the vertices for all passes.
+    write_set: Option<Set>,
+    read_set: Option<Set>,
     /// Each instance that reads pre-skinned vertices, the index of its first f32 in the vertex buffer, and its number of vertices.
     vertex_ranges: Vec<(u32, [u32; 2])>,
 }
@@ -92,13 +92,13 @@ impl PreskinBuffers {
             let hash = scene_resources.primitives[*primitive as usize].hash;
             let mesh = resources.mesh(hash, *layout);
             let vertices = mesh.map(|m| m.vertex_count).ok_or_else(|| not_prepared("a pre-skinned mesh"))?;
-            for body in &recording.preskinned[*first as usize..(first + count) as usize] {
-                let of = body.instances.first().and_then(|i| plan.instances.get(*i as usize));
+            for preskinned in &recording.preskinned[*first as usize..(first + count) as usize] {
+                let of = preskinned.instances.first().and_then(|i| plan.instances.get(*i as usize));
                 let Instance { relative_from_mesh, first_joint, first_morph, morph_count, .. } =
                     *of.ok_or_else(|| not_prepared("the instance of a pre-skinned mesh"))?;
                 let first = end as u32;
                 jobs.push(Job { relative_from_mesh, first_joint, first_morph, morph_count, first });
-                self.vertex_ranges.extend(body.instances.iter().map(|i| (*i, [first, vertices])));
+                self.vertex_ranges.extend(preskinned.instances.iter().map(|i| (*i, [first, vertices])));
                 end += u64::from(vertices) * variant.floats_per_vertex();
             }
         }
@@ -115,15 +115,15 @@ impl PreskinBuffers {
         ];
         let (Some(jobs), Some(vertices)) = (&mut self.jobs, &self.vertices) else { return Ok(()) };
         jobs.mapped_mut()[..bytes.len()].copy_from_slice(bytes);
-        let sets = [self.write.is_none(), self.read.is_none()];
-        if self.write.is_none() {
-            self.write = Some(pools.allocate(gpu, layouts.preskin, "set of meshes to be pre-skinned")?);
+        let sets = [self.write_set.is_none(), self.read_set.is_none()];
+        if self.write_set.is_none() {
+            self.write_set = Some(pools.allocate(gpu, layouts.preskin, "set of meshes to be pre-skinned")?);
         }
-        if self.read.is_none() {
-            self.read = Some(pools.allocate(gpu, layouts.morphs, "set of pre-skinned vertices")?);
+        if self.read_set.is_none() {
+            self.read_set = Some(pools.allocate(gpu, layouts.morphs, "set of pre-skinned vertices")?);
         }
         if let (Some(write), Some(read), true) =
-            (self.write, self.read, new.contains(&true) || sets.contains(&true))
+            (self.write_set, self.read_set, new.contains(&true) || sets.contains(&true))
         {
             let kind = vk::DescriptorType::STORAGE_BUFFER;
             write_buffer(gpu, write.raw, 0, kind, jobs.raw, 0, vk::WHOLE_SIZE);
@@ -134,7 +134,7 @@ impl PreskinBuffers {
     }
 
     /// Patches the instances in these bytes to refer to their pre-skinned vertices.
-    pub fn place(&self, instances: &mut [u8]) {
+    pub fn patch_instances(&self, instances: &mut [u8]) {
         for (instance, place) in &self.vertex_ranges {
             let at = *instance as usize * size_of::<Instance>() + offset_of!(Instance, first_joint);
             if let Some(bytes) = instances.get_mut(at..at + size_of::<[u32; 2]>()) {
@@ -194,7 +194,7 @@ impl Resources {
             let mesh = self.mesh(key.0, key.1).ok_or_else(|| not_prepared("a pre-skinned mesh"))?;
             // Only the vertices are bound, which precede the indices. An empty mesh has neither, so at least four bytes are
             // bound.
-            let (raw, bytes) = (mesh.buffer.raw, mesh.indices_at.max(4));
+            let (raw, bytes) = (mesh.buffer.raw, mesh.index_offset.max(4));
             let set = self.pools.allocate(gpu, layouts.morphs, "set of a pre-skinned mesh")?;
             write_buffer(gpu, set.raw, 0, vk::DescriptorType::STORAGE_BUFFER, raw, 0, bytes);
             self.sources.insert(key, set);
@@ -217,7 +217,7 @@ impl Resources {
 
 impl Execution<'_> {
     /// Dispatches the pre-skinning of the deformations of one mesh. `primitive`: index in the scene resources.
-    pub(super) fn pose(
+    pub(super) fn preskin_mesh(
         &self,
         pipeline: vk::Pipeline,
         (primitive, layout): (u32, VertexLayout),
@@ -229,13 +229,13 @@ impl Execution<'_> {
         let source =
             self.resources.sources.get(&(hash, layout)).ok_or_else(|| not_prepared("a pre-skinned mesh"))?;
         let write =
-            self.slot.preskin.write.ok_or_else(|| not_prepared("a set of meshes to be pre-skinned"))?;
+            self.frame.preskin.write_set.ok_or_else(|| not_prepared("a set of meshes to be pre-skinned"))?;
         let bind = |index: u32, set: vk::DescriptorSet| {
             let (point, layout) = (vk::PipelineBindPoint::COMPUTE, self.layouts.preskin_pipeline);
             // SAFETY: the command buffer is being recorded; the set fits the layout and outlives the frame.
             unsafe {
                 self.gpu.device.cmd_bind_descriptor_sets(
-                    self.slot.commands,
+                    self.frame.commands,
                     point,
                     layout,
                     index,
@@ -244,21 +244,21 @@ impl Execution<'_> {
                 );
             }
         };
-        bind(0, self.slot.frame_set.raw);
+        bind(0, self.frame.frame_set.raw);
         if morphs {
             let set = self.resources.morph_set(hash, layout);
             bind(1, set.ok_or_else(|| not_prepared("a set of morph targets"))?);
         }
         bind(2, source.raw);
         bind(3, write.raw);
-        let posing = [first, mesh.vertex_count];
+        let push_constants = [first, mesh.vertex_count];
         // SAFETY: the command buffer is being recorded, outside a pass; the pipeline outlives the frame, its sets are bound, and
         // the constants are those of its layout.
         unsafe {
-            let (device, commands) = (&self.gpu.device, self.slot.commands);
+            let (device, commands) = (&self.gpu.device, self.frame.commands);
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, pipeline);
             let (layout, stage) = (self.layouts.preskin_pipeline, vk::ShaderStageFlags::COMPUTE);
-            device.cmd_push_constants(commands, layout, stage, 0, bytemuck::cast_slice(&posing));
+            device.cmd_push_constants(commands, layout, stage, 0, bytemuck::cast_slice(&push_constants));
             device.cmd_dispatch(commands, mesh.vertex_count.div_ceil(WORKGROUP_SIZE), count, 1);
         }
         Ok(())
@@ -273,19 +273,19 @@ impl Execution<'_> {
             .dst_access_mask(vk::AccessFlags2::SHADER_STORAGE_READ)];
         let info = vk::DependencyInfo::default().memory_barriers(&written);
         // SAFETY: the command buffer is being recorded, outside a pass.
-        unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
+        unsafe { self.gpu.device.cmd_pipeline_barrier2(self.frame.commands, &info) };
     }
 
     /// Binds the pre-skinned vertices, in the place of morph targets.
     pub(super) fn bind_preskinned(&self) -> Result<(), RenderError> {
-        let set = self.slot.preskin.read.ok_or_else(|| not_prepared("a set of pre-skinned vertices"))?;
+        let set = self.frame.preskin.read_set.ok_or_else(|| not_prepared("a set of pre-skinned vertices"))?;
         self.bind_set(self.pipelines.layout, 1, set.raw);
         Ok(())
     }
 }
 
 /// Creates the compute pipeline of a pre-skinning variant.
-pub fn pipeline(
+pub fn create_pipeline(
     gpu: &Context,
     layouts: &Layouts,
     sources: &ShaderSources,
@@ -311,7 +311,7 @@ pub fn pipeline(
         made
     };
     let pipeline = made.map_err(|(_, r)| r).named(&name)?[0];
-    gpu.name(pipeline, &name);
+    gpu.set_name(pipeline, &name);
     Ok(pipeline)
 }
 

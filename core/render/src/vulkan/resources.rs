@@ -30,7 +30,7 @@ type Hash = [u8; 16];
 pub struct Mesh {
     pub buffer: Buffer,
     /// Offset of the indices, after the vertices.
-    pub indices_at: u64,
+    pub index_offset: u64,
     pub index_count: u32,
     pub vertex_count: u32,
     pub index_type: vk::IndexType,
@@ -151,7 +151,7 @@ impl Resources {
         for (material, slots) in materials {
             self.prepare_material(gpu, layouts, resources, material, slots, uploads)?;
         }
-        self.age(gpu, resources, recording);
+        self.drop_unused_textures(gpu, resources, recording);
         Ok(())
     }
 
@@ -168,9 +168,9 @@ impl Resources {
         let primitive = entry.primitive();
         if let Entry::Vacant(slot) = self.meshes.entry(key) {
             let packed = pack(primitive, entry.indices(layout), layout);
-            let indices_at = packed.vertices.len().next_multiple_of(4) as u64;
+            let index_offset = packed.vertices.len().next_multiple_of(4) as u64;
             let mut bytes = packed.vertices;
-            bytes.resize(indices_at as usize, 0);
+            bytes.resize(index_offset as usize, 0);
             bytes.extend_from_slice(&packed.indices);
             let usage = vk::BufferUsageFlags::VERTEX_BUFFER
                 | vk::BufferUsageFlags::INDEX_BUFFER
@@ -178,12 +178,12 @@ impl Resources {
                 | vk::BufferUsageFlags::TRANSFER_DST;
             let name = format!("mesh \"{}\" primitive {}", entry.mesh.name, entry.index);
             let buffer = Buffer::new(gpu, &name, bytes.len() as u64, usage, MemoryLocation::GpuOnly)?;
-            uploads.buffer(buffer.raw, &bytes);
+            uploads.add_buffer(buffer.raw, &bytes);
             self.created_counts.meshes += 1;
             let index_type = if packed.wide_indices { vk::IndexType::UINT32 } else { vk::IndexType::UINT16 };
             slot.insert(Mesh {
                 buffer,
-                indices_at,
+                index_offset,
                 index_count: packed.index_count,
                 vertex_count: packed.vertex_count,
                 index_type,
@@ -211,7 +211,7 @@ impl Resources {
             };
             let kind = vk::DescriptorType::STORAGE_BUFFER;
             write_buffer(gpu, set.raw, 0, kind, buffer.raw, 0, vk::WHOLE_SIZE);
-            uploads.buffer(buffer.raw, &bytes);
+            uploads.add_buffer(buffer.raw, &bytes);
             self.morphs.insert(key, Morphs { buffer, set });
         }
         Ok(())
@@ -245,7 +245,7 @@ impl Resources {
         wanted.retain(|t| !self.textures.contains_key(&texture_key(resources, *t)));
         if white && self.white.is_none() {
             let image = texture_image(gpu, "white texture", 1, 1, 1, false)?;
-            uploads.image(image.raw, std::iter::once((1, 1, &[255u8; 4][..])));
+            uploads.add_image(image.raw, std::iter::once((1, 1, &[255u8; 4][..])));
             self.white = Some(image);
         }
         let chains: Vec<_> = wanted
@@ -266,7 +266,7 @@ impl Resources {
             let made = texture_image(gpu, &name, image.width, image.height, levels, texture.srgb)?;
             let base = (image.width, image.height, &image.rgba[..]);
             let below = chain.iter().map(|l| (l.width, l.height, &l.rgba[..]));
-            uploads.image(made.raw, std::iter::once(base).chain(below));
+            uploads.add_image(made.raw, std::iter::once(base).chain(below));
             self.textures.insert(texture_key(resources, *t), made);
             self.created_counts.textures += 1;
         }
@@ -312,7 +312,7 @@ impl Resources {
             let kind = vk::DescriptorType::UNIFORM_BUFFER;
             write_buffer(gpu, set.raw, LayersUniform::BINDING, kind, raw, layers_at, size);
         }
-        uploads.buffer(raw, &bytes);
+        uploads.add_buffer(raw, &bytes);
         self.write_textures(gpu, resources, index, slots, set.raw)
     }
 
@@ -380,7 +380,7 @@ impl Resources {
             .max_anisotropy(anisotropy);
         // SAFETY: the device is alive; destroyed by `destroy`.
         let sampler = unsafe { gpu.device.create_sampler(&info, None) }.named("sampler")?;
-        gpu.name(sampler, &format!("{s:?}"));
+        gpu.set_name(sampler, &format!("{s:?}"));
         self.samplers.insert(s, sampler);
         Ok(sampler)
     }

@@ -120,7 +120,7 @@ impl Execution<'_> {
         // promises that both formats can be copied and filtered so.
         unsafe {
             self.gpu.device.cmd_blit_image(
-                self.slot.commands,
+                self.frame.commands,
                 from.raw,
                 vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
                 to.raw,

@@ -45,13 +45,13 @@ impl Execution<'_> {
     /// Ends the pass of the inputs and makes its targets readable.
     pub(super) fn end_inputs(&self) {
         // SAFETY: `begin_inputs` began it.
-        unsafe { self.gpu.device.cmd_end_rendering(self.slot.commands) };
+        unsafe { self.gpu.device.cmd_end_rendering(self.frame.commands) };
         self.barriers(&self.targets.inputs.iter().map(barrier_color_to_sampled).collect::<Vec<_>>());
     }
 
     /// Copies the targets into the read-back buffer, one after the other.
     pub(super) fn read_back_inputs(&self) {
-        let Some(readback) = &self.slot.readback else { return };
+        let Some(readback) = &self.frame.readback else { return };
         let [width, height] = self.targets.needs.size;
         for (i, image) in self.targets.inputs.iter().enumerate() {
             self.barriers(&[color_barrier(image)

@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::memory::ImageDesc;
 use super::sampled_image::SampledImage;
-use super::targets::DEPTH;
+use super::targets::DEPTH_FORMAT;
 use super::{VulkanRenderer, targets::Targets};
 use crate::error::RenderError;
 use crate::plan::Plan;
@@ -18,7 +18,7 @@ pub(crate) fn shadow_maps(gpu: &Context, [width, height]: [u32; 2]) -> Result<Sa
         height,
         levels: 1,
         samples: 1,
-        format: DEPTH,
+        format: DEPTH_FORMAT,
         usage: vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT | vk::ImageUsageFlags::SAMPLED,
         aspect: vk::ImageAspectFlags::DEPTH,
     };

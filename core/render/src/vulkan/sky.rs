@@ -96,7 +96,7 @@ fn upload(
         },
     )?;
     let bytes: Vec<u8> = texels.iter().flatten().flat_map(|v| v.to_bits().to_ne_bytes()).collect();
-    uploads.image(image.raw, std::iter::once((width, height, &bytes[..])));
+    uploads.add_image(image.raw, std::iter::once((width, height, &bytes[..])));
     Ok(image)
 }
 

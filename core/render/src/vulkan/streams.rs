@@ -17,7 +17,12 @@ pub struct Streams {
 
 impl Resources {
     /// Counts a frame and drops textures that have not been used recently. Call it after the frame's resources are prepared.
-    pub(super) fn age(&mut self, gpu: &Context, scene_resources: &SceneResources, recording: &Recording) {
+    pub(super) fn drop_unused_textures(
+        &mut self,
+        gpu: &Context,
+        scene_resources: &SceneResources,
+        recording: &Recording,
+    ) {
         self.streams.frame += 1;
         let frame = self.streams.frame;
         for command in &recording.commands {

@@ -17,7 +17,7 @@ use gpu_allocator::MemoryLocation;
 
 pub const IMAGE_FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
 pub(crate) const FLOAT_FORMAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
-pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
+pub const DEPTH_FORMAT: vk::Format = vk::Format::D32_SFLOAT;
 
 pub fn format(target: Target) -> vk::Format {
     match target {
@@ -146,7 +146,8 @@ fn new_image(
     usage: vk::ImageUsageFlags,
     samples: u32,
 ) -> Result<Image, RenderError> {
-    let aspect = if format == DEPTH { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
+    let aspect =
+        if format == DEPTH_FORMAT { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
     Image::new(gpu, &ImageDesc { name, width, height, levels: 1, samples, format, usage, aspect })
 }
 
@@ -200,7 +201,7 @@ impl Targets {
         if needs.depth {
             let read = if needs.layers { U::SAMPLED } else { U::empty() };
             let usage = U::DEPTH_STENCIL_ATTACHMENT | read;
-            self.depth = Some(image("depth", DEPTH, usage, needs.samples)?);
+            self.depth = Some(image("depth", DEPTH_FORMAT, usage, needs.samples)?);
         }
         if needs.layers {
             // SAFETY: the device is alive; destroyed by `destroy`.
@@ -209,7 +210,7 @@ impl Targets {
         }
         for name in ["even layers", "odd layers"].into_iter().filter(|_| needs.layers) {
             let usage = U::DEPTH_STENCIL_ATTACHMENT | U::SAMPLED;
-            self.layers.push(image(name, DEPTH, usage, needs.samples)?);
+            self.layers.push(image(name, DEPTH_FORMAT, usage, needs.samples)?);
         }
         for format in super::deferred::FORMATS.into_iter().filter(|_| needs.gbuffer) {
             let usage = U::COLOR_ATTACHMENT | U::SAMPLED;
@@ -219,7 +220,7 @@ impl Targets {
             self.inputs.push(image(name, super::scene_inputs::FORMAT, usage, 1)?);
         }
         if needs.inputs > 0 {
-            self.input_depth = Some(image("depth of inputs", DEPTH, U::DEPTH_STENCIL_ATTACHMENT, 1)?);
+            self.input_depth = Some(image("depth of inputs", DEPTH_FORMAT, U::DEPTH_STENCIL_ATTACHMENT, 1)?);
         }
         if needs.samples > 1 {
             let format = format(needs.scene);
@@ -233,7 +234,7 @@ impl Targets {
     }
 
     /// Images that scene shaders read, except those of materials and of the sky, which are resources.
-    pub fn seen(&self) -> FrameImages<'_> {
+    pub fn shader_images(&self) -> FrameImages<'_> {
         let layers = match (&self.depth, &self.layers[..]) {
             (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
             _ => None,

@@ -1,7 +1,7 @@
 //! Uploads to the device: collected while a frame is prepared, and copied through one staging buffer at its start.
 
 use super::context::Context;
-use super::memory::{Buffer, range};
+use super::memory::{Buffer, all_mip_levels};
 use crate::error::RenderError;
 use ash::vk;
 
@@ -16,7 +16,7 @@ struct ImageUpload {
     image: vk::Image,
     levels: Vec<vk::BufferImageCopy>,
     /// Bytes per texel.
-    texel: usize,
+    texel_bytes: usize,
 }
 
 impl Uploads {
@@ -32,13 +32,13 @@ impl Uploads {
         at
     }
 
-    pub fn buffer(&mut self, to: vk::Buffer, bytes: &[u8]) {
+    pub fn add_buffer(&mut self, to: vk::Buffer, bytes: &[u8]) {
         let at = self.append(bytes);
         self.buffers.push((to, at, bytes.len() as u64));
     }
 
     /// Adds an image: (width, height, bytes) of each level, the largest first.
-    pub fn image<'a>(&mut self, to: vk::Image, levels: impl Iterator<Item = (u32, u32, &'a [u8])>) {
+    pub fn add_image<'a>(&mut self, to: vk::Image, levels: impl Iterator<Item = (u32, u32, &'a [u8])>) {
         let mut texel = 4;
         let levels = levels
             .enumerate()
@@ -56,38 +56,38 @@ impl Uploads {
                     .image_extent(vk::Extent3D { width, height, depth: 1 })
             })
             .collect();
-        self.images.push(ImageUpload { image: to, levels, texel });
+        self.images.push(ImageUpload { image: to, levels, texel_bytes: texel });
     }
 
     /// Splits the uploads into parts of at most `bytes` each, unless a single buffer or image is larger.
     pub fn split(self, bytes: usize) -> Vec<Uploads> {
-        let mut all = Vec::new();
-        let mut open = Uploads::default();
+        let mut full_parts = Vec::new();
+        let mut part = Uploads::default();
         for (to, at, size) in &self.buffers {
-            open = open.closed_before(*size as usize, bytes, &mut all);
-            open.buffer(*to, &self.bytes[*at as usize..(*at + *size) as usize]);
+            part = part.start_part_if_full(*size as usize, bytes, &mut full_parts);
+            part.add_buffer(*to, &self.bytes[*at as usize..(*at + *size) as usize]);
         }
         for image in &self.images {
             let sizes = image
                 .levels
                 .iter()
-                .map(|l| l.image_extent.width as usize * l.image_extent.height as usize * image.texel);
-            open = open.closed_before(sizes.clone().sum(), bytes, &mut all);
+                .map(|l| l.image_extent.width as usize * l.image_extent.height as usize * image.texel_bytes);
+            part = part.start_part_if_full(sizes.clone().sum(), bytes, &mut full_parts);
             let levels = image.levels.iter().zip(sizes).map(|(level, size)| {
                 let at = level.buffer_offset as usize;
                 (level.image_extent.width, level.image_extent.height, &self.bytes[at..at + size])
             });
-            open.image(image.image, levels);
+            part.add_image(image.image, levels);
         }
-        all.push(open);
-        all
+        full_parts.push(part);
+        full_parts
     }
 
-    fn closed_before(self, size: usize, most: usize, closed: &mut Vec<Uploads>) -> Uploads {
-        if self.bytes.is_empty() || self.bytes.len() + size <= most {
+    fn start_part_if_full(self, size: usize, max_bytes: usize, full_parts: &mut Vec<Uploads>) -> Uploads {
+        if self.bytes.is_empty() || self.bytes.len() + size <= max_bytes {
             return self;
         }
-        closed.push(self);
+        full_parts.push(self);
         Uploads::default()
     }
 
@@ -104,7 +104,7 @@ impl Uploads {
                     .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
                     .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
                     .image(i.image)
-                    .subresource_range(range(vk::ImageAspectFlags::COLOR))
+                    .subresource_range(all_mip_levels(vk::ImageAspectFlags::COLOR))
             })
             .collect();
         let to_read: Vec<_> = self
@@ -121,7 +121,7 @@ impl Uploads {
                     .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
                     .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
                     .image(i.image)
-                    .subresource_range(range(vk::ImageAspectFlags::COLOR))
+                    .subresource_range(all_mip_levels(vk::ImageAspectFlags::COLOR))
             })
             .collect();
         let buffers_written = [vk::MemoryBarrier2::default()

@@ -172,7 +172,10 @@ fn fog_matches_its_formula() {
 
 #[test]
 fn wireframe_edges_are_drawn_once_and_depth_tested() {
-    assert_eq!(scene_resources::vertex_layout::edges(&[0, 1, 2, 2, 1, 3]), [0, 1, 1, 2, 0, 2, 1, 3, 2, 3]);
+    assert_eq!(
+        scene_resources::vertex_layout::unique_edges(&[0, 1, 2, 2, 1, 3]),
+        [0, 1, 1, 2, 0, 2, 1, 3, 2, 3]
+    );
     // Edges behind a wall are hidden, and edges beside it are visible.
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(0.9, 0.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);

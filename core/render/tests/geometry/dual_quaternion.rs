@@ -141,7 +141,7 @@ fn dual_quaternion_bounds_contain_every_vertex_tightly() {
         });
         let rows = Affine3x4::from_affine(DAffine3::IDENTITY);
         let none = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
-        let bounds = info.dual_skinned(&primitive, &carriers, &rows, none);
+        let bounds = info.dual_quaternion_bounds(&primitive, &carriers, &rows, none);
         let mut tight = Aabb::EMPTY;
         for posed in posed_meshes(&scene.stage.actors[0].asset, &scene.snapshot.actors[0]) {
             for p in posed.primitives.iter().flat_map(|p| &p.positions) {

@@ -74,7 +74,7 @@ pub struct Subject<'a> {
 /// bob.play(bob_model.clip("Idle"));
 /// ```
 pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<String>) {
-    let place = |p: DVec3| if p == DVec3::ZERO { String::new() } else { format!(".at({})", point(p)) };
+    let place = |p: DVec3| if p == DVec3::ZERO { String::new() } else { format!(".at({})", point_text(p)) };
     let [from, until] = [at.from, at.until].map(|time| time.written(text));
     let is_quoted = |name: &str| text.contains(&quoted(name));
     let plain = |line: &str| (format!("{line}\n"), None);
@@ -108,14 +108,14 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
         Addition::Sun => plain("sun(#{ direction: [-0.5, -1.0, -0.8], intensity: 2.8, shadow: true });"),
         Addition::Point => {
             let above = at.point + DVec3::new(0.0, 2.5, 1.0);
-            plain(&format!("point(#{{ position: [{}], intensity: 30.0 }});", point(above)))
+            plain(&format!("point(#{{ position: [{}], intensity: 30.0 }});", point_text(above)))
         }
         Addition::Spot => {
             let (above, middle) = (at.point + DVec3::new(2.0, 3.5, 3.0), at.point + DVec3::Y);
             plain(&format!(
                 "spot(#{{ position: [{}], look_at: [{}], intensity: 60.0, outer: 35.0, shadow: true }});",
-                point(above),
-                point(middle)
+                point_text(above),
+                point_text(middle)
             ))
         }
         Addition::Ambient => plain("ambient(\"#8fa3c8\", 0.5);"),
@@ -132,7 +132,7 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
 }
 
 /// Components as they are written in a list.
-fn point(p: DVec3) -> String {
+fn point_text(p: DVec3) -> String {
     p.to_array().map(format_number).join(", ")
 }
 
@@ -145,7 +145,7 @@ fn orbiting_camera(text: &str, of: Option<&str>, at: &AddedAt, from: &str) -> (S
             (name, variable.to_string(), round_to_two_digits_of(*distance, *distance))
         }
         _ => {
-            let middle = point(at.point + DVec3::new(0.0, 0.95, 0.0));
+            let middle = point_text(at.point + DVec3::new(0.0, 0.95, 0.0));
             (numbered_name("round", is_quoted), format!("[{middle}]"), 4.5)
         }
     };
@@ -166,7 +166,7 @@ fn following_camera(text: &str, of: &str, at: &AddedAt, from: &str) -> (String, 
         }
         None => (of, DVec3::new(0.0, 0.0, 4.5)),
     };
-    let (label, offset) = (quoted(&name), point(offset));
+    let (label, offset) = (quoted(&name), point_text(offset));
     (format!("camera({label}).follow({variable}, [{offset}]).cut({from});\n"), Some(name))
 }
 

@@ -1,6 +1,6 @@
 //! Constraints: new ones, and the targets of `.reach("hand_r", [0.4, 1.2, 0.3])` (inverse kinematics) that the script states as points.
 
-use super::values::{literals, rewritten};
+use super::values::{parse_literals, rewrite_literals};
 use super::{Edit, EditRefused, ScriptObject};
 use glam::DVec3;
 use std::ops::Range;
@@ -41,7 +41,7 @@ impl ScriptObject<'_> {
             let joint = self.text.value_end(inside.start, inside.end);
             let start = (joint + 1).min(inside.end);
             let point = start..self.text.value_end(start, inside.end);
-            literals(&self.text, &point).filter(|numbers| numbers.len() == 3)
+            parse_literals(&self.text, &point).filter(|numbers| numbers.len() == 3)
         };
         let is_it = |numbers: &Vec<(Range<usize>, f64)>| {
             let values: Vec<f64> = numbers.iter().map(|(_, value)| *value).collect();
@@ -50,7 +50,7 @@ impl ScriptObject<'_> {
         let reaches: Vec<_> =
             self.calls.iter().filter(|call| &self.text[call.name.clone()] == "reach").collect();
         let found = reaches.iter().rev().find_map(|call| target(&call.inside).filter(is_it));
-        let edit = found.and_then(|old| rewritten(&self.text, &old, &to.to_array()));
+        let edit = found.and_then(|old| rewrite_literals(&self.text, &old, &to.to_array()));
         edit.ok_or_else(|| {
             let line = reaches.last().map_or(self.line, |call| self.line_of(call.name.start));
             EditRefused::at(line, "the target of .reach is computed; change it there")

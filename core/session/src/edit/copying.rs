@@ -1,7 +1,7 @@
 //! Cues copied as text and pasted onto another row or into another script, like lines that a person moves.
 
 use super::indenting::indented;
-use super::object::{ScriptObject, loaded_as};
+use super::object::{ScriptObject, variable_of_file};
 use super::scan::{Call, Source};
 use super::strips::{Strip, TIME_RANGE_CALLS, is_layer_call, shift_cue};
 use super::times::{EditTime, TimeLiteral};
@@ -35,7 +35,7 @@ pub fn copy_cue(
     let own = ScriptObject::at(text, line, column)?.calls;
     let later = own.iter().filter(|call| call.name.start > strip.end());
     let later = later.filter(|call| !TIME_RANGE_CALLS.contains(&strip.name(call)));
-    copy.extend(of_layer.chain(later).map(|call| strip.dotted(call)));
+    copy.extend(of_layer.chain(later).map(|call| strip.call_source(call)));
     if let Some(comment) = strip.comment() {
         copy += &format!("; {}", text[comment].trim());
     }
@@ -158,7 +158,7 @@ pub fn paste_cue(
         let of_object = of_object
             .filter(|own| own.creating_function() == "load" && first(&script, &own.creating_call) == file);
         let of_object = of_object.and_then(|own| script.variable_before(own.creating_call.name.start));
-        let name = of_object.or_else(|| loaded_as(&script, &file, text.len()))?;
+        let name = of_object.or_else(|| variable_of_file(&script, &file, text.len()))?;
         Some((load.name.start..load.end, name.to_string()))
     });
     let clip = copy[strip.call.inside.start..].trim_start();
@@ -186,7 +186,8 @@ pub fn paste_cue(
 /// The cues in clipboard text, each as written by [`copy_cue`].
 pub fn copied_cues(copied: &str) -> Vec<&str> {
     let source = Source::new(copied);
-    let starts = source.calls_of("play").map(|call| call.name.start).filter(|at| source.depth_to(*at) == 0);
+    let starts =
+        source.calls_of("play").map(|call| call.name.start).filter(|at| source.bracket_depth_at(*at) == 0);
     let starts: Vec<usize> = starts.collect();
     let ends = starts.iter().skip(1).copied().chain([copied.len()]);
     let first = starts.first().filter(|first| copied[..**first].trim().is_empty());

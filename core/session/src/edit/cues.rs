@@ -117,7 +117,7 @@ pub(super) fn whole_statement(text: &Source, call: &Call, end: usize) -> Option<
     if !text[semicolon..].starts_with(';') {
         return None;
     }
-    text.own_lines(&(start..semicolon + 1))
+    text.whole_lines(&(start..semicolon + 1))
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
         return refuse(line, "there is no call to delete here");
     };
     let line_of = |byte: usize| text[..byte].matches('\n').count() + 1;
-    let in_block = |at: usize| source.depth_to(source.statement_start(at)) > 0;
+    let in_block = |at: usize| source.bracket_depth_at(source.statement_start(at)) > 0;
     if in_block(at) {
         return refuse(line, "it is made in a function or a block; delete it there");
     }
@@ -39,7 +39,7 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
     ranges.sort_by_key(|range| range.start);
     let mut after = text.to_string();
     for range in ranges.into_iter().rev() {
-        after.replace_range(source.own_lines(&range).unwrap_or(range), "");
+        after.replace_range(source.whole_lines(&range).unwrap_or(range), "");
     }
     Ok(Edit::between(text, &after))
 }
@@ -49,7 +49,7 @@ fn unused_load_statements(source: &Source, gone: &[Range<usize>]) -> Vec<Range<u
     let is_gone = |at: &usize| gone.iter().any(|range| range.contains(at));
     let of_load = |at: usize| {
         let own = source.statement_start(at)..source.statement_end(at);
-        let name = source.variable_of(own.start).filter(|_| source.depth_to(at) == 0)?;
+        let name = source.variable_of(own.start).filter(|_| source.bracket_depth_at(at) == 0)?;
         // The load must be the whole value of the variable.
         let is_whole = source.variable_before(at) == Some(name)
             && source[source.next_token_start(source.call_from(at)?.end)..].starts_with(';');

@@ -4,7 +4,7 @@ use super::casting::first_free;
 use super::key_list::{arguments, leading_argument_count, split_at_commas};
 use super::object::ScriptObject;
 use super::scan::{Call, Source};
-use super::values::{literals, rewritten};
+use super::values::{parse_literals, rewrite_literals};
 use super::{Edit, EditRefused, NamedBy};
 use choreo_script::quoted;
 use glam::DVec3;
@@ -74,7 +74,7 @@ pub fn duplicate_object(
     }
     // A comment on the last line stays before the copy.
     let last = ranges.last().cloned().unwrap_or_default();
-    let at = source.own_lines(&last).map_or(last.end, |lines| lines.start + text[lines].trim_end().len());
+    let at = source.whole_lines(&last).map_or(last.end, |lines| lines.start + text[lines].trim_end().len());
     let after = Edit { range: at..at, text: copy }.apply(text);
     let longer = old.zip(variable.as_ref()).map_or(0, |(old, new)| new.len() - old.len());
     let made_at = at + 1 + object.creating_call.name.start - ranges[0].start + longer;
@@ -109,12 +109,12 @@ fn move_object(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> 
     let mut edits = vec![object.move_by(by, by)?];
     for walk in object.calls.iter().filter(|call| object.text[call.name.clone()] == *"walk_to") {
         let point = walk.inside.start..object.text.value_end(walk.inside.start, walk.inside.end);
-        let old = literals(&object.text, &point).filter(|old| old.len() == 3).unwrap_or_default();
+        let old = parse_literals(&object.text, &point).filter(|old| old.len() == 3).unwrap_or_default();
         let new: Vec<f64> = old.iter().zip(by.to_array()).map(|((_, number), by)| number + by).collect();
         let computed = || EditRefused::at(object.line_of(walk.name.start), "the point is computed");
-        edits.push(rewritten(&object.text, &old, &new).ok_or_else(computed)?);
+        edits.push(rewrite_literals(&object.text, &old, &new).ok_or_else(computed)?);
     }
-    Ok(Edit::joined(text, edits))
+    Ok(Edit::combine(text, edits))
 }
 
 /// The property whose keys place an object.
@@ -129,11 +129,11 @@ fn move_position_keys(text: &Source, call: &Call, by: DVec3) -> Option<Edit> {
     };
     let (mut old, mut new) = (Vec::new(), Vec::new());
     for key in in_list(arguments(text, call).get(leading_argument_count(POSITION))?)? {
-        let numbers = literals(text, &in_list(&key)?.nth(1)?).filter(|numbers| numbers.len() == 3)?;
+        let numbers = parse_literals(text, &in_list(&key)?.nth(1)?).filter(|numbers| numbers.len() == 3)?;
         new.extend(numbers.iter().zip(by.to_array()).map(|((_, number), by)| number + by));
         old.extend(numbers);
     }
-    rewritten(text, &old, &new)
+    rewrite_literals(text, &old, &new)
 }
 
 /// Statements about an object: the one around the creating call and the later ones that begin with its variable, in their order. Also the lines of
@@ -144,7 +144,7 @@ fn statements_about(
     line: usize,
 ) -> Result<(Vec<Range<usize>>, Vec<usize>), EditRefused> {
     let line_of = |byte: usize| source[..byte].matches('\n').count() + 1;
-    let in_block = |at: usize| source.depth_to(source.statement_start(at)) > 0;
+    let in_block = |at: usize| source.bracket_depth_at(source.statement_start(at)) > 0;
     if in_block(call) {
         return Err(EditRefused::at(line, "it is made in a function or a block; duplicate it there"));
     }

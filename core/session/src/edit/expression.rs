@@ -5,7 +5,7 @@ const MAX_NESTING: usize = 32;
 
 /// Value of an expression: numbers, `+ - * /`, parentheses, and `f(12)`, the time of frame 12 in seconds at `fps` frames per second. `None` if it
 /// is not an expression, or its value is not finite.
-pub fn value(text: &str, fps: f64) -> Option<f64> {
+pub fn evaluate(text: &str, fps: f64) -> Option<f64> {
     let mut parser = Parser { rest: text, fps, depth: 0 };
     let value = parser.parse_sum()?;
     (parser.rest.trim().is_empty() && value.is_finite()).then_some(value)
@@ -19,7 +19,7 @@ pub fn counts_frames(text: &str) -> bool {
 
 /// A typed expression in script syntax: `1.0 / 3.0` for `1/3`, since a script divides numbers without a point as integers; `f(12)` for `f( 12 )`.
 /// `None` for a single number and for calculations with frames.
-pub fn script_text(text: &str) -> Option<String> {
+pub fn to_script_syntax(text: &str) -> Option<String> {
     let frame = text.trim().strip_prefix("f(").and_then(|rest| rest.strip_suffix(')'));
     if let Some(frame) = frame.and_then(|frame| frame.trim().parse::<u32>().ok()) {
         return Some(format!("f({frame})"));
@@ -57,11 +57,11 @@ pub fn script_text(text: &str) -> Option<String> {
 
 /// Value of a calculation in a script, `1.0 / 3.0`. `None` if it is not a calculation with literals alone, or has a number without a decimal point,
 /// which the script would treat as an integer.
-pub(super) fn calculated(text: &str) -> Option<f64> {
-    let written = script_text(text).filter(|_| !counts_frames(text))?;
+pub(super) fn evaluate_literals(text: &str) -> Option<f64> {
+    let written = to_script_syntax(text).filter(|_| !counts_frames(text))?;
     let signs = |text: &str| text.chars().filter(|c| *c != ' ').collect::<String>();
     // The texts differ if a number has no decimal point.
-    (signs(&written) == signs(text)).then(|| value(&written, 1.0)).flatten()
+    (signs(&written) == signs(text)).then(|| evaluate(&written, 1.0)).flatten()
 }
 
 struct Parser<'t> {
@@ -141,11 +141,11 @@ mod tests {
             ("1 - \u{2212}2/7", "1.0 - -2.0 / 7.0"),
             (" f( 12 ) ", "f(12)"),
         ] {
-            assert_eq!(script_text(typed).as_deref(), Some(written));
-            assert_eq!(value(typed, 25.0), value(written, 25.0), "{typed}");
+            assert_eq!(to_script_syntax(typed).as_deref(), Some(written));
+            assert_eq!(evaluate(typed, 25.0), evaluate(written, 25.0), "{typed}");
         }
         for number in ["", "0.5", "-2", "(3)", "f(12)/3", "f(1.5)", "1,5"] {
-            assert_eq!(script_text(number), None, "{number}");
+            assert_eq!(to_script_syntax(number), None, "{number}");
         }
     }
 
@@ -158,10 +158,10 @@ mod tests {
     /// A script divides whole numbers into whole ones.
     #[test]
     fn script_calculations_need_a_decimal_point_in_each_number() {
-        assert_eq!(calculated("1.0 / 4.0"), Some(0.25));
-        assert_eq!(calculated("-(2.0+1.0)*2.0"), Some(-6.0));
+        assert_eq!(evaluate_literals("1.0 / 4.0"), Some(0.25));
+        assert_eq!(evaluate_literals("-(2.0+1.0)*2.0"), Some(-6.0));
         for other in ["1 / 4", "1.0 / 4", "0.25", "f(12)", "x * 2.0"] {
-            assert_eq!(calculated(other), None, "{other}");
+            assert_eq!(evaluate_literals(other), None, "{other}");
         }
     }
 }

@@ -48,11 +48,11 @@ impl ScriptObject<'_> {
         let mut edits: Vec<Edit> =
             (1..keys.len()).map(|n| if n == index { with_ease(n) } else { others(n) }).collect();
         edits.extend(interpolation.map(|interpolation| self.without_interpolation(interpolation)));
-        let edit = Edit::joined(&self.text, edits);
+        let edit = Edit::combine(&self.text, edits);
         if keep.is_some() {
             return Ok(edit);
         }
-        let shown = KeyName::of(property).shown();
+        let shown = KeyName::of(property).display_name();
         let why =
             format!("all keys of its {shown} are {of_all}; an easing of one key makes the others linear");
         let alternative_label = "Make the others linear";
@@ -108,7 +108,7 @@ impl ScriptObject<'_> {
             }
         }
         let own = if holds { "tangents" } else { "easings" };
-        let shown = KeyName::of(property).shown();
+        let shown = KeyName::of(property).display_name();
         let why = format!("keys of its {shown} have {own} of their own, which this would replace");
         let alternative = Some(Edit::between(&self.text, &after));
         let line = self.line_of(call.name.start);

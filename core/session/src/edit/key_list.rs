@@ -23,7 +23,7 @@ pub(super) struct Key {
 
 /// Number of arguments before the list of keys.
 pub(super) fn leading_argument_count(property: &str) -> usize {
-    KeyName::of(property).leading()
+    KeyName::of(property).leading_argument_count()
 }
 
 /// Bytes of each argument of a call.
@@ -131,7 +131,7 @@ pub(super) fn retime_keys(text: &str, keys: &[Key], times: &[Option<EditTime>]) 
         let moved = keys.iter().zip(times).filter_map(|(key, time)| Some((key, (*time)?)));
         let moved =
             moved.map(|(key, time)| Edit::in_old_style(text, key.time.clone(), &time.text(key.in_frames)));
-        return Edit::joined(text, moved.collect());
+        return Edit::combine(text, moved.collect());
     }
     let tails: Vec<LineEnd> = keys.iter().map(|key| LineEnd::of(text, key)).collect();
     let lines = tails.iter().all(|tail| tail.has_line);

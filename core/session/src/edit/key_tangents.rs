@@ -5,7 +5,7 @@ use super::key_name::KeyName;
 use super::object::ScriptObject;
 use super::scan::Source;
 use super::times::EditTime;
-use super::values::{format_number, literals, rewritten};
+use super::values::{format_number, parse_literals, rewrite_literals};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
@@ -119,7 +119,7 @@ pub(super) fn shape_of(text: &Source, key: &Key) -> Option<KeyShape> {
     let entries = map_entries(text, bytes)?;
     let numbers = |name: &str| -> Option<Option<Vec<f64>>> {
         let Some((_, value)) = entries.iter().find(|(known, _)| known == name) else { return Some(None) };
-        let all = literals(text, value).filter(|all| !all.is_empty())?;
+        let all = parse_literals(text, value).filter(|all| !all.is_empty())?;
         Some(Some(all.iter().map(|(_, number)| *number).collect()))
     };
     for (side, way) in [(&mut shape.incoming, "in"), (&mut shape.outgoing, "out")] {
@@ -154,15 +154,15 @@ pub(super) fn replace_shape(text: &Source, key: &Key, shape: &KeyShape) -> Edit 
         let (_, entry) = new.iter().find(|(known, _)| known == name)?;
         let kept = match entry {
             EntryValue::Numbers(new) => {
-                let old = literals(text, value).filter(|old| old.len() == new.len());
-                old.and_then(|old| rewritten(text, &old, new))
+                let old = parse_literals(text, value).filter(|old| old.len() == new.len());
+                old.and_then(|old| rewrite_literals(text, &old, new))
             }
             EntryValue::Text(new) if *new == text[value.clone()] => return None,
             EntryValue::Text(_) => None,
         };
         Some(kept.unwrap_or_else(|| Edit::in_old_style(text, value.clone(), &entry.text())))
     });
-    Edit::joined(text, changed.collect())
+    Edit::combine(text, changed.collect())
 }
 
 impl ScriptObject<'_> {
@@ -178,7 +178,7 @@ impl ScriptObject<'_> {
     ) -> Result<Edit, EditRefused> {
         let fps = shapes.first().map_or(1.0, |(at, _)| at.fps);
         let (call, keys) = self.keys(property, fps)?;
-        let (line, shown) = (self.line_of(call.name.start), KeyName::of(property).shown());
+        let (line, shown) = (self.line_of(call.name.start), KeyName::of(property).display_name());
         let mut edits = Vec::new();
         for (at, shape) in shapes {
             let index = key_at(&keys, *at).ok_or_else(|| self.refuse_missing_key(property, line))?;
@@ -197,7 +197,7 @@ impl ScriptObject<'_> {
             .cloned();
         let holds = holds.filter(|_| shapes.iter().any(|(_, shape)| shape.has_tangents()));
         edits.extend(holds.clone().map(|interpolation| self.without_interpolation(interpolation)));
-        let edit = Edit::joined(&self.text, edits);
+        let edit = Edit::combine(&self.text, edits);
         if holds.is_none() {
             return Ok(edit);
         }

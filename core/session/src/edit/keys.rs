@@ -13,7 +13,7 @@ use super::object_values::NewValueSyntax;
 use super::refused::ADD_LINE_LABEL;
 use super::scan::{Call, Source};
 use super::times::EditTime;
-use super::values::{format_number, is_plain, literals, option_of, rewritten};
+use super::values::{format_number, is_plain, option_of, parse_literals, rewrite_literals};
 use super::{Edit, EditRefused};
 use glam::{DQuat, DVec3};
 use std::ops::Range;
@@ -73,7 +73,7 @@ impl ScriptObject<'_> {
         let written = |key: &Key| WrittenKey {
             secs: key.secs,
             frame: key.in_frames.then(|| libm::round(key.secs * fps)),
-            numbers: literals(&self.text, &key.value).map(|all| all.iter().map(|(_, v)| *v).collect()),
+            numbers: parse_literals(&self.text, &key.value).map(|all| all.iter().map(|(_, v)| *v).collect()),
             shape: shape_of(&self.text, key),
         };
         let keys = keys.iter().map(written).collect();
@@ -122,7 +122,7 @@ impl ScriptObject<'_> {
             (Some(at), None)
                 if property == "position"
                     && self.text[at.name.clone()] == *"at"
-                    && literals(&self.text, &at.inside).is_some() =>
+                    && parse_literals(&self.text, &at.inside).is_some() =>
             {
                 let (line, column) = self.place();
                 let keyed = added.apply(&self.text);
@@ -163,7 +163,7 @@ impl ScriptObject<'_> {
             .flatten()
             .any(|to| (0..keys.len()).filter(stays).any(|index| is_near(*to, &keys[index])));
         if taken {
-            let shown = KeyName::of(property).shown();
+            let shown = KeyName::of(property).display_name();
             return Err(EditRefused::at(line, &format!("its {shown} has a key at that time already")));
         }
         Ok(retime_keys(&self.text, &keys, &times))
@@ -230,7 +230,7 @@ impl ScriptObject<'_> {
         let copied: Vec<&str> = copied.iter().map(|key| &self.text[key.all.clone()]).collect();
         // The list is written on one line: each line of the clipboard is one property.
         let copied = copied.join(", ").split_whitespace().collect::<Vec<_>>().join(" ");
-        Ok(format!(".{}[{copied}])", KeyName::of(property).opening()))
+        Ok(format!(".{}[{copied}])", KeyName::of(property).call_opening()))
     }
 
     /// Adds copied keys, shifted by a time. A key that is already at such a time gets the copied value.
@@ -299,19 +299,19 @@ impl ScriptObject<'_> {
             .iter()
             .map(|(time, value)| format!("[{}, {}]", time.new_text(&self.text), value_text(&[], value)));
         let all = all.collect::<Vec<_>>().join(", ");
-        let line = format!("{}[{all}]{interpolation})", KeyName::of(property).opening());
-        self.new_line(&line)
+        let line = format!("{}[{all}]{interpolation})", KeyName::of(property).call_opening());
+        self.add_line(&line)
     }
 
     /// Line and column of the `.key(…)` of a property, from 1. Also the number of calls of the script function that it stands in, or 1 outside
     /// functions.
     pub fn key_place(&self, property: &str) -> Option<((usize, usize), usize)> {
         let call = self.key_call(property)?;
-        Some((self.text.place_of(call.name.start), self.uses_of(&call)))
+        Some((self.text.place_of(call.name.start), self.function_use_count(&call)))
     }
 
     /// Number of calls of the script function that a call stands in, or 1 outside functions.
-    fn uses_of(&self, call: &Call) -> usize {
+    fn function_use_count(&self, call: &Call) -> usize {
         self.calls_in_functions
             .iter()
             .find(|parameter| parameter.call == *call)
@@ -366,7 +366,7 @@ impl ScriptObject<'_> {
     /// Adds a call that states a list of keys: to the chain of a cue, else like [`ScriptObject::add_call`]. The list replaces a number that the cue
     /// states.
     fn add_key_call(&self, name: KeyName, list: &str) -> Result<Edit, EditRefused> {
-        let call = format!("{}{list})", name.opening());
+        let call = format!("{}{list})", name.call_opening());
         match name {
             KeyName::Method(method) if self.written(method).is_some() => {
                 self.set_value(method, list, NewValueSyntax::Method)
@@ -379,12 +379,12 @@ impl ScriptObject<'_> {
     /// The last `.key(…)` of a property, and its parsed keys.
     pub(super) fn keys(&self, property: &str, fps: f64) -> Result<(Call, Vec<Key>), EditRefused> {
         let Some(call) = self.key_call(property) else {
-            let shown = KeyName::of(property).shown();
+            let shown = KeyName::of(property).display_name();
             let why =
                 format!("its {shown} has keys that are written elsewhere in the script; change them there");
             return Err(EditRefused::at(self.line, &why));
         };
-        let uses = self.uses_of(&call);
+        let uses = self.function_use_count(&call);
         if uses > 1 && !self.allows_shared_edits {
             let why = format!("this line makes {uses} objects; change it there");
             return Err(EditRefused::at(self.line_of(call.name.start), &why));
@@ -395,13 +395,13 @@ impl ScriptObject<'_> {
 
     pub(super) fn refuse_computed_keys(&self, property: &str, call: &Call) -> EditRefused {
         let line = self.line_of(call.name.start);
-        let shown = KeyName::of(property).shown();
+        let shown = KeyName::of(property).display_name();
         let why = format!("its {shown} has keys that are computed; change them there");
         EditRefused { is_computed: true, ..EditRefused::at(line, &why) }
     }
 
     pub(super) fn refuse_missing_key(&self, property: &str, line: usize) -> EditRefused {
-        let shown = KeyName::of(property).shown();
+        let shown = KeyName::of(property).display_name();
         let why = format!("its {shown} has no key written there; the key shown comes from an easing");
         EditRefused::at(line, &why)
     }
@@ -440,13 +440,13 @@ fn replaced_value(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Opti
             return changed_numbers(text, &written, before, now);
         }
     }
-    let old = literals(text, bytes).filter(|old| !old.is_empty())?;
+    let old = parse_literals(text, bytes).filter(|old| !old.is_empty())?;
     let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
     let new = numbers_like(&values, value);
     match new.len() == old.len() {
         // The text between the numbers stays as it is.
-        true => rewritten(text, &old, &new),
-        false => Some(Edit::in_old_style(text, bytes.clone(), &list(&new))),
+        true => rewrite_literals(text, &old, &new),
+        false => Some(Edit::in_old_style(text, bytes.clone(), &list_text(&new))),
     }
 }
 
@@ -471,14 +471,14 @@ fn changed_numbers(text: &Source, written: &[Range<usize>], before: &[f64], now:
         }
     }
     let are_plain = old.iter().all(|(bytes, _)| is_plain(text, bytes));
-    are_plain.then(|| rewritten(text, &old, &new).unwrap_or_default())
+    are_plain.then(|| rewrite_literals(text, &old, &new).unwrap_or_default())
 }
 
 /// Numbers of a new key before the key `next`: linear interpolation of its neighbors, or those of the only neighbor. Empty if the neighbors are
 /// computed.
 fn interpolated_neighbors(text: &Source, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
     let of = |key: Option<&Key>| -> Option<(f64, Vec<f64>)> {
-        let numbers = literals(text, &key?.value)?;
+        let numbers = parse_literals(text, &key?.value)?;
         Some((key?.secs, numbers.iter().map(|(_, v)| *v).collect()))
     };
     let before = next.checked_sub(1).and_then(|n| of(keys.get(n)));
@@ -500,11 +500,11 @@ fn time_like(keys: &[Key], next: usize, when: EditTime) -> String {
 fn value_text(near: &[f64], value: &KeyValue) -> String {
     match value {
         KeyValue::Text(new) => new.to_string(),
-        _ => list(&numbers_like(near, value)),
+        _ => list_text(&numbers_like(near, value)),
     }
 }
 
-fn list(values: &[f64]) -> String {
+fn list_text(values: &[f64]) -> String {
     let all: Vec<String> = values.iter().map(|v| format_number(*v)).collect();
     if let [one] = all.as_slice() { one.clone() } else { format!("[{}]", all.join(", ")) }
 }

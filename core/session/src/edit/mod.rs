@@ -44,7 +44,7 @@ pub use duplicating::{Duplicate, duplicate_object};
 pub use key_name::{are_keys, are_keys_of_cue};
 pub use key_tangents::{KeyShape, KeySide};
 pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
-pub use object::{ScriptObject, ScriptText, rotation_of, set_call, set_marker};
+pub use object::{ScriptObject, ScriptText, rotation_of, set_call_time, set_marker};
 pub use object_values::NewValueSyntax;
 pub use refused::EditRefused;
 pub use renaming::{NamedBy, Renaming};
@@ -82,7 +82,7 @@ impl Edit {
 
     /// Combines several edits of different places. A single edit stays as it is, even if it rewrites text with the same text; several become the
     /// smallest edit with the same result.
-    pub(crate) fn joined(text: &str, mut edits: Vec<Edit>) -> Edit {
+    pub(crate) fn combine(text: &str, mut edits: Vec<Edit>) -> Edit {
         edits.retain(|edit| !edit.range.is_empty() || !edit.text.is_empty());
         edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
         match edits.as_slice() {

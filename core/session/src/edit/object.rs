@@ -10,8 +10,8 @@ use super::refused::ADD_LINE_LABEL;
 use super::scan::{Call, Source, Tokens, tokens_of};
 use super::times::{EditTime, TimeLiteral, restated};
 use super::values::{
-    format_number, is_calculation, keeps_computed, literals, numbers_over, numbers_plus, option_of,
-    rewritten, set_option,
+    add_to_numbers, format_number, is_calculation, keeps_computed, option_of, overwrite_numbers,
+    parse_literals, rewrite_literals, set_option,
 };
 use super::{Edit, EditRefused, chain};
 use choreo_script::quoted;
@@ -34,7 +34,7 @@ pub struct ScriptObject<'a> {
     /// Whether an edit of a call in such a function is allowed, although it may change other objects, too.
     pub(super) allows_shared_edits: bool,
     /// Byte of the last statement at the same bracket depth that calls the object's methods.
-    pub(super) last_at: usize,
+    pub(super) last_statement_at: usize,
 }
 
 /// A script's text, split into tokens once for many objects.
@@ -73,14 +73,14 @@ impl<'a> ScriptObject<'a> {
         let chain = text.chain_after(creating_call.end);
         let mut joints = joint_keys(&text, creating_call.end, &chain);
         let mut calls = calls_before_joint(&text, chain);
-        let (mut last_at, mut calls_in_functions) = (creating_call.end, Vec::new());
+        let (mut last_statement_at, mut calls_in_functions) = (creating_call.end, Vec::new());
         if let Some(name) = &variable {
             let later = text
                 .chains_of(name, creating_call.name.start)
                 .into_iter()
                 .filter(|(at, _)| *at > creating_call.end);
             for (at, chain) in later {
-                last_at = at;
+                last_statement_at = at;
                 joints.extend(joint_keys(&text, at, &chain));
                 calls.extend(calls_before_joint(&text, chain));
             }
@@ -95,7 +95,7 @@ impl<'a> ScriptObject<'a> {
             joints,
             calls_in_functions,
             allows_shared_edits: false,
-            last_at,
+            last_statement_at,
         })
     }
 
@@ -115,7 +115,7 @@ impl<'a> ScriptObject<'a> {
             return Some((variable.clone(), None));
         }
         let start = self.creating_call.name.start;
-        if self.text.statement_start(start) != start || self.text.depth_to(start) > 0 {
+        if self.text.statement_start(start) != start || self.text.bracket_depth_at(start) > 0 {
             return None;
         }
         let name = first_free(
@@ -150,7 +150,7 @@ impl<'a> ScriptObject<'a> {
         let (name, inside) = (&self.text[call.name.clone()], self.text[call.inside.clone()].trim());
         let line = self.line_of(call.name.start);
         let why = format!(".{name}({inside}) is computed; change it there, or add a line that sets it again");
-        let alternative = self.variable.as_ref().and_then(|_| self.new_line(new_call));
+        let alternative = self.variable.as_ref().and_then(|_| self.add_line(new_call));
         EditRefused {
             alternative,
             alternative_label: ADD_LINE_LABEL,
@@ -160,14 +160,14 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// Adds `variable.call;` after the last statement about the object.
-    pub(super) fn new_line(&self, call: &str) -> Option<Edit> {
-        self.new_line_after(call, self.last_mention())
+    pub(super) fn add_line(&self, call: &str) -> Option<Edit> {
+        self.add_line_after(call, self.last_mention())
     }
 
     /// A byte in the last statement about the object: one that calls its methods (also within a block) or passes it to a function of the script.
     fn last_mention(&self) -> usize {
         let (text, depth) = (&self.text, self.depth());
-        let Some(name) = self.variable.as_deref() else { return self.last_at };
+        let Some(name) = self.variable.as_deref() else { return self.last_statement_at };
         // The name may belong to something else in another block.
         let is_called = |at: usize| {
             depth == 0
@@ -175,11 +175,13 @@ impl<'a> ScriptObject<'a> {
                 && text.begins_statement(text.statement_start(at))
         };
         let is_handed = |at: usize| {
-            let given = text.argument_at(at).filter(|_| depth == 0 || text.depth_to(at) == depth + 1);
+            let given = text.argument_at(at).filter(|_| depth == 0 || text.bracket_depth_at(at) == depth + 1);
             given.is_some_and(|(call, number)| text.parameter(&text[call.name], number).is_some())
         };
-        let uses = text.uses_of(name).filter(|at| *at > self.last_at && (is_called(*at) || is_handed(*at)));
-        uses.filter(|at| depth > 0 || !text.is_in_function(*at)).last().unwrap_or(self.last_at)
+        let uses = text
+            .uses_of(name)
+            .filter(|at| *at > self.last_statement_at && (is_called(*at) || is_handed(*at)));
+        uses.filter(|at| depth > 0 || !text.is_in_function(*at)).last().unwrap_or(self.last_statement_at)
     }
 
     /// The last byte outside functions at which a name occurs, else `after`, the byte after the call that makes its value.
@@ -190,11 +192,11 @@ impl<'a> ScriptObject<'a> {
 
     /// Number of brackets that are open at the creating call.
     pub(super) fn depth(&self) -> usize {
-        self.text.depth_to(self.creating_call.name.start)
+        self.text.bracket_depth_at(self.creating_call.name.start)
     }
 
     /// Adds `variable.call;` after the statement around a byte.
-    fn new_line_after(&self, call: &str, at: usize) -> Option<Edit> {
+    fn add_line_after(&self, call: &str, at: usize) -> Option<Edit> {
         let name = self.variable.as_ref()?;
         let mut end = self.text.statement_around(at, self.depth()).end;
         // A comment on the same line stays before the new line.
@@ -216,10 +218,10 @@ impl<'a> ScriptObject<'a> {
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
         let Some(call) = self.last_call(&[name]) else { return Ok(self.add_method(&new)) };
-        if let Some(edit) = numbers_over(&self.text, &call.inside, values) {
+        if let Some(edit) = overwrite_numbers(&self.text, &call.inside, values) {
             return Ok(edit);
         }
-        match literals(&self.text, &call.inside) {
+        match parse_literals(&self.text, &call.inside) {
             // One factor becomes three.
             Some(old) if old.len() != values.len() => {
                 let inside = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
@@ -239,7 +241,7 @@ impl<'a> ScriptObject<'a> {
     pub fn set_one_of(&self, names: &[&str], name: &str, value: &str) -> Result<Edit, EditRefused> {
         let new = format!("{name}({value})");
         let Some(old) = self.last_call(names) else { return Ok(self.add_method(&new)) };
-        literals(&self.text, &old.inside).ok_or_else(|| self.refuse_computed(old, &new))?;
+        parse_literals(&self.text, &old.inside).ok_or_else(|| self.refuse_computed(old, &new))?;
         let value = in_number_style(&self.text[old.inside.clone()], value);
         Ok(Edit { range: old.name.start..old.end, text: format!("{name}({value})") })
     }
@@ -249,7 +251,7 @@ impl<'a> ScriptObject<'a> {
         let [x, y, z] = point.to_array().map(format_number);
         let new = format!("{name}([{x}, {y}, {z}])");
         let Some(call) = self.last_call(&[name]) else { return Ok(self.add_method(&new)) };
-        let changed = numbers_over(&self.text, &call.inside, &point.to_array());
+        let changed = overwrite_numbers(&self.text, &call.inside, &point.to_array());
         changed.ok_or_else(|| self.refuse_computed(call, &new))
     }
 
@@ -258,7 +260,7 @@ impl<'a> ScriptObject<'a> {
     pub fn move_by(&self, by: DVec3, to: DVec3) -> Result<Edit, EditRefused> {
         let Some(call) = self.last_call(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };
         let new = call_text("move_by", &by.to_array());
-        let moved = numbers_plus(&self.text, &call.inside, &by.to_array());
+        let moved = add_to_numbers(&self.text, &call.inside, &by.to_array());
         moved.ok_or_else(|| self.refuse_computed(call, &new))
     }
 
@@ -270,13 +272,15 @@ impl<'a> ScriptObject<'a> {
         let new =
             if upright { call_text("turn", &[degrees]) } else { call_text("rotate", &angles.to_array()) };
         let Some(call) = self.last_call(&["turn", "rotate"]) else { return self.add_method(&new) };
-        let old = literals(&self.text, &call.inside).unwrap_or_default();
+        let old = parse_literals(&self.text, &call.inside).unwrap_or_default();
         let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
         let changed = match (&self.text[call.name.clone()], values.as_slice()) {
-            ("turn", [turned]) if upright => rewritten(&self.text, &old, &[wrap_degrees(turned + degrees)]),
+            ("turn", [turned]) if upright => {
+                rewrite_literals(&self.text, &old, &[wrap_degrees(turned + degrees)])
+            }
             ("rotate", [x, y, z]) => {
                 let turned = euler_degrees(by * rotation_of(DVec3::new(*x, *y, *z)));
-                rewritten(&self.text, &old, &turned.to_array())
+                rewrite_literals(&self.text, &old, &turned.to_array())
             }
             _ => None,
         };
@@ -288,14 +292,14 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// Writes a time as `.from(…)`, `.until(…)`, `.cut(…)` …: over the last call of this name, else as a new one.
-    pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
+    pub fn set_time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
         let new = format!("{name}({})", time.new_text(&self.text));
         let Some(call) = self.last_call(&[name]) else { return Ok(self.add_method(&new)) };
         restated(&self.text, &call.inside, time).ok_or_else(|| self.refuse_computed(call, &new))
     }
 
     /// Sets an option of the creating call, or the value of a later method with that name. `value`: source text.
-    pub fn option(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
+    pub fn set_option(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
         if let Some(call) = self.last_call(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
@@ -314,7 +318,7 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// Sets a parameter: in the last `.set("name", …)`, else as an option.
-    pub fn parameter(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
+    pub fn set_parameter(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
         let quoted = format!("\"{name}\"");
         let is_it = |call: &&Call| {
             self.text[call.name.clone()] == *"set"
@@ -335,7 +339,7 @@ impl<'a> ScriptObject<'a> {
     ) -> Result<Edit, EditRefused> {
         let inside = &self.text[bytes.clone()];
         let quoted = inside.trim().starts_with('"') && inside.trim().ends_with('"');
-        let is_literal = literals(&self.text, &bytes).is_some_and(|l| !l.is_empty());
+        let is_literal = parse_literals(&self.text, &bytes).is_some_and(|l| !l.is_empty());
         let is_time = TimeLiteral::of(&self.text, &bytes).is_some();
         let is_written = quoted || is_literal || is_time || is_calculation(&self.text, &bytes);
         if !is_written && !keeps_computed(&self.text, &bytes, value) {
@@ -357,7 +361,7 @@ impl<'a> ScriptObject<'a> {
         options: &str,
         of: Option<&ScriptObject>,
     ) -> Result<Edit, EditRefused> {
-        let asset = of.unwrap_or(self).asset()?;
+        let asset = of.unwrap_or(self).asset_source()?;
         let call = format!("play({asset}.clip({}){options}){}", quoted(clip), self.start_call(from));
         self.add_call(&call, of.map(|of| (asset.as_str(), of.creating_call.end)))
     }
@@ -374,7 +378,7 @@ impl<'a> ScriptObject<'a> {
         options: &str,
     ) -> Result<Edit, EditRefused> {
         let file = quoted(file);
-        let asset = loaded_as(&self.text, &file, self.last_at).map(str::to_string);
+        let asset = variable_of_file(&self.text, &file, self.last_statement_at).map(str::to_string);
         let asset = asset.unwrap_or_else(|| format!("load({file})"));
         let call = format!("play({asset}.clip({}){options}){}", quoted(clip), self.start_call(from));
         self.add_call(&call, None)
@@ -392,7 +396,7 @@ impl<'a> ScriptObject<'a> {
         let own = self.last_mention();
         let needs = needs.filter(|(_, made)| *made > own);
         let at = needs.map_or(own, |(name, made)| self.last_use(name, made));
-        if let Some(line) = self.new_line_after(call, at) {
+        if let Some(line) = self.add_line_after(call, at) {
             return Ok(line);
         }
         let end = self.calls.last().map_or(self.creating_call.end, |c| c.end);
@@ -413,13 +417,13 @@ impl<'a> ScriptObject<'a> {
     ///
     /// # Errors
     /// The call has no asset argument.
-    pub(super) fn asset(&self) -> Result<String, EditRefused> {
+    pub(super) fn asset_source(&self) -> Result<String, EditRefused> {
         let asset = self.text.argument(&self.creating_call.inside, 1);
         let asset = asset.ok_or_else(|| EditRefused::at(self.line, "it is not cast from a file"))?;
         let named = self.text.call_from(asset.start).filter(|load| self.text[load.name.clone()] == *"load");
         let named = named.and_then(|load| {
             let file = self.text.argument(&load.inside, 0)?;
-            loaded_as(&self.text, &self.text[file], self.creating_call.name.start)
+            variable_of_file(&self.text, &self.text[file], self.creating_call.name.start)
         });
         Ok(named.unwrap_or(&self.text[asset]).to_string())
     }
@@ -431,7 +435,7 @@ fn calls_before_joint(text: &Source, chain: Vec<Call>) -> Vec<Call> {
 }
 
 /// Sets the first argument of the call at a position, which is a time: `.cut(2.0)`.
-pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Result<Edit, EditRefused> {
+pub fn set_call_time(text: &str, line: usize, column: usize, time: EditTime) -> Result<Edit, EditRefused> {
     let refuse = |why: String| EditRefused::at(line, &why);
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
@@ -469,7 +473,7 @@ fn call_text(name: &str, values: &[f64]) -> String {
 }
 
 /// Variable of a file that the script loads before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
-pub(super) fn loaded_as<'a>(text: &Source<'a>, file: &str, before: usize) -> Option<&'a str> {
+pub(super) fn variable_of_file<'a>(text: &Source<'a>, file: &str, before: usize) -> Option<&'a str> {
     loads_of(text, file).find(|(load, _)| load.name.start < before).map(|(_, name)| name)
 }
 
@@ -478,7 +482,7 @@ pub(super) fn loads_of<'a>(text: &Source<'a>, file: &str) -> impl Iterator<Item 
     let is_it = move |call: &Call| {
         file.starts_with('"')
             && text.argument(&call.inside, 0).is_some_and(|first| text[first] == *file)
-            && text.depth_to(call.name.start) == 0
+            && text.bracket_depth_at(call.name.start) == 0
             && text[text.next_token_start(call.end)..].starts_with(';')
     };
     let named = move |call: Call| text.variable_before(call.name.start).map(|name| (call, name));
@@ -612,21 +616,25 @@ mod tests {
     #[test]
     fn options_parameters_and_times_are_set() {
         let light = "let s = |sun(#{ intensity: 3.0, color: \"white\" });\ns.intensity(2);\n";
-        assert!(changed(light, |o| o.option("intensity", "4.5")).unwrap().contains("s.intensity(4.5);"));
+        assert!(changed(light, |o| o.set_option("intensity", "4.5")).unwrap().contains("s.intensity(4.5);"));
         assert!(
-            changed(light, |o| o.option("color", "\"#ff0000\"")).unwrap().contains("color: \"#ff0000\" }")
+            changed(light, |o| o.set_option("color", "\"#ff0000\""))
+                .unwrap()
+                .contains("color: \"#ff0000\" }")
         );
         assert_eq!(
-            changed("|sun();", |o| o.option("intensity", "2.0")).unwrap(),
+            changed("|sun();", |o| o.set_option("intensity", "2.0")).unwrap(),
             "sun(#{ intensity: 2.0 });"
         );
         let effect = "|effect(\"glow\", #{ amount: 0.2 }).set(\"size\", 1.5).from(1.0);";
-        assert!(changed(effect, |o| o.parameter("size", "2.0")).unwrap().contains(".set(\"size\", 2.0)"));
-        assert!(changed(effect, |o| o.parameter("amount", "0.3")).unwrap().contains("amount: 0.3 }"));
-        assert!(changed(effect, |o| o.time("from", at(1.25))).unwrap().ends_with(".from(1.25);"));
-        assert!(changed(effect, |o| o.time("until", at(3.0))).unwrap().ends_with(".from(1.0).until(3.0);"));
+        assert!(changed(effect, |o| o.set_parameter("size", "2.0")).unwrap().contains(".set(\"size\", 2.0)"));
+        assert!(changed(effect, |o| o.set_parameter("amount", "0.3")).unwrap().contains("amount: 0.3 }"));
+        assert!(changed(effect, |o| o.set_time("from", at(1.25))).unwrap().ends_with(".from(1.25);"));
+        assert!(
+            changed(effect, |o| o.set_time("until", at(3.0))).unwrap().ends_with(".from(1.0).until(3.0);")
+        );
         let refused =
-            changed("|effect(\"glow\", #{ amount: x });", |o| o.parameter("amount", "1.0")).unwrap_err();
+            changed("|effect(\"glow\", #{ amount: x });", |o| o.set_parameter("amount", "1.0")).unwrap_err();
         assert!(refused.why.contains("amount: x is computed"), "{}", refused.why);
     }
 
@@ -681,14 +689,14 @@ mod tests {
     fn the_time_argument_of_a_call_is_rewritten() {
         let text = "camera(\"b\").at(0, 1, 2).cut( 2.0 );\ncamera(\"c\").cut(x);";
         let column = text.find(".cut").unwrap() + 2;
-        assert!(set_call(text, 1, column, at(2.5)).unwrap().apply(text).contains(".cut( 2.5 );"));
-        assert!(set_call(text, 2, 13, at(2.5)).unwrap_err().why.contains("cut(x) is computed"));
+        assert!(set_call_time(text, 1, column, at(2.5)).unwrap().apply(text).contains(".cut( 2.5 );"));
+        assert!(set_call_time(text, 2, 13, at(2.5)).unwrap_err().why.contains("cut(x) is computed"));
         let title = "text(\"a\").fade(1.0 / 3.0);";
         let faded = ScriptObject::at(title, 1, 1).unwrap().set("fade", &[0.5]).unwrap().apply(title);
         assert_eq!(faded, "text(\"a\").fade(0.5);");
         let dissolve = "c.cut(2.0, #{ dissolve: 0.8 });";
         assert_eq!(
-            set_call(dissolve, 1, 3, at(2.5)).unwrap().apply(dissolve),
+            set_call_time(dissolve, 1, 3, at(2.5)).unwrap().apply(dissolve),
             dissolve.replace("2.0", "2.5")
         );
     }

@@ -102,14 +102,14 @@ impl<'a> ScriptObject<'a> {
             (None, None) if syntax == NewValueSyntax::Option || option.is_some() => {
                 set_option(&self.text, &self.creating_call, self.line, name, &time.new_text(&self.text))
             }
-            _ => self.time(name, time),
+            _ => self.set_time(name, time),
         }
     }
 
     /// The map of an option as an object: `#{ size: 1024 }` in `sun(#{ shadow: #{ size: 1024 } })`.
     pub fn within_option(&self, option: &str) -> Option<ScriptObject<'a>> {
         let inside = self.text.trimmed(&option_value(&self.text, &self.creating_call, option)?);
-        self.text.map_in(&inside)?;
+        self.text.options_map(&inside)?;
         let start = self.text[..inside.start].rfind(option)?;
         let creating_call = Call { name: start..start + option.len(), end: inside.end, inside };
         Some(ScriptObject { creating_call, calls: Vec::new(), variable: None, ..self.clone() })
@@ -159,7 +159,7 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// Source text of all arguments of the creating call.
-    pub fn inside(&self) -> &str {
+    pub fn all_arguments(&self) -> &str {
         self.text[self.creating_call.inside.clone()].trim()
     }
 
@@ -183,9 +183,9 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// Source text of the arguments of the creating call before its options.
-    pub fn arguments(&self) -> &str {
+    pub fn arguments_before_options(&self) -> &str {
         let inside = self.creating_call.inside.clone();
-        let end = self.text.map_in(&inside).and_then(|map| self.text[..map.start].rfind("#{"));
+        let end = self.text.options_map(&inside).and_then(|map| self.text[..map.start].rfind("#{"));
         self.text[inside.start..end.unwrap_or(inside.end)].trim().trim_end_matches(',')
     }
 
@@ -232,7 +232,7 @@ impl<'a> ScriptObject<'a> {
 
     /// Bytes of each option of the creating call up to its comma, and whether its name is among `names`.
     fn options(&self, names: &[&str]) -> Vec<(Range<usize>, bool)> {
-        let Some(map) = self.text.map_in(&self.creating_call.inside) else { return Vec::new() };
+        let Some(map) = self.text.options_map(&self.creating_call.inside) else { return Vec::new() };
         let mut all: Vec<(Range<usize>, bool)> = Vec::new();
         let mut at = map.start;
         while at < map.end {
@@ -250,7 +250,7 @@ impl<'a> ScriptObject<'a> {
     /// Bytes to remove for the options with these names, each with one comma; the whole map if it holds no other option.
     fn options_range(&self, names: &[&str]) -> Vec<Range<usize>> {
         let inside = &self.creating_call.inside;
-        let Some(map) = self.text.map_in(inside) else { return Vec::new() };
+        let Some(map) = self.text.options_map(inside) else { return Vec::new() };
         let all = self.options(names);
         if !all.is_empty() && all.iter().all(|(_, goes)| *goes) {
             // The comma after the previous argument is removed, too.

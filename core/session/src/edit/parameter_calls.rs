@@ -13,13 +13,13 @@ pub(super) struct ParameterCall {
 /// Method calls on an object in the functions that get its variable as an argument, in the order in which the script calls those functions.
 /// Function calls before the byte `like`, or at another bracket depth, are ignored.
 pub(super) fn parameter_calls(text: &Source, variable: &str, like: usize) -> Vec<ParameterCall> {
-    let wanted = text.depth_to(like) + 1;
+    let wanted = text.bracket_depth_at(like) + 1;
     let mut all = Vec::new();
     for at in text.uses_of(variable).filter(|at| *at > like) {
         let Some((given, number)) = text.argument_at(at) else { continue };
         let function = &text[given.name];
         let Some((parameter, body)) = text.parameter(function, number) else { continue };
-        if text.depth_to(at) != wanted {
+        if text.bracket_depth_at(at) != wanted {
             continue;
         }
         // The definition of the function is not a call.

@@ -29,7 +29,7 @@ pub fn reorder(
         call.ok_or_else(|| EditRefused::at(line, "there is no call whose statement could be moved"))
     };
     let (from, to) = (byte(moved)?, byte(target)?);
-    if source.depth_to(source.statement_start(from)) > 0 {
+    if source.bracket_depth_at(source.statement_start(from)) > 0 {
         return Err(EditRefused::at(moved.0, "it is made in a function or a block; move it there"));
     }
     let other = source.statement_around(to, 0);
@@ -39,7 +39,7 @@ pub fn reorder(
     }
     let whole = |range: &Range<usize>| {
         let why = "it shares its line with another statement; put it on a line of its own first";
-        source.own_lines(range).ok_or_else(|| EditRefused::at(line_of(range.start), why))
+        source.whole_lines(range).ok_or_else(|| EditRefused::at(line_of(range.start), why))
     };
     let lines = whole(&(source.statement_start(from)..source.statement_end(from)))?;
     let target_lines = whole(&other)?;
@@ -71,7 +71,7 @@ fn end_of_statements_about(source: &Source, lines: &Range<usize>) -> usize {
             && source.word_at(next) == name
             && source[source.next_token_start(next + name.len())..].starts_with('.');
         let statement = next..source.statement_end(next);
-        match source.own_lines(&statement).filter(|_| is_about && !is_apart) {
+        match source.whole_lines(&statement).filter(|_| is_about && !is_apart) {
             Some(own) => end = own.end,
             None => return end,
         }

@@ -107,12 +107,12 @@ impl<'a> Source<'a> {
     }
 
     /// Index of the first token from a byte on that `ends` accepts, skipping everything in brackets that open on the way.
-    fn find_outside(&self, at: usize, ends: impl Fn(&str) -> bool) -> usize {
-        self.find_outside_before(self.tokens.len(), at, ends)
+    fn find_outside_brackets(&self, at: usize, ends: impl Fn(&str) -> bool) -> usize {
+        self.find_outside_brackets_before(self.tokens.len(), at, ends)
     }
 
-    /// Like [`Source::find_outside`], among the tokens before the index `stop`. Returns `stop` or a greater index if none is found.
-    fn find_outside_before(&self, stop: usize, at: usize, ends: impl Fn(&str) -> bool) -> usize {
+    /// Like [`Source::find_outside_brackets`], among the tokens before the index `stop`. Returns `stop` or a greater index if none is found.
+    fn find_outside_brackets_before(&self, stop: usize, at: usize, ends: impl Fn(&str) -> bool) -> usize {
         let mut index = self.token_index_at(at);
         while index < stop && !ends(self.token(index)) {
             index = match is_opening_bracket(self.token(index)) {
@@ -140,19 +140,19 @@ impl<'a> Source<'a> {
     /// All chains `name.a(…).b(…)` of a variable at the bracket depth of the byte `like`, in order, each with its first byte. Deeper ones apply to
     /// one round of a loop or to one frame only.
     pub(crate) fn chains_of(&self, name: &str, like: usize) -> Vec<(usize, Vec<Call>)> {
-        let wanted = self.depth_to(like);
+        let wanted = self.bracket_depth_at(like);
         let is_it = |index: &usize| {
             self.token(*index) == name
                 && self.token(index + 1) == "."
                 && (*index == 0 || self.token(index - 1) != ".")
-                && self.depth_to(self.token_start(*index)) == wanted
+                && self.bracket_depth_at(self.token_start(*index)) == wanted
         };
         let found = (0..self.tokens.len()).filter(is_it);
         found.map(|index| (self.token_start(index), self.chain_after(self.token_start(index + 1)))).collect()
     }
 
     /// Number of brackets that are open before a byte.
-    pub(crate) fn depth_to(&self, end: usize) -> usize {
+    pub(crate) fn bracket_depth_at(&self, end: usize) -> usize {
         (0..self.token_index_at(end)).fold(0usize, |depth, index| match self.token(index) {
             token if is_opening_bracket(token) => depth + 1,
             token if is_closing_bracket(token) => depth.saturating_sub(1),
@@ -162,7 +162,7 @@ impl<'a> Source<'a> {
 
     /// End of the statement around a byte: after its `;`, else before the bracket that closes around it, else the end of the text.
     pub(crate) fn statement_end(&self, at: usize) -> usize {
-        let index = self.find_outside(at, |token| token == ";" || is_closing_bracket(token));
+        let index = self.find_outside_brackets(at, |token| token == ";" || is_closing_bracket(token));
         self.token_start(index) + usize::from(self.token(index) == ";")
     }
 
@@ -187,7 +187,7 @@ impl<'a> Source<'a> {
     /// The statement around a byte at the bracket depth `depth`.
     pub(super) fn statement_around(&self, at: usize, depth: usize) -> Range<usize> {
         let mut start = self.statement_start(at);
-        while self.depth_to(start) > depth {
+        while self.bracket_depth_at(start) > depth {
             start = self.statement_start(self.token_before(start));
         }
         start..self.end_of_statement_from(start)
@@ -216,7 +216,7 @@ impl<'a> Source<'a> {
         }
         let mut at = start;
         loop {
-            let open = self.find_outside(at, |token| token == "{" || token == ";");
+            let open = self.find_outside_brackets(at, |token| token == "{" || token == ";");
             let Some(close) = self.closing_bracket_of(open).filter(|_| self.token(open) == "{") else {
                 return self.statement_end(start);
             };
@@ -297,7 +297,7 @@ impl<'a> Source<'a> {
     }
 
     /// The range extended to whole lines, with indentation and a comment after it. `None` if other code stands on these lines.
-    pub(super) fn own_lines(&self, range: &Range<usize>) -> Option<Range<usize>> {
+    pub(super) fn whole_lines(&self, range: &Range<usize>) -> Option<Range<usize>> {
         let before = self.text[..range.start].trim_end_matches([' ', '\t']);
         let end = self.text[range.end..].find('\n').map_or(self.text.len(), |at| range.end + at + 1);
         let behind = self.text[range.end..end].trim();
@@ -334,7 +334,7 @@ impl<'a> Source<'a> {
             return None;
         }
         let value = self.token_start(name + 2);
-        let end = self.find_outside(value, |token| token == "," || is_closing_bracket(token));
+        let end = self.find_outside_brackets(value, |token| token == "," || is_closing_bracket(token));
         let inside = self.trimmed(&(value..self.token_start(end)));
         Some(Call { name: self.tokens[name].clone(), end: inside.end, inside })
     }
@@ -366,7 +366,7 @@ impl<'a> Source<'a> {
     }
 
     /// Bytes between the braces of the `#{ … }` that is the last argument.
-    pub(crate) fn map_in(&self, inside: &Range<usize>) -> Option<Range<usize>> {
+    pub(crate) fn options_map(&self, inside: &Range<usize>) -> Option<Range<usize>> {
         let mut at = inside.start;
         while at < inside.end {
             let end = self.value_end(at, inside.end);
@@ -383,8 +383,10 @@ impl<'a> Source<'a> {
 
     /// Byte of the comma after a value, or `end`.
     pub(crate) fn value_end(&self, at: usize, end: usize) -> usize {
-        self.token_start(self.find_outside_before(self.token_index_at(end), at, |token| token == ","))
-            .min(end)
+        self.token_start(
+            self.find_outside_brackets_before(self.token_index_at(end), at, |token| token == ","),
+        )
+        .min(end)
     }
 
     /// Bytes of an argument without whitespace, given by the inside of the call's parentheses and its number from 0.
@@ -417,9 +419,10 @@ impl<'a> Source<'a> {
     pub(crate) fn loop_around(&self, at: usize) -> Option<Loop<'a>> {
         let within = self.token_index_at(at);
         let around = |index: usize| {
-            let brace = self.token_index_at(
-                self.token_start(self.find_outside(self.token_start(index + 3), |token| token == "{")),
-            );
+            let brace =
+                self.token_index_at(self.token_start(
+                    self.find_outside_brackets(self.token_start(index + 3), |token| token == "{"),
+                ));
             let close = self.closing_bracket_of(brace).filter(|close| brace < within && within < *close)?;
             Some(Loop {
                 all: self.token_start(index)..self.token_start(close) + 1,
@@ -474,6 +477,6 @@ impl<'a> Source<'a> {
     }
 }
 
-pub(super) fn find(chain: &[Call], text: &str, name: &str) -> Option<Range<usize>> {
+pub(super) fn last_arguments_of(chain: &[Call], text: &str, name: &str) -> Option<Range<usize>> {
     chain.iter().rev().find(|call| text[call.name.clone()] == *name).map(|call| call.inside.clone())
 }

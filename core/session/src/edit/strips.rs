@@ -9,7 +9,7 @@ use super::object::ScriptObject;
 use super::scan::{Call, Source};
 use super::times::{CueTime, EditTime, TimeLiteral};
 use super::values::{
-    becomes_method, format_number, is_calculation, numbers_over, option_value, options_of, set_option,
+    becomes_method, format_number, is_calculation, option_value, options_of, overwrite_numbers, set_option,
 };
 use super::{Edit, EditRefused, chain};
 use choreo_stage::{Cue, Described};
@@ -105,7 +105,7 @@ impl<'a> Strip<'a> {
             let numbers: Vec<String> = values.iter().map(|value| format_number(*value)).collect();
             return Ok(self.add(is_method, (name, &numbers)));
         };
-        let changed = numbers_over(&self.text, &self.text.trimmed(&old), values);
+        let changed = overwrite_numbers(&self.text, &self.text.trimmed(&old), values);
         changed.ok_or_else(|| self.refuse_computed(name, &old))
     }
 
@@ -180,7 +180,7 @@ impl<'a> Strip<'a> {
     }
 
     /// Separator before a new `.then`: a line break with indentation.
-    fn new_line(&self) -> String {
+    fn then_separator(&self) -> String {
         let start = self.text[..self.chain_start().name.start].rfind('\n').map_or(0, |n| n + 1);
         let blanks: String = self.text[start..].chars().take_while(|c| *c == ' ' || *c == '\t').collect();
         format!("\n{blanks}    ")
@@ -217,7 +217,7 @@ impl<'a> Strip<'a> {
     fn then_call(&self, keeps: impl Fn(&str) -> bool) -> String {
         let inside = &self.call.inside;
         // If the script keeps the options in a variable, the copy uses it, too.
-        let end = match self.text.map_in(inside) {
+        let end = match self.text.options_map(inside) {
             Some(_) => self.text.value_end(inside.start, inside.end),
             None => inside.end,
         };
@@ -229,12 +229,12 @@ impl<'a> Strip<'a> {
         let options =
             if options.is_empty() { String::new() } else { format!(", #{{ {} }}", options.join(", ")) };
         let calls = self.chain.iter().filter(|call| keeps(self.name(call)));
-        let calls: String = calls.map(|call| self.dotted(call)).collect();
-        format!("{}.then({clip}{options}){calls}", self.new_line())
+        let calls: String = calls.map(|call| self.call_source(call)).collect();
+        format!("{}.then({clip}{options}){calls}", self.then_separator())
     }
 
     /// Source text `.name(…)` of a call.
-    pub(super) fn dotted(&self, call: &Call) -> String {
+    pub(super) fn call_source(&self, call: &Call) -> String {
         format!(".{}", &self.text[call.name.start..call.end])
     }
 }
@@ -252,7 +252,7 @@ pub fn cues_before(text: &str, places: &[(usize, usize)]) -> Vec<Option<usize>> 
 }
 
 /// Text of times in seconds, with as many digits as everywhere else, so that equal times have equal text.
-fn seconds(times: &[f64], fps: f64) -> Vec<String> {
+fn texts_in_seconds(times: &[f64], fps: f64) -> Vec<String> {
     times.iter().map(|secs| EditTime { secs: *secs, fps }.text(false)).collect()
 }
 
@@ -270,12 +270,12 @@ pub fn set_trim(
     let strip = Strip::at(text, line, column)?;
     let Some(value) = strip.value("trim") else {
         let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
-        return Ok(strip.add(is_method, ("trim", &seconds(&trim, fps))));
+        return Ok(strip.add(is_method, ("trim", &texts_in_seconds(&trim, fps))));
     };
     let [from, to] = times_in(&strip.text, &value).ok_or_else(|| strip.refuse_computed("trim", &value))?;
     let moves = |(end, secs): &(TimeLiteral, f64)| (end.secs(fps) - secs).abs() > TRIM_TOLERANCE;
     let moved = [(from, trim[0]), (to, trim[1])].into_iter().filter(moves);
-    Ok(Edit::joined(text, moved.map(|(end, secs)| end.set(text, EditTime { secs, fps })).collect()))
+    Ok(Edit::combine(text, moved.map(|(end, secs)| end.set(text, EditTime { secs, fps })).collect()))
 }
 
 /// The two times of `0.5, f(12)` or `[0.5, f(12)]`. `None` if one is computed.
@@ -306,10 +306,10 @@ pub fn set_number(
 ///
 /// # Errors
 /// The errors are those of [`set_trim`].
-pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result<Edit, EditRefused> {
+pub fn set_disabled(text: &str, line: usize, column: usize, is_disabled: bool) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
     let Some(value) = strip.value("weight") else {
-        return match off {
+        return match is_disabled {
             true => strip.set("weight", &[0.0]),
             false => Err(EditRefused::at(line, "its weight does not disable it")),
         };
@@ -317,7 +317,7 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
     let inside = &strip.text[value.clone()];
     let blanks = value.start + (inside.len() - inside.trim_start().len());
     let range = blanks..blanks + inside.trim().len();
-    if off {
+    if is_disabled {
         let old = strip.text.trimmed(&value);
         if !is_calculation(&strip.text, &old) {
             return Err(strip.refuse_computed("weight", &value));
@@ -353,7 +353,9 @@ pub fn split_cue(
     // The second cue is written in the style of the first: with methods or with options.
     let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
     match second_half {
-        SecondHalf::Trim(trim) => second = with_value(&second, is_method, ("trim", &seconds(&trim, at.fps))),
+        SecondHalf::Trim(trim) => {
+            second = with_value(&second, is_method, ("trim", &texts_in_seconds(&trim, at.fps)))
+        }
         SecondHalf::ClipTime(keys) => {
             let keys = keys.map(|[when, shown]| {
                 let when = EditTime { secs: when, fps: at.fps }.new_text(&strip.text);
@@ -367,7 +369,7 @@ pub fn split_cue(
         second += &format!(".until({until})");
     }
     if let Some(fade_out) = fade_out {
-        second = with_value(&second, is_method, ("fade_out", &seconds(&[fade_out], at.fps)));
+        second = with_value(&second, is_method, ("fade_out", &texts_in_seconds(&[fade_out], at.fps)));
     }
     let mut after = strip.followed_by(&second);
     let first_end = CueChange { line, column, part: CueTime::End, time: at };

@@ -1,9 +1,10 @@
 //! Times of cues, markers, cuts and other script calls, written in the style of the script.
 
 use super::key_list::{arguments, keys_in};
-use super::scan::{Call, Source, find};
+use super::scan::{Call, Source, last_arguments_of};
 use super::values::{
-    USUAL_DIGITS, becomes_method, format_as_meant, is_calculation, literal, option_value, set_option, trimmed,
+    USUAL_DIGITS, becomes_method, format_as_meant, is_calculation, option_value, parse_literal, set_option,
+    trimmed,
 };
 use super::{Edit, EditRefused, chain};
 use std::ops::Range;
@@ -98,13 +99,13 @@ pub(super) struct TimeLiteral {
 impl TimeLiteral {
     /// Parses a time. `None` if it is computed.
     pub fn of(text: &Source, bytes: &Range<usize>) -> Option<TimeLiteral> {
-        if let Some((range, number)) = literal(text, bytes) {
+        if let Some((range, number)) = parse_literal(text, bytes) {
             return Some(TimeLiteral { range, number, in_frames: false });
         }
         let range = text.trimmed(bytes);
         let is_frame = |call: &Call| call.end == range.end && text[call.name.clone()] == *"f";
         let call = text.call_from(range.start).filter(is_frame)?;
-        let (_, number) = literal(text, &call.inside)?;
+        let (_, number) = parse_literal(text, &call.inside)?;
         Some(TimeLiteral { range, number, in_frames: true })
     }
 
@@ -165,7 +166,7 @@ pub fn set_time(
         CueTime::FadeIn => return set_fade(text, (&call, &chain), line, (&["fade", "inertial"], time)),
         CueTime::FadeOut => return set_fade(text, (&call, &chain), line, (&["fade_out"], time)),
     };
-    if let Some(argument) = find(&chain, text, name) {
+    if let Some(argument) = last_arguments_of(&chain, text, name) {
         return match restated(text, &argument, time) {
             Some(edit) => Ok(edit),
             None => refuse(&format!(
@@ -196,7 +197,7 @@ fn set_fade(
     (names, time): (&[&str], EditTime),
 ) -> Result<Edit, EditRefused> {
     let name = names[0];
-    if let Some(argument) = find(chain, text, name) {
+    if let Some(argument) = last_arguments_of(chain, text, name) {
         let shown = text[argument.clone()].trim();
         let why = format!("the time in .{name}({shown}) is computed; change it there");
         return restated(text, &argument, time).ok_or_else(|| EditRefused::at(line, &why));
@@ -214,7 +215,7 @@ fn set_fade(
 
 /// Bytes of a time that a cue states, as a method or as an option.
 pub(super) fn stated_time(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
-    find(&text.chain_after(call.end), text, name).or_else(|| option_value(text, call, name))
+    last_arguments_of(&text.chain_after(call.end), text, name).or_else(|| option_value(text, call, name))
 }
 
 /// Whether the call at a position is a `then` without `from`, which begins where the previous clip ends.

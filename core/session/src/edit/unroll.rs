@@ -1,7 +1,7 @@
 //! Loop unrolling: the body is written once for each value, so that each object that it makes has a line of its own.
 
 use super::scan::Source;
-use super::values::literal;
+use super::values::parse_literal;
 use super::{Edit, EditRefused};
 use choreo_script::{constant_expressions, token_ranges, tokens_and_interpolations};
 use std::ops::Range;
@@ -96,7 +96,7 @@ fn without_constant(text: &str, name: &str) -> Option<String> {
     let value =
         tokens.by_ref().take_while(|token| text[token.clone()] != *";").reduce(|a, b| a.start..b.end)?;
     let is_text = text[value.clone()].starts_with('"') && token_ranges(&text[value.clone()]).len() == 1;
-    if !is_text && literal(text, &value).is_none() {
+    if !is_text && parse_literal(text, &value).is_none() {
         return None;
     }
     let end = value.end + text[value.end..].find(';')? + 1;
@@ -115,7 +115,7 @@ fn without_constant(text: &str, name: &str) -> Option<String> {
         return None;
     }
     let whole = start..end;
-    let lines = Source::new(text).own_lines(&whole).unwrap_or(start..end + blanks(&text[end..]));
+    let lines = Source::new(text).whole_lines(&whole).unwrap_or(start..end + blanks(&text[end..]));
     let (mut round, mut at) =
         (LoopIteration { text: text[..lines.start].to_string(), ..LoopIteration::default() }, lines.end);
     for word in uses {
@@ -188,7 +188,7 @@ impl LoopIteration {
             || before.ends_with('=') && !["==", "!=", "<=", ">="].iter().any(|sign| before.ends_with(sign));
         let ends = behind.starts_with([')', ']', '}', ',', ';']);
         let digits = value.strip_prefix('-').filter(|digits| needs_no_parentheses(digits));
-        let is_negative = digits.is_some() && literal(value, &(0..value.len())).is_some();
+        let is_negative = digits.is_some() && parse_literal(value, &(0..value.len())).is_some();
         let is_summand = is_negative && behind.starts_with(['+', '-', '*', '/', '%']);
         let is_safe = begins && (ends || is_summand) || needs_no_parentheses(value);
         self.places.push(self.text.len() + usize::from(!is_safe));

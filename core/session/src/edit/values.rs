@@ -1,6 +1,6 @@
 //! Values in a text: number literals, lists of them, and options of calls.
 
-use super::expression::calculated;
+use super::expression::evaluate_literals;
 use super::number_style::in_number_style;
 use super::scan::{Call, Source};
 use super::times::TimeLiteral;
@@ -34,28 +34,28 @@ pub(super) fn trimmed(digits: &str) -> String {
 
 /// The literal or the calculation with literals alone at these bytes: its bytes without whitespace, and its value. `None` if it is computed, and
 /// for frames, `f(12)`, since the frame rate is not known here.
-pub fn literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> {
+pub fn parse_literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> {
     let inside = &text[bytes.clone()];
     let literal = inside.trim();
     let digits = literal.strip_prefix('-').unwrap_or(literal);
     let is_number = digits.starts_with(|c: char| c.is_ascii_digit())
         && digits.chars().all(|c| c.is_ascii_digit() || c == '.' || c == '_');
     let number = is_number.then(|| literal.replace('_', "").parse::<f64>().ok()).flatten();
-    let value = number.or_else(|| calculated(literal))?;
+    let value = number.or_else(|| evaluate_literals(literal))?;
     let start = bytes.start + (inside.len() - inside.trim_start().len());
     Some((start..start + literal.len(), value))
 }
 
 /// The numbers of `a, b, c` or `[a, b, c]` with their bytes. `None` if one is not a literal.
-pub fn literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
-    components(text, bytes).into_iter().map(|(range, number)| Some((range, number?))).collect()
+pub fn parse_literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
+    parse_components(text, bytes).into_iter().map(|(range, number)| Some((range, number?))).collect()
 }
 
 /// Bytes of one value of a list, and its number; `None` if it is not a literal.
 type Component = (Range<usize>, Option<f64>);
 
 /// Components of `a, b, c` or `[a, b, c]`.
-pub(super) fn components(text: &Source, bytes: &Range<usize>) -> Vec<Component> {
+pub(super) fn parse_components(text: &Source, bytes: &Range<usize>) -> Vec<Component> {
     let inside = &text[bytes.clone()];
     let array = inside.trim().strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     let (mut at, end) = match array {
@@ -69,7 +69,7 @@ pub(super) fn components(text: &Source, bytes: &Range<usize>) -> Vec<Component> 
     while at < end {
         let to = text.value_end(at, end);
         if !text[at..to].trim().is_empty() {
-            found.push(match literal(text, &(at..to)) {
+            found.push(match parse_literal(text, &(at..to)) {
                 Some((range, number)) => (range, Some(number)),
                 None => (text.trimmed(&(at..to)), None),
             });
@@ -81,7 +81,7 @@ pub(super) fn components(text: &Source, bytes: &Range<usize>) -> Vec<Component> 
 
 /// Rewrites some literals and keeps the text between them. The edit reaches from the first changed number to the last, including numbers whose
 /// digits stay the same.
-pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
+pub fn rewrite_literals(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
     let is_alone = old.len() == 1;
     let part = |((range, old), new): (&(Range<usize>, f64), &f64)| {
         (range.clone(), new_number_text(&text[range.clone()], *old, *new, is_alone))
@@ -91,8 +91,8 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
 
 /// Writes numbers over those in a range. Numbers that do not change stay as they are written, and a calculation with literals alone becomes a
 /// number. `None` if the counts differ or a number is computed.
-pub(super) fn numbers_over(text: &Source, bytes: &Range<usize>, new: &[f64]) -> Option<Edit> {
-    let old = components(text, bytes);
+pub(super) fn overwrite_numbers(text: &Source, bytes: &Range<usize>, new: &[f64]) -> Option<Edit> {
+    let old = parse_components(text, bytes);
     let (is_alike, is_alone) = (old.len() == new.len(), old.len() == 1);
     let part = |((range, old), new): (Component, &f64)| {
         let written = &text[range.clone()];
@@ -109,8 +109,8 @@ pub(super) fn numbers_over(text: &Source, bytes: &Range<usize>, new: &[f64]) -> 
 }
 
 /// Adds to the numbers in a range. `None` if the counts differ or a number that changes is computed.
-pub(super) fn numbers_plus(text: &Source, bytes: &Range<usize>, by: &[f64]) -> Option<Edit> {
-    let old = components(text, bytes);
+pub(super) fn add_to_numbers(text: &Source, bytes: &Range<usize>, by: &[f64]) -> Option<Edit> {
+    let old = parse_components(text, bytes);
     let (is_alike, is_alone) = (old.len() == by.len(), old.len() == 1);
     let part = |((range, old), by): (Component, &f64)| match old {
         Some(old) => {
@@ -158,14 +158,14 @@ pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
     quoted
         || is_calculation(text, bytes)
         || TimeLiteral::of(text, bytes).is_some()
-        || literals(text, bytes).is_some_and(|l| !l.is_empty())
+        || parse_literals(text, bytes).is_some_and(|l| !l.is_empty())
         || is_plain_map(text, bytes)
 }
 
 /// Whether writing `value` over a list of numbers leaves the computed ones unchanged.
 pub(super) fn keeps_computed(text: &Source, bytes: &Range<usize>, value: &str) -> bool {
-    let (old, source) = (components(text, bytes), Source::new(value));
-    let new = components(&source, &(0..value.len()));
+    let (old, source) = (parse_components(text, bytes), Source::new(value));
+    let new = parse_components(&source, &(0..value.len()));
     let stays = |(old, new): (&Component, &Component)| {
         old.1.is_some() || text[old.0.clone()] == value[new.0.clone()] || is_calculation(text, &old.0)
     };
@@ -189,13 +189,13 @@ pub(super) fn becomes_method(text: &Source, call: &Call, chain: &[Call], name: &
     // A `fade` method after the option would set the fade-out again.
     let is_fade = |other: &Call| name == "fade_out" && text[other.name.clone()] == *"fade";
     let is_option_method = |other: &Call| OPTION_METHODS.contains(&&text[other.name.clone()]);
-    let has_options = text.map_in(&call.inside).is_some();
+    let has_options = text.options_map(&call.inside).is_some();
     chain.iter().any(|other| is_fade(other) || is_option_method(other) && !has_options)
 }
 
 fn is_plain_map(text: &Source, bytes: &Range<usize>) -> bool {
     let bytes = text.trimmed(bytes);
-    let Some(map) = text.map_in(&bytes).filter(|_| text[bytes].starts_with("#{")) else { return false };
+    let Some(map) = text.options_map(&bytes).filter(|_| text[bytes].starts_with("#{")) else { return false };
     let mut at = map.start;
     while at < map.end {
         let end = text.value_end(at, map.end);
@@ -219,7 +219,7 @@ pub(crate) fn set_option(
 ) -> Result<Edit, EditRefused> {
     let inside = &text[call.inside.clone()];
     let new = format!("{name}: {value}");
-    let Some(map) = text.map_in(&call.inside) else {
+    let Some(map) = text.options_map(&call.inside) else {
         let arguments = if inside.trim().is_empty() { 0 } else { text.count_arguments(&call.inside) };
         // `reach` and `aim` take a joint and a target before the options.
         let usual = if matches!(&text[call.name.clone()], "reach" | "aim") { 2 } else { 1 };
@@ -246,12 +246,12 @@ pub(crate) fn set_option(
 
 /// Bytes of the value of an option.
 pub(crate) fn option_value(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
-    option_in(text, &text.map_in(&call.inside)?, name)
+    option_in(text, &text.options_map(&call.inside)?, name)
 }
 
 /// All `name: value` of the options of a call.
 pub(crate) fn options_of<'a>(text: &'a Source, call: &Call) -> Vec<&'a str> {
-    let Some(map) = text.map_in(&call.inside) else { return Vec::new() };
+    let Some(map) = text.options_map(&call.inside) else { return Vec::new() };
     let (mut at, mut all) = (map.start, Vec::new());
     while at < map.end {
         let end = text.value_end(at, map.end);

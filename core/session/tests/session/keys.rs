@@ -224,7 +224,7 @@ fn a_clip_is_played_by_the_variable_of_its_file() {
 fn a_color_replaces_kelvin() {
     let text = "let l = spot(#{ inner: 10, kelvin: 3200 /* warm */, outer: 20 });";
     let object = ScriptObject::at(text, 1, 9).unwrap();
-    let refused = object.option("color", "\"#ffffff\"").unwrap_err();
+    let refused = object.set_option("color", "\"#ffffff\"").unwrap_err();
     assert_eq!(refused.why, "line 1: kelvin: 3200 sets its color; a color would replace that");
     let after = refused.alternative.unwrap().apply(text);
     assert_eq!(after, "let l = spot(#{ inner: 10, color: \"#ffffff\" /* warm */, outer: 20 });");

@@ -107,7 +107,7 @@ fn whole_numbers_stay_without_decimal_point() {
         "cast(\"a\", m).scale(3, 3.0, 3);"
     );
     let shot = "|camera(\"c\").cut(2).key(\"fov\", [[0, 40], [2.0, 50]]);";
-    assert_eq!(changed(shot, &|o| o.time("cut", at(3.0))), shot[1..].replace("cut(2)", "cut(3)"));
+    assert_eq!(changed(shot, &|o| o.set_time("cut", at(3.0))), shot[1..].replace("cut(2)", "cut(3)"));
     assert_eq!(
         changed(shot, &|o| o.move_key("fov", at(0.0), at(1.0))),
         shot[1..].replace("[0, 40]", "[1, 40]")

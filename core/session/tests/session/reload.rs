@@ -98,7 +98,7 @@ fn a_changed_cue_time_imports_no_asset_again() {
     let first = scene_of(test.session.build(BTreeSet::new()));
     test.write("a.rhai", &SCRIPT.replace("from(0.5)", "from(0.75)"));
     let version = test.next();
-    assert_eq!(version.changed, BTreeSet::from([test.at("a.rhai")]));
+    assert_eq!(version.changed_files, BTreeSet::from([test.at("a.rhai")]));
     assert_eq!(
         (version.number, version.work.builds, version.work.imports),
         (2, 2, 3),
@@ -171,12 +171,12 @@ fn missing_files_and_modules_are_watched() {
 fn a_new_file_in_an_earlier_search_folder_replaces_the_loaded_one() {
     let elsewhere = tempfile::tempdir().unwrap();
     fs::write(elsewhere.path().join("far.obj"), TRIANGLE).unwrap();
-    let mut test = TestSession::new(|r| r.search = vec![elsewhere.path().to_path_buf()]);
+    let mut test = TestSession::new(|r| r.search_folders = vec![elsewhere.path().to_path_buf()]);
     test.write("a.rhai", &SCRIPT.replace("box.obj", "far.obj"));
     scene_of(test.session.build(BTreeSet::new()));
     test.write("far.obj", "v 0 0 0\nv 3 0 0\nv 0 3 0\nf 1 2 3\n");
     let version = test.next();
-    assert_eq!(version.changed, BTreeSet::from([test.at("far.obj")]));
+    assert_eq!(version.changed_files, BTreeSet::from([test.at("far.obj")]));
     scene_of(version);
 }
 
@@ -538,13 +538,13 @@ fn a_faulty_shader_leaves_the_last_valid_one_in_use() {
     }
     let folder = shaders.path().to_path_buf();
     let Some(thread) = vulkan_thread(Some(folder.clone())) else { return };
-    let mut test = TestSession::new(|r| r.shaders = Some(folder.clone()));
+    let mut test = TestSession::new(|r| r.shader_folder = Some(folder.clone()));
     let scene = scene_of(test.session.build(BTreeSet::new()));
     let before = thread.render(&scene, 1.0);
     let text = fs::read_to_string(folder.join("scene.wgsl")).unwrap();
     fs::write(folder.join("scene.wgsl"), format!("fn broken( {{\n{text}")).unwrap();
     let version = test.next();
-    assert!(version.shaders);
+    assert!(version.shaders_changed);
     let scene = scene_of(version);
     thread.renderer.shaders_changed();
     let broken = thread.render(&scene, 1.0);

@@ -34,7 +34,7 @@ impl Viewer {
     fn ambient_source(&self) -> Option<String> {
         let place = self.scene.as_ref()?.places.ambient.clone();
         match place {
-            Some(place) => self.read_object(&place, 1, |object| Some(object.inside().to_string())),
+            Some(place) => self.read_object(&place, 1, |object| Some(object.all_arguments().to_string())),
             None => self.written_stage_values().remove("ambient"),
         }
     }
@@ -56,7 +56,7 @@ impl Viewer {
             false => format!("#{{ {colors}, strength: {strength} }}"),
         };
         let value = match (&place, even) {
-            _ if white && (place.is_none() || expression::value(&written, 1.0).is_some()) => strength,
+            _ if white && (place.is_none() || expression::evaluate(&written, 1.0).is_some()) => strength,
             (_, false) => map(format!("up: {}, down: {}", hex(to.up), hex(to.down))),
             (None, true) if is_one => hex(to.up),
             (None, true) => map(format!("color: {}", hex(to.up))),
@@ -106,7 +106,7 @@ fn parse_strength(written: &str) -> TypedNumber {
         None => split_arguments(written).last().copied(),
     };
     let typed = |text: &str| {
-        Some(TypedNumber { value: expression::value(text, 1.0)?, text: text.trim().to_string() })
+        Some(TypedNumber { value: expression::evaluate(text, 1.0)?, text: text.trim().to_string() })
     };
     text.and_then(typed).filter(|typed| typed.value > 0.0).unwrap_or_else(|| TypedNumber::from(1.0))
 }

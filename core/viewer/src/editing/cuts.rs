@@ -5,7 +5,7 @@ use crate::app::Viewer;
 use crate::state::timeline::Bar;
 use choreo_motion::Time;
 use choreo_session::Scene;
-use choreo_session::edit::set_call;
+use choreo_session::edit::set_call_time;
 
 impl Viewer {
     /// The bar of the selection. If a camera has several, the clicked one, else the one at the playhead.
@@ -87,6 +87,6 @@ impl Viewer {
         let place = scene.places.cuts.get(index).ok_or(EditError::ObjectGone)?.clone();
         let siblings = scene.places.cuts.iter().filter(|p| **p == place).count();
         let time = self.edit_time(secs);
-        Ok(Step::new(place, siblings, move |text, line, column| set_call(text, line, column, time)))
+        Ok(Step::new(place, siblings, move |text, line, column| set_call_time(text, line, column, time)))
     }
 }

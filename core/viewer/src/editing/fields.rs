@@ -221,7 +221,7 @@ impl Viewer {
             StatedCall { place, siblings, title, arguments, values }
         };
         let read = self.read_object(place, siblings, |object| {
-            let title = format!("{} {}", object.creating_function(), object.arguments());
+            let title = format!("{} {}", object.creating_function(), object.arguments_before_options());
             let arguments = [0, 1].map(|number| object.argument(number).map(str::to_string));
             Some(call(title.trim().to_string(), arguments, object.all_written()))
         });
@@ -252,7 +252,11 @@ impl Viewer {
     ) -> Option<(String, String, BTreeMap<String, String>)> {
         self.read_selected(what, |object| {
             let asset = object.asset_object().ok()?;
-            Some((asset.creating_function().to_string(), asset.arguments().to_string(), asset.all_written()))
+            Some((
+                asset.creating_function().to_string(),
+                asset.arguments_before_options().to_string(),
+                asset.all_written(),
+            ))
         })
     }
 
@@ -307,7 +311,7 @@ impl Viewer {
 /// Reason why a clip cannot have the speed in a change, if it cannot.
 fn speed_refusal(change: &FieldChange) -> Option<String> {
     let FieldChange::Value("speed", speed, _) = change else { return None };
-    let stands = expression::value(speed, 1.0)?.abs() < 1e-3;
+    let stands = expression::evaluate(speed, 1.0)?.abs() < 1e-3;
     stands.then(|| format!("a clip has a speed of at least 0.001, or at most -0.001 backwards, not {speed}"))
 }
 
@@ -319,7 +323,7 @@ fn stage_length_edit(
     fps: f64,
 ) -> Option<Result<Edit, EditRefused>> {
     object.written("length").filter(|written| expression::counts_frames(written))?;
-    let secs = expression::value(length, fps)?;
+    let secs = expression::evaluate(length, fps)?;
     let frame = EditTime { secs: (secs * fps).round().max(1.0) / fps, fps };
     let made = object.set_time_value("length", frame, NewValueSyntax::Option);
     // An expression stays as it was typed.

@@ -380,7 +380,7 @@ impl Viewer {
         // A component of a color or a vector.
         let (of, part) = keyed().find_map(|p| Some((p, self.component_index(what, &p.name, name)?)))?;
         let mut numbers = of.at(at);
-        *numbers.get_mut(part)? = expression::value(value, self.playhead.fps().as_fps())?;
+        *numbers.get_mut(part)? = expression::evaluate(value, self.playhead.fps().as_fps())?;
         let step = self.value_step(of, at, &numbers);
         Some(step.and_then(|step| self.apply_steps(vec![step])))
     }

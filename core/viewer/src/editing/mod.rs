@@ -133,8 +133,8 @@ impl Viewer {
                 (Selected::Effect(_) | Selected::Title(_), part) => {
                     let object = ScriptObject::at(text, place.line, place.column)?;
                     match part {
-                        CueTime::Start => object.time("from", time),
-                        CueTime::End => object.time("until", time),
+                        CueTime::Start => object.set_time("from", time),
+                        CueTime::End => object.set_time("until", time),
                         CueTime::FadeIn | CueTime::FadeOut => object.set("fade", &[secs]),
                     }
                 }

@@ -349,8 +349,8 @@ impl Viewer {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match light {
                 Some(_) if keyed => object.set_key(name, when, KeyValue::Text(value)),
-                None if matches!(what, Selected::Effect(_)) => object.parameter(name, value),
-                _ => object.option(name, value),
+                None if matches!(what, Selected::Effect(_)) => object.set_parameter(name, value),
+                _ => object.set_option(name, value),
             }
         })
     }

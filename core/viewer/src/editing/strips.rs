@@ -220,7 +220,9 @@ impl Viewer {
     pub(super) fn object_time_step(&self, bar: &Bar, part: CueTime, secs: f64) -> Step<'static> {
         let time: EditTime = self.edit_time(secs.max(0.0));
         let name = if part == CueTime::Start { "from" } else { "until" };
-        self.bar_step(bar, move |text, line, column| ScriptObject::at(text, line, column)?.time(name, time))
+        self.bar_step(bar, move |text, line, column| {
+            ScriptObject::at(text, line, column)?.set_time(name, time)
+        })
     }
 
     /// The actor that copied clips are pasted on: that of the selection, else the first.

@@ -164,7 +164,7 @@ impl Thumbnails {
         let Some((registry, like)) = &self.registry_and_options else { return Vec::new() };
         let source = SceneSource { input: script.to_path_buf(), ..like.clone() };
         let session = Session::new(source, registry, false);
-        session.map_or_else(|_| Vec::new(), |mut session| session.build(BTreeSet::new()).read)
+        session.map_or_else(|_| Vec::new(), |mut session| session.build(BTreeSet::new()).read_files)
     }
 
     /// Forgets finished thumbnails, since files may have changed, and previews of older versions of the scene.

@@ -129,7 +129,7 @@ fn rig_option_fields(
     for RigOption { name, unit, default, range: [low, high] } in all {
         edit = fields::name_label(ui, &call.values, name, "").or(edit);
         let written = call.values.get(*name);
-        let now = written.map_or(Some(*default), |text| expression::value(text, fps));
+        let now = written.map_or(Some(*default), |text| expression::evaluate(text, fps));
         ui.horizontal(|ui| {
             match now {
                 Some(now) => {

@@ -14,7 +14,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ("poses", millis(shown.evaluated_in)),
         ("plan", millis(shown.planned_in)),
         ("drawing", millis(shown.drawn_in)),
-        ("draws", shown.draws.to_string()),
+        ("draws", shown.draw_count.to_string()),
         ("last build of the scene", millis(viewer.build_took)),
         ("builds, imports so far", format!("{}, {}", viewer.work.builds, viewer.work.imports)),
         (

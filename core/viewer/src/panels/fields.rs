@@ -482,7 +482,7 @@ fn parse_numbers(text: &str) -> Option<Vec<f64>> {
 /// Parses a number or a calculation of a script, such as `1.0 / 3.0`.
 fn parse_number(text: &str) -> Option<f64> {
     let number = text.trim().parse().ok();
-    number.or_else(|| expression::value(&expression::script_text(text)?, 1.0))
+    number.or_else(|| expression::evaluate(&expression::to_script_syntax(text)?, 1.0))
 }
 
 /// Parses a point: three numbers in brackets.
@@ -712,7 +712,8 @@ fn material_fields(
     let (fps, mut edit) = (viewer.playhead.fps().as_fps(), None);
     let row = |ui: &mut Ui, (name, low, high, default_value): (&'static str, f64, f64, f64)| {
         let label = option_label(ui, written, name);
-        let value = written.get(name).and_then(|text| expression::value(text, fps)).unwrap_or(default_value);
+        let value =
+            written.get(name).and_then(|text| expression::evaluate(text, fps)).unwrap_or(default_value);
         let set = number_field(ui, name, value, low..=high, "");
         ui.end_row();
         let set = set.map(|to| FieldChange::AssetOption(name, Some(values::source_text(ui, to))));

@@ -474,7 +474,7 @@ fn target_and_temperature_fields(
         ui.end_row();
     }
     edit = light_name_with_menu(ui, written, "kelvin").or(edit);
-    let now = written.get("kelvin").and_then(|text| expression::value(text, 1.0));
+    let now = written.get("kelvin").and_then(|text| expression::evaluate(text, 1.0));
     // Range of temperatures that scripts have colors for, kelvin.
     let range = choreo_script::KELVIN_RANGE.0..=choreo_script::KELVIN_RANGE.1;
     let set = match now {

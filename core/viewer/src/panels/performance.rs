@@ -39,7 +39,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ("poses", millis(shown.evaluated_in)),
         ("plan", millis(shown.planned_in)),
         ("drawing", millis(shown.drawn_in)),
-        ("draws, triangles", format!("{}, {}", shown.draws, shown.triangles)),
+        ("draws, triangles", format!("{}, {}", shown.draw_count, shown.triangle_count)),
         ("pipelines", viewer.device_usage.pipelines.to_string()),
         (
             "memory objects, blocks",

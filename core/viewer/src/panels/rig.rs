@@ -110,9 +110,9 @@ fn with_stated_literals<T: Described>(mut of: T, viewer: &Viewer, call: &StatedC
 
 fn parse_field_value<T: Described>(field: &Field<T>, text: &str, fps: f64) -> Option<FieldValue> {
     match field.field_type {
-        FieldType::Number(..) => expression::value(text, fps).map(FieldValue::Number),
+        FieldType::Number(..) => expression::evaluate(text, fps).map(FieldValue::Number),
         FieldType::Time | FieldType::Duration => {
-            Some(FieldValue::Time(Time::from_secs(expression::value(text, fps)?)))
+            Some(FieldValue::Time(Time::from_secs(expression::evaluate(text, fps)?)))
         }
         FieldType::Flag => text.parse().ok().map(FieldValue::Flag),
         _ => None,

@@ -42,7 +42,7 @@ fn parser(ui: &Ui, id: Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'sta
         if is_refused {
             return None;
         }
-        let value = expression::value(text, fps)?;
+        let value = expression::evaluate(text, fps)?;
         context.data_mut(|d| d.insert_temp(typed_number_id(), (text.to_string(), value)));
         Some(value)
     }
@@ -66,7 +66,7 @@ pub(super) fn take_refused_flag(ui: &Ui) -> bool {
 pub fn typed_number(ui: &Ui, value: f64) -> TypedNumber {
     let last =
         ui.data(|d| d.get_temp::<(String, f64)>(typed_number_id())).filter(|(_, meant)| *meant == value);
-    let text = last.and_then(|(text, _)| expression::script_text(&text));
+    let text = last.and_then(|(text, _)| expression::to_script_syntax(&text));
     text.map_or_else(|| TypedNumber::from(value), |text| TypedNumber { value, text })
 }
 
@@ -84,7 +84,7 @@ pub fn number_list_text(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize
     let count = now.len();
     let component_text = |(part, now): (usize, &f64)| {
         let is_current =
-            |text: &&&str| expression::value(text, 1.0).is_none_or(|read| (read - now).abs() < 5e-4);
+            |text: &&&str| expression::evaluate(text, 1.0).is_none_or(|read| (read - now).abs() < 5e-4);
         match parts.get(part).filter(|_| parts.len() == count).filter(is_current) {
             _ if part == index => source_text(ui, to),
             Some(stated) => stated.to_string(),
@@ -316,7 +316,7 @@ impl NumberField<'_> {
     pub fn show_with_source(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
         let fps: f64 = ui.data(|d| d.get_temp(frame_rate_id())).unwrap_or(30.0);
         let is_current = |text: &&str| {
-            let meant = expression::script_text(text).and_then(|text| expression::value(&text, fps));
+            let meant = expression::to_script_syntax(text).and_then(|text| expression::evaluate(&text, fps));
             meant.is_some_and(|meant| (meant - self.value).abs() <= 1e-6 * meant.abs())
         };
         let shown = stated.filter(is_current);
@@ -335,7 +335,7 @@ impl NumberField<'_> {
             set_widget_name(ui.add(widget), WidgetType::DragValue, name)
         });
         // The displayed expression is already in the script.
-        let current_source = shown.and_then(expression::script_text);
+        let current_source = shown.and_then(expression::to_script_syntax);
         set.filter(|now| {
             *now != value
                 || current_source.is_none_or(|current_source| current_source != typed_number(ui, *now).text)

@@ -271,7 +271,7 @@ fn draw_quality_note(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
             _ => {}
         }
     }
-    let waiting = view.shown.as_ref().map(|shown| shown.waiting.join(", "));
+    let waiting = view.shown.as_ref().map(|shown| shown.deferred_parts.join(", "));
     let waiting = waiting.filter(|waiting| !waiting.is_empty());
     parts.extend(waiting.map(|waiting| format!("no {waiting} while moving")));
     if viewer.playhead.is_playing() && viewer.reduction.dropped > 0 {

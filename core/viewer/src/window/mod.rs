@@ -92,8 +92,12 @@ pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     }
     let registry = program.registry.clone();
     let effects = registry.effects().to_vec();
-    let renderer =
-        start::renderer(effects, options.files.base_source().shaders.clone(), options.device, event_log);
+    let renderer = start::renderer(
+        effects,
+        options.files.base_source().shader_folder.clone(),
+        options.device,
+        event_log,
+    );
     let frame_renderer = start_frame_renderer(renderer, &proxy)?;
     let session =
         source.clone().map(|source| start_session(source, &registry, &proxy, FIRST_FILE)).transpose()?;
@@ -417,7 +421,7 @@ impl ViewerWindow {
         if let Some((source, left_out)) = dropped {
             self.viewer.message = left_out;
             self.newest_session += 1;
-            let files = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
+            let files = std::iter::once(&source.input).chain(&source.more_models).cloned().collect();
             match start_session(source, &self.registry, &self.proxy, self.newest_session) {
                 Ok(session) => {
                     self.preview_session = Some(session);

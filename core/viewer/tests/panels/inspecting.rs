@@ -232,7 +232,8 @@ const TRIANGLE: &str = "v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 fn dropped(place: &mut Place, files: &[PathBuf]) {
     let (source, left_out) = SceneSource::of_models(files.to_vec(), place.session.source()).unwrap();
     place.viewer.message = left_out;
-    place.viewer.previewed_files = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
+    place.viewer.previewed_files =
+        std::iter::once(&source.input).chain(&source.more_models).cloned().collect();
     let mut session = Session::new(source, &choreo::registry(), false).unwrap();
     place.viewer.take_version(session.build(BTreeSet::new()));
 }
@@ -377,7 +378,7 @@ fn typed_expressions_are_evaluated() {
         (".5", 0.5),
         ("\u{2212}1", -1.0),
     ] {
-        let got = expression::value(text, 25.0).unwrap_or_else(|| panic!("{text}"));
+        let got = expression::evaluate(text, 25.0).unwrap_or_else(|| panic!("{text}"));
         assert!((got - expected).abs() < 1e-12, "{text}: {got}");
     }
 }
@@ -386,7 +387,7 @@ fn typed_expressions_are_evaluated() {
 fn text_that_is_no_number_is_rejected() {
     let deep = "(".repeat(100_000);
     for text in ["", "x", "1/0", "1 2", "(1", "1)", "f12", "f(", "--", "1..2", "1e", &deep] {
-        assert_eq!(expression::value(text, 25.0), None, "{}", &text[..text.len().min(8)]);
+        assert_eq!(expression::evaluate(text, 25.0), None, "{}", &text[..text.len().min(8)]);
     }
 }
 

@@ -165,8 +165,8 @@ fn the_performance_panel_counts_draws_and_caps_the_frame_rate() {
     press(&mut desk, Modifiers::COMMAND, Key::Num8);
     desk.get_by_label("frame graph");
     let shown = desk.state().viewer.shown().unwrap();
-    let draws = format!("{}, {}", shown.draws, shown.triangles);
-    assert!(shown.draws >= 3 && has(&desk, &draws));
+    let draws = format!("{}, {}", shown.draw_count, shown.triangle_count);
+    assert!(shown.draw_count >= 3 && has(&desk, &draws));
     desk.get_by_role_and_label(Role::ComboBox, "at most").click();
     desk.run();
     click(&mut desk, "15 frames a second");

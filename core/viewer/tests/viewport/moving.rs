@@ -50,7 +50,7 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
 #[test]
 fn the_reduced_quality_note_is_shown_while_the_image_moves() {
     let place = reduced(1.0);
-    assert_eq!(place.viewer.shown().unwrap().waiting, ["motion blur"]);
+    assert_eq!(place.viewer.shown().unwrap().deferred_parts, ["motion blur"]);
     let mut desk = place.harness(vec2(900.0, 700.0));
     let said = |desk: &Desk| desk.query_all_by_label_contains("no motion blur while moving").next().is_some();
     assert!(said(&desk));
@@ -59,7 +59,7 @@ fn the_reduced_quality_note_is_shown_while_the_image_moves() {
     desk.state_mut().paint();
     desk.run();
     assert!(!said(&desk));
-    assert!(desk.state().viewer.shown().unwrap().waiting.is_empty());
+    assert!(desk.state().viewer.shown().unwrap().deferred_parts.is_empty());
 }
 
 /// Rectangles of the drawn texts that contain `words`.

@@ -3,7 +3,7 @@
 use std::io::{Result, Write};
 
 /// Bytes that are collected before they are written.
-const CHUNK: usize = 1 << 16;
+const CHUNK_BYTES: usize = 1 << 16;
 
 pub struct Out<'w> {
     file: &'w mut dyn Write,
@@ -17,7 +17,7 @@ pub struct Out<'w> {
 
 impl<'w> Out<'w> {
     pub fn file(file: &'w mut dyn Write) -> Out<'w> {
-        Out { file, position: 0, origin: 0, sum: None, pending: Vec::with_capacity(2 * CHUNK) }
+        Out { file, position: 0, origin: 0, sum: None, pending: Vec::with_capacity(2 * CHUNK_BYTES) }
     }
 
     /// Bytes written so far, counted from the start of the current file of a package, or of the whole output where none has
@@ -52,7 +52,7 @@ impl<'w> Out<'w> {
     pub fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.position += bytes.len() as u64;
         self.pending.extend_from_slice(bytes);
-        if self.pending.len() >= CHUNK { self.send() } else { Ok(()) }
+        if self.pending.len() >= CHUNK_BYTES { self.send() } else { Ok(()) }
     }
 
     fn send(&mut self) -> Result<()> {

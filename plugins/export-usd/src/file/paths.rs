@@ -31,7 +31,7 @@ impl Paths {
         self.nodes.len()
     }
 
-    pub fn child(&mut self, parent: u32, token: u32, is_property: bool) -> u32 {
+    pub fn child_index(&mut self, parent: u32, token: u32, is_property: bool) -> u32 {
         let next = self.nodes.len() as u32;
         let index = *self.nodes[parent as usize].children.entry((is_property, token)).or_insert(next);
         if index == next {
@@ -41,20 +41,20 @@ impl Paths {
     }
 
     /// Index of an absolute path, `/a/b` or `/a/b.c`. Adds the path where the tree does not have it yet.
-    pub fn of(&mut self, path: &str, mut token: impl FnMut(&str) -> u32) -> u32 {
+    pub fn index_of(&mut self, path: &str, mut token: impl FnMut(&str) -> u32) -> u32 {
         let (prim, property) = match path.split_once('.') {
             Some((prim, property)) => (prim, Some(property)),
             None => (path, None),
         };
         let mut at = 0;
         for name in prim.split('/').filter(|name| !name.is_empty()) {
-            at = self.child(at, token(name), false);
+            at = self.child_index(at, token(name), false);
         }
-        property.map_or(at, |property| self.child(at, token(property), true))
+        property.map_or(at, |property| self.child_index(at, token(property), true))
     }
 
     /// Lists the tree depth first.
-    pub fn encoded(&self) -> Encoded {
+    pub fn encode_tree(&self) -> Encoded {
         let mut out = Encoded::default();
         self.encode(0, false, &mut out);
         out

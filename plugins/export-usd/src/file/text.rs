@@ -8,15 +8,15 @@ use std::fmt::Write as _;
 use std::io::Result;
 
 /// Bytes of text that are collected before they are written.
-const CHUNK: usize = 1 << 14;
+const CHUNK_BYTES: usize = 1 << 14;
 
 pub fn write(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<()> {
     let mut text = Text { out, line: String::new() };
-    text.head(layer);
+    text.write_header(layer);
     for prim in &layer.prims {
-        text.prim(prim, 0)?;
+        text.write_prim(prim, 0)?;
     }
-    text.send()
+    text.flush_line()
 }
 
 struct Text<'o, 'w> {
@@ -25,22 +25,22 @@ struct Text<'o, 'w> {
 }
 
 impl Text<'_, '_> {
-    fn send(&mut self) -> Result<()> {
+    fn flush_line(&mut self) -> Result<()> {
         self.out.put(self.line.as_bytes())?;
         self.line.clear();
         Ok(())
     }
 
-    fn send_if_long(&mut self) -> Result<()> {
-        if self.line.len() >= CHUNK { self.send() } else { Ok(()) }
+    fn flush_if_long(&mut self) -> Result<()> {
+        if self.line.len() >= CHUNK_BYTES { self.flush_line() } else { Ok(()) }
     }
 
-    fn head(&mut self, layer: &Layer<'_>) {
+    fn write_header(&mut self, layer: &Layer<'_>) {
         let line = &mut self.line;
         let Layer { end, frames_per_second: rate, .. } = layer;
         line.push_str("#usda 1.0\n(\n");
         let _ = writeln!(line, "    {}", quoted(&layer.comment));
-        dictionary("customLayerData", &layer.custom, 1, line);
+        write_dictionary("customLayerData", &layer.custom, 1, line);
         let _ = writeln!(line, "    defaultPrim = {}", quoted(&layer.default_prim));
         let _ =
             writeln!(line, "    endTimeCode = {end}\n    framesPerSecond = {rate}\n    metersPerUnit = 1");
@@ -48,7 +48,7 @@ impl Text<'_, '_> {
             writeln!(line, "    startTimeCode = 0\n    timeCodesPerSecond = {rate}\n    upAxis = \"Y\"\n)");
     }
 
-    fn prim(&mut self, prim: &Prim<'_>, depth: usize) -> Result<()> {
+    fn write_prim(&mut self, prim: &Prim<'_>, depth: usize) -> Result<()> {
         let indent = "    ".repeat(depth);
         let specifier = match prim.specifier {
             Specifier::Def => "def",
@@ -60,11 +60,11 @@ impl Text<'_, '_> {
             let _ = write!(self.line, "{} ", prim.kind);
         }
         let _ = write!(self.line, "\"{}\"", prim.name);
-        self.metadata(prim, depth);
+        self.write_metadata(prim, depth);
         let _ = writeln!(self.line, "\n{indent}{{");
         for property in &prim.properties {
             match property {
-                Property::Attribute(attribute) => self.attribute(attribute, depth + 1)?,
+                Property::Attribute(attribute) => self.write_attribute(attribute, depth + 1)?,
                 Property::Relationship { name, targets } => {
                     let _ = write!(self.line, "{indent}    rel {name} = ");
                     let list: Vec<String> = targets.iter().map(|path| format!("<{path}>")).collect();
@@ -77,23 +77,23 @@ impl Text<'_, '_> {
                     self.line.push('\n');
                 }
             }
-            self.send_if_long()?;
+            self.flush_if_long()?;
         }
         for child in &prim.children {
-            self.prim(child, depth + 1)?;
+            self.write_prim(child, depth + 1)?;
         }
         let _ = writeln!(self.line, "{indent}}}");
-        self.send_if_long()
+        self.flush_if_long()
     }
 
-    fn metadata(&mut self, prim: &Prim<'_>, depth: usize) {
+    fn write_metadata(&mut self, prim: &Prim<'_>, depth: usize) {
         let indent = "    ".repeat(depth);
         let mut lines = String::new();
         if !prim.api.is_empty() {
             let list: Vec<String> = prim.api.iter().map(|name| quoted(name)).collect();
             let _ = writeln!(lines, "{indent}    prepend apiSchemas = [{}]", list.join(", "));
         }
-        dictionary("customData", &prim.custom, depth + 1, &mut lines);
+        write_dictionary("customData", &prim.custom, depth + 1, &mut lines);
         if let Some(name) = &prim.display_name {
             let _ = writeln!(lines, "{indent}    displayName = {}", quoted(name));
         }
@@ -105,17 +105,17 @@ impl Text<'_, '_> {
         }
     }
 
-    fn attribute(&mut self, a: &Attribute<'_>, depth: usize) -> Result<()> {
+    fn write_attribute(&mut self, a: &Attribute<'_>, depth: usize) -> Result<()> {
         let indent = "    ".repeat(depth);
         let custom = if a.is_custom() { "custom " } else { "" };
         let uniform = if a.uniform { "uniform " } else { "" };
         let array = if a.is_array { "[]" } else { "" };
-        let declared = format!("{indent}{custom}{uniform}{}{array} {}", a.of.name, a.name);
+        let declared = format!("{indent}{custom}{uniform}{}{array} {}", a.value_type.name, a.name);
         if a.value.is_some() || a.samples.is_none() && a.connection.is_none() {
             self.line.push_str(&declared);
             if let Some(value) = &a.value {
                 self.line.push_str(" = ");
-                self.value(a.of, value)?;
+                self.write_value(a.value_type, value)?;
             }
             if a.interpolation.is_some() || a.element_size.is_some() {
                 self.line.push_str(" (\n");
@@ -131,7 +131,7 @@ impl Text<'_, '_> {
         }
         if let Some(samples) = &a.samples {
             let _ = writeln!(self.line, "{declared}.timeSamples = {{");
-            self.samples(a.of, samples, &indent)?;
+            self.write_samples(a.value_type, samples, &indent)?;
             let _ = writeln!(self.line, "{indent}}}");
         }
         if let Some(path) = &a.connection {
@@ -140,7 +140,7 @@ impl Text<'_, '_> {
         Ok(())
     }
 
-    fn samples(&mut self, of: Type, samples: &Samples<'_>, indent: &str) -> Result<()> {
+    fn write_samples(&mut self, value_type: Type, samples: &Samples<'_>, indent: &str) -> Result<()> {
         match &samples.values {
             SampleValues::Texts(list) => {
                 for (time, text) in samples.times.iter().zip(list) {
@@ -154,45 +154,47 @@ impl Text<'_, '_> {
                     let _ = write!(self.line, "{indent}    {}: ", samples.times[place]);
                     place += 1;
                     match count {
-                        None => element(of, &|i| numbers[i], 0, &mut self.line),
-                        Some(count) => self.array(of, *count, &|i| numbers[i])?,
+                        None => write_element(value_type, &|i| numbers[i], 0, &mut self.line),
+                        Some(count) => self.write_array(value_type, *count, &|i| numbers[i])?,
                     }
                     self.line.push_str(",\n");
-                    self.send_if_long()
+                    self.flush_if_long()
                 })
             }
         }
     }
 
-    fn value(&mut self, of: Type, value: &Value<'_>) -> Result<()> {
+    fn write_value(&mut self, value_type: Type, value: &Value<'_>) -> Result<()> {
         match value {
-            Value::Text(text) => self.line.push_str(&self::text(of, text)),
+            Value::Text(text) => self.line.push_str(&self::value_text(value_type, text)),
             Value::Texts(list) => {
-                let list: Vec<String> = list.iter().map(|text| self::text(of, text)).collect();
+                let list: Vec<String> = list.iter().map(|text| self::value_text(value_type, text)).collect();
                 let _ = write!(self.line, "[{}]", list.join(", "));
             }
-            Value::Numbers { count: None, number } => element(of, &**number, 0, &mut self.line),
-            Value::Numbers { count: Some(count), number } => self.array(of, *count, &**number)?,
+            Value::Numbers { count: None, number } => write_element(value_type, &**number, 0, &mut self.line),
+            Value::Numbers { count: Some(count), number } => {
+                self.write_array(value_type, *count, &**number)?
+            }
         }
         Ok(())
     }
 
-    fn array(&mut self, of: Type, count: usize, number: &dyn Fn(usize) -> f64) -> Result<()> {
+    fn write_array(&mut self, value_type: Type, count: usize, number: &dyn Fn(usize) -> f64) -> Result<()> {
         self.line.push('[');
         for index in 0..count {
             if index > 0 {
                 self.line.push_str(", ");
             }
-            element(of, number, index * of.width, &mut self.line);
-            self.send_if_long()?;
+            write_element(value_type, number, index * value_type.width, &mut self.line);
+            self.flush_if_long()?;
         }
         self.line.push(']');
         Ok(())
     }
 }
 
-fn text(of: Type, text: &str) -> String {
-    if of.name == "asset" { format!("@{text}@") } else { quoted(text) }
+fn value_text(value_type: Type, text: &str) -> String {
+    if value_type.name == "asset" { format!("@{text}@") } else { quoted(text) }
 }
 
 /// A string in quotes, with escapes.
@@ -213,26 +215,26 @@ fn quoted(text: &str) -> String {
 }
 
 /// Writes one element of a type, whose numbers begin at index `at`.
-fn element(of: Type, number: &dyn Fn(usize) -> f64, at: usize, out: &mut String) {
-    if of.is_quaternion() {
+fn write_element(value_type: Type, number: &dyn Fn(usize) -> f64, at: usize, out: &mut String) {
+    if value_type.is_quaternion() {
         let turned = |i: usize| number(at + (i + 3) % 4);
-        return tuple(of.component, 4, &turned, out);
+        return write_tuple(value_type.component, 4, &turned, out);
     }
-    match of.width {
-        1 => write_number(of.component, number(at), out),
+    match value_type.width {
+        1 => write_number(value_type.component, number(at), out),
         16 => {
             out.push_str("( ");
             for row in 0..4 {
                 out.push_str(if row > 0 { ", " } else { "" });
-                tuple(of.component, 4, &|i| number(at + 4 * row + i), out);
+                write_tuple(value_type.component, 4, &|i| number(at + 4 * row + i), out);
             }
             out.push_str(" )");
         }
-        width => tuple(of.component, width, &|i| number(at + i), out),
+        width => write_tuple(value_type.component, width, &|i| number(at + i), out),
     }
 }
 
-fn tuple(component: Component, width: usize, number: &dyn Fn(usize) -> f64, out: &mut String) {
+fn write_tuple(component: Component, width: usize, number: &dyn Fn(usize) -> f64, out: &mut String) {
     out.push('(');
     for index in 0..width {
         out.push_str(if index > 0 { ", " } else { "" });
@@ -253,24 +255,24 @@ fn write_number(component: Component, number: f64, out: &mut String) {
     };
 }
 
-fn dictionary(name: &str, entries: &[(String, Meta)], depth: usize, out: &mut String) {
+fn write_dictionary(name: &str, entries: &[(String, Meta)], depth: usize, out: &mut String) {
     if entries.is_empty() {
         return;
     }
     let indent = "    ".repeat(depth);
     let _ = writeln!(out, "{indent}{name} = {{");
-    metas(entries, depth + 1, out);
+    write_metas(entries, depth + 1, out);
     let _ = writeln!(out, "{indent}}}");
 }
 
-fn metas(entries: &[(String, Meta)], depth: usize, out: &mut String) {
+fn write_metas(entries: &[(String, Meta)], depth: usize, out: &mut String) {
     let indent = "    ".repeat(depth);
     for (key, meta) in entries {
         let key = quoted(key);
         match meta {
             Meta::Double(number) => _ = writeln!(out, "{indent}double {key} = {number}"),
             Meta::Text(text) => _ = writeln!(out, "{indent}string {key} = {}", quoted(text)),
-            Meta::Dictionary(inner) => dictionary(&format!("dictionary {key}"), inner, depth, out),
+            Meta::Dictionary(inner) => write_dictionary(&format!("dictionary {key}"), inner, depth, out),
         }
     }
 }

@@ -25,7 +25,7 @@ const ALIGNMENT: u64 = 64;
 const DATE: u16 = 1 << 5 | 1;
 
 /// Offset of the checksum in a local file header.
-const CONTENTS_AT: u64 = 14;
+const CHECKSUM_OFFSET: u64 = 14;
 
 #[derive(Default)]
 pub struct Archive {
@@ -40,7 +40,7 @@ impl Archive {
     pub fn begin(&mut self, out: &mut Out<'_>, name: String, contents: Contents) -> Result<(), ExportError> {
         let at = out.position();
         let entry = Entry { name, contents, at };
-        entry.fits(contents.length)?;
+        entry.check_length(contents.length)?;
         if self.entries.len() >= usize::from(u16::MAX) {
             return Err(too_large());
         }
@@ -50,7 +50,7 @@ impl Archive {
             padding += ALIGNMENT;
         }
         out.put(b"PK\x03\x04")?;
-        out.put(&common(&entry, padding as u16))?;
+        out.put(&common_fields(&entry, padding as u16))?;
         out.put(entry.name.as_bytes())?;
         if padding > 0 {
             // Padding as an extra field whose id no program uses.
@@ -68,9 +68,9 @@ impl Archive {
     /// The archive would exceed 4 GiB.
     pub fn end(&mut self, contents: Contents) -> Result<(u64, Vec<u8>), ExportError> {
         let Some(entry) = self.entries.last_mut() else { return Ok((0, Vec::new())) };
-        entry.fits(contents.length)?;
+        entry.check_length(contents.length)?;
         entry.contents = contents;
-        Ok((entry.at + CONTENTS_AT, contents.checksum_and_lengths()))
+        Ok((entry.at + CHECKSUM_OFFSET, contents.checksum_and_lengths()))
     }
 
     /// Writes the central directory of the archive.
@@ -78,7 +78,7 @@ impl Archive {
         let from = out.position();
         for entry in &self.entries {
             out.put(b"PK\x01\x02\x0a\x00")?;
-            out.put(&common(entry, 0))?;
+            out.put(&common_fields(entry, 0))?;
             // Comment, disk number and attributes, all 0.
             out.put(&[0; 10])?;
             out.put(&(entry.at as u32).to_le_bytes())?;
@@ -98,7 +98,7 @@ impl Archive {
 
 impl Entry {
     /// Fails where the file's `length` bytes and the central directory after them (1 MiB reserved) would exceed 4 GiB.
-    fn fits(&self, length: u64) -> Result<(), ExportError> {
+    fn check_length(&self, length: u64) -> Result<(), ExportError> {
         let end = self.at.saturating_add(length).saturating_add(1 << 20);
         u32::try_from(end).map(|_| ()).map_err(|_| too_large())
     }
@@ -117,7 +117,7 @@ fn too_large() -> ExportError {
 }
 
 /// The fields that the local header and the central directory share: version, flags, method, date, checksum, lengths.
-fn common(entry: &Entry, padding: u16) -> Vec<u8> {
+fn common_fields(entry: &Entry, padding: u16) -> Vec<u8> {
     let mut out = Vec::with_capacity(26);
     // Version 1.0, names in UTF-8, stored, at midnight.
     for word in [10, 1 << 11, 0, 0, DATE] {

@@ -14,7 +14,7 @@ const ONLY_CLIPS: ImportScope =
     ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
 
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Worst {
+pub struct LargestErrors {
     /// Metres, of any node in its parent's space.
     pub translation: f64,
     pub degrees: f64,
@@ -29,29 +29,29 @@ const MAX_METRES: f64 = 1e-4;
 
 /// A tolerance in degrees, or keys a second.
 #[derive(Clone, Copy)]
-pub enum Choice {
+pub enum Sampling {
     Within(f64),
     Rate(f64),
 }
 
-fn clips(bytes: &[u8], choice: Choice) -> Asset {
-    let (name, value) = match choice {
-        Choice::Within(degrees) => ("tolerance", degrees),
-        Choice::Rate(rate) => ("rate", rate),
+fn import_clips(bytes: &[u8], sampling: Sampling) -> Asset {
+    let (name, value) = match sampling {
+        Sampling::Within(degrees) => ("tolerance", degrees),
+        Sampling::Rate(rate) => ("rate", rate),
     };
     let options = options(&FbxImporter, &[(name, OptionValue::Number(value))]);
     let source = source("a.fbx", bytes);
     FbxImporter.import(&source, &Companions::none(), ONLY_CLIPS, &options).unwrap()
 }
 
-/// Compares clips with ufbx at `samples` evenly spaced times, which fall between keys. `late` (seconds) is a planted fault.
-pub fn worst(bytes: &[u8], choice: Choice, samples: usize, late: f64) -> Worst {
-    let asset = clips(bytes, choice);
+/// Compares clips with ufbx at `samples` evenly spaced times, which fall between keys. `delay_secs` is a planted fault.
+pub fn largest_errors(bytes: &[u8], sampling: Sampling, samples: usize, delay_secs: f64) -> LargestErrors {
+    let asset = import_clips(bytes, sampling);
     let scene = load::load(bytes, ONLY_CLIPS, &Companions::none()).unwrap();
-    let mut worst = Worst::default();
+    let mut errors = LargestErrors::default();
     let names = asset.skeleton.names();
     for clip in &asset.clips {
-        worst.keys += clip.curves().iter().map(|c| c.times.len()).sum::<usize>();
+        errors.keys += clip.curves().iter().map(|c| c.times.len()).sum::<usize>();
         let stack = scene.anim_stacks.as_ref().iter().find(|s| s.element.name.as_ref() == clip.name).unwrap();
         let mut pose = Pose::rest(&asset.skeleton);
         for k in 0..samples {
@@ -66,40 +66,44 @@ pub fn worst(bytes: &[u8], choice: Choice, samples: usize, late: f64) -> Worst {
                 let named = names.iter().filter(|n| **n == name).count();
                 let joint = names.iter().position(|n| *n == name);
                 let (Some(joint), 1) = (joint, named) else { continue };
-                worst.helpers += usize::from(node.is_scale_helper && k == 0);
-                let theirs = node.evaluate_transform(&stack.anim, stack.time_begin + secs + late);
+                errors.helpers += usize::from(node.is_scale_helper && k == 0);
+                let theirs = node.evaluate_transform(&stack.anim, stack.time_begin + secs + delay_secs);
                 let ours = pose.get(joint);
                 let t = theirs.translation;
                 let off = DVec3::new(t.x, t.y, t.z).distance(ours.translation.as_dvec3());
                 let s = theirs.scale;
                 let scale = (DVec3::new(s.x, s.y, s.z) - ours.scale.as_dvec3()).abs().max_element();
-                worst.scale = worst.scale.max(scale);
+                errors.scale = errors.scale.max(scale);
                 let r = theirs.rotation;
                 let theirs = DQuat::from_xyzw(r.x, r.y, r.z, r.w).normalize();
                 let ours = ours.rotation.as_dquat().normalize();
                 let chord = (ours - if ours.dot(theirs) < 0.0 { -theirs } else { theirs }).length();
-                worst.translation = worst.translation.max(off);
-                worst.degrees = worst.degrees.max(4.0 * libm::asin((chord / 2.0).min(1.0)).to_degrees());
+                errors.translation = errors.translation.max(off);
+                errors.degrees = errors.degrees.max(4.0 * libm::asin((chord / 2.0).min(1.0)).to_degrees());
             }
         }
     }
-    worst
+    errors
 }
 
-fn own() -> Vec<u8> {
+fn own_sample() -> Vec<u8> {
     std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/flag.fbx")).unwrap()
 }
 
 /// Checks the project's own sample: a rotation by Euler angles, cubic and linear, through 70° in a second.
 #[test]
 fn a_smaller_tolerance_gives_a_smaller_error() {
-    let close = worst(&own(), Choice::Within(TOLERANCE_DEG), 503, 0.0);
-    let [one, two, four] = [24.0, 48.0, 96.0].map(|rate| worst(&own(), Choice::Rate(rate), 503, 0.0));
+    let close = largest_errors(&own_sample(), Sampling::Within(TOLERANCE_DEG), 503, 0.0);
+    let [one, two, four] =
+        [24.0, 48.0, 96.0].map(|rate| largest_errors(&own_sample(), Sampling::Rate(rate), 503, 0.0));
     println!("flag.fbx: {close:?} {one:?} {two:?} {four:?}");
     assert!(close.degrees < TOLERANCE_DEG && close.translation < MAX_METRES, "{close:?}");
     assert!(one.degrees > 3.0 * two.degrees && two.degrees > 3.0 * four.degrees, "{one:?} {two:?} {four:?}");
     // A thousandth of a second late is seen.
-    assert!(worst(&own(), Choice::Within(TOLERANCE_DEG), 503, 0.002).degrees > 2.0 * TOLERANCE_DEG);
+    assert!(
+        largest_errors(&own_sample(), Sampling::Within(TOLERANCE_DEG), 503, 0.002).degrees
+            > 2.0 * TOLERANCE_DEG
+    );
 }
 
 /// The table of the README.
@@ -121,9 +125,10 @@ fn sample_files_are_within_the_tolerance() {
         let bytes = std::fs::read(folder.join(name)).unwrap();
         let scene = load::load(&bytes, ONLY_CLIPS, &Companions::none()).unwrap();
         let own = scene.settings.frames_per_second;
-        let within = [0.5, TOLERANCE_DEG, 0.005].map(Choice::Within);
-        let choices = within.into_iter().chain([own, 4.0 * own].map(Choice::Rate));
-        let rows: Vec<Worst> = choices.map(|choice| worst(&bytes, choice, 97, 0.0)).collect();
+        let within = [0.5, TOLERANCE_DEG, 0.005].map(Sampling::Within);
+        let samplings = within.into_iter().chain([own, 4.0 * own].map(Sampling::Rate));
+        let rows: Vec<LargestErrors> =
+            samplings.map(|sampling| largest_errors(&bytes, sampling, 97, 0.0)).collect();
         let text: Vec<String> = rows
             .iter()
             .map(|w| format!("{:.4} mm {:.4}° {} keys", w.translation * 1e3, w.degrees, w.keys))
@@ -147,7 +152,7 @@ fn rest_transforms_equal_those_of_ufbx() {
     let files = assets(23).map(|folder| crate::tests::accuracy::all_files(&folder)).unwrap_or_default();
     let read = |path: &std::path::PathBuf| std::fs::read(path).unwrap();
     let (mut worst, mut count) = (0.0f64, 0);
-    for bytes in files.iter().map(read).chain([own()]) {
+    for bytes in files.iter().map(read).chain([own_sample()]) {
         let scene = load::load(&bytes, ONLY_CLIPS, &Companions::none()).unwrap();
         for node in &scene.nodes {
             let Some(local) = LocalTransform::new(node) else { continue };

@@ -83,7 +83,7 @@ fn keys(clip: &Clip, target: PropertyTarget) -> (Interpolation, usize) {
 }
 
 /// A camera whose property goes 30 → 60 → 20 in two seconds, straight.
-fn zooming(camera: &str, property: &str) -> Asset {
+fn zooming_camera(camera: &str, property: &str) -> Asset {
     let (mut objects, mut links) = stack();
     objects += &node(1, "Camera", "");
     objects += &attribute(2, "Camera", camera);
@@ -98,23 +98,23 @@ fn straight(secs: f64) -> f64 {
     if secs < 1.0 { 30.0 + 30.0 * secs } else { 60.0 - 40.0 * (secs - 1.0) }
 }
 
-/// The worst distance in degrees from the formula, at times between keys; `late` is a planted fault.
-fn worst(asset: &Asset, formula: impl Fn(f64) -> f64, late: f64) -> f64 {
+/// The worst distance in degrees from the formula, at times between keys; `delay_secs` is a planted fault.
+fn largest_error(asset: &Asset, formula: impl Fn(f64) -> f64, delay_secs: f64) -> f64 {
     let times = (0..97).map(|k| 2.0 * (f64::from(k) + 0.37) / 97.0);
     let clip = &asset.clips[0];
-    let off = |t: f64| f64::from(at(clip, PropertyTarget::CameraYfov(0), t)[0]) - formula(t + late);
+    let off = |t: f64| f64::from(at(clip, PropertyTarget::CameraYfov(0), t)[0]) - formula(t + delay_secs);
     times.map(|t| off(t).abs().to_degrees()).fold(0.0, f64::max)
 }
 
 #[test]
 fn a_vertical_angle_keeps_its_curve() {
-    let asset = zooming(
+    let asset = zooming_camera(
         "P: \"ApertureMode\", \"enum\", \"\", \"\", 2\nP: \"FieldOfView\", \"FieldOfView\", \"\", \"A\", 45\n",
         "FieldOfView",
     );
     let formula = |t: f64| straight(t) * PI / 180.0;
-    assert!(worst(&asset, formula, 0.0) < 1e-5, "{}", worst(&asset, formula, 0.0));
-    assert!(worst(&asset, formula, 0.01) > 0.1);
+    assert!(largest_error(&asset, formula, 0.0) < 1e-5, "{}", largest_error(&asset, formula, 0.0));
+    assert!(largest_error(&asset, formula, 0.01) > 0.1);
     assert_eq!(keys(&asset.clips[0], PropertyTarget::CameraYfov(0)), (Interpolation::Linear, 3));
     let Projection::Perspective { yfov, .. } = asset.cameras[0].projection else { panic!() };
     assert_eq!(yfov, (45.0 * (PI / 180.0)) as f32);
@@ -125,11 +125,11 @@ fn a_vertical_angle_keeps_its_curve() {
 fn a_focal_length_curve_becomes_an_accurate_vertical_angle() {
     let camera = "P: \"ApertureMode\", \"enum\", \"\", \"\", 3\nP: \"FilmWidth\", \"Number\", \"\", \"\", 1.4173228346456692\n\
                   P: \"FilmHeight\", \"Number\", \"\", \"\", 0.9448818897637795\nP: \"FocalLength\", \"Number\", \"\", \"A\", 35\n";
-    let asset = zooming(camera, "FocalLength");
+    let asset = zooming_camera(camera, "FocalLength");
     let formula = |t: f64| 2.0 * (12.0 / straight(t)).atan();
-    let off = worst(&asset, formula, 0.0);
+    let off = largest_error(&asset, formula, 0.0);
     assert!(off < 0.05, "{off}°");
-    assert!(worst(&asset, formula, 0.02) > 0.2);
+    assert!(largest_error(&asset, formula, 0.02) > 0.2);
     let (interpolation, count) = keys(&asset.clips[0], PropertyTarget::CameraYfov(0));
     assert!(interpolation == Interpolation::CubicSpline && count < 20, "{count}");
     let Projection::Perspective { yfov, .. } = asset.cameras[0].projection else { panic!() };
@@ -140,8 +140,8 @@ fn a_focal_length_curve_becomes_an_accurate_vertical_angle() {
 fn a_horizontal_angle_is_converted_by_the_aspect_ratio() {
     let camera = "P: \"ApertureMode\", \"enum\", \"\", \"\", 1\nP: \"AspectWidth\", \"double\", \"Number\", \"\", 200\n\
                   P: \"AspectHeight\", \"double\", \"Number\", \"\", 100\nP: \"FieldOfView\", \"FieldOfView\", \"\", \"A\", 90\n";
-    let asset = zooming(camera, "FieldOfView");
-    let off = worst(&asset, |t| 2.0 * (0.5 * (straight(t) * PI / 360.0).tan()).atan(), 0.0);
+    let asset = zooming_camera(camera, "FieldOfView");
+    let off = largest_error(&asset, |t| 2.0 * (0.5 * (straight(t) * PI / 360.0).tan()).atan(), 0.0);
     assert!(off < 0.05, "{off}°");
     let Projection::Perspective { yfov, .. } = asset.cameras[0].projection else { panic!() };
     assert!((yfov - 2.0 * 0.5f32.atan()).abs() < 1e-6);
@@ -149,7 +149,7 @@ fn a_horizontal_angle_is_converted_by_the_aspect_ratio() {
 
 #[test]
 fn an_animated_orthographic_zoom_changes_the_height() {
-    let asset = zooming(
+    let asset = zooming_camera(
         "P: \"CameraProjectionType\", \"enum\", \"\", \"\", 1\nP: \"OrthoZoom\", \"double\", \"Number\", \"\", 15\n",
         "OrthoZoom",
     );
@@ -161,7 +161,7 @@ fn an_animated_orthographic_zoom_changes_the_height() {
 /// Numbers that this kind of camera does not look at: no curve, and no warning that one is lost.
 #[test]
 fn curves_that_the_camera_does_not_use_are_left_out() {
-    let asset = zooming(
+    let asset = zooming_camera(
         "P: \"ApertureMode\", \"enum\", \"\", \"\", 2\nP: \"FieldOfView\", \"FieldOfView\", \"\", \"A\", 45\n",
         "FocalLength",
     );

@@ -42,7 +42,7 @@ fn blender(stack: &'static str, obj: &'static str, frame: f64) -> Case {
     Case { unit: 1.0, ..case("blender_279_sausage_7400_binary", stack, obj, frame) }
 }
 
-fn vertices(path: &Path) -> Vec<DVec3> {
+fn obj_vertices(path: &Path) -> Vec<DVec3> {
     let text = std::fs::read_to_string(path).unwrap();
     let vertex = |line: &str| {
         let mut numbers = line.split_whitespace().map(|n| n.parse::<f64>().unwrap());
@@ -52,16 +52,16 @@ fn vertices(path: &Path) -> Vec<DVec3> {
 }
 
 /// Symmetric Hausdorff distance between two lists of vertices.
-fn distance(a: &[DVec3], b: &[DVec3]) -> f64 {
+fn hausdorff_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
     let nearest =
         |p: &DVec3, list: &[DVec3]| list.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min);
     let one_way = |a: &[DVec3], b: &[DVec3]| a.iter().map(|p| nearest(p, b)).fold(0.0, f64::max);
     one_way(a, b).max(one_way(b, a))
 }
 
-fn error(asset: &Asset, case: &Case, folder: &Path, late: f64) -> f64 {
+fn error(asset: &Asset, case: &Case, folder: &Path, delay_secs: f64) -> f64 {
     let theirs: Vec<DVec3> =
-        vertices(&folder.join(format!("{}.obj", case.obj))).iter().map(|v| *v * case.unit).collect();
+        obj_vertices(&folder.join(format!("{}.obj", case.obj))).iter().map(|v| *v * case.unit).collect();
     let clip = asset.clips.iter().find(|c| c.name.ends_with(case.stack)).unwrap_or_else(|| {
         panic!(
             "{}: no {} among {:?}",
@@ -70,8 +70,8 @@ fn error(asset: &Asset, case: &Case, folder: &Path, late: f64) -> f64 {
             asset.clips.iter().map(|c| &c.name).collect::<Vec<_>>()
         )
     });
-    let ours = common::posed_vertices(asset, Some((clip, case.frame / 24.0 + late)));
-    distance(&ours, &theirs) / case.unit
+    let ours = common::posed_vertices(asset, Some((clip, case.frame / 24.0 + delay_secs)));
+    hausdorff_distance(&ours, &theirs) / case.unit
 }
 
 /// Files hold six decimals of a unit.
@@ -127,20 +127,20 @@ const LIGHT: [(f64, [f64; 4]); 8] = [
     (60.0, [1.145, 0.442, 0.119, 0.119]),
 ];
 
-/// Off by so much at worst, so many frames late.
-fn light_error(asset: &Asset, late: f64) -> f64 {
+/// Largest error of the values of the light, read `delay_frames` frames late.
+fn light_error(asset: &Asset, delay_frames: f64) -> f64 {
     // The light's unit is that of its intensity at rest, frame 0.
     let unit = f64::from(asset.lights[0].light.intensity) / LIGHT[0].1[0];
     let off = |(frame, wanted): &(f64, [f64; 4])| {
         // The stack begins with frame 1.
-        let time = Time::from_secs((frame - 1.0 + late) / 24.0);
+        let time = Time::from_secs((frame - 1.0 + delay_frames) / 24.0);
         let (mut intensity, mut color) = ([0.0], [0.0; 3]);
         assert!(asset.clips[0].sample_property(PropertyTarget::LightIntensity(0), time, &mut intensity));
         assert!(asset.clips[0].sample_property(PropertyTarget::LightColor(0), time, &mut color));
         let got = [f64::from(intensity[0]) / unit, color[0].into(), color[1].into(), color[2].into()];
         got.iter().zip(wanted).map(|(g, w)| (g - w).abs()).fold(0.0, f64::max)
     };
-    LIGHT.iter().filter(|f| f.0 + late >= 1.0).map(off).fold(0.0, f64::max)
+    LIGHT.iter().filter(|f| f.0 + delay_frames >= 1.0).map(off).fold(0.0, f64::max)
 }
 
 #[test]

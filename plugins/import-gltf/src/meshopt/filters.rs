@@ -5,21 +5,23 @@ use super::Filter;
 pub fn apply(filter: Filter, stride: usize, bytes: &mut [u8]) {
     match (filter, stride) {
         (Filter::None, _) => {}
-        (Filter::Octahedral, 4) => map_quads_u8(bytes, |v| octahedral(v.map(|c| f32::from(c as i8)), 127.0)),
-        (Filter::Octahedral, _) => {
-            map_quads_u16(bytes, |v| octahedral(v.map(|c| f32::from(c as i16)), 32767.0))
+        (Filter::Octahedral, 4) => {
+            map_quads_u8(bytes, |v| decode_octahedral(v.map(|c| f32::from(c as i8)), 127.0))
         }
-        (Filter::Quaternion, _) => map_quads_u16(bytes, |v| quaternion(v.map(|c| c as i16))),
+        (Filter::Octahedral, _) => {
+            map_quads_u16(bytes, |v| decode_octahedral(v.map(|c| f32::from(c as i16)), 32767.0))
+        }
+        (Filter::Quaternion, _) => map_quads_u16(bytes, |v| decode_quaternion(v.map(|c| c as i16))),
         (Filter::Exponential, _) => {
             for number in bytes.as_chunks_mut::<4>().0 {
-                *number = exponential(u32::from_le_bytes(*number)).to_le_bytes();
+                *number = decode_exponential(u32::from_le_bytes(*number)).to_le_bytes();
             }
         }
         (Filter::Color, 4) => map_quads_u8(bytes, |[y, co, cg, a]| {
-            color(i32::from(y), [co, cg].map(|c| i32::from(c as i8)), i32::from(a), 255.0)
+            decode_ycocg(i32::from(y), [co, cg].map(|c| i32::from(c as i8)), i32::from(a), 255.0)
         }),
         (Filter::Color, _) => map_quads_u16(bytes, |[y, co, cg, a]| {
-            color(i32::from(y), [co, cg].map(|c| i32::from(c as i16)), i32::from(a), 65535.0)
+            decode_ycocg(i32::from(y), [co, cg].map(|c| i32::from(c as i16)), i32::from(a), 65535.0)
         }),
     }
 }
@@ -45,7 +47,7 @@ fn rounded(v: f32) -> i32 {
 }
 
 /// Octahedral normal: x, y on the octahedron |x| + |y| + |z| = one. The fourth component stays.
-fn octahedral([x, y, one, w]: [f32; 4], max: f32) -> [i32; 4] {
+fn decode_octahedral([x, y, one, w]: [f32; 4], max: f32) -> [i32; 4] {
     let z = one - x.abs() - y.abs();
     // The lower half was folded outwards.
     let fold = z.min(0.0);
@@ -58,7 +60,7 @@ fn octahedral([x, y, one, w]: [f32; 4], max: f32) -> [i32; 4] {
 
 /// Quaternion from its three smaller components, in units of 1/√2 over the upper bits of the fourth value. The lower two bits
 /// give the index of the omitted component.
-fn quaternion([x, y, z, scale_and_place]: [i16; 4]) -> [i32; 4] {
+fn decode_quaternion([x, y, z, scale_and_place]: [i16; 4]) -> [i32; 4] {
     let one = f32::from(scale_and_place | 3);
     let [x, y, z] = [x, y, z].map(f32::from);
     let missing = (one * one * 2.0 - x * x - y * y - z * z).max(0.0).sqrt();
@@ -72,13 +74,13 @@ fn quaternion([x, y, z, scale_and_place]: [i16; 4]) -> [i32; 4] {
 }
 
 /// Float m · 2^e from a signed 24-bit mantissa and a signed 8-bit exponent.
-fn exponential(bits: u32) -> f32 {
+fn decode_exponential(bits: u32) -> f32 {
     let mantissa = (bits << 8) as i32 >> 8;
     libm::ldexp(f64::from(mantissa), bits as i32 >> 24) as f32
 }
 
 /// Color from YCoCg. The highest set bit of alpha gives the number of bits in use.
-fn color(y: i32, [co, cg]: [i32; 2], a: i32, max: f32) -> [i32; 4] {
+fn decode_ycocg(y: i32, [co, cg]: [i32; 2], a: i32, max: f32) -> [i32; 4] {
     let mut ones = a;
     for shift in [1, 2, 4, 8] {
         ones |= ones >> shift;

@@ -25,8 +25,8 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
 }
 
-/// The move in the scene, `late` seconds later, against Blender's.
-fn camera_error(glb: &Path, truth: &Path, late: f64) -> CameraError {
+/// The move in the scene, `delay_secs` seconds later, against Blender's.
+fn camera_error(glb: &Path, truth: &Path, delay_secs: f64) -> CameraError {
     let asset = Arc::new(crate::common::import_path(glb).unwrap_or_else(|e| panic!("{e}")));
     assert_eq!(asset.warnings, []);
     let mut stage = Stage::default();
@@ -38,7 +38,7 @@ fn camera_error(glb: &Path, truth: &Path, late: f64) -> CameraError {
     assert!(truth.len() >= 13);
     let mut out = CameraError::default();
     for blender in &truth {
-        let time = Time::from_secs(blender["secs"].as_f64().unwrap() + late);
+        let time = Time::from_secs(blender["secs"].as_f64().unwrap() + delay_secs);
         let snapshot: Snapshot = stage.at(time).unwrap();
         let camera = DAffine3::from_mat4(DMat4::from_cols_slice(&numbers(&blender["camera"])));
         let matrix = snapshot.camera.world_from_view.to_cols_array();

@@ -9,7 +9,7 @@ use glam::{Mat4, Quat, Vec3, Vec4};
 use import_gltf::GltfImporter;
 use serde_json::{Value, json};
 
-/// The sample with more data: `add` appends bytes and returns the new accessor's index.
+/// The sample with more data: `add_accessor` appends bytes and returns the new accessor's index.
 struct Builder {
     json: Value,
     bin: Vec<u8>,
@@ -21,7 +21,14 @@ impl Builder {
         Builder { json, bin }
     }
 
-    fn add(&mut self, bytes: &[u8], component: u32, shape: &str, count: usize, normalized: bool) -> usize {
+    fn add_accessor(
+        &mut self,
+        bytes: &[u8],
+        component: u32,
+        shape: &str,
+        count: usize,
+        normalized: bool,
+    ) -> usize {
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
         let views = self.json["bufferViews"].as_array_mut().unwrap();
         let view = views.len();
@@ -34,9 +41,9 @@ impl Builder {
         accessors.len() - 1
     }
 
-    fn floats(&mut self, values: &[f32], shape: &str, count: usize) -> usize {
+    fn add_floats(&mut self, values: &[f32], shape: &str, count: usize) -> usize {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.add(&bytes, 5126, shape, count, false)
+        self.add_accessor(&bytes, 5126, shape, count, false)
     }
 
     fn primitive(&mut self) -> &mut Value {
@@ -78,12 +85,12 @@ fn unindexed_strips_and_lines_are_imported() {
 #[test]
 fn eight_and_twelve_influences_are_read_and_normalized() {
     let mut b = Builder::new();
-    let joints = b.add(&[1, 0, 0, 0].repeat(3), 5121, "VEC4", 3, false);
+    let joints = b.add_accessor(&[1, 0, 0, 0].repeat(3), 5121, "VEC4", 3, false);
     let wide: Vec<u8> = [1u16, 0, 0, 0].repeat(3).iter().flat_map(|v| v.to_le_bytes()).collect();
-    let joints_wide = b.add(&wide, 5123, "VEC4", 3, false);
-    let bytes = b.add(&[255, 0, 0, 0].repeat(3), 5121, "VEC4", 3, true);
+    let joints_wide = b.add_accessor(&wide, 5123, "VEC4", 3, false);
+    let bytes = b.add_accessor(&[255, 0, 0, 0].repeat(3), 5121, "VEC4", 3, true);
     let shorts: Vec<u8> = [65535u16, 0, 0, 0].repeat(3).iter().flat_map(|v| v.to_le_bytes()).collect();
-    let shorts = b.add(&shorts, 5123, "VEC4", 3, true);
+    let shorts = b.add_accessor(&shorts, 5123, "VEC4", 3, true);
     b.primitive()["attributes"]["JOINTS_1"] = json!(joints);
     b.primitive()["attributes"]["WEIGHTS_1"] = json!(bytes);
     let asset = b.import();
@@ -156,9 +163,9 @@ fn quantized_vertices_are_decoded() {
     let mut b = Builder::new();
     let shorts: Vec<u8> =
         [0i16, 0, 0, 0, 300, 0, 0, 0, 0, -200, 7, 0].iter().flat_map(|v| v.to_le_bytes()).collect();
-    let positions = b.add(&shorts, 5122, "VEC3", 3, false);
-    let normals = b.add(&[0, 0, 127, 0].repeat(3), 5120, "VEC3", 3, true);
-    let uvs = b.add(&[255, 0, 51, 255, 0, 0], 5121, "VEC2", 3, true);
+    let positions = b.add_accessor(&shorts, 5122, "VEC3", 3, false);
+    let normals = b.add_accessor(&[0, 0, 127, 0].repeat(3), 5120, "VEC3", 3, true);
+    let uvs = b.add_accessor(&[255, 0, 51, 255, 0, 0], 5121, "VEC2", 3, true);
     for view in [positions, normals] {
         let view = b.json["accessors"][view]["bufferView"].as_u64().unwrap() as usize;
         b.json["bufferViews"][view]["byteStride"] = json!(if view == positions { 8 } else { 4 });
@@ -187,9 +194,9 @@ fn vertex_colors_of_every_type_are_decoded() {
         for kind in [5126, 5121, 5123] {
             let mut b = Builder::new();
             let accessor = match kind {
-                5126 => b.floats(values, shape, 3),
-                5121 => b.add(&u8s(values), 5121, shape, 3, true),
-                _ => b.add(&u16s(values), 5123, shape, 3, true),
+                5126 => b.add_floats(values, shape, 3),
+                5121 => b.add_accessor(&u8s(values), 5121, shape, 3, true),
+                _ => b.add_accessor(&u16s(values), 5123, shape, 3, true),
             };
             b.primitive()["attributes"]["COLOR_0"] = json!(accessor);
             let colors = b.import().meshes[0].primitives[0].colors.clone();
@@ -201,7 +208,7 @@ fn vertex_colors_of_every_type_are_decoded() {
 #[test]
 fn morph_names_weights_and_animated_weights() {
     let mut b = Builder::new();
-    let weights = b.add(&[0, 0, 255], 5121, "SCALAR", 3, true);
+    let weights = b.add_accessor(&[0, 0, 255], 5121, "SCALAR", 3, true);
     b.json["meshes"][0]["weights"] = json!([0.25]);
     b.json["meshes"][0]["extras"] = json!({"targetNames": ["smile"]});
     let animation = &mut b.json["animations"][0];
@@ -238,7 +245,7 @@ fn integer_rotations_are_decoded() {
             .chain([0, 32767, 0, 0])
             .flat_map(|v| v.to_le_bytes())
             .collect();
-        let output = b.add(&shorts, 5122, "VEC4", 3, flagged);
+        let output = b.add_accessor(&shorts, 5122, "VEC4", 3, flagged);
         b.json["animations"][0]["samplers"][0]["output"] = json!(output);
         let values = b.import().clips[0].curves()[0].values.clone();
         assert_eq!(values[..], [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0]);
@@ -332,7 +339,7 @@ fn equal_images_are_stored_once() {
         .unwrap();
     let mut b = Builder::new();
     let views = [&png, &png, &other].map(|bytes| {
-        let accessor = b.add(bytes, 5121, "SCALAR", 1, false);
+        let accessor = b.add_accessor(bytes, 5121, "SCALAR", 1, false);
         b.json["accessors"][accessor]["bufferView"].clone()
     });
     b.json["images"] = views.iter().map(|v| json!({"bufferView": v})).collect();

@@ -30,18 +30,18 @@ const ANIMATED: &[&str] = &[
 const ALLOWED: f64 = 1e-6;
 
 #[derive(Debug, Default)]
-struct Worst {
+struct LargestError {
     error: f64,
     clip: String,
     secs: f64,
     place: String,
 }
 
-impl Worst {
-    fn note(&mut self, error: f64, clip: &str, secs: f64, place: impl Fn() -> String) {
+impl LargestError {
+    fn record(&mut self, error: f64, clip: &str, secs: f64, place: impl Fn() -> String) {
         // A NaN is the worst there is.
         if error > self.error || error.is_nan() {
-            *self = Worst {
+            *self = LargestError {
                 error: if error.is_nan() { f64::INFINITY } else { error },
                 clip: clip.to_string(),
                 secs,
@@ -53,9 +53,9 @@ impl Worst {
 
 struct Comparison {
     size: f64,
-    joints: Worst,
-    vertices: Worst,
-    weights: Worst,
+    joints: LargestError,
+    vertices: LargestError,
+    weights: LargestError,
 }
 
 /// Times to look at: a grid that falls between keys, before, after, and keys themselves, but not where STEP jumps.
@@ -110,7 +110,7 @@ fn world_vertices(asset: &Asset, instance: usize, matrices: &[Affine3A], weights
 }
 
 /// Diagonal of everything at rest: joints and vertices.
-fn size(oracle: &Oracle) -> f64 {
+fn model_size(oracle: &Oracle) -> f64 {
     let world = oracle.pose(None, 0.0).0;
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut grow = |p: DVec3| (low, high) = (low.min(p), high.max(p));
@@ -132,9 +132,13 @@ fn difference(ours: Affine3A, truth: DMat4, size: f64) -> f64 {
 }
 
 fn compare(asset: &Asset, oracle: &Oracle, grid: usize) -> Comparison {
-    let size = size(oracle);
-    let mut out =
-        Comparison { size, joints: Worst::default(), vertices: Worst::default(), weights: Worst::default() };
+    let size = model_size(oracle);
+    let mut out = Comparison {
+        size,
+        joints: LargestError::default(),
+        vertices: LargestError::default(),
+        weights: LargestError::default(),
+    };
     assert_eq!(asset.skeleton.len(), oracle.order.len());
     assert_eq!(asset.clips.len(), oracle.clips());
     for (number, clip) in asset.clips.iter().enumerate() {
@@ -146,7 +150,7 @@ fn compare(asset: &Asset, oracle: &Oracle, grid: usize) -> Comparison {
             let (world, weights) = oracle.pose(Some(number), secs);
             for (joint, node) in oracle.order.iter().enumerate() {
                 let error = difference(ours[joint], world[*node], size) / size;
-                out.joints.note(error, &clip.name, secs, || asset.skeleton.names()[joint].clone());
+                out.joints.record(error, &clip.name, secs, || asset.skeleton.names()[joint].clone());
             }
             for (instance, i) in asset.instances.iter().enumerate() {
                 let node = oracle.order[i.joint as usize];
@@ -160,7 +164,7 @@ fn compare(asset: &Asset, oracle: &Oracle, grid: usize) -> Comparison {
                 };
                 for (a, b) in own.iter().zip(&truth) {
                     out.weights
-                        .note((f64::from(*a) - b).abs(), &clip.name, secs, || format!("nodes[{node}]"));
+                        .record((f64::from(*a) - b).abs(), &clip.name, secs, || format!("nodes[{node}]"));
                 }
                 // Vertices cost more: at one time of each clip, which differs from clip to clip.
                 if count == (number * 7 + 23) % times.len() {
@@ -170,7 +174,7 @@ fn compare(asset: &Asset, oracle: &Oracle, grid: usize) -> Comparison {
                         for (v, (a, b)) in ours[p].iter().zip(truth).enumerate() {
                             let error = (a.as_dvec3() - *b).length() / size;
                             let place = || format!("nodes[{node}], primitive {p}, vertex {v}");
-                            out.vertices.note(error, &clip.name, secs, place);
+                            out.vertices.record(error, &clip.name, secs, place);
                         }
                     }
                 }
@@ -232,7 +236,7 @@ fn the_comparison_detects_planted_faults() {
     let Some(folder) = common::assets(3) else { return };
     let (asset, mut oracle) = import_with_oracle(&folder, "gltf/Fox.glb");
     let node = *oracle.order.iter().find(|n| oracle.json["nodes"][**n]["name"] == "b_Head_05").unwrap();
-    let by = size(&oracle) * 1e-3;
+    let by = model_size(&oracle) * 1e-3;
     for fault in [Fault::Sign { node }, Fault::Offset { node, by }, Fault::Late { secs: 1e-3 }] {
         oracle.fault = Some(fault);
         let c = compare(&asset, &oracle, 10);

@@ -72,7 +72,7 @@ impl Oracle {
         let scene = json["scene"].as_u64().unwrap_or(0) as usize;
         let mut order = Vec::new();
         for root in list(&json["scenes"][scene], "nodes") {
-            visit(nodes, index(root), &mut order);
+            list_depth_first(nodes, index(root), &mut order);
         }
         let mut oracle = Oracle { json, buffers, order, parent, channels: Vec::new(), fault: None };
         oracle.channels = list(&oracle.json, "animations").iter().map(|a| oracle.channels_of(a)).collect();
@@ -268,7 +268,9 @@ impl Channel {
         let rotation = self.path == "rotation";
         let value = usize::from(self.interpolation == "CUBICSPLINE");
         let last = self.times.len() - 1;
-        let whole = |k: usize| if rotation { unit(self.key(k, value)) } else { self.key(k, value).to_vec() };
+        let whole = |k: usize| {
+            if rotation { unit_quaternion(self.key(k, value)) } else { self.key(k, value).to_vec() }
+        };
         if secs <= self.times[0] {
             return whole(0);
         }
@@ -295,7 +297,7 @@ impl Channel {
                         + span * (t3 - t2) * a1[i]
                 };
                 let out: Vec<f64> = (0..self.width).map(hermite).collect();
-                if rotation { unit(&out) } else { out }
+                if rotation { unit_quaternion(&out) } else { out }
             }
         }
     }
@@ -310,10 +312,10 @@ fn slerp(a: &[f64], b: &[f64], t: f64) -> Vec<f64> {
         ((angle * (1.0 - t)).sin() / angle.sin(), (angle * t).sin() / angle.sin())
     };
     let wb = wb * if dot < 0.0 { -1.0 } else { 1.0 };
-    unit(&a.iter().zip(b).map(|(a, b)| wa * a + wb * b).collect::<Vec<_>>())
+    unit_quaternion(&a.iter().zip(b).map(|(a, b)| wa * a + wb * b).collect::<Vec<_>>())
 }
 
-fn unit(q: &[f64]) -> Vec<f64> {
+fn unit_quaternion(q: &[f64]) -> Vec<f64> {
     let length = q.iter().map(|v| v * v).sum::<f64>().sqrt();
     q.iter().map(|v| v / length).collect()
 }
@@ -327,7 +329,7 @@ fn rest(node: &Value) -> Local {
         return Local::Matrix(DMat4::from_cols_slice(&m));
     }
     let translation = numbers("translation").map_or(DVec3::ZERO, |v| DVec3::from_slice(&v));
-    let rotation = numbers("rotation").map_or(DQuat::IDENTITY, |v| DQuat::from_slice(&unit(&v)));
+    let rotation = numbers("rotation").map_or(DQuat::IDENTITY, |v| DQuat::from_slice(&unit_quaternion(&v)));
     let scale = numbers("scale").map_or(DVec3::ONE, |v| DVec3::from_slice(&v));
     Local::Parts(translation, rotation, scale)
 }
@@ -345,9 +347,9 @@ fn matrix(local: &Local) -> DMat4 {
     DMat4::from_cols((c0 * s.x).extend(0.0), (c1 * s.y).extend(0.0), (c2 * s.z).extend(0.0), t.extend(1.0))
 }
 
-fn visit(nodes: &[Value], node: usize, order: &mut Vec<usize>) {
+fn list_depth_first(nodes: &[Value], node: usize, order: &mut Vec<usize>) {
     order.push(node);
-    list(&nodes[node], "children").iter().for_each(|c| visit(nodes, index(c), order));
+    list(&nodes[node], "children").iter().for_each(|c| list_depth_first(nodes, index(c), order));
 }
 
 pub fn list<'a>(value: &'a Value, name: &str) -> &'a [Value] {

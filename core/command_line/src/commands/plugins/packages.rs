@@ -8,7 +8,7 @@ use crate::terminal::page::Page;
 use choreo_files::{FileError, Folder, WriteError, containing_folder};
 use choreo_plugin::Registry;
 use choreo_plugin::suggest::{did_you_mean, list as format_list};
-use choreo_session::package::{DESCRIPTION, FILE_ENDINGS, MAX_DESCRIPTION_BYTES, Package, is_name};
+use choreo_session::package::{DESCRIPTION, FILE_ENDINGS, MAX_DESCRIPTION_BYTES, Package, is_valid_name};
 use choreo_session::plugin_files::{Listing, list_package, packages_in, user_folder};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -24,7 +24,7 @@ const EXAMPLE_DESCRIPTION: &str = "name = \"my_plugin\"\nversion = \"1.0.0\"\nch
 
 /// Opens the package at a path, or the installed package of this name.
 pub(crate) fn open_or_installed(path: &Path) -> Result<(PathBuf, Package), Failure> {
-    let name = path.to_str().filter(|name| is_name(name) && !path.exists());
+    let name = path.to_str().filter(|name| is_valid_name(name) && !path.exists());
     match name.and_then(|name| user_folder().map(|folder| folder.join(name))).filter(|place| place.is_dir()) {
         Some(place) => open_package(&place),
         None => open_package(path),
@@ -95,7 +95,7 @@ pub fn package_notes(folder: &Path, package: &Package, listing: &Listing) -> Vec
     let undeclared = undeclared.map(|name| {
         format!("{}: {DESCRIPTION} does not name it, so it is not a plugin", folder.join(&*name).display())
     });
-    license.into_iter().chain(undeclared).chain(listing.replaced.clone()).collect()
+    license.into_iter().chain(undeclared).chain(listing.replacement_notes.clone()).collect()
 }
 
 /// Folder in which packages are installed.
@@ -274,7 +274,7 @@ fn package_json(place: &Path, package: &Package) -> Value {
 pub fn remove(name: &str) -> Result<(), Failure> {
     let folder = install_folder()?;
     let place = folder.join(name);
-    let is_installed = is_name(name) && place.join(DESCRIPTION).symlink_metadata().is_ok();
+    let is_installed = is_valid_name(name) && place.join(DESCRIPTION).symlink_metadata().is_ok();
     if !is_installed {
         let all: Vec<String> = packages_in(&folder).iter().map(|n| n.display().to_string()).collect();
         let near = did_you_mean(name, all.iter().map(String::as_str));

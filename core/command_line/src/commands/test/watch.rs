@@ -65,10 +65,10 @@ pub fn run(args: &TestArgs, job: &TestJob, plugins: &Registry) -> Result<(), Fai
                 watch.set_known_content(path, content);
             }
         }
-        if watch.folders() == 0 {
+        if watch.folder_count() == 0 {
             return Err(Failure::input("--watch: there is no folder to watch"));
         }
-        let folders = counted(watch.folders() as u64, "folder");
+        let folders = counted(watch.folder_count() as u64, "folder");
         print(&format!("watching {folders}; Ctrl-C ends\n"))?;
         let changed = loop {
             if let WatchEvent::Changed(files) = watch.wait(None).map_err(failed)?

@@ -183,7 +183,7 @@ impl<'a> Planner<'a> {
         let info = &p.primitive.info;
         let bounds = match p.skin.map(|s| &self.skins[s]) {
             Some(_) if let Some(in_model) = p.bounds_in_model => transformed(in_model, &relative_from_mesh),
-            Some(s) if p.needs.dual => info.dual_skinned(
+            Some(s) if p.needs.dual => info.dual_quaternion_bounds(
                 p.primitive.primitive(),
                 &s.dual_quaternions,
                 &relative_from_mesh,

@@ -54,7 +54,12 @@ impl SkinMatrices {
         let same = || Affine3x4::from_affine(DAffine3::IDENTITY);
         self.placed.then(|| match self.dual_quaternions.is_empty() {
             true => info.skinned_bounds(&self.matrices, morph_offset),
-            false => info.dual_skinned(primitive.primitive(), &self.dual_quaternions, &same(), morph_offset),
+            false => info.dual_quaternion_bounds(
+                primitive.primitive(),
+                &self.dual_quaternions,
+                &same(),
+                morph_offset,
+            ),
         })
     }
 }
