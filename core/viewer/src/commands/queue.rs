@@ -91,7 +91,7 @@ impl RenderQueue {
         }
         let shared = self.0.clone();
         let thread = std::thread::Builder::new().name("renders".into());
-        if let Err(error) = thread.spawn(move || run_waiting_jobs(&shared, &changed)) {
+        if let Err(error) = thread.spawn(move || run_jobs(&shared, &changed)) {
             jobs.has_worker = false;
             set_state(&mut jobs, number, JobState::Failed(format!("cannot start a thread: {error}")));
         }
@@ -127,7 +127,7 @@ fn set_state(jobs: &mut Jobs, number: u64, state: JobState) {
 }
 
 /// Runs one job after the other until none is waiting.
-fn run_waiting_jobs(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
+fn run_jobs(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
     loop {
         let (number, process) = {
             let mut jobs = locked(shared);

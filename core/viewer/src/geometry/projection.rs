@@ -124,8 +124,7 @@ mod tests {
     fn projection_agrees_with_the_matrices_of_the_renderer() {
         for camera in cameras() {
             let size = [640, 360];
-            let view_projection =
-                ViewProjection::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
+            let projection = ViewProjection::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
             let view = View::new(&camera, size);
             for at in [DVec3::new(0.4, 0.2, -3.0), DVec3::new(-0.7, 0.1, -8.0)] {
                 let world = camera.world_from_view.transform_point3(at);
@@ -134,13 +133,13 @@ mod tests {
                     10.0 + f64::from(clip.x / clip.w + 1.0) * 320.0,
                     20.0 + f64::from(clip.y / clip.w + 1.0) * 180.0,
                 );
-                let got = view_projection.project_point(world).unwrap();
+                let got = projection.project_point(world).unwrap();
                 assert!((got - expected).length() < 0.01, "{got} {expected}");
                 // The ray through the projected point passes through the original one.
-                let (origin, direction) = view_projection.ray(got);
+                let (origin, direction) = projection.ray(got);
                 assert!((world - origin).cross(direction).length() < 1e-6);
-                let moved = view_projection.project_point(
-                    world + camera.world_from_view.matrix3.x_axis * view_projection.metres_per_point(world),
+                let moved = projection.project_point(
+                    world + camera.world_from_view.matrix3.x_axis * projection.metres_per_point(world),
                 );
                 assert!((moved.unwrap() - got - DVec2::X).length() < 1e-6);
             }
@@ -149,14 +148,14 @@ mod tests {
 
     #[test]
     fn lines_are_clipped_at_the_near_plane() {
-        let view_projection = ViewProjection::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
+        let projection = ViewProjection::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
         let at = |z: f64| cameras()[0].world_from_view.transform_point3(DVec3::new(0.1, 0.1, z));
         assert!(
-            view_projection.project_point(at(1.0)).is_none()
-                && view_projection.project_line(at(1.0), at(2.0)).is_none()
+            projection.project_point(at(1.0)).is_none()
+                && projection.project_line(at(1.0), at(2.0)).is_none()
         );
-        let [a, b] = view_projection.project_line(at(-2.0), at(5.0)).unwrap();
-        assert!((a - view_projection.project_point(at(-2.0)).unwrap()).length() < 1e-9);
+        let [a, b] = projection.project_line(at(-2.0), at(5.0)).unwrap();
+        assert!((a - projection.project_point(at(-2.0)).unwrap()).length() < 1e-9);
         assert!(b.is_finite() && (b - DVec2::new(320.0, 180.0)).length() > 100.0);
     }
 }

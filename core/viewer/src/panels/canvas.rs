@@ -11,7 +11,7 @@ pub(super) struct Canvas<'a> {
     /// Rectangle of the image in the window, points.
     pub image_rect: Rect,
     /// Projection of the displayed camera.
-    pub view_projection: ViewProjection,
+    pub projection: ViewProjection,
 }
 
 impl Canvas<'_> {

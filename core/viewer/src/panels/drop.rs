@@ -64,14 +64,14 @@ pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     };
     let view = viewer.views.iter().find(inside)?;
     let [left, top, right, bottom] = view.place.map(f64::from);
-    let view_projection = ViewProjection::new(
+    let projection = ViewProjection::new(
         &view.displayed_camera(&scene.stage)?,
         DVec2::new(left, top),
         DVec2::new(right - left, bottom - top),
     );
-    let (origin, direction) = view_projection.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
+    let (origin, direction) = projection.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let distance = -origin.y / direction.y;
-    let meets_ground = match view_projection.is_perspective() {
+    let meets_ground = match projection.is_perspective() {
         true => distance > 0.0 && distance < MAX_GROUND_DISTANCE,
         // Orthographic rays begin next to the camera, on either side of the ground.
         false => direction.y.abs() > MIN_VIEW_TO_GROUND_SINE,
@@ -81,7 +81,7 @@ pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     }
     // The ray misses the ground or is parallel to it, so the distance of the center of interest is used.
     let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
-    let forward = view_projection.forward();
+    let forward = projection.forward();
     let distance = (middle - origin).dot(forward) / direction.dot(forward);
     let point = if distance > 0.0 && distance.is_finite() { origin + direction * distance } else { middle };
     Some(DVec3::new(point.x, 0.0, point.z))

@@ -22,16 +22,16 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let state = actor(&scene.stage, &name).and_then(|i| shown.snapshot.actors.get(i)).filter(|s| s.visible);
     let Some(world_from_model) = state.map(|s| s.world_from_model) else { return false };
     let dragging = viewer.dragging.as_ref().filter(|d| d.actor == name).map(|d| d.drag);
-    let Canvas { response, view_projection, .. } = canvas;
+    let Canvas { response, projection, .. } = canvas;
     let at = canvas.pointer_position();
     let hovered_handle = match dragging {
         Some(drag) => Some(drag.handle),
-        None => at.and_then(|at| handle_at(viewer.tool, &world_from_model, view_projection, at)),
+        None => at.and_then(|at| handle_at(viewer.tool, &world_from_model, projection, at)),
     };
     let painter = canvas.painter(ui);
-    draw_gizmo(&painter, viewer.tool, &world_from_model, hovered_handle, view_projection);
+    draw_gizmo(&painter, viewer.tool, &world_from_model, hovered_handle, projection);
     if let Some(from) = canvas.drag_start_position(ui)
-        && let Some(handle) = handle_at(viewer.tool, &world_from_model, view_projection, from)
+        && let Some(handle) = handle_at(viewer.tool, &world_from_model, projection, from)
     {
         let drag = Drag { tool: viewer.tool, handle, world_from_model, from };
         viewer.dragging = Some(Dragging { actor: name.clone(), drag, change: Change::none(viewer.tool) });
@@ -39,7 +39,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let in_steps = gesture::modifiers(ui).command;
     let Some(dragging) = viewer.dragging.as_mut().filter(|d| d.actor == name) else { return false };
     if let Some(at) = at.filter(|_| response.dragged()) {
-        dragging.change = dragging.drag.change(view_projection, at, in_steps);
+        dragging.change = dragging.drag.change(projection, at, in_steps);
     }
     let text = change_text(&dragging.change);
     // The text about reduced quality is above.
@@ -81,23 +81,23 @@ fn draw_gizmo(
     tool: Tool,
     world_from_model: &DAffine3,
     hovered_handle: Option<Handle>,
-    view_projection: &ViewProjection,
+    projection: &ViewProjection,
 ) {
     let center = world_from_model.translation;
-    let length = ARM_LENGTH * view_projection.metres_per_point(center);
-    let Some(middle) = view_projection.project_point(center) else { return };
+    let length = ARM_LENGTH * projection.metres_per_point(center);
+    let Some(middle) = projection.project_point(center) else { return };
     for (axis, color) in AXIS_COLORS.into_iter().enumerate() {
         let is_hot = hovered_handle == Some(Handle::Axis(axis));
         let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { color };
         let stroke = Stroke::new(if is_hot { 3.5 } else { 2.5 }, color);
         if tool == Tool::Turn {
             let points: Vec<_> = ring_points(center, axis, length).collect();
-            points.windows(2).for_each(|w| draw_line(painter, view_projection, w[0], w[1], stroke));
+            points.windows(2).for_each(|w| draw_line(painter, projection, w[0], w[1], stroke));
             continue;
         }
         let tip = center + arm_direction(tool, axis, world_from_model) * length;
-        draw_line(painter, view_projection, center, tip, stroke);
-        let Some(at) = view_projection.project_point(tip) else { continue };
+        draw_line(painter, projection, center, tip, stroke);
+        let Some(at) = projection.project_point(tip) else { continue };
         if tool == Tool::Scale {
             painter.rect_filled(Rect::from_center_size(to_pos2(at), vec2(10.0, 10.0)), 1.0, color);
         } else {

@@ -19,9 +19,9 @@ pub fn to_pos2(p: DVec2) -> egui::Pos2 {
     pos2(p.x as f32, p.y as f32)
 }
 
-pub fn draw_line(painter: &Painter, view_projection: &ViewProjection, a: DVec3, b: DVec3, stroke: Stroke) {
+pub fn draw_line(painter: &Painter, projection: &ViewProjection, a: DVec3, b: DVec3, stroke: Stroke) {
     let clip = painter.clip_rect();
-    let ends = view_projection.project_line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
+    let ends = projection.project_line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
     if let Some(ends) = ends {
         painter.line_segment(ends.map(to_pos2), stroke);
     }
@@ -47,7 +47,7 @@ fn clip_segment([a, b]: [DVec2; 2], to: Rect) -> Option<[DVec2; 2]> {
 }
 
 pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
-    let (view, view_projection) = (&viewer.views[canvas.index], &canvas.view_projection);
+    let (view, projection) = (&viewer.views[canvas.index], &canvas.projection);
     let (Some(scene), Some(shown)) = (&viewer.scene, &view.shown) else { return };
     let painter = canvas.painter(ui);
     let selected = viewer.selection.as_ref().and_then(Selected::actor);
@@ -62,7 +62,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
             } else {
                 Color32::from_white_alpha(110)
             };
-            draw_bounds(&painter, view_projection, low, high, Stroke::new(1.0, color));
+            draw_bounds(&painter, projection, low, high, Stroke::new(1.0, color));
         }
         joints += actor.asset.skeleton.len();
         if view.overlays.skeletons && joints <= MAX_JOINTS {
@@ -78,9 +78,9 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
             for (joint, parent) in actor.asset.skeleton.parents().iter().enumerate() {
                 let Some(to) = at(joint) else { continue };
                 if let Some(from) = parent.and_then(|p| at(p as usize)) {
-                    draw_line(&painter, view_projection, from, to, Stroke::new(1.5, color));
+                    draw_line(&painter, projection, from, to, Stroke::new(1.5, color));
                 }
-                if let Some(p) = view_projection.project_point(to) {
+                if let Some(p) = projection.project_point(to) {
                     painter.circle_filled(to_pos2(p), 2.0, color);
                 }
             }
@@ -91,7 +91,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
     }
 }
 
-fn draw_bounds(painter: &Painter, view_projection: &ViewProjection, low: DVec3, high: DVec3, stroke: Stroke) {
+fn draw_bounds(painter: &Painter, projection: &ViewProjection, low: DVec3, high: DVec3, stroke: Stroke) {
     let corner = |i: usize| {
         let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
         DVec3::new(pick(0), pick(1), pick(2))
@@ -99,7 +99,7 @@ fn draw_bounds(painter: &Painter, view_projection: &ViewProjection, low: DVec3, 
     for i in 0..8usize {
         for axis in 0..3 {
             if i >> axis & 1 == 0 {
-                draw_line(painter, view_projection, corner(i), corner(i | 1 << axis), stroke);
+                draw_line(painter, projection, corner(i), corner(i | 1 << axis), stroke);
             }
         }
     }

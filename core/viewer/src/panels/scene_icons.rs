@@ -100,11 +100,11 @@ struct PickArea {
 }
 
 impl PickArea {
-    fn of(viewer: &Viewer, icon: &SceneIcon, view_projection: &ViewProjection) -> PickArea {
+    fn of(viewer: &Viewer, icon: &SceneIcon, projection: &ViewProjection) -> PickArea {
         let is_selected = viewer.selection == Some(icon.what.selected());
         let lines = icon.beam(is_selected).map(|beam| beam.cone()).unwrap_or_default();
-        let lines = lines.into_iter().filter_map(|[a, b]| view_projection.project_line(a, b));
-        PickArea { disc: view_projection.project_point(icon.at), lines: lines.collect() }
+        let lines = lines.into_iter().filter_map(|[a, b]| projection.project_line(a, b));
+        PickArea { disc: projection.project_point(icon.at), lines: lines.collect() }
     }
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
@@ -125,7 +125,7 @@ impl SceneIcon {
 
 /// Draws the icons and handles the mouse. Returns whether the mouse is over one of them or drags it.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
-    let Canvas { index, response, view_projection, .. } = canvas;
+    let Canvas { index, response, projection, .. } = canvas;
     // The image of a camera of the script has no icons, since it is shown as it will be rendered.
     let view = &viewer.views[*index];
     if !view.overlays.icons || matches!(view.camera, ViewCamera::Script | ViewCamera::Named(_)) {
@@ -136,8 +136,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     if let Some(dragged) = &viewer.dragged_icon {
         icons.iter_mut().filter(|icon| icon.what == dragged.what).for_each(|icon| icon.at = dragged.to);
     }
-    let pick_areas: Vec<PickArea> =
-        icons.iter().map(|icon| PickArea::of(viewer, icon, view_projection)).collect();
+    let pick_areas: Vec<PickArea> = icons.iter().map(|icon| PickArea::of(viewer, icon, projection)).collect();
     let near = |at: DVec2| {
         let reached = icons
             .iter()
@@ -149,7 +148,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     for icon in &icons {
         let is_selected = viewer.selection == Some(icon.what.selected());
         let is_hovered = hovered.as_ref().is_some_and(|hovered| hovered.what == icon.what);
-        draw_icon(&canvas.painter(ui), icon, is_selected, is_hovered, view_projection);
+        draw_icon(&canvas.painter(ui), icon, is_selected, is_hovered, projection);
     }
     if let Some(hovered) = &hovered {
         canvas.response.clone().on_hover_text_at_pointer(icon_hint(&hovered.what));
@@ -168,11 +167,11 @@ fn drag_icon(
     scene: &Scene,
     near: impl Fn(DVec2) -> Option<SceneIcon>,
 ) -> bool {
-    let Canvas { index, response, view_projection, .. } = canvas;
+    let Canvas { index, response, projection, .. } = canvas;
     let start = canvas.drag_start_position(ui);
     if let Some((icon, start)) = start.and_then(|start| Some((near(start)?, start))) {
         let (what, from) = (icon.what, icon.at);
-        let taken_at = point_at_depth_of(view_projection, from, start).unwrap_or(from);
+        let taken_at = point_at_depth_of(projection, from, start).unwrap_or(from);
         viewer.selection = Some(what.selected());
         viewer.dragged_icon = Some(DraggedIcon { view: *index, what, from, to: from, taken_at });
     }
@@ -181,7 +180,7 @@ fn drag_icon(
         return false;
     };
     let pointer = canvas.pointer_position().filter(|_| response.dragged());
-    if let Some(at) = pointer.and_then(|at| point_at_depth_of(view_projection, dragged.from, at)) {
+    if let Some(at) = pointer.and_then(|at| point_at_depth_of(projection, dragged.from, at)) {
         dragged.to = dragged.from + (at - dragged.taken_at);
     }
     let at = dragged.to.to_array().map(|v| super::rounded(v, 1e3));
@@ -199,9 +198,9 @@ fn drag_icon(
 }
 
 /// World position under a point of the window, at the same depth as another position.
-fn point_at_depth_of(view_projection: &ViewProjection, place: DVec3, at: DVec2) -> Option<DVec3> {
-    let (origin, direction) = view_projection.ray(at);
-    let normal = view_projection.forward();
+fn point_at_depth_of(projection: &ViewProjection, place: DVec3, at: DVec2) -> Option<DVec3> {
+    let (origin, direction) = projection.ray(at);
+    let normal = projection.forward();
     let distance = (place - origin).dot(normal) / direction.dot(normal);
     (distance.is_finite() && distance > 0.0).then(|| origin + direction * distance)
 }
@@ -245,9 +244,9 @@ fn draw_icon(
     icon: &SceneIcon,
     is_selected: bool,
     hovered: bool,
-    view_projection: &ViewProjection,
+    projection: &ViewProjection,
 ) {
-    let Some(at) = view_projection.project_point(icon.at).map(to_pos2) else { return };
+    let Some(at) = projection.project_point(icon.at).map(to_pos2) else { return };
     let color = match (is_selected, hovered) {
         (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
         (_, true) => Color32::from_rgb(0xff, 0xe0, 0x70),
@@ -266,7 +265,7 @@ fn draw_icon(
         IconKind::Sun(on) => {
             painter.circle_filled(at, 3.5, color);
             (0..8).for_each(|i| ray(turn * i as f32 / 8.0, 5.5, 8.0));
-            draw_line(painter, view_projection, icon.at, *on, thin);
+            draw_line(painter, projection, icon.at, *on, thin);
         }
         IconKind::Point => {
             painter.circle_stroke(at, 4.0, stroke);
@@ -276,12 +275,12 @@ fn draw_icon(
         IconKind::Spot(..) => {
             painter.circle_filled(at, 3.0, color);
             let lines = icon.beam(is_selected).map(|beam| beam.cone()).unwrap_or_default();
-            lines.into_iter().for_each(|[a, b]| draw_line(painter, view_projection, a, b, stroke));
+            lines.into_iter().for_each(|[a, b]| draw_line(painter, projection, a, b, stroke));
         }
         IconKind::Reach(joint) => {
             painter.circle_stroke(at, 6.0, stroke);
             (0..4).for_each(|i| ray(turn * i as f32 / 4.0, 2.0, 9.0));
-            draw_line(painter, view_projection, icon.at, *joint, thin);
+            draw_line(painter, projection, icon.at, *joint, thin);
         }
         IconKind::Camera(target, angle) => {
             let body = Rect::from_center_size(at, egui::vec2(9.0, 7.0));
@@ -292,7 +291,7 @@ fn draw_icon(
             let length = if is_selected { 1.0 } else { 0.5 };
             draw_frustum(
                 painter,
-                view_projection,
+                projection,
                 &Beam { at: icon.at, direction: toward, angle: *angle, length },
                 thin,
             );
@@ -334,7 +333,7 @@ impl Beam {
 }
 
 /// Draws the view frustum of a camera, with an aspect ratio of 16:9.
-fn draw_frustum(painter: &Painter, view_projection: &ViewProjection, beam: &Beam, stroke: Stroke) {
+fn draw_frustum(painter: &Painter, projection: &ViewProjection, beam: &Beam, stroke: Stroke) {
     let Beam { at, direction, angle, length } = *beam;
     let [right, up] = perpendicular_axes(direction);
     let half_height = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
@@ -342,7 +341,7 @@ fn draw_frustum(painter: &Painter, view_projection: &ViewProjection, beam: &Beam
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
         .map(|(x, y)| at + direction * length + right * (x * half_width) + up * (y * half_height));
     for i in 0..4 {
-        draw_line(painter, view_projection, at, corners[i], stroke);
-        draw_line(painter, view_projection, corners[i], corners[(i + 1) % 4], stroke);
+        draw_line(painter, projection, at, corners[i], stroke);
+        draw_line(painter, projection, corners[i], corners[(i + 1) % 4], stroke);
     }
 }

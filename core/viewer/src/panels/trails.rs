@@ -20,7 +20,7 @@ const PRESENT_COLOR: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
 
 /// Draws the overlays and handles the mouse. Returns whether the mouse is over a joint.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
-    let view_projection = &canvas.view_projection;
+    let projection = &canvas.projection;
     let overlays = viewer.views[canvas.index].overlays;
     let painter = canvas.painter(ui);
     let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
@@ -37,7 +37,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
                 let parents = parents.map_or(&[][..], |a| a.asset.skeleton.parents());
                 draw_onion_skins(
                     &painter,
-                    view_projection,
+                    projection,
                     &trail,
                     now,
                     parents,
@@ -47,7 +47,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
             if overlays.trail {
                 draw_trail(
                     &painter,
-                    view_projection,
+                    projection,
                     &trail,
                     now,
                     viewer.joint.as_ref().map_or(0, |joint| joint.joint),
@@ -65,7 +65,7 @@ fn pick_joint(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     let at_joint = |actor: usize, joint: usize| -> Option<DVec2> {
         let state = shown.snapshot.actors.get(actor).filter(|state| state.visible)?;
         let at = state.model_from_joint.get(joint)?.translation.as_dvec3();
-        canvas.view_projection.project_point(state.world_from_model.transform_point3(at))
+        canvas.projection.project_point(state.world_from_model.transform_point3(at))
     };
     let names = &scene.stage.actors;
     if let Some(JointRef { actor, joint }) = &viewer.joint
@@ -100,20 +100,19 @@ fn pick_joint(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
 }
 
 /// Draws the trail of a joint: a line through all frames, with a dot for each and a larger one for the present frame.
-fn draw_trail(painter: &Painter, view_projection: &ViewProjection, trail: &Trail, now: Time, joint: usize) {
+fn draw_trail(painter: &Painter, projection: &ViewProjection, trail: &Trail, now: Time, joint: usize) {
     let at = |index: usize| -> Option<DVec3> { trail.frames.get(index)?.1.get(joint).copied() };
     for index in 0..trail.frames.len() {
         let Some(here) = at(index) else { continue };
         let color = if trail.frames[index].0 < now { PAST_COLOR } else { FUTURE_COLOR };
         if let Some(next) = at(index + 1) {
-            draw_line(painter, view_projection, here, next, Stroke::new(1.5, color));
+            draw_line(painter, projection, here, next, Stroke::new(1.5, color));
         }
-        if let Some(dot) = view_projection.project_point(here) {
+        if let Some(dot) = projection.project_point(here) {
             painter.circle_filled(to_pos2(dot), 1.8, color);
         }
     }
-    if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| view_projection.project_point(at))
-    {
+    if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| projection.project_point(at)) {
         painter.circle_filled(to_pos2(dot), 4.0, PRESENT_COLOR);
     }
 }
@@ -121,7 +120,7 @@ fn draw_trail(painter: &Painter, view_projection: &ViewProjection, trail: &Trail
 /// Draws skeletons some frames before and after the present one; farther ones are fainter.
 fn draw_onion_skins(
     painter: &Painter,
-    view_projection: &ViewProjection,
+    projection: &ViewProjection,
     trail: &Trail,
     now: Time,
     parents: &[Option<u32>],
@@ -141,7 +140,7 @@ fn draw_onion_skins(
         for (joint, parent) in parents.iter().enumerate() {
             let ends = joints.get(joint).zip(parent.and_then(|parent| joints.get(parent as usize)));
             if let Some((to, from)) = ends {
-                draw_line(painter, view_projection, *from, *to, stroke);
+                draw_line(painter, projection, *from, *to, stroke);
             }
         }
     }

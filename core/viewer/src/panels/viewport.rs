@@ -91,8 +91,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, frame_texture: Optio
     if let Some(camera) = camera {
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
         let corner = vector(place.left(), place.top());
-        let view_projection = ViewProjection::new(&camera, corner, vector(place.width(), place.height()));
-        let canvas = Canvas { index, response: &response, image_rect: place, view_projection };
+        let projection = ViewProjection::new(&camera, corner, vector(place.width(), place.height()));
+        let canvas = Canvas { index, response: &response, image_rect: place, projection };
         overlay::show(ui, viewer, &canvas);
         let is_over_axes = axes::show(ui, viewer, index, place, &camera.world_from_view);
         let is_over_icon = scene_icons::show(ui, viewer, &canvas);
@@ -104,7 +104,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, frame_texture: Optio
         }
         let is_over_overlay = is_over_axes || is_over_icon || is_over_joint;
         if let Some(at) = canvas.click_position().filter(|_| !is_over_overlay) {
-            pick_at(viewer, index, &canvas.view_projection, at);
+            pick_at(viewer, index, &canvas.projection, at);
         }
     }
     handle_mouse(ui, viewer, index, &response, place.height());
@@ -250,11 +250,11 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
 }
 
 /// Selects the actor under the pointer, or nothing.
-fn pick_at(viewer: &mut Viewer, index: usize, view_projection: &ViewProjection, at: DVec2) {
+fn pick_at(viewer: &mut Viewer, index: usize, projection: &ViewProjection, at: DVec2) {
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
     let toggles = &viewer.toggles;
     let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !toggles.locked.contains(&a.name));
-    let picked = picking::pick_actor(&scene.stage, &shown.snapshot, view_projection.ray(at), pickable);
+    let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), pickable);
     let picked = picked.map(|i| Selected::Actor(scene.stage.actors[i].name.clone()));
     viewer.select_all(picked.into_iter().collect());
 }

@@ -19,7 +19,7 @@ impl EventLog {
     }
 
     /// Reports a step of the program's start.
-    pub fn startup_step(&self, what: &str) {
+    pub fn log_step(&self, what: &str) {
         self.write_event(|| json!({ "event": what }));
     }
 

@@ -82,7 +82,7 @@ pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let events = start::event_loop()?;
     #[cfg(target_os = "linux")]
     lost_display::watch(&events);
-    event_log.startup_step("event loop");
+    event_log.log_step("event loop");
     let proxy = events.create_proxy();
     #[cfg(unix)]
     {
@@ -577,12 +577,12 @@ impl ApplicationHandler<WindowMessage> for ViewerWindow {
         let attributes = attributes.with_name(format!("{}-view", self.program), self.program);
         let window = events.create_window(attributes).map_err(|e| e.to_string());
         let shown = window.map(|window| BareWindow::new(window, events, &self.proxy));
-        self.event_log.startup_step("window");
+        self.event_log.log_step("window");
         let opened = shown
             .and_then(|shown| OpenWindow::new(shown, self.device, &self.proxy).map_err(|e| e.to_string()));
         match opened {
             Ok(open) => {
-                self.event_log.startup_step("device of the window");
+                self.event_log.log_step("device of the window");
                 self.opened(open);
                 self.redraw();
             }

@@ -222,7 +222,7 @@ impl Edge {
 
 /// Linear interpolation over a triangle: the value at a vertex, and its change per pixel to the right and down.
 #[derive(Clone, Copy)]
-struct PlaneEquation<T> {
+struct Gradient<T> {
     value_at_vertex: T,
     d_dx: T,
     d_dy: T,
@@ -235,20 +235,20 @@ struct TriangleEdges {
     doubled_area: f32,
 }
 
-impl<T> PlaneEquation<T>
+impl<T> Gradient<T>
 where
     T: Copy + PartialEq + std::ops::Sub<Output = T> + std::ops::Add<Output = T>,
     T: std::ops::Mul<f32, Output = T> + std::ops::Div<f32, Output = T>,
 {
     /// Interpolation of values at the vertices. `None` if they are all equal.
-    fn new([a, b, c]: [T; 3], edges: &TriangleEdges) -> Option<PlaneEquation<T>> {
+    fn new([a, b, c]: [T; 3], edges: &TriangleEdges) -> Option<Gradient<T>> {
         if a == b && a == c {
             return None;
         }
         let (b, c, TriangleEdges { to_b, to_c, doubled_area }) = (b - a, c - a, edges);
         let d_dx = (b * to_c.y - c * to_b.y) / *doubled_area;
         let d_dy = (c * to_b.x - b * to_c.x) / *doubled_area;
-        Some(PlaneEquation { value_at_vertex: a, d_dx, d_dy })
+        Some(Gradient { value_at_vertex: a, d_dx, d_dy })
     }
 
     fn value(&self, right: f32, down: f32) -> T {
@@ -261,8 +261,8 @@ struct Paint<'a> {
     origin: Pos2,
     texture: &'a Texture,
     /// Vertex colors, premultiplied, 0 to 255. `None` if they are all equal.
-    tint: Option<PlaneEquation<Vec4>>,
-    place: Option<PlaneEquation<Vec2>>,
+    tint: Option<Gradient<Vec4>>,
+    place: Option<Gradient<Vec2>>,
     /// Vertex color and texel at the first vertex.
     first: (Vec4, Vec4),
 }
@@ -280,8 +280,8 @@ impl Paint<'_> {
         Some(Paint {
             origin: a.pos,
             texture,
-            tint: PlaneEquation::new([a, b, c].map(|vertex| color(vertex.color)), &edges),
-            place: PlaneEquation::new([a, b, c].map(place), &edges),
+            tint: Gradient::new([a, b, c].map(|vertex| color(vertex.color)), &edges),
+            place: Gradient::new([a, b, c].map(place), &edges),
             first: (color(a.color), texture.color(place(a))),
         })
     }

@@ -124,7 +124,7 @@ pub fn renderer(
         super::priority::lower_for_background_work();
         let slower = || chosen_device().is_ok_and(|found| found.kind == DeviceKind::VulkanCpu);
         if device == Device::Cpu || auto && slower() {
-            event_log.startup_step("renderer");
+            event_log.log_step("renderer");
             return Ok((Box::new(CpuRenderer::new(&effects)), None));
         }
         let cache_dir = choreo_command_line::cache_dir();
@@ -138,7 +138,7 @@ pub fn renderer(
                 (Box::new(CpuRenderer::new(&effects)), Some(note))
             }
         };
-        event_log.startup_step("renderer");
+        event_log.log_step("renderer");
         Ok(renderer)
     })
 }

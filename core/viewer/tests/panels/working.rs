@@ -218,7 +218,7 @@ fn picking_selects_the_actor_drawn_at_the_pointer() {
     let frame = place.paint().unwrap();
     let viewer = &place.viewer;
     let (scene, shown) = (viewer.scene.clone().unwrap(), viewer.shown().unwrap());
-    let view_projection = ViewProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
+    let projection = ViewProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
     let kind = |x: usize, y: usize| {
         let at = (y * frame.width as usize + x) * 4;
         let [r, g, b] = [0, 1, 2].map(|c| i32::from(frame.rgba[at + c]));
@@ -239,8 +239,7 @@ fn picking_selects_the_actor_drawn_at_the_pointer() {
                 continue;
             };
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked =
-                picking::pick_actor(&scene.stage, &shown.snapshot, view_projection.ray(at), |_| true);
+            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), |_| true);
             assert_eq!(picked, expected, "at {x}, {y}");
             seen[expected.map_or(2, |a| a)] += 1;
         }
@@ -273,7 +272,7 @@ fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
     place.viewer.views[0].overlays.grid = false;
     let frame = place.paint().unwrap();
     let (scene, shown) = (place.viewer.scene.clone().unwrap(), place.viewer.shown().unwrap());
-    let view_projection = ViewProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
+    let projection = ViewProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
     let is_back = |x: usize, y: usize| {
         let at = (y * frame.width as usize + x) * 4;
         frame.rgba[at..at + 3] == [255, 0, 255]
@@ -286,8 +285,7 @@ fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
                 continue;
             }
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked =
-                picking::pick_actor(&scene.stage, &shown.snapshot, view_projection.ray(at), |_| true);
+            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), |_| true);
             assert_eq!(picked.is_none(), back, "at {x}, {y}");
             seen[usize::from(back)] += 1;
         }
@@ -305,8 +303,8 @@ fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
     let size = vec2(width, width * 9.0 / 16.0);
     let corner = rect.center() - size / 2.0;
     let vector = |v: egui::Vec2| DVec2::new(f64::from(v.x), f64::from(v.y));
-    let view_projection = ViewProjection::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
-    let at = view_projection.project_point(picking::bounds_center(
+    let projection = ViewProjection::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
+    let at = projection.project_point(picking::bounds_center(
         &desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].asset,
         &shown.snapshot.actors[0],
     ));

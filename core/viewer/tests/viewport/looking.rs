@@ -52,9 +52,9 @@ fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let view = &viewer.views[view];
     let [left, top, right, bottom] = view.place.map(f64::from);
     let camera = view.displayed_camera(&viewer.scene.as_ref().unwrap().stage).unwrap();
-    let view_projection =
+    let projection =
         ViewProjection::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
-    let at = view_projection.project_point(world).unwrap();
+    let at = projection.project_point(world).unwrap();
     pos2(at.x as f32, at.y as f32)
 }
 
