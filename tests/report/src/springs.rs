@@ -23,15 +23,15 @@ const METHODS: [(&str, u32, Method); 9] = [
     ("implicit Euler, 64 steps a frame", 64, Method::Implicit),
     ("RK4", 1, Method::Rk4),
     ("RK4, 8 steps a frame", 8, Method::Rk4),
-    (OURS, 1, Method::Closed),
+    (OURS, 1, Method::ClosedForm),
 ];
 const FREQUENCIES: [f64; 5] = [0.1, 1.0, 10.0, 100.0, 1000.0];
-const RATIOS: [f64; 6] = [0.0, 0.1, 0.5, 1.0, 3.0, 10.0];
-const RATES: [u32; 6] = [12, 24, 30, 60, 120, 240];
+const DAMPING_RATIOS: [f64; 6] = [0.0, 0.1, 0.5, 1.0, 3.0, 10.0];
+const FRAME_RATES: [u32; 6] = [12, 24, 30, 60, 120, 240];
 /// Duration of a swing in seconds.
-const LENGTH: f64 = 2.0;
+const SWING_SECS: f64 = 2.0;
 /// Initial angle in radians.
-const START: f64 = 1.0;
+const START_ANGLE: f64 = 1.0;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Method {
@@ -39,19 +39,19 @@ enum Method {
     SemiImplicit,
     Implicit,
     Rk4,
-    Closed,
+    ClosedForm,
 }
 
 pub fn section() -> Result<Section, String> {
     let mut free = vec![Spread::default(); METHODS.len()];
     let mut worst_at = vec![(0.0, String::new()); METHODS.len()];
-    let mut by_rate = vec![vec![Spread::default(); RATES.len()]; METHODS.len()];
+    let mut by_rate = vec![vec![Spread::default(); FRAME_RATES.len()]; METHODS.len()];
     let mut by_frequency = vec![vec![Spread::default(); FREQUENCIES.len()]; METHODS.len()];
-    let mut by_ratio = vec![vec![Spread::default(); RATIOS.len()]; METHODS.len()];
+    let mut by_ratio = vec![vec![Spread::default(); DAMPING_RATIOS.len()]; METHODS.len()];
     for (way, (_, steps, method)) in METHODS.iter().enumerate() {
         for (f, frequency) in FREQUENCIES.iter().enumerate() {
-            for (z, ratio) in RATIOS.iter().enumerate() {
-                for (r, rate) in RATES.iter().enumerate() {
+            for (z, ratio) in DAMPING_RATIOS.iter().enumerate() {
+                for (r, rate) in FRAME_RATES.iter().enumerate() {
                     let (off, time) = free_swing(*method, *steps, *frequency, *ratio, *rate);
                     by_frequency[way][f].add(off);
                     by_ratio[way][z].add(off);
@@ -70,8 +70,8 @@ pub fn section() -> Result<Section, String> {
     let mut cases: Vec<Case> = METHODS
         .iter()
         .map(|(_, steps, method)| {
-            let mut state = at(START, &drive);
-            Case::new(1, move || frame(*method, *steps, &bone, &mut state, &drive, 1.0 / 60.0))
+            let mut state = state_at_angle(START_ANGLE, &drive);
+            Case::new(1, move || advance_frame(*method, *steps, &bone, &mut state, &drive, 1.0 / 60.0))
         })
         .collect();
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
@@ -110,16 +110,26 @@ pub fn section() -> Result<Section, String> {
             .into(),
         choices: vec![choice],
         tables: vec![
-            table("By the frame rate", worst, RATES.iter().map(|r| format!("{r} fps")).collect(), &by_rate),
+            table(
+                "By the frame rate",
+                worst,
+                FRAME_RATES.iter().map(|r| format!("{r} fps")).collect(),
+                &by_rate,
+            ),
             table(
                 "By the frequency",
                 worst,
                 FREQUENCIES.iter().map(|f| format!("{f} Hz")).collect(),
                 &by_frequency,
             ),
-            table("By the damping ratio", worst, RATIOS.iter().map(|z| format!("{z}")).collect(), &by_ratio),
-            moving(),
-            chains()?,
+            table(
+                "By the damping ratio",
+                worst,
+                DAMPING_RATIOS.iter().map(|z| format!("{z}")).collect(),
+                &by_ratio,
+            ),
+            moving_target_table(),
+            chains_table()?,
         ],
         off_front: Vec::new(),
     })
@@ -138,7 +148,7 @@ fn drive_at_rest() -> Drive {
     }
 }
 
-fn at(angle: f64, drive: &Drive) -> BoneState {
+fn state_at_angle(angle: f64, drive: &Drive) -> BoneState {
     let direction = DVec3::new(libm::sin(angle), -libm::cos(angle), 0.0);
     BoneState {
         direction,
@@ -150,8 +160,15 @@ fn at(angle: f64, drive: &Drive) -> BoneState {
 }
 
 /// One frame: every method integrates the same equation in the tangent plane, and moves along the same sphere.
-fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, drive: &Drive, seconds: f64) {
-    if method == Method::Closed {
+fn advance_frame(
+    method: Method,
+    steps: u32,
+    bone: &SpringBone,
+    state: &mut BoneState,
+    drive: &Drive,
+    seconds: f64,
+) {
+    if method == Method::ClosedForm {
         bone.step(state, drive, seconds);
         return;
     }
@@ -192,13 +209,13 @@ fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, d
 /// Worst error of a free swing in radians, and its time in seconds.
 fn free_swing(method: Method, steps: u32, frequency: f64, ratio: f64, rate: u32) -> (f64, f64) {
     let (bone, drive) = (SpringBone::new(frequency, ratio), drive_at_rest());
-    let mut state = at(START, &drive);
+    let mut state = state_at_angle(START_ANGLE, &drive);
     let mut worst = (0.0, 0.0);
-    for i in 1..=(LENGTH * f64::from(rate)) as u32 {
-        frame(method, steps, &bone, &mut state, &drive, 1.0 / f64::from(rate));
+    for i in 1..=(SWING_SECS * f64::from(rate)) as u32 {
+        advance_frame(method, steps, &bone, &mut state, &drive, 1.0 / f64::from(rate));
         let t = f64::from(i) / f64::from(rate);
         let angle = libm::atan2(state.direction.x, -state.direction.y);
-        let off = (angle - swing(frequency, ratio, t)).abs();
+        let off = (angle - reference_angle(frequency, ratio, t)).abs();
         let off = if off.is_finite() && state.velocity.length() < 1e9 { off.min(PI) } else { PI };
         if off > worst.0 {
             worst = (off, t);
@@ -208,50 +225,50 @@ fn free_swing(method: Method, steps: u32, frequency: f64, ratio: f64, rate: u32)
 }
 
 /// Closed-form angle of a damped oscillator released from rest.
-fn swing(frequency: f64, ratio: f64, t: f64) -> f64 {
+fn reference_angle(frequency: f64, ratio: f64, t: f64) -> f64 {
     let w = 2.0 * PI * frequency;
     let fall = libm::exp(-ratio * w * t);
     if ratio < 1.0 {
         let wd = w * (1.0 - ratio * ratio).sqrt();
-        START * fall * (libm::cos(wd * t) + ratio * w / wd * libm::sin(wd * t))
+        START_ANGLE * fall * (libm::cos(wd * t) + ratio * w / wd * libm::sin(wd * t))
     } else if ratio == 1.0 {
-        START * fall * (1.0 + w * t)
+        START_ANGLE * fall * (1.0 + w * t)
     } else {
         let root = (ratio * ratio - 1.0).sqrt();
         let (a, b) = (-w / (ratio + root), -w * (ratio + root));
-        START * (b * libm::exp(a * t) - a * libm::exp(b * t)) / (b - a)
+        START_ANGLE * (b * libm::exp(a * t) - a * libm::exp(b * t)) / (b - a)
     }
 }
 
 /// A moving target that is sampled at frames only; the reference uses a thousand times as many samples.
-fn moving() -> Table {
+fn moving_target_table() -> Table {
     let target = |t: f64| {
         DQuat::from_rotation_z(0.6 * libm::sin(8.0 * t))
             * DQuat::from_rotation_x(0.4 * libm::cos(5.0 * t))
             * DVec3::NEG_Y
     };
     let run = |method: Method, steps: u32, bone: &SpringBone, rate: u32, every: u32| {
-        let mut state = at(0.0, &Drive { target: target(0.0), ..drive_at_rest() });
+        let mut state = state_at_angle(0.0, &Drive { target: target(0.0), ..drive_at_rest() });
         let mut seen = Vec::new();
         for i in 1..=rate * 2 {
             let drive = Drive { target: target(f64::from(i) / f64::from(rate)), ..drive_at_rest() };
-            frame(method, steps, bone, &mut state, &drive, 1.0 / f64::from(rate));
+            advance_frame(method, steps, bone, &mut state, &drive, 1.0 / f64::from(rate));
             if i.is_multiple_of(every) {
                 seen.push(state.direction);
             }
         }
         seen
     };
-    let titles: Vec<String> = RATES.iter().map(|r| format!(">{r} fps")).collect();
+    let titles: Vec<String> = FRAME_RATES.iter().map(|r| format!(">{r} fps")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in radians, 3 Hz, ratio 0.2", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "rate")));
     let mut table = Table::new("A moving character", &columns);
     let bone = SpringBone::new(3.0, 0.2);
     let truths: Vec<Vec<DVec3>> =
-        RATES.iter().map(|r| run(Method::Closed, 1, &bone, r * 1000, 1000)).collect();
+        FRAME_RATES.iter().map(|r| run(Method::ClosedForm, 1, &bone, r * 1000, 1000)).collect();
     for (name, steps, method) in METHODS {
         let mut cells = vec![Cell::text(name)];
-        for (rate, truth) in RATES.iter().zip(&truths) {
+        for (rate, truth) in FRAME_RATES.iter().zip(&truths) {
             let got = run(method, steps, &bone, *rate, 1);
             let off = got.iter().zip(truth).map(|(a, b)| log(*a, *b).length()).fold(0.0, f64::max);
             let off = if off.is_finite() { off } else { PI };
@@ -263,7 +280,7 @@ fn moving() -> Table {
 }
 
 /// A tail with a shaking root: 60 and more steps per second, against 60,000.
-fn chains() -> Result<Table, String> {
+fn chains_table() -> Result<Table, String> {
     const LENGTHS: [usize; 4] = [1, 4, 20, 100];
     const STEPS: [u32; 4] = [60, 120, 240, 480];
     let titles: Vec<String> = LENGTHS.iter().map(|n| format!(">{n} bones")).collect();

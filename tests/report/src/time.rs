@@ -42,15 +42,15 @@ pub fn section() -> Result<Section, String> {
                 added.0,
                 f64::from(added.1),
             ];
-            for (way, held) in held.into_iter().enumerate() {
-                by_length[way][at].add(match way {
+            for (method, held) in held.into_iter().enumerate() {
+                by_length[method][at].add(match method {
                     // Ticks are compared as integers: frame · 1001 / 30 000 s is a whole number of ticks.
                     0 => {
                         let exact = i128::from(frame) * 1001 * i128::from(Time::TICKS_PER_SECOND);
                         let off = exact - i128::from(NTSC.time_of(frame).0) * 30_000;
                         off.unsigned_abs() as f64 / 30_000.0 / Time::TICKS_PER_SECOND as f64 * 1e6
                     }
-                    _ => off_microseconds(held, frame),
+                    _ => error_in_microseconds(held, frame),
                 });
             }
         }
@@ -62,10 +62,10 @@ pub fn section() -> Result<Section, String> {
         HOURS[TYPICAL_HOURS].1
     );
     choice.per = "frame number turned into a time".into();
-    let nanos = times();
-    for (way, name) in METHODS.iter().enumerate() {
-        let error = &by_length[way][TYPICAL_HOURS];
-        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
+    let nanos = measure_times();
+    for (method, name) in METHODS.iter().enumerate() {
+        let error = &by_length[method][TYPICAL_HOURS];
+        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[method]));
     }
     choice.choose(
         OURS,
@@ -93,7 +93,7 @@ pub fn section() -> Result<Section, String> {
 }
 
 /// Error in microseconds of a time in f64. f64 holds its whole part and 1001 · frame exactly, so the difference is computed in integers.
-fn off_microseconds(held: f64, frame: i64) -> f64 {
+fn error_in_microseconds(held: f64, frame: i64) -> f64 {
     let whole = held.floor();
     // Remainder of frame · 1001 / 30 000 beyond the whole seconds, exact.
     let exact = i128::from(frame) * 1001;
@@ -102,7 +102,7 @@ fn off_microseconds(held: f64, frame: i64) -> f64 {
     ((left as f64 / 30_000.0) - (held - whole)).abs() * 1e6
 }
 
-fn times() -> Vec<Nanos> {
+fn measure_times() -> Vec<Nanos> {
     const FRAMES: i64 = 1000;
     let mut cases = vec![
         Case::new(FRAMES as usize, || {
