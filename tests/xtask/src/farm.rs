@@ -159,7 +159,7 @@ impl Costs {
             gap,
             // The job that joins waits for Slurm as a task does.
             join: Join::One { bytes_per_second: 1e9, fixed: join + gap },
-            ..Farm::PLAIN
+            ..Farm::ONE_MACHINE
         }
     }
 
