@@ -1,6 +1,6 @@
 //! Command line of the viewer.
 
-use crate::commands::{AS_PROGRAM, Commands};
+use crate::commands::{Commands, RUN_COMMAND_FLAG};
 use choreo::App;
 use choreo_command_line::Device;
 use choreo_script::{ImportChoice, Limits};
@@ -89,7 +89,8 @@ fn commands(args: &Args, app: &App) -> Commands {
     let scene =
         each("--set", texts(&args.set)).chain(each("--clip", args.clip.iter().map(Into::into).collect()));
     // If the path of the program is unknown, no command can be run, and the panels report that.
-    let program = std::env::current_exe().map(|exe| vec![exe.into(), AS_PROGRAM.into()]).unwrap_or_default();
+    let program =
+        std::env::current_exe().map(|exe| vec![exe.into(), RUN_COMMAND_FLAG.into()]).unwrap_or_default();
     Commands {
         program,
         input: args.input.clone().unwrap_or_default(),

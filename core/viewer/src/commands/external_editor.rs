@@ -68,7 +68,7 @@ impl Editor {
             .into_iter()
             .chain([(&all[0], if in_terminal.is_some() { "TERMINAL" } else { "VISUAL" })])
         {
-            if !is_there(program) {
+            if !is_installed(program) {
                 return Err(EditorError::Missing { program: program.clone(), variable });
             }
         }
@@ -86,7 +86,7 @@ impl Editor {
 }
 
 /// Whether a program exists in the search path. On Windows that is left to the system.
-fn is_there(program: &str) -> bool {
+fn is_installed(program: &str) -> bool {
     if cfg!(windows) {
         return true;
     }

@@ -13,7 +13,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// First argument that makes the viewer act as the program `choreo`.
-pub const AS_PROGRAM: &str = "--run-command";
+pub const RUN_COMMAND_FLAG: &str = "--run-command";
 
 /// Command lines of the commands.
 #[derive(Clone, Debug, Default)]
@@ -63,7 +63,7 @@ impl Commands {
     }
 
     /// Changes to another file, without the parameters and the clip of the command line, which belong to the former file.
-    pub fn take_file(&mut self, file: &Path) {
+    pub fn set_input(&mut self, file: &Path) {
         if file != self.input {
             self.input = file.to_path_buf();
             self.scene = self.test.clone();
@@ -71,7 +71,7 @@ impl Commands {
     }
 
     /// Changes to the open script, if there is one.
-    pub fn follow(&mut self, script: Option<&Path>) {
+    pub fn set_script(&mut self, script: Option<&Path>) {
         if let Some(script) = script.filter(|script| *script != self.input) {
             self.input = script.to_path_buf();
         }

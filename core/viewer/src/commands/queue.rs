@@ -58,9 +58,9 @@ struct Jobs {
     last: u64,
     running: Option<(u64, Process)>,
     /// Whether a worker thread is running.
-    works: bool,
+    has_worker: bool,
     /// Whether the window was closed, so that no job is started.
-    ended: bool,
+    is_closed: bool,
 }
 
 /// The queue. The display uses clones of the list, while jobs continue.
@@ -86,13 +86,13 @@ impl RenderQueue {
         let number = jobs.last;
         let Request { command, output, about, .. } = asked;
         jobs.all.push(Job { number, command, output, about, words, state: JobState::Waiting });
-        if std::mem::replace(&mut jobs.works, true) {
+        if std::mem::replace(&mut jobs.has_worker, true) {
             return;
         }
         let shared = self.0.clone();
         let thread = std::thread::Builder::new().name("renders".into());
         if let Err(error) = thread.spawn(move || work(&shared, &changed)) {
-            jobs.works = false;
+            jobs.has_worker = false;
             set_state(&mut jobs, number, JobState::Failed(format!("cannot start a thread: {error}")));
         }
     }
@@ -113,7 +113,7 @@ impl RenderQueue {
 impl Drop for RenderQueue {
     fn drop(&mut self) {
         let mut jobs = locked(&self.0);
-        jobs.ended = true;
+        jobs.is_closed = true;
         if let Some((_, process)) = &jobs.running {
             process.interrupt();
         }
@@ -132,9 +132,9 @@ fn work(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
         let (number, process) = {
             let mut jobs = locked(shared);
             let jobs = &mut *jobs;
-            let next = jobs.all.iter_mut().find(|job| job.state == JobState::Waiting && !jobs.ended);
+            let next = jobs.all.iter_mut().find(|job| job.state == JobState::Waiting && !jobs.is_closed);
             let Some(job) = next else {
-                jobs.works = false;
+                jobs.has_worker = false;
                 return;
             };
             let number = job.number;
@@ -187,7 +187,7 @@ fn outcome(report: &str, messages: &str) -> JobState {
         });
     };
     if report["ok"] != true {
-        return JobState::Failed(errors(&report));
+        return JobState::Failed(errors_text(&report));
     }
     let secs = report["seconds"].as_f64().unwrap_or(0.0);
     let frames = report["frames"].as_u64().unwrap_or(0);
@@ -200,7 +200,7 @@ fn outcome(report: &str, messages: &str) -> JobState {
 }
 
 /// Errors of a report with their lines.
-pub(super) fn errors(report: &Value) -> String {
+pub(super) fn errors_text(report: &Value) -> String {
     let one = |error: &Value| {
         let place = error["line"].as_u64().map(|line| format!("line {line}: ")).unwrap_or_default();
         let hint = error["hint"].as_str().map(|hint| format!("\nhint: {hint}")).unwrap_or_default();

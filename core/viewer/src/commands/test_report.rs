@@ -34,9 +34,9 @@ pub struct Check {
     pub title: String,
     pub passed: bool,
     pub expected: String,
-    pub got: String,
+    pub actual: String,
     /// Difference of expected and actual value, with its unit.
-    pub by: String,
+    pub difference_text: String,
     pub hint: String,
     pub images: Option<Images>,
 }
@@ -46,10 +46,10 @@ pub struct Check {
 pub struct Images {
     pub name: String,
     /// The golden image of the project.
-    pub stored: PathBuf,
+    pub golden: PathBuf,
     /// `None` for a new image.
     pub expected: Option<PathBuf>,
-    pub got: Option<PathBuf>,
+    pub actual: Option<PathBuf>,
     pub difference: Option<PathBuf>,
 }
 
@@ -84,7 +84,7 @@ impl Section {
     }
 
     /// Whether the section has failed or could not be run.
-    pub fn is_bad(&self) -> bool {
+    pub fn has_problem(&self) -> bool {
         matches!(self.status, Status::Failed | Status::Error)
     }
 }
@@ -95,9 +95,9 @@ impl Check {
         let file = |name: &str| picture[name].as_str().map(PathBuf::from);
         let images = picture["name"].as_str().map(|name| Images {
             name: name.to_string(),
-            stored: file("stored").unwrap_or_default(),
+            golden: file("stored").unwrap_or_default(),
             expected: file("expected"),
-            got: file("got"),
+            actual: file("got"),
             difference: file("difference"),
         });
         Check {
@@ -105,8 +105,8 @@ impl Check {
             title: text(&value["title"]),
             passed: value["passed"].as_bool().unwrap_or(false),
             expected: text(&value["expected"]),
-            got: text(&value["got"]),
-            by: text(&value["by"]),
+            actual: text(&value["got"]),
+            difference_text: text(&value["by"]),
             hint: text(&value["hint"]),
             images,
         }

@@ -2,7 +2,7 @@
 
 use super::Commands;
 use super::process::Process;
-use super::queue::errors;
+use super::queue::errors_text;
 use super::test_report::Section;
 use serde_json::Value;
 use std::ffi::OsString;
@@ -26,7 +26,7 @@ pub struct TestRun(Arc<Mutex<Results>>);
 
 /// The part of a test script to run.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Choice {
+pub enum TestSelection {
     All,
     /// One section.
     Section(Section),
@@ -67,22 +67,22 @@ impl TestRun {
         &self,
         commands: &Commands,
         path: &Path,
-        choice: &Choice,
+        choice: &TestSelection,
         changed: impl Fn() + Send + 'static,
     ) {
         let mut words: Vec<OsString> = vec![path.into(), "--json".into()];
         words.extend(commands.test.iter().cloned());
-        if let Choice::Section(section) | Choice::Accept(section, _) = choice {
+        if let TestSelection::Section(section) | TestSelection::Accept(section, _) = choice {
             words.extend(["--filter".into(), section.filter().into()]);
         }
-        if let Choice::Accept(_, name) = choice {
+        if let TestSelection::Accept(_, name) = choice {
             words.push(format!("--accept={name}").into());
         }
         let mut results = locked(&self.0);
         if results.running.is_some() {
             return;
         }
-        let all = *choice == Choice::All;
+        let all = *choice == TestSelection::All;
         let started = Process::start(&commands.words("test", words)).and_then(|process| {
             let (shared, of_thread) = (self.0.clone(), process.clone());
             let thread = std::thread::Builder::new().name("tests".into());
@@ -130,7 +130,7 @@ fn read_results(process: &Process) -> Result<Vec<Section>, NoResults> {
         .map_err(|_| NoResults::Refused(ended.stderr.trim().to_string()))?;
     match report["sections"].is_array() {
         true => Ok(Section::of_report(&report)),
-        false => Err(NoResults::Refused(errors(&report))),
+        false => Err(NoResults::Refused(errors_text(&report))),
     }
 }
 

@@ -118,7 +118,7 @@ fn point_before(found: &Actor, state: &ActorState, joint: usize, way: [f64; 2]) 
     let at = state.world_from_joint(joint).unwrap_or(state.world_from_model).translation;
     let front = state.world_from_model.transform_vector3(found.asset.front().direction());
     let up = state.world_from_model.transform_vector3(DVec3::Y);
-    let [forwards, upwards] = way.map(|part| part * up.length() * picking::height(&found.asset));
+    let [forwards, upwards] = way.map(|part| part * up.length() * picking::largest_extent(&found.asset));
     let point = at + front.normalize_or(DVec3::Z) * forwards + up.normalize_or(DVec3::Y) * upwards;
     point.map(|v| (v * 100.0).round() / 100.0)
 }

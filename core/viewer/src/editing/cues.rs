@@ -37,7 +37,7 @@ impl Viewer {
         if begins < length {
             return Ok(());
         }
-        let (begins, ends) = (self.shown_time(begins), self.shown_time(length));
+        let (begins, ends) = (self.time_text(begins), self.time_text(length));
         let why =
             format!("{label} would begin at {begins}, and the scene ends at {ends}: make the stage longer");
         Err(EditError::refused_at(place, &why))
@@ -55,7 +55,7 @@ impl Viewer {
     /// `all`, which move, too.
     pub(crate) fn moved_end(&self, what: &Selected, all: &[Selected], by: f64) -> Option<String> {
         let before = self.previous_bar(what).filter(|before| !all.contains(&before.what))?;
-        let ends = self.shown_time(self.bar(what).ok()?.start + Time::from_secs(by));
+        let ends = self.time_text(self.bar(what).ok()?.start + Time::from_secs(by));
         Some(format!("{}, which it follows, now ends at {ends}", before.label))
     }
 
@@ -70,7 +70,7 @@ impl Viewer {
         let length = self.timeline.length;
         let is_out = |bar: &&Bar| bar.start < length && bar.start + Time::from_secs(by) >= length;
         let labels: Vec<&str> = later.iter().filter(is_out).map(|bar| bar.label.as_str()).collect();
-        let ends = self.shown_time(length);
+        let ends = self.time_text(length);
         let begin = if labels.len() == 1 { "begins" } else { "begin" };
         (!labels.is_empty()).then(|| {
             format!(

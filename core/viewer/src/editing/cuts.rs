@@ -75,7 +75,7 @@ impl Viewer {
         };
         self.check_start(&next.place, &next.label, secs)?;
         if secs <= bar.start.as_secs() {
-            let shown = |secs: f64| self.shown_time(Time::from_secs(secs));
+            let shown = |secs: f64| self.time_text(Time::from_secs(secs));
             let (end, start) = (shown(secs), shown(bar.start.as_secs()));
             let why = format!("it would end at {end}, but it begins at {start}");
             return Err(EditError::refused_at(&bar.place, &why));

@@ -19,7 +19,7 @@ impl Viewer {
             Purpose::SaveAs => self.save_as(file)?,
         }
         self.documents.open = Some(file.to_path_buf());
-        self.documents.missing = None;
+        self.documents.missing_script = None;
         Ok(())
     }
 

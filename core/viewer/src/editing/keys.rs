@@ -132,7 +132,7 @@ impl Viewer {
     /// Deletes the selected clips and keys, as one edit. Objects that lose only keys stay selected.
     pub(crate) fn delete_selected(&mut self) -> Result<(), EditError> {
         let mut steps = self.key_delete_steps(self.selected_keys())?;
-        let bars = self.bars_beside_keys();
+        let bars = self.explicitly_selected_bars();
         steps.extend(self.cue_delete_steps(&bars)?);
         self.change_all(steps)?;
         self.select_keys(Vec::new());

@@ -19,7 +19,7 @@ impl Viewer {
         let (place, siblings) = self.place_of(what).filter(|_| is_layer_call(name))?;
         self.check_place(&place, siblings).ok().filter(|()| self.written(what, name).is_none())?;
         let (known, path) = (self.displayed_text()?, self.path.clone()?);
-        let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;
+        let text = read(&path).ok().filter(|text| **text == *known && !self.is_faulty)?;
         let layer = self.layer_of(what);
         let before = self.cues_before(&layer);
         let first = |at| std::iter::successors(Some(at), |at| before[*at]).last();

@@ -57,7 +57,7 @@ impl Viewer {
             at.and_then(|at| layer.get(at + 1).filter(|_| self.previous_bars(&layer)[at + 1] != Some(at)));
         let next = next.filter(|next| bar.meets(next) && secs > next.start.as_secs());
         if let Some(next) = next {
-            let (label, start) = (&next.label, self.shown_time(next.start));
+            let (label, start) = (&next.label, self.time_text(next.start));
             let why = format!(
                 "{label} takes over from it at {start}: move that start instead, with Alt where the bars meet"
             );
@@ -68,7 +68,7 @@ impl Viewer {
 
     /// Fails if one of the clips at a moved boundary would have no length.
     pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
-        let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));
+        let shown = |secs: f64| self.time_text(choreo_motion::Time::from_secs(secs));
         let ends = self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
         if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + MIN_CLIP_SECS) {
             let (label, start) = (&before.label, shown(before.start.as_secs()));

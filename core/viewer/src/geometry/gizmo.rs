@@ -1,7 +1,7 @@
 //! Gizmos: arrows, rings and boxes that move, rotate and scale the selection by mouse. Computes their positions in world space and the change that
 //! a drag makes. No UI toolkit is used here.
 
-use crate::geometry::projection::Lens;
+use crate::geometry::projection::WindowProjection;
 use crate::geometry::round_to_pixel;
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
@@ -76,10 +76,15 @@ pub fn ring_points(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Ite
 }
 
 /// The handle at a position in the window.
-pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at: DVec2) -> Option<Handle> {
+pub(crate) fn handle_at(
+    tool: Tool,
+    world_from_model: &DAffine3,
+    projection: &WindowProjection,
+    at: DVec2,
+) -> Option<Handle> {
     let center = world_from_model.translation;
-    let length = ARM_LENGTH * lens.metres_per_point(center);
-    let middle = lens.point(center)?;
+    let length = ARM_LENGTH * projection.metres_per_point(center);
+    let middle = projection.point(center)?;
     if tool != Tool::Turn && (at - middle).length() < GRAB_DISTANCE {
         return Some(Handle::Middle);
     }
@@ -87,11 +92,11 @@ pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at
         match tool {
             Tool::Turn => {
                 let points: Vec<DVec2> =
-                    ring_points(center, axis, length).filter_map(|p| lens.point(p)).collect();
+                    ring_points(center, axis, length).filter_map(|p| projection.point(p)).collect();
                 points.windows(2).map(|w| distance_to_segment(at, w[0], w[1])).reduce(f64::min)
             }
             _ => {
-                let tip = lens.point(center + arm_direction(tool, axis, world_from_model) * length)?;
+                let tip = projection.point(center + arm_direction(tool, axis, world_from_model) * length)?;
                 Some(distance_to_segment(at, middle, tip))
             }
         }
@@ -109,30 +114,30 @@ pub(crate) fn distance_to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
 
 impl Drag {
     /// The change when the pointer is at `to`, rounded to the digits that a pixel resolves. `in_steps`: rounded to whole steps.
-    pub fn change(&self, lens: &Lens, to: DVec2, in_steps: bool) -> Change {
+    pub fn change(&self, projection: &WindowProjection, to: DVec2, in_steps: bool) -> Change {
         let center = self.world_from_model.translation;
-        let metres = lens.metres_per_point(center);
+        let metres = projection.metres_per_point(center);
         let round = |value: f64, step: f64, pixel: f64| match in_steps {
             true => (value / step).round() * step,
             false => round_to_pixel(value, pixel),
         };
         match (self.tool, self.handle) {
             (Tool::Move, Handle::Axis(axis)) => {
-                let along = |at| distance_along_axis(lens.ray(at), center, AXES[axis]);
+                let along = |at| distance_along_axis(projection.ray(at), center, AXES[axis]);
                 let by = along(to).zip(along(self.from)).map_or(0.0, |(to, from)| to - from);
                 Change::Move(AXES[axis] * round(by, DRAG_STEPS.1, metres))
             }
             (Tool::Move, Handle::Middle) => {
-                let on_ground = |at| ray_plane_intersection(lens.ray(at), center, DVec3::Y);
+                let on_ground = |at| ray_plane_intersection(projection.ray(at), center, DVec3::Y);
                 let by = on_ground(to).zip(on_ground(self.from)).map_or(DVec3::ZERO, |(to, from)| to - from);
                 let round = |by| round(by, DRAG_STEPS.1, metres);
                 Change::Move(DVec3::new(round(by.x), 0.0, round(by.z)))
             }
             (Tool::Turn, Handle::Axis(axis)) => {
                 // Angles are measured on the screen, so that a ring seen edge-on works as well as one seen along its axis.
-                let middle = lens.point(center).unwrap_or(self.from);
+                let middle = projection.point(center).unwrap_or(self.from);
                 let angle = |at: DVec2| libm::atan2(middle.y - at.y, at.x - middle.x);
-                let towards = if lens.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
+                let towards = if projection.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
                 let degrees = ((angle(to) - angle(self.from)) * towards).to_degrees();
                 let pixel = (1.0 / (to - middle).length().max(1.0)).to_degrees();
                 let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, DRAG_STEPS.0, pixel);
@@ -144,7 +149,7 @@ impl Drag {
                 let (factor, pixel) = match handle {
                     Handle::Axis(axis) => {
                         let arm = arm_direction(Tool::Scale, axis, &self.world_from_model);
-                        let along = |at| distance_along_axis(lens.ray(at), center, arm);
+                        let along = |at| distance_along_axis(projection.ray(at), center, arm);
                         let (from, to) = (along(self.from).unwrap_or(1.0), along(to).unwrap_or(1.0));
                         let factor = if from.abs() < 1e-9 { 1.0 } else { to / from };
                         (factor, metres / from.abs().max(1e-9))
@@ -196,13 +201,13 @@ mod tests {
     use choreo_asset::Projection;
     use choreo_stage::CameraState;
 
-    fn lens() -> Lens {
+    fn projection() -> WindowProjection {
         let world_from_view = DAffine3::from_rotation_translation(
             DQuat::from_rotation_y(0.4) * DQuat::from_rotation_x(-0.3),
             DVec3::new(2.5, 2.2, 5.5),
         );
         let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
-        Lens::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0))
+        WindowProjection::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0))
     }
 
     fn placed() -> DAffine3 {
@@ -215,33 +220,34 @@ mod tests {
 
     #[test]
     fn an_arrow_follows_the_mouse_along_its_axis() {
-        let lens = lens();
+        let projection = projection();
         let center = placed().translation;
         for (axis, along) in AXES.into_iter().enumerate() {
-            let from = lens.point(center + along * 0.2).unwrap();
-            assert_eq!(handle_at(Tool::Move, &placed(), &lens, from), Some(Handle::Axis(axis)));
-            let to = lens.point(center + along * 1.2).unwrap();
-            let Change::Move(by) = drag(Tool::Move, Handle::Axis(axis), from).change(&lens, to, false) else {
+            let from = projection.point(center + along * 0.2).unwrap();
+            assert_eq!(handle_at(Tool::Move, &placed(), &projection, from), Some(Handle::Axis(axis)));
+            let to = projection.point(center + along * 1.2).unwrap();
+            let Change::Move(by) = drag(Tool::Move, Handle::Axis(axis), from).change(&projection, to, false)
+            else {
                 panic!()
             };
             assert!((by - along).length() < 1e-6, "{by}");
         }
-        let from = lens.point(center).unwrap();
-        let to = lens.point(center + DVec3::new(0.52, 0.0, -0.31)).unwrap();
+        let from = projection.point(center).unwrap();
+        let to = projection.point(center + DVec3::new(0.52, 0.0, -0.31)).unwrap();
         let ground = drag(Tool::Move, Handle::Middle, from);
-        assert_eq!(handle_at(Tool::Move, &placed(), &lens, from), Some(Handle::Middle));
-        let Change::Move(by) = ground.change(&lens, to, true) else { panic!() };
+        assert_eq!(handle_at(Tool::Move, &placed(), &projection, from), Some(Handle::Middle));
+        let Change::Move(by) = ground.change(&projection, to, true) else { panic!() };
         assert!((by - DVec3::new(0.5, 0.0, -0.3)).length() < 1e-9, "{by}");
     }
 
     /// The camera is about 7 m away: a point of the window covers 0.01 m, 0.8° of a ring and a hundredth of a scale.
     #[test]
     fn drag_changes_are_rounded_to_the_screen_resolution() {
-        let (lens, center) = (lens(), placed().translation);
-        let from = lens.point(center + DVec3::X * 0.5).unwrap();
+        let (projection, center) = (projection(), placed().translation);
+        let from = projection.point(center + DVec3::X * 0.5).unwrap();
         let to = from + DVec2::new(31.3, 4.7);
         let whole = |value: f64, parts: f64| (value * parts - (value * parts).round()).abs() < 1e-6;
-        let change = |tool, handle| drag(tool, handle, from).change(&lens, to, false);
+        let change = |tool, handle| drag(tool, handle, from).change(&projection, to, false);
         let Change::Move(by) = change(Tool::Move, Handle::Axis(0)) else { panic!() };
         assert!(by.x > 0.1 && whole(by.x, 100.0), "{by}");
         let Change::Turn(by) = change(Tool::Turn, Handle::Axis(1)) else { panic!() };
@@ -258,25 +264,25 @@ mod tests {
             DVec3::new(0.3, 8.0, 0.2),
         );
         let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
-        let lens = Lens::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0));
-        let middle = lens.point(placed().translation).unwrap();
+        let projection = WindowProjection::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0));
+        let middle = projection.point(placed().translation).unwrap();
         let from = middle + DVec2::new(ARM_LENGTH, 0.0);
-        assert_eq!(handle_at(Tool::Turn, &placed(), &lens, from), Some(Handle::Axis(1)));
+        assert_eq!(handle_at(Tool::Turn, &placed(), &projection, from), Some(Handle::Axis(1)));
         let turn = drag(Tool::Turn, Handle::Axis(1), from);
-        let change = turn.change(&lens, middle + DVec2::new(0.0, -50.0), false);
+        let change = turn.change(&projection, middle + DVec2::new(0.0, -50.0), false);
         let Change::Turn(by) = change else { panic!() };
         assert!(by.dot(DQuat::from_rotation_y(core::f64::consts::FRAC_PI_2)).abs() > 1.0 - 1e-9, "{by}");
     }
 
     #[test]
     fn scale_is_a_factor_and_never_becomes_negative() {
-        let lens = lens();
+        let projection = projection();
         let center = placed().translation;
-        let at = |metres: f64| lens.point(center + DVec3::X * metres).unwrap();
+        let at = |metres: f64| projection.point(center + DVec3::X * metres).unwrap();
         let scale = drag(Tool::Scale, Handle::Axis(0), at(0.4));
-        assert_eq!(scale.change(&lens, at(0.8), true), Change::Scale(DVec3::new(2.0, 1.0, 1.0)));
-        let Change::Scale(by) = scale.change(&lens, at(-3.0), false) else { panic!() };
+        assert_eq!(scale.change(&projection, at(0.8), true), Change::Scale(DVec3::new(2.0, 1.0, 1.0)));
+        let Change::Scale(by) = scale.change(&projection, at(-3.0), false) else { panic!() };
         assert!((by - DVec3::new(0.01, 1.0, 1.0)).length() < 1e-12, "{by}");
-        assert_eq!(scale.change(&lens, at(0.4), false), Change::none(Tool::Scale));
+        assert_eq!(scale.change(&projection, at(0.4), false), Change::none(Tool::Scale));
     }
 }

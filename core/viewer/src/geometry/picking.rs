@@ -133,7 +133,7 @@ pub(crate) fn bounds_center_of_all(stage: &Stage, snapshot: &Snapshot) -> Option
 }
 
 /// Largest side of the bounds in the rest pose, metres, for steps and gizmos; 1 m if there is no surface.
-pub fn height(asset: &Asset) -> f64 {
+pub fn largest_extent(asset: &Asset) -> f64 {
     let bounds = asset.rest_bounds();
     let size = if bounds.is_empty() { Vec3::ONE } else { bounds.max - bounds.min };
     f64::from(size.max_element()).clamp(0.01, 1e6)

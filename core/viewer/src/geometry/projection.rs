@@ -8,7 +8,7 @@ use glam::{DAffine3, DVec2, DVec3};
 const NEAR_PLANE: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug)]
-pub struct Lens {
+pub struct WindowProjection {
     view_from_world: DAffine3,
     /// Top left corner of the image, in points of the window.
     corner: DVec2,
@@ -18,14 +18,20 @@ pub struct Lens {
     perspective: bool,
 }
 
-impl Lens {
+impl WindowProjection {
     /// `corner`, `size`: position and size of the image in the window, points.
-    pub fn new(camera: &CameraState, corner: DVec2, size: DVec2) -> Lens {
+    pub fn new(camera: &CameraState, corner: DVec2, size: DVec2) -> WindowProjection {
         let (height, perspective) = match camera.projection {
             Projection::Perspective { yfov, .. } => (2.0 * libm::tan(f64::from(yfov) / 2.0), true),
             Projection::Orthographic { height, .. } => (f64::from(height), false),
         };
-        Lens { view_from_world: camera.world_from_view.inverse(), corner, size, height, perspective }
+        WindowProjection {
+            view_from_world: camera.world_from_view.inverse(),
+            corner,
+            size,
+            height,
+            perspective,
+        }
     }
 
     fn screen(&self, view: DVec3) -> DVec2 {
@@ -117,7 +123,7 @@ mod tests {
     fn projection_agrees_with_the_matrices_of_the_renderer() {
         for camera in cameras() {
             let size = [640, 360];
-            let lens = Lens::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
+            let projection = WindowProjection::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
             let view = View::new(&camera, size);
             for at in [DVec3::new(0.4, 0.2, -3.0), DVec3::new(-0.7, 0.1, -8.0)] {
                 let world = camera.world_from_view.transform_point3(at);
@@ -126,13 +132,14 @@ mod tests {
                     10.0 + f64::from(clip.x / clip.w + 1.0) * 320.0,
                     20.0 + f64::from(clip.y / clip.w + 1.0) * 180.0,
                 );
-                let got = lens.point(world).unwrap();
+                let got = projection.point(world).unwrap();
                 assert!((got - expected).length() < 0.01, "{got} {expected}");
                 // The ray through the projected point passes through the original one.
-                let (origin, direction) = lens.ray(got);
+                let (origin, direction) = projection.ray(got);
                 assert!((world - origin).cross(direction).length() < 1e-6);
-                let moved =
-                    lens.point(world + camera.world_from_view.matrix3.x_axis * lens.metres_per_point(world));
+                let moved = projection.point(
+                    world + camera.world_from_view.matrix3.x_axis * projection.metres_per_point(world),
+                );
                 assert!((moved.unwrap() - got - DVec2::X).length() < 1e-6);
             }
         }
@@ -140,11 +147,11 @@ mod tests {
 
     #[test]
     fn lines_are_clipped_at_the_near_plane() {
-        let lens = Lens::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
+        let projection = WindowProjection::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
         let at = |z: f64| cameras()[0].world_from_view.transform_point3(DVec3::new(0.1, 0.1, z));
-        assert!(lens.point(at(1.0)).is_none() && lens.line(at(1.0), at(2.0)).is_none());
-        let [a, b] = lens.line(at(-2.0), at(5.0)).unwrap();
-        assert!((a - lens.point(at(-2.0)).unwrap()).length() < 1e-9);
+        assert!(projection.point(at(1.0)).is_none() && projection.line(at(1.0), at(2.0)).is_none());
+        let [a, b] = projection.line(at(-2.0), at(5.0)).unwrap();
+        assert!((a - projection.point(at(-2.0)).unwrap()).length() < 1e-9);
         assert!(b.is_finite() && (b - DVec2::new(320.0, 180.0)).length() > 100.0);
     }
 }

@@ -1,7 +1,7 @@
 //! The open file, and the files that can be opened.
 
 use super::file_dialog::{FileDialog, Purpose};
-use super::folder::{Entry, built_in, model_endings};
+use super::folder::{Entry, built_in, model_extensions};
 use super::lessons::Lesson;
 use super::thumbnails::Thumbnails;
 use crate::state::tempo::Tempo;
@@ -26,7 +26,7 @@ pub struct Documents {
     /// The open file dialog.
     pub dialog: Option<FileDialog>,
     /// Script that was to be opened and does not exist.
-    pub missing: Option<PathBuf>,
+    pub missing_script: Option<PathBuf>,
     pub thumbnails: Thumbnails,
     /// File name extensions that importers read.
     pub models: Vec<String>,
@@ -38,7 +38,7 @@ pub struct Documents {
 
 impl Documents {
     pub fn new(registry: &Registry) -> Documents {
-        Documents { models: model_endings(registry), built_in: built_in(registry), ..Documents::default() }
+        Documents { models: model_extensions(registry), built_in: built_in(registry), ..Documents::default() }
     }
 
     /// Records an opened file as the most recent one.
@@ -53,7 +53,7 @@ impl Documents {
     /// Remembers the tempo of a script.
     pub fn keep_tempo(&mut self, script: &Path, tempo: Tempo) {
         let Ok(script) = script.canonicalize() else { return };
-        match tempo.beat() {
+        match tempo.beat_secs() {
             Some(_) => drop(self.tempos.insert(script, tempo)),
             None => drop(self.tempos.remove(&script)),
         }
@@ -66,7 +66,7 @@ impl Documents {
     }
 
     /// Opens the file dialog in the folder of a file, else in that of the most recent file, else in the working folder.
-    pub fn ask(&mut self, purpose: Purpose, shown: Option<&Path>) {
+    pub fn open_dialog(&mut self, purpose: Purpose, shown: Option<&Path>) {
         let beside = shown.or(self.recent.first().map(PathBuf::as_path));
         let folder = beside.and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
         let name = match (purpose, shown.and_then(Path::file_name)) {

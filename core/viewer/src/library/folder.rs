@@ -24,7 +24,7 @@ pub struct Entry {
 }
 
 /// File name extensions that importers read, in lowercase.
-pub fn model_endings(registry: &Registry) -> Vec<String> {
+pub fn model_extensions(registry: &Registry) -> Vec<String> {
     let endings = registry.importers().iter().flat_map(|importer| importer.manifest().extensions.clone());
     let mut endings: Vec<String> = endings.map(|ending| ending.to_lowercase()).collect();
     endings.sort();
@@ -42,7 +42,7 @@ pub fn built_in(registry: &Registry) -> Vec<Entry> {
 ///
 /// # Errors
 /// The folder cannot be read.
-pub fn list(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entry>> {
+pub fn list_folder(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entry>> {
     let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder)?.flatten().take(MAX_ENTRIES) {
         let (path, name) = (entry.path(), entry.file_name().to_string_lossy().into_owned());

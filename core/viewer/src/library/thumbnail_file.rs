@@ -60,7 +60,7 @@ pub fn write(file: &Path, thumbnail: &Thumbnail) {
 }
 
 /// Deletes the least recently used thumbnails until the others have at most `most` bytes in total.
-pub fn limit(folder: &Path, most: u64) {
+pub fn delete_oldest(folder: &Path, most: u64) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     let image = |entry: std::fs::DirEntry| {
         let (path, about) = (entry.path(), entry.metadata().ok()?);
@@ -114,12 +114,12 @@ mod tests {
         std::fs::write(folder.path().join("notes.txt"), vec![0; 5000]).unwrap();
         // The second oldest file is read, and so becomes the most recently used.
         assert!(read(&folder.path().join("1.png")).is_some());
-        limit(folder.path(), sizes[5] + sizes[4] + sizes[1]);
+        delete_oldest(folder.path(), sizes[5] + sizes[4] + sizes[1]);
         let mut left: Vec<_> =
             std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
         left.sort();
         assert_eq!(left, ["1.png", "4.png", "5.png", "notes.txt"]);
-        limit(folder.path(), u64::MAX);
+        delete_oldest(folder.path(), u64::MAX);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
     }
 

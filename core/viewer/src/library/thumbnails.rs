@@ -219,7 +219,7 @@ fn cached_thumbnail(
         thumbnail_file::write(&file, &thumbnail);
         file.parent()
             .into_iter()
-            .for_each(|folder| thumbnail_file::limit(folder, thumbnail_file::MAX_CACHE_BYTES));
+            .for_each(|folder| thumbnail_file::delete_oldest(folder, thumbnail_file::MAX_CACHE_BYTES));
     }
     Ok(thumbnail)
 }

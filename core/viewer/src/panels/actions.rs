@@ -8,7 +8,7 @@ use crate::geometry::gizmo::Tool;
 use crate::library::file_dialog::Purpose;
 use crate::library::templates::TEMPLATES;
 use crate::state::selection::Selected;
-use crate::state::settings::SCALES;
+use crate::state::settings::SCALE_RANGE;
 use crate::state::shortcuts::Chord;
 use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
@@ -61,12 +61,12 @@ const fn free(id: &'static str, title: &'static str, keys: &'static str, run: fn
 }
 
 pub(crate) const ACTIONS: &[Action] = &[
-    free("play", "play, pause", "Space", |c| c.viewer.playhead.toggle(c.now)),
+    free("play", "play, pause", "Space", |c| c.viewer.playhead.toggle_playback(c.now)),
     free("previous_frame", "one frame back", "Left", |c| c.viewer.playhead.step(-1)),
     free("next_frame", "one frame forward", "Right", |c| c.viewer.playhead.step(1)),
     free("first_frame", "first frame; with the pointer over curves: show all keys", "Home", |c| {
         match c.viewer.curves.hovered {
-            true => c.viewer.curves.fit = true,
+            true => c.viewer.curves.fits_to_keys = true,
             false => c.viewer.playhead.step(i64::MIN / 2),
         }
     }),
@@ -173,7 +173,7 @@ pub(crate) const ACTIONS: &[Action] = &[
         }
     }),
     always("help", "list of shortcuts", "F1", |c| c.panels.key_list.open ^= true),
-    always("close", "close", "Ctrl+Q", |c| c.viewer.quit = true),
+    always("close", "close", "Ctrl+Q", |c| c.viewer.should_close = true),
 ];
 
 /// Default keys that open a panel and go to it.
@@ -227,7 +227,7 @@ pub fn action(id: &str) -> Option<&'static Action> {
 
 /// Keys of an action as displayed in menus.
 pub fn keys_of(viewer: &Viewer, id: &str) -> String {
-    let chosen = action(id).map(|action| viewer.shortcuts.text(action.id, action.keys));
+    let chosen = action(id).map(|action| viewer.shortcuts.display_text(action.id, action.keys));
     let chosen = chosen.filter(|keys| !keys.is_empty());
     system_key(id).map(str::to_string).into_iter().chain(chosen).collect::<Vec<_>>().join(", ")
 }
@@ -260,7 +260,7 @@ pub(crate) fn panel_id(tab: Tab) -> String {
 pub(crate) fn panel_keys(viewer: &Viewer, tab: Tab) -> Vec<Chord> {
     let number = Tab::ALL.iter().position(|other| *other == tab);
     let usual = number.and_then(|number| PANEL_KEYS.get(number)).unwrap_or(&"");
-    viewer.shortcuts.of(&panel_id(tab), usual)
+    viewer.shortcuts.chords_of(&panel_id(tab), usual)
 }
 
 /// An action or a panel, with its keys.
@@ -275,7 +275,7 @@ pub(crate) struct KeyedAction {
 pub(crate) fn all_keyed_actions(viewer: &Viewer) -> Vec<KeyedAction> {
     let actions = ACTIONS.iter().map(|action| {
         let (id, title) = (action.id.to_string(), action.title.to_string());
-        KeyedAction { id, title, chords: viewer.shortcuts.of(action.id, action.keys) }
+        KeyedAction { id, title, chords: viewer.shortcuts.chords_of(action.id, action.keys) }
     });
     let panels = Tab::ALL.into_iter().map(|tab| {
         let (id, title) = (panel_id(tab), format!("panel {}", tab.title()));
@@ -314,12 +314,13 @@ fn duplicate(c: &mut Context) {
 }
 
 fn scale(panels: &mut Panels, by: f32) {
-    panels.scale = ((panels.scale + by) * 10.0).round().clamp(SCALES.0 * 10.0, SCALES.1 * 10.0) / 10.0;
+    panels.scale =
+        ((panels.scale + by) * 10.0).round().clamp(SCALE_RANGE.0 * 10.0, SCALE_RANGE.1 * 10.0) / 10.0;
 }
 
 fn ask(c: &mut Context, purpose: Purpose) {
     let shown = c.viewer.path.clone();
-    c.viewer.documents.ask(purpose, shown.as_deref());
+    c.viewer.documents.open_dialog(purpose, shown.as_deref());
 }
 
 /// The toolkit's modifiers and key for a shortcut. `None` if there is no key with this name; upper and lower case are the same.
@@ -351,14 +352,17 @@ pub fn handle(c: &mut Context) {
     let shortcuts = &c.viewer.shortcuts;
     let actions = ACTIONS.iter().filter(|action| is_on(action.scope));
     let actions = actions.flat_map(|action| {
-        shortcuts.of(action.id, action.keys).into_iter().map(move |chord| (chord, Bound::Action(action)))
+        shortcuts
+            .chords_of(action.id, action.keys)
+            .into_iter()
+            .map(move |chord| (chord, Bound::Action(action)))
     });
     let panels = Tab::ALL
         .into_iter()
         .flat_map(|tab| panel_keys(c.viewer, tab).into_iter().map(move |chord| (chord, Bound::Panel(tab))));
     let mut all: Vec<(Chord, Bound)> = actions.chain(panels).collect();
     // A shortcut also matches if more modifiers are held, so those with most modifiers are tested first.
-    all.sort_by_key(|(chord, _)| std::cmp::Reverse(chord.held()));
+    all.sort_by_key(|(chord, _)| std::cmp::Reverse(chord.modifier_count()));
     for (chord, bound) in all {
         let Some((modifiers, key)) = egui_shortcut(&chord) else { continue };
         if !c.ui.input_mut(|i| i.consume_key(modifiers, key)) {
@@ -374,11 +378,11 @@ pub fn handle(c: &mut Context) {
 
 /// The first error in the user's shortcuts: an unknown action or key.
 pub fn problem(viewer: &Viewer) -> Option<String> {
-    for (id, keys) in &viewer.shortcuts.own {
+    for (id, keys) in &viewer.shortcuts.user_keys {
         if action(id).is_none() && !Tab::ALL.into_iter().any(|tab| panel_id(tab) == *id) {
             return Some(format!("shortcuts.json: there is no action \"{id}\""));
         }
-        let read = viewer.shortcuts.of(id, "");
+        let read = viewer.shortcuts.chords_of(id, "");
         let written = keys.split(", ").filter(|key| !key.trim().is_empty()).count();
         if read.len() != written || read.iter().any(|chord| egui_shortcut(chord).is_none()) {
             return Some(format!(
@@ -395,7 +399,7 @@ pub(crate) fn takes_walking_keys(viewer: &Viewer) -> bool {
         use Key::{A, D, E, Q, S, W};
         matches!(egui_shortcut(chord), Some((Modifiers::NONE, W | A | S | D | Q | E)))
     };
-    ACTIONS.iter().any(|action| viewer.shortcuts.of(action.id, action.keys).iter().any(walks))
+    ACTIONS.iter().any(|action| viewer.shortcuts.chords_of(action.id, action.keys).iter().any(walks))
 }
 
 #[cfg(test)]
@@ -458,7 +462,7 @@ mod tests {
             ["cut", "copy", "paste", "save"].map(|id| keys_of(&viewer, id)),
             ["Ctrl X", "Ctrl C", "Ctrl V", "Ctrl S"]
         );
-        viewer.shortcuts.own = BTreeMap::from([("cut".to_string(), "F7".to_string())]);
+        viewer.shortcuts.user_keys = BTreeMap::from([("cut".to_string(), "F7".to_string())]);
         assert_eq!(keys_of(&viewer, "cut"), "Ctrl X, F7");
     }
 
@@ -475,7 +479,7 @@ mod tests {
     fn wrong_names_are_reported() {
         let mut viewer = Viewer::new("x");
         let mut own = |id: &str, keys: &str| {
-            viewer.shortcuts.own = BTreeMap::from([(id.to_string(), keys.to_string())]);
+            viewer.shortcuts.user_keys = BTreeMap::from([(id.to_string(), keys.to_string())]);
             problem(&viewer)
         };
         assert_eq!(own("split", "Ctrl+Alt+F5, Y"), None);

@@ -7,7 +7,7 @@ use super::inspector::ClipDrag;
 use super::pictures::{self, Pictures};
 use crate::app::Viewer;
 use crate::editing::ClipSource;
-use crate::library::folder::{Entry, FileKind, list};
+use crate::library::folder::{Entry, FileKind, list_folder};
 use crate::library::thumbnails::{ClipEntry, Subject, ThumbnailState};
 use crate::state::dropped_models::DroppedModels;
 use crate::state::selection::{Selected, actor};
@@ -57,7 +57,7 @@ impl Browser {
     }
 
     fn read(&mut self, models: &[String]) {
-        match list(&self.folder, models) {
+        match list_folder(&self.folder, models) {
             Ok(entries) => (self.entries, self.problem) = (entries, None),
             Err(error) => (self.entries, self.problem) = (Vec::new(), Some(error.to_string())),
         }

@@ -533,8 +533,7 @@ pub(super) fn draw_text_at_pointer(ui: &Ui, at: egui::Pos2, text: &str) {
 }
 
 fn bar_hint(viewer: &Viewer, bar: &Bar) -> String {
-    let mut text =
-        format!("{}\n{} to {}", bar.label, viewer.shown_time(bar.start), viewer.shown_time(bar.end));
+    let mut text = format!("{}\n{} to {}", bar.label, viewer.time_text(bar.start), viewer.time_text(bar.end));
     if bar.fade_in > Time::ZERO {
         text += &format!("\nfades in over {:.3} s", bar.fade_in.as_secs());
     }

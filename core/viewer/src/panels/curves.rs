@@ -99,7 +99,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let rect = Rect::from_min_max(pos2(ruler.left(), ruler.bottom()), area.max);
     viewer.curves.hovered = ui.rect_contains_pointer(area);
-    if viewer.curves.fit {
+    if viewer.curves.fits_to_keys {
         fit_view(viewer, &all);
     } else if viewer.curves.changes_object(&what, &all) {
         fit_when_first_shown(viewer, &all);
@@ -186,7 +186,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
             Selected::Sky => "sky".to_string(),
         };
         let hint = "show all keys, or those that are selected (Home)";
-        bar.button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fit = true);
+        bar.button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fits_to_keys = true);
         let hint = "show the change of each value per second instead of the value";
         bar.toggle(viewer.curves.speed, "Speed", hint, |viewer| {
             viewer.curves.speed ^= true;
@@ -212,7 +212,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
 
 /// Fits the view to all keys, or to the selected ones, with a margin.
 fn fit_view(viewer: &mut Viewer, all: &[KeyedProperty]) {
-    viewer.curves.fit = false;
+    viewer.curves.fits_to_keys = false;
     let selected: Vec<Time> = viewer.selected_keys().iter().map(|key| key.at).collect();
     let times: Vec<Time> = match selected.len() {
         0 | 1 => all.iter().flat_map(|property| property.keys.iter().copied()).collect(),
@@ -276,7 +276,7 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         _ => String::new(),
     };
     let unit = if viewer.curves.speed { format!("{unit}/s") } else { unit };
-    let step = plot.values.ruler(plot.rect.height(), 28.0);
+    let step = plot.values.ruler_interval(plot.rect.height(), 28.0);
     let digits = (-libm::log10(step)).ceil().clamp(0.0, 6.0) as usize;
     let line = visuals.weak_text_color().gamma_multiply(0.25);
     let mut value = (plot.values.from / step).ceil() * step;
@@ -298,7 +298,7 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         }
         value += step;
     }
-    let step = plot.time.ruler(plot.rect.width(), 56.0);
+    let step = plot.time.ruler_interval(plot.rect.width(), 56.0);
     let mut secs = (plot.time.from / step).ceil() * step;
     while secs <= plot.time.to {
         painter.vline(plot.x(Time::from_secs(secs)), plot.rect.y_range(), Stroke::new(1.0, line));
@@ -532,7 +532,7 @@ fn show_keys(
             }
             act = key_menu::show(&response, viewer, std::slice::from_ref(&key)).map(Act::Key).or(act);
             let number = fixed_digits(property.at(*at).get(part).copied().unwrap_or_default(), 3);
-            response.hint(format!("{name} {number} {}\n{}", property.unit, viewer.shown_time(*at)));
+            response.hint(format!("{name} {number} {}\n{}", property.unit, viewer.time_text(*at)));
         }
     }
     act
@@ -605,12 +605,12 @@ fn drag_key(
         }
     };
     let (_, divide) = viewer.curves.scale(property);
-    let fixed = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.is_plain();
+    let fixed = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.has_editable_components();
     let value = if fixed { 0.0 } else { -plot.value_of(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
     let value = if fixed { 0.0 } else { round_to_pixel(now + value, plot.value_of_pixel(ui) * divide) - now };
     let drag = KeyDrag { key: key.clone(), part, by: secs, value };
-    let time = viewer.shown_time(key.at + Time::from_secs(secs));
+    let time = viewer.time_text(key.at + Time::from_secs(secs));
     let unit = property.unit;
     let number = fixed_digits((now + value).clamp(property.range[0], property.range[1]), 3);
     draw_text_at_pointer(ui, to, &format!("{time}   {} {number} {unit}", property.part(part)));

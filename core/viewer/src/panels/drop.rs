@@ -1,7 +1,7 @@
 //! Files dropped on the window: models dropped on a viewport are added to the scene under the pointer; all others are previewed.
 
 use crate::app::Viewer;
-use crate::geometry::projection::Lens;
+use crate::geometry::projection::WindowProjection;
 use crate::state::dropped_models::DroppedModels;
 use egui::{Event, Pos2, Rect, Ui};
 use glam::{DVec2, DVec3};
@@ -45,7 +45,7 @@ pub fn take_dropped_files(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewe
     let scene = viewer.path.is_some()
         && viewer.scene.is_some()
         && viewer.previewed_files.is_empty()
-        && !viewer.faulty;
+        && !viewer.is_faulty;
     let pointer = ui.input(|i| i.pointer.latest_pos());
     let at = pointer.and_then(|at| ground_point(viewer, at)).filter(|_| scene && files.iter().all(is_model));
     match at {
@@ -64,14 +64,14 @@ pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     };
     let view = viewer.views.iter().find(inside)?;
     let [left, top, right, bottom] = view.place.map(f64::from);
-    let lens = Lens::new(
+    let projection = WindowProjection::new(
         &view.displayed_camera(&scene.stage)?,
         DVec2::new(left, top),
         DVec2::new(right - left, bottom - top),
     );
-    let (origin, direction) = lens.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
+    let (origin, direction) = projection.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let far = -origin.y / direction.y;
-    let meets = match lens.is_perspective() {
+    let meets = match projection.is_perspective() {
         true => far > 0.0 && far < MAX_GROUND_DISTANCE,
         // Orthographic rays begin next to the camera, on either side of the ground.
         false => direction.y.abs() > MIN_GROUND_SINE,
@@ -81,7 +81,7 @@ pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     }
     // The ray misses the ground or is parallel to it, so the distance of the center of interest is used.
     let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
-    let forward = lens.forward();
+    let forward = projection.forward();
     let far = (middle - origin).dot(forward) / direction.dot(forward);
     let there = if far > 0.0 && far.is_finite() { origin + direction * far } else { middle };
     Some(DVec3::new(there.x, 0.0, there.z))

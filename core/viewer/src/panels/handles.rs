@@ -5,7 +5,7 @@ use super::gesture;
 use super::overlay::{X, Y, Z, line, point};
 use crate::app::{Dragging, Viewer};
 use crate::geometry::gizmo::{ARM_LENGTH, Change, Drag, Handle, Tool, arm_direction, handle_at, ring_points};
-use crate::geometry::projection::Lens;
+use crate::geometry::projection::WindowProjection;
 use crate::state::selection::{Selected, actor};
 use egui::{Color32, Painter, Rect, Stroke, StrokeKind, Ui, vec2};
 use glam::{DAffine3, DVec2};
@@ -22,16 +22,16 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let state = actor(&scene.stage, &name).and_then(|i| shown.snapshot.actors.get(i)).filter(|s| s.visible);
     let Some(world_from_model) = state.map(|s| s.world_from_model) else { return false };
     let dragging = viewer.dragging.as_ref().filter(|d| d.actor == name).map(|d| d.drag);
-    let Canvas { response, lens, .. } = canvas;
+    let Canvas { response, projection, .. } = canvas;
     let at = canvas.pointer();
     let hot = match dragging {
         Some(drag) => Some(drag.handle),
-        None => at.and_then(|at| handle_at(viewer.tool, &world_from_model, lens, at)),
+        None => at.and_then(|at| handle_at(viewer.tool, &world_from_model, projection, at)),
     };
     let painter = canvas.painter(ui);
-    draw(&painter, viewer.tool, &world_from_model, hot, lens);
+    draw(&painter, viewer.tool, &world_from_model, hot, projection);
     if let Some(from) = canvas.drag_start(ui)
-        && let Some(handle) = handle_at(viewer.tool, &world_from_model, lens, from)
+        && let Some(handle) = handle_at(viewer.tool, &world_from_model, projection, from)
     {
         let drag = Drag { tool: viewer.tool, handle, world_from_model, from };
         viewer.dragging = Some(Dragging { actor: name.clone(), drag, change: Change::none(viewer.tool) });
@@ -39,7 +39,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let in_steps = gesture::modifiers(ui).command;
     let Some(dragging) = viewer.dragging.as_mut().filter(|d| d.actor == name) else { return false };
     if let Some(at) = at.filter(|_| response.dragged()) {
-        dragging.change = dragging.drag.change(lens, at, in_steps);
+        dragging.change = dragging.drag.change(projection, at, in_steps);
     }
     let text = report(&dragging.change);
     // The text about reduced quality is above.
@@ -76,22 +76,28 @@ fn report(change: &Change) -> String {
     }
 }
 
-fn draw(painter: &Painter, tool: Tool, world_from_model: &DAffine3, hot: Option<Handle>, lens: &Lens) {
+fn draw(
+    painter: &Painter,
+    tool: Tool,
+    world_from_model: &DAffine3,
+    hot: Option<Handle>,
+    projection: &WindowProjection,
+) {
     let center = world_from_model.translation;
-    let length = ARM_LENGTH * lens.metres_per_point(center);
-    let Some(middle) = lens.point(center) else { return };
+    let length = ARM_LENGTH * projection.metres_per_point(center);
+    let Some(middle) = projection.point(center) else { return };
     for (axis, color) in COLORS.into_iter().enumerate() {
         let is_hot = hot == Some(Handle::Axis(axis));
         let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { color };
         let stroke = Stroke::new(if is_hot { 3.5 } else { 2.5 }, color);
         if tool == Tool::Turn {
             let points: Vec<_> = ring_points(center, axis, length).collect();
-            points.windows(2).for_each(|w| line(painter, lens, w[0], w[1], stroke));
+            points.windows(2).for_each(|w| line(painter, projection, w[0], w[1], stroke));
             continue;
         }
         let tip = center + arm_direction(tool, axis, world_from_model) * length;
-        line(painter, lens, center, tip, stroke);
-        let Some(at) = lens.point(tip) else { continue };
+        line(painter, projection, center, tip, stroke);
+        let Some(at) = projection.point(tip) else { continue };
         if tool == Tool::Scale {
             painter.rect_filled(Rect::from_center_size(point(at), vec2(10.0, 10.0)), 1.0, color);
         } else {

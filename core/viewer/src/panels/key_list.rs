@@ -77,7 +77,7 @@ pub(super) fn takes_key(list: &mut KeyList, ui: &Ui, viewer: &mut Viewer) -> boo
         Some((key, held)) => {
             let (ctrl, shift, alt) = (held.command, held.shift, held.alt);
             let chord = Chord { ctrl, shift, alt, key: key.name().to_string() };
-            viewer.shortcuts.set(&action, Some(chord.written()));
+            viewer.shortcuts.set(&action, Some(chord.to_text()));
         }
     }
     true
@@ -156,7 +156,7 @@ fn key_row(ui: &mut Ui, choosing: &mut Option<String>, keyed: &KeyedAction, view
         *choosing = Some(id.clone()).filter(|_| !is_chosen);
     }
     let name = format!("usual key of {title}");
-    let is_own = viewer.shortcuts.own.contains_key(id);
+    let is_own = viewer.shortcuts.user_keys.contains_key(id);
     if is_own && icons::small(ui, icons::ARROWS_CLOCKWISE, &name, "").clicked() {
         viewer.shortcuts.set(id, None);
     }

@@ -23,7 +23,7 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
         super::bar_menu::clipboard(ui, viewer);
     }
     // Escape first closes an open menu or the question about a missing file.
-    let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing.is_some();
+    let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing_script.is_some();
     let is_free = !ui.ctx().egui_wants_keyboard_input() && !is_covered;
     if is_free && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
         if !std::mem::take(&mut panels.key_list.open) {

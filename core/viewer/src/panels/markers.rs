@@ -47,7 +47,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
         let response = response
             .on_hover_cursor(egui::CursorIcon::ResizeHorizontal)
-            .hint(format!("{name}\n{}", viewer.shown_time(*time)));
+            .hint(format!("{name}\n{}", viewer.time_text(*time)));
         if let Some(pointer) = gesture::dragged_position(ui, &response, pos2(x, at.y)) {
             let secs = viewer.snapped(viewer.span.secs_at(pointer.x - ruler.left(), ruler.width()));
             painter.vline(

@@ -100,7 +100,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
         let shown = by.map_or(x, |by| lane.left() + viewer.span.x_of(event.at.as_secs() + by, lane.width()));
         painter.add(marker_shape(event.kind, pos2(shown, y), fill));
         if let (Some(by), Some(at), true) = (by, pointer, dragged) {
-            draw_text_at_pointer(ui, at, &viewer.shown_time(event.at + Time::from_secs(by)));
+            draw_text_at_pointer(ui, at, &viewer.time_text(event.at + Time::from_secs(by)));
             if response.drag_stopped() && by != 0.0 {
                 acted = Some(MarkAct::Move(event.clone(), by));
             }
@@ -141,7 +141,7 @@ fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
 }
 
 fn event_hint(viewer: &Viewer, event: &Event) -> String {
-    let mut text = format!("{}\n{}", event.label, viewer.shown_time(event.at));
+    let mut text = format!("{}\n{}", event.label, viewer.time_text(event.at));
     if event.place.line > 0 {
         text += &format!("\n{}", report(&event.place));
     }
@@ -156,14 +156,14 @@ fn marker_shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
         EventKind::Key => {
             Shape::convex_polygon(points(&[(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]), fill, line)
         }
-        EventKind::Entrance => Shape::Vec(vec![
+        EventKind::Visibility => Shape::Vec(vec![
             Shape::circle_filled(at, HALF_WIDTH - 0.5, fill),
             Shape::circle_stroke(at, HALF_WIDTH - 0.5, line),
         ]),
-        EventKind::Body => {
+        EventKind::Constraint => {
             Shape::convex_polygon(points(&[(-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)]), fill, line)
         }
-        EventKind::Mark => {
+        EventKind::Marker => {
             Shape::convex_polygon(points(&[(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)]), fill, line)
         }
     }
@@ -203,7 +203,7 @@ pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Op
     });
     let standing: Vec<(&String, (f64, f64))> = standing.collect();
     let text = standing.iter().map(|(name, (from, to))| {
-        let [from, to] = [*from, *to].map(|t| viewer.shown_time(Time::from_secs(t)));
+        let [from, to] = [*from, *to].map(|t| viewer.time_text(Time::from_secs(t)));
         format!("{name} on the floor, {from} to {to}")
     });
     let text = text.collect::<Vec<_>>().join("\n");

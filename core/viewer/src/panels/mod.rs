@@ -246,7 +246,7 @@ impl Panels {
         if self.key_list.open {
             key_list::show(ui, &mut self.key_list, viewer);
         }
-        if viewer.go_to.is_some() {
+        if viewer.script_scroll_line.is_some() {
             self.bring(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.is_visible = false);
@@ -381,7 +381,7 @@ impl TabViewer for Tabs<'_> {
 
     fn title(&mut self, tab: &mut Tab) -> WidgetText {
         match tab {
-            Tab::Messages if self.viewer.faulty => {
+            Tab::Messages if self.viewer.is_faulty => {
                 RichText::new(tab.title()).color(egui::Color32::from_rgb(0xe8, 0x60, 0x50)).into()
             }
             tab => tab.title().into(),

@@ -3,7 +3,7 @@
 use super::canvas::Canvas;
 use crate::app::Viewer;
 use crate::geometry::picking;
-use crate::geometry::projection::Lens;
+use crate::geometry::projection::WindowProjection;
 use crate::state::selection::Selected;
 use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::{DVec2, DVec3};
@@ -19,9 +19,9 @@ pub fn point(p: DVec2) -> egui::Pos2 {
     pos2(p.x as f32, p.y as f32)
 }
 
-pub fn line(painter: &Painter, lens: &Lens, a: DVec3, b: DVec3, stroke: Stroke) {
+pub fn line(painter: &Painter, projection: &WindowProjection, a: DVec3, b: DVec3, stroke: Stroke) {
     let clip = painter.clip_rect();
-    let ends = lens.line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
+    let ends = projection.line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
     if let Some(ends) = ends {
         painter.line_segment(ends.map(point), stroke);
     }
@@ -47,7 +47,7 @@ fn clip_segment([a, b]: [DVec2; 2], to: Rect) -> Option<[DVec2; 2]> {
 }
 
 pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
-    let (view, lens) = (&viewer.views[canvas.index], &canvas.lens);
+    let (view, projection) = (&viewer.views[canvas.index], &canvas.projection);
     let (Some(scene), Some(shown)) = (&viewer.scene, &view.shown) else { return };
     let painter = canvas.painter(ui);
     let selected = viewer.selection.as_ref().and_then(Selected::actor);
@@ -62,7 +62,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
             } else {
                 Color32::from_white_alpha(110)
             };
-            bounds(&painter, lens, low, high, Stroke::new(1.0, color));
+            bounds(&painter, projection, low, high, Stroke::new(1.0, color));
         }
         joints += actor.asset.skeleton.len();
         if view.overlays.skeletons && joints <= MAX_JOINTS {
@@ -78,20 +78,20 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
             for (joint, parent) in actor.asset.skeleton.parents().iter().enumerate() {
                 let Some(to) = at(joint) else { continue };
                 if let Some(from) = parent.and_then(|p| at(p as usize)) {
-                    line(&painter, lens, from, to, Stroke::new(1.5, color));
+                    line(&painter, projection, from, to, Stroke::new(1.5, color));
                 }
-                if let Some(p) = lens.point(to) {
+                if let Some(p) = projection.point(to) {
                     painter.circle_filled(point(p), 2.0, color);
                 }
             }
         }
     }
-    if view.overlays.safe {
+    if view.overlays.safe_areas {
         safe_areas(&painter, canvas.place, scene.stage.settings.size);
     }
 }
 
-fn bounds(painter: &Painter, lens: &Lens, low: DVec3, high: DVec3, stroke: Stroke) {
+fn bounds(painter: &Painter, projection: &WindowProjection, low: DVec3, high: DVec3, stroke: Stroke) {
     let corner = |i: usize| {
         let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
         DVec3::new(pick(0), pick(1), pick(2))
@@ -99,7 +99,7 @@ fn bounds(painter: &Painter, lens: &Lens, low: DVec3, high: DVec3, stroke: Strok
     for i in 0..8usize {
         for axis in 0..3 {
             if i >> axis & 1 == 0 {
-                line(painter, lens, corner(i), corner(i | 1 << axis), stroke);
+                line(painter, projection, corner(i), corner(i | 1 << axis), stroke);
             }
         }
     }

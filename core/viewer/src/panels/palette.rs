@@ -166,7 +166,7 @@ fn run(c: &mut Context, target: Target) {
         Target::Panel(tab) => c.panels.bring(tab),
         Target::New(number) => {
             let shown = c.viewer.path.clone();
-            c.viewer.documents.ask(Purpose::New(TEMPLATES[number]), shown.as_deref());
+            c.viewer.documents.open_dialog(Purpose::New(TEMPLATES[number]), shown.as_deref());
         }
         Target::Open(file) => c.viewer.documents.open = Some(file),
         Target::Select(what, at) => {
@@ -182,7 +182,7 @@ fn run(c: &mut Context, target: Target) {
             let secs = c.viewer.playhead.time().as_secs();
             c.viewer.edit(|v| v.add_clip(&actor, &actor, &clip, secs));
         }
-        Target::Line(line) => c.viewer.go_to = Some(line),
+        Target::Line(line) => c.viewer.script_scroll_line = Some(line),
     }
 }
 
@@ -193,7 +193,7 @@ fn entries(viewer: &Viewer) -> Vec<Entry> {
         .iter()
         .filter(|action| action.id != "palette")
         .map(|action| {
-            let keys = viewer.shortcuts.text(action.id, action.keys);
+            let keys = viewer.shortcuts.display_text(action.id, action.keys);
             entry(action.title.to_string(), keys, Target::Action(action.id))
         })
         .collect();
@@ -246,7 +246,7 @@ fn objects(viewer: &Viewer, all: &mut Vec<Entry>) {
             let text = format!("{} of {actor}", bar.label);
             select(
                 text,
-                &format!("clip at {}", viewer.shown_time(bar.start)),
+                &format!("clip at {}", viewer.time_text(bar.start)),
                 bar.what.clone(),
                 Some(bar.start),
             );

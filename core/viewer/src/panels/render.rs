@@ -18,7 +18,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ui.label("nothing to render yet");
         return;
     };
-    viewer.commands.follow(viewer.path.as_deref());
+    viewer.commands.set_script(viewer.path.as_deref());
     let input = viewer.commands.input.clone();
     let settings = &of_scene.stage.settings;
     let fps = viewer.playhead.fps();
@@ -79,7 +79,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     ui.end_row();
 
     let label = ui.label("output");
-    let proposed = form.proposed(scene, format).display().to_string();
+    let proposed = form.proposed_output(scene, format).display().to_string();
     ui.add(TextEdit::singleline(&mut form.output).hint_text(proposed)).labelled_by(label.id);
     ui.end_row();
 
@@ -87,7 +87,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     ui.horizontal_wrapped(|ui| {
         let ranges = [
             (Range::Whole, "all"),
-            (Range::Shown, "those shown"),
+            (Range::VisibleInTimeline, "those shown"),
             (Range::Playhead, "this one"),
             (Range::Chosen, "from … to"),
         ];
@@ -95,12 +95,12 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
         for (range, name) in ranges {
             if ui.selectable_label(form.range == range, name).clicked() {
                 form.range = range;
-                form.chosen = [first, last];
+                form.chosen_frames = [first, last];
             }
         }
         match form.range {
             Range::Chosen => {
-                form.chosen.iter_mut().zip(["first frame", "last frame"]).for_each(|(at, name)| {
+                form.chosen_frames.iter_mut().zip(["first frame", "last frame"]).for_each(|(at, name)| {
                     let value = ui.add(DragValue::new(at).range(0..=scene.frames - 1));
                     named(value, WidgetType::DragValue, name).hint(name);
                 })
@@ -130,7 +130,7 @@ fn image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
     ui.label("size");
     ui.horizontal_wrapped(|ui| {
         let scales = [(1, 4, "¼"), (1, 2, "½"), (1, 1, "as written"), (2, 1, "double")];
-        let pixels = form.pixels(scene);
+        let pixels = form.image_size(scene);
         for (numerator, denominator, name) in scales {
             ui.selectable_value(&mut form.size, Size::Scaled(numerator, denominator), name);
         }

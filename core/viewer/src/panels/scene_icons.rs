@@ -4,7 +4,7 @@ use super::canvas::Canvas;
 use super::overlay::{line, point};
 use crate::app::Viewer;
 use crate::geometry::gizmo::distance_to_segment;
-use crate::geometry::projection::Lens;
+use crate::geometry::projection::WindowProjection;
 use crate::geometry::rig;
 use crate::state::dragged_icon::{DraggedIcon, IconObject};
 use crate::state::view::ViewCamera;
@@ -100,11 +100,11 @@ struct Handle {
 }
 
 impl Handle {
-    fn of(viewer: &Viewer, icon: &SceneIcon, lens: &Lens) -> Handle {
+    fn of(viewer: &Viewer, icon: &SceneIcon, projection: &WindowProjection) -> Handle {
         let chosen = viewer.selection == Some(icon.what.selected());
         let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
-        let lines = lines.into_iter().filter_map(|[a, b]| lens.line(a, b));
-        Handle { disc: lens.point(icon.at), lines: lines.collect() }
+        let lines = lines.into_iter().filter_map(|[a, b]| projection.line(a, b));
+        Handle { disc: projection.point(icon.at), lines: lines.collect() }
     }
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
@@ -125,7 +125,7 @@ impl SceneIcon {
 
 /// Draws the icons and handles the mouse. Returns whether the mouse is over one of them or drags it.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
-    let Canvas { index, response, lens, .. } = canvas;
+    let Canvas { index, response, projection, .. } = canvas;
     // The image of a camera of the script has no icons, since it is shown as it will be rendered.
     let view = &viewer.views[*index];
     if !view.overlays.icons || matches!(view.camera, ViewCamera::Script | ViewCamera::Named(_)) {
@@ -136,7 +136,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     if let Some(dragged) = &viewer.dragged_icon {
         icons.iter_mut().filter(|icon| icon.what == dragged.what).for_each(|icon| icon.at = dragged.to);
     }
-    let handles: Vec<Handle> = icons.iter().map(|icon| Handle::of(viewer, icon, lens)).collect();
+    let handles: Vec<Handle> = icons.iter().map(|icon| Handle::of(viewer, icon, projection)).collect();
     let near = |at: DVec2| {
         let reached =
             icons.iter().zip(&handles).filter_map(|(icon, handle)| Some((icon, handle.distance(at)?)));
@@ -146,7 +146,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     for icon in &icons {
         let chosen = viewer.selection == Some(icon.what.selected());
         let is_hot = hot.as_ref().is_some_and(|hot| hot.what == icon.what);
-        draw(&canvas.painter(ui), icon, chosen, is_hot, lens);
+        draw(&canvas.painter(ui), icon, chosen, is_hot, projection);
     }
     if let Some(hot) = &hot {
         canvas.response.clone().on_hover_text_at_pointer(name(&hot.what));
@@ -165,21 +165,21 @@ fn drag(
     scene: &Scene,
     near: impl Fn(DVec2) -> Option<SceneIcon>,
 ) -> bool {
-    let Canvas { index, response, lens, .. } = canvas;
+    let Canvas { index, response, projection, .. } = canvas;
     let start = canvas.drag_start(ui);
     if let Some((icon, start)) = start.and_then(|start| Some((near(start)?, start))) {
         let (what, from) = (icon.what, icon.at);
-        let taken_at = point_at_depth_of(lens, from, start).unwrap_or(from);
+        let grab_position = point_at_depth_of(projection, from, start).unwrap_or(from);
         viewer.selection = Some(what.selected());
-        viewer.dragged_icon = Some(DraggedIcon { view: *index, what, from, to: from, taken_at });
+        viewer.dragged_icon = Some(DraggedIcon { view: *index, what, from, to: from, grab_position });
     }
     // An icon dragged in another viewport is handled there.
     let Some(dragged) = viewer.dragged_icon.as_mut().filter(|dragged| dragged.view == *index) else {
         return false;
     };
     let pointer = canvas.pointer().filter(|_| response.dragged());
-    if let Some(at) = pointer.and_then(|at| point_at_depth_of(lens, dragged.from, at)) {
-        dragged.to = dragged.from + (at - dragged.taken_at);
+    if let Some(at) = pointer.and_then(|at| point_at_depth_of(projection, dragged.from, at)) {
+        dragged.to = dragged.from + (at - dragged.grab_position);
     }
     let at = dragged.to.to_array().map(|v| super::rounded(v, 1e3));
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
@@ -196,9 +196,9 @@ fn drag(
 }
 
 /// World position under a point of the window, at the same depth as another position.
-fn point_at_depth_of(lens: &Lens, place: DVec3, at: DVec2) -> Option<DVec3> {
-    let (origin, direction) = lens.ray(at);
-    let normal = lens.forward();
+fn point_at_depth_of(projection: &WindowProjection, place: DVec3, at: DVec2) -> Option<DVec3> {
+    let (origin, direction) = projection.ray(at);
+    let normal = projection.forward();
     let along = (place - origin).dot(normal) / direction.dot(normal);
     (along.is_finite() && along > 0.0).then(|| origin + direction * along)
 }
@@ -237,8 +237,8 @@ fn name(what: &IconObject) -> String {
     }
 }
 
-fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Lens) {
-    let Some(at) = lens.point(icon.at).map(point) else { return };
+fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, projection: &WindowProjection) {
+    let Some(at) = projection.point(icon.at).map(point) else { return };
     let color = match (chosen, hot) {
         (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
         (_, true) => Color32::from_rgb(0xff, 0xe0, 0x70),
@@ -257,7 +257,7 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
         IconKind::Sun(on) => {
             painter.circle_filled(at, 3.5, color);
             (0..8).for_each(|i| ray(turn * i as f32 / 8.0, 5.5, 8.0));
-            line(painter, lens, icon.at, *on, thin);
+            line(painter, projection, icon.at, *on, thin);
         }
         IconKind::Point => {
             painter.circle_stroke(at, 4.0, stroke);
@@ -267,12 +267,12 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
         IconKind::Spot(..) => {
             painter.circle_filled(at, 3.0, color);
             let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
-            lines.into_iter().for_each(|[a, b]| line(painter, lens, a, b, stroke));
+            lines.into_iter().for_each(|[a, b]| line(painter, projection, a, b, stroke));
         }
         IconKind::Reach(joint) => {
             painter.circle_stroke(at, 6.0, stroke);
             (0..4).for_each(|i| ray(turn * i as f32 / 4.0, 2.0, 9.0));
-            line(painter, lens, icon.at, *joint, thin);
+            line(painter, projection, icon.at, *joint, thin);
         }
         IconKind::Camera(target, angle) => {
             let body = Rect::from_center_size(at, egui::vec2(9.0, 7.0));
@@ -281,7 +281,7 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
             painter.add(egui::Shape::convex_polygon(beak.to_vec(), color, Stroke::NONE));
             let toward = (*target - icon.at).normalize_or(DVec3::NEG_Z);
             let length = if chosen { 1.0 } else { 0.5 };
-            frame(painter, lens, &Beam { at: icon.at, along: toward, angle: *angle, length }, thin);
+            frame(painter, projection, &Beam { at: icon.at, along: toward, angle: *angle, length }, thin);
         }
     }
 }
@@ -320,7 +320,7 @@ impl Beam {
 }
 
 /// Draws the view frustum of a camera, with an aspect ratio of 16:9.
-fn frame(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
+fn frame(painter: &Painter, projection: &WindowProjection, beam: &Beam, stroke: Stroke) {
     let Beam { at, along, angle, length } = *beam;
     let [right, up] = perpendicular_axes(along);
     let high = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
@@ -328,7 +328,7 @@ fn frame(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
         .map(|(x, y)| at + along * length + right * (x * wide) + up * (y * high));
     for i in 0..4 {
-        line(painter, lens, at, corners[i], stroke);
-        line(painter, lens, corners[i], corners[(i + 1) % 4], stroke);
+        line(painter, projection, at, corners[i], stroke);
+        line(painter, projection, corners[i], corners[(i + 1) % 4], stroke);
     }
 }

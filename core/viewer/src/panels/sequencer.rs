@@ -140,13 +140,15 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 /// Fields for the tempo of the music, whose beats dragged times snap to.
 fn tempo_fields(ui: &mut Ui, viewer: &mut Viewer) {
     let mut tempo = viewer.tempo;
-    let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::MAX_BEATS_PER_MINUTE);
-    tempo.per_minute = set.unwrap_or(tempo.per_minute);
+    let set =
+        values::number(ui, "beats a minute", tempo.beats_per_minute, 0.5, 0.0..=Tempo::MAX_BEATS_PER_MINUTE);
+    tempo.beats_per_minute = set.unwrap_or(tempo.beats_per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
     // The field is also there without a tempo, so that the entries after it do not move.
-    ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
-        let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::MAX_FIRST_BEAT_SECS);
-        tempo.first = set.unwrap_or(tempo.first);
+    ui.add_enabled_ui(tempo.beats_per_minute > 0.0, |ui| {
+        let set =
+            values::time(ui, "first beat", tempo.first_beat_secs, 0.01, 0.0..=Tempo::MAX_FIRST_BEAT_SECS);
+        tempo.first_beat_secs = set.unwrap_or(tempo.first_beat_secs);
         ui.weak("s").hint("time of the first beat");
     });
     if tempo != viewer.tempo {
@@ -170,7 +172,7 @@ fn playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
         true => (icons::PAUSE, "Pause"),
         false => (icons::PLAY, "Play"),
     };
-    bar.icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle(now));
+    bar.icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle_playback(now));
     bar.other_faces([icons::PAUSE, icons::PLAY].into_iter());
     let hint = keys("next_frame");
     bar.icon(icons::CARET_RIGHT, "One frame forward", &hint, |viewer| viewer.playhead.step(1));
@@ -247,7 +249,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
     // If times are displayed as frames, the lines are at whole frames.
     let unit = if viewer.in_seconds { 1.0 } else { 1.0 / fps };
     let in_units = Span { from: span.from / unit, to: span.to / unit };
-    let step = in_units.ruler(ruler.width(), 56.0);
+    let step = in_units.ruler_interval(ruler.width(), 56.0);
     let step = if viewer.in_seconds { step } else { step.max(1.0) };
     let mut line = (in_units.from / step).ceil();
     while line * step <= in_units.to {
@@ -576,7 +578,7 @@ pub(super) fn draw_beats_and_playhead(ui: &Ui, viewer: &Viewer, area: Rect, (rul
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
     let faint = Stroke::new(1.0, ui.visuals().weak_text_color().gamma_multiply(0.35));
     let least = span.secs_at(MIN_BEAT_DISTANCE, ruler.width()) - span.from;
-    for beat in viewer.tempo.between(span.from, span.to.min(viewer.timeline.length.as_secs()), least) {
+    for beat in viewer.tempo.beats_between(span.from, span.to.min(viewer.timeline.length.as_secs()), least) {
         painter.vline(ruler.left() + span.x_of(beat, ruler.width()), lanes.y_range(), faint);
     }
     let head = x(viewer.playhead.time());
@@ -610,6 +612,6 @@ fn problem_count(ui: &Ui, viewer: &mut Viewer, place: Rect) {
     painter.galley(place.left_center() + vec2(6.0, -galley.size().y / 2.0), galley, color);
     let line = first.line;
     if response.hint(format!("{text}\n{}", first.message)).clicked() && line > 0 {
-        viewer.go_to = Some(line);
+        viewer.script_scroll_line = Some(line);
     }
 }

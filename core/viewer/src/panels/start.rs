@@ -24,14 +24,14 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
             ui.label(RichText::new("choreo").heading().strong());
             ui.add_space(8.0);
             if ui.button("Open…").hint("a script or a model").clicked() {
-                viewer.documents.ask(Purpose::Open, None);
+                viewer.documents.open_dialog(Purpose::Open, None);
             }
             section(ui, "New");
             ui.horizontal_wrapped(|ui| {
                 for template in TEMPLATES {
                     let button = egui::Button::new(template.name).min_size(vec2(TILE_WIDTH, 44.0));
                     if ui.add(button).hint(template.about).clicked() {
-                        viewer.documents.ask(Purpose::New(template), None);
+                        viewer.documents.open_dialog(Purpose::New(template), None);
                     }
                 }
             });
@@ -58,7 +58,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                 section(ui, "Lessons");
                 // A lesson is opened as a copy, so that an edit does not change the lesson itself.
                 if let Some(clicked) = tiles(ui, viewer, &mut panels.pictures, &lessons) {
-                    viewer.documents.ask(Purpose::Lesson(clicked), None);
+                    viewer.documents.open_dialog(Purpose::Lesson(clicked), None);
                 }
             }
         });

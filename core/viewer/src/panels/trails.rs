@@ -3,7 +3,7 @@
 use super::canvas::Canvas;
 use super::overlay::{line, point};
 use crate::app::Viewer;
-use crate::geometry::projection::Lens;
+use crate::geometry::projection::WindowProjection;
 use crate::state::selection::Selected;
 use crate::state::trail::{JointRef, Trail};
 use choreo_motion::Time;
@@ -20,25 +20,38 @@ const NOW: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
 
 /// Draws the overlays and handles the mouse. Returns whether the mouse is over a joint.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
-    let lens = &canvas.lens;
+    let projection = &canvas.projection;
     let overlays = viewer.views[canvas.index].overlays;
     let painter = canvas.painter(ui);
     let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
     viewer.joint.take_if(|joint| selected.as_ref() != Some(&joint.actor));
     if let (Some(actor), Some(scene)) = (&selected, viewer.scene.clone())
-        && (overlays.trail || overlays.onion)
+        && (overlays.trail || overlays.onion_skins)
     {
         let context = ui.ctx().clone();
         if let Some(trail) = viewer.trails.of(&scene, actor, move || context.request_repaint()) {
             let now =
                 viewer.views[canvas.index].shown.as_ref().map_or(viewer.playhead.time(), |shown| shown.time);
-            if overlays.onion {
+            if overlays.onion_skins {
                 let parents = scene.stage.actors.iter().find(|a| a.name == *actor);
                 let parents = parents.map_or(&[][..], |a| a.asset.skeleton.parents());
-                draw_onion_skins(&painter, lens, &trail, now, parents, viewer.playhead.fps().time_of(1));
+                draw_onion_skins(
+                    &painter,
+                    projection,
+                    &trail,
+                    now,
+                    parents,
+                    viewer.playhead.fps().time_of(1),
+                );
             }
             if overlays.trail {
-                draw_path(&painter, lens, &trail, now, viewer.joint.as_ref().map_or(0, |joint| joint.joint));
+                draw_path(
+                    &painter,
+                    projection,
+                    &trail,
+                    now,
+                    viewer.joint.as_ref().map_or(0, |joint| joint.joint),
+                );
             }
         }
     }
@@ -52,7 +65,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     let at_joint = |actor: usize, joint: usize| -> Option<DVec2> {
         let state = shown.snapshot.actors.get(actor).filter(|state| state.visible)?;
         let at = state.model_from_joint.get(joint)?.translation.as_dvec3();
-        canvas.lens.point(state.world_from_model.transform_point3(at))
+        canvas.projection.point(state.world_from_model.transform_point3(at))
     };
     let names = &scene.stage.actors;
     if let Some(JointRef { actor, joint }) = &viewer.joint
@@ -87,19 +100,19 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
 }
 
 /// Draws the trail of a joint: a line through all frames, with a dot for each and a larger one for the present frame.
-fn draw_path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) {
+fn draw_path(painter: &Painter, projection: &WindowProjection, trail: &Trail, now: Time, joint: usize) {
     let at = |index: usize| -> Option<DVec3> { trail.frames.get(index)?.1.get(joint).copied() };
     for index in 0..trail.frames.len() {
         let Some(here) = at(index) else { continue };
         let color = if trail.frames[index].0 < now { BEFORE } else { AFTER };
         if let Some(next) = at(index + 1) {
-            line(painter, lens, here, next, Stroke::new(1.5, color));
+            line(painter, projection, here, next, Stroke::new(1.5, color));
         }
-        if let Some(dot) = lens.point(here) {
+        if let Some(dot) = projection.point(here) {
             painter.circle_filled(point(dot), 1.8, color);
         }
     }
-    if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| lens.point(at)) {
+    if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| projection.point(at)) {
         painter.circle_filled(point(dot), 4.0, NOW);
     }
 }
@@ -107,7 +120,7 @@ fn draw_path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: us
 /// Draws skeletons some frames before and after the present one; farther ones are fainter.
 fn draw_onion_skins(
     painter: &Painter,
-    lens: &Lens,
+    projection: &WindowProjection,
     trail: &Trail,
     now: Time,
     parents: &[Option<u32>],
@@ -127,7 +140,7 @@ fn draw_onion_skins(
         for (joint, parent) in parents.iter().enumerate() {
             let ends = joints.get(joint).zip(parent.and_then(|parent| joints.get(parent as usize)));
             if let Some((to, from)) = ends {
-                line(painter, lens, *from, *to, stroke);
+                line(painter, projection, *from, *to, stroke);
             }
         }
     }

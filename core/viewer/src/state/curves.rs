@@ -22,7 +22,7 @@ pub struct Curves {
     /// Whether each property is scaled to the full height.
     pub normalized: bool,
     /// Whether times and values are fitted to the keys in the next frame.
-    pub fit: bool,
+    pub fits_to_keys: bool,
     /// Object whose curves were displayed last.
     shown: Option<Selected>,
     /// Whether the pointer was over the editor in the last frame, so that some shortcuts apply to it.
@@ -53,7 +53,7 @@ impl Default for Curves {
             hidden: BTreeSet::new(),
             speed: false,
             normalized: false,
-            fit: false,
+            fits_to_keys: false,
             shown: None,
             hovered: false,
             seen: false,

@@ -20,11 +20,11 @@ pub enum EventKind {
     /// A key.
     Key,
     /// An actor or a 2D layer appears or disappears.
-    Entrance,
+    Visibility,
     /// A constraint (reach, aim, look) begins or ends.
-    Body,
+    Constraint,
     /// A marker of a clip.
-    Mark,
+    Marker,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -95,10 +95,10 @@ impl EventCollector {
     fn spans(&mut self, what: &str, start: Time, end: Option<Time>) {
         // A state that exists from the start is not an event.
         if start > Time::ZERO {
-            self.add(start, EventKind::Body, format!("{what} begins"));
+            self.add(start, EventKind::Constraint, format!("{what} begins"));
         }
         if let Some(end) = end {
-            self.add(end, EventKind::Body, format!("{what} ends"));
+            self.add(end, EventKind::Constraint, format!("{what} ends"));
         }
     }
 
@@ -121,7 +121,7 @@ impl EventCollector {
                         label: VISIBLE_PROPERTY.into(),
                     };
                     let label = if now { "appears" } else { "goes" };
-                    self.all.push((*at, EventKind::Entrance, label.to_string(), Some(key)));
+                    self.all.push((*at, EventKind::Visibility, label.to_string(), Some(key)));
                 }
                 seen = now;
             }
@@ -151,7 +151,7 @@ impl EventCollector {
                 };
                 match cue.time_of_played(played) {
                     Some(when) if when < end && self.all.len() < MAX_EVENTS => {
-                        self.add(when, EventKind::Mark, format!("{name} of {}", cue.clip.name));
+                        self.add(when, EventKind::Marker, format!("{name} of {}", cue.clip.name));
                     }
                     _ => break,
                 }
@@ -196,7 +196,7 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&EventKey, Vec<Event>)> {
     let mut all: Vec<(&EventKey, Vec<Event>)> = Vec::new();
     for (event, key) in keys() {
         let is_visible = key.property == VISIBLE_PROPERTY;
-        let kind = if is_visible { EventKind::Entrance } else { EventKind::Key };
+        let kind = if is_visible { EventKind::Visibility } else { EventKind::Key };
         let (at, what, place) = (event.at, event.what.clone(), event.place.clone());
         let one = Event { at, kind, label: key.label.clone(), what, place, keys: vec![key.clone()] };
         match all.iter_mut().find(|(of, _)| is_same(of, key)) {

@@ -74,10 +74,11 @@ pub enum ValueText {
         before: Vec<f64>,
         now: Vec<f64>,
     },
-    Turn(DQuat),
+    Rotation(DQuat),
     Scale(DVec3),
     Text(String),
-    Between,
+    /// The value that the neighboring keys give at that time.
+    Interpolated,
 }
 
 impl ValueText {
@@ -85,10 +86,10 @@ impl ValueText {
         match self {
             ValueText::Point(point) => KeyValue::Point(*point),
             ValueText::Numbers { before, now } => KeyValue::Numbers { before, now },
-            ValueText::Turn(turn) => KeyValue::Turn(*turn),
+            ValueText::Rotation(turn) => KeyValue::Turn(*turn),
             ValueText::Scale(scale) => KeyValue::Scale(*scale),
             ValueText::Text(text) => KeyValue::Text(text),
-            ValueText::Between => KeyValue::Between,
+            ValueText::Interpolated => KeyValue::Between,
         }
     }
 }
@@ -103,8 +104,8 @@ impl KeyedProperty {
         match self.kind {
             ValueKind::Numbers(count) => count,
             ValueKind::Degrees | ValueKind::Flag => 1,
-            ValueKind::Rotation if self.is_upright() => 1,
-            ValueKind::Scale if self.is_even() => 1,
+            ValueKind::Rotation if self.is_yaw_only() => 1,
+            ValueKind::Scale if self.is_uniform_scale() => 1,
             _ => 3,
         }
     }
@@ -137,12 +138,12 @@ impl KeyedProperty {
         self.channels.first().map(|channel| channel.interpolation)
     }
 
-    fn is_upright(&self) -> bool {
+    fn is_yaw_only(&self) -> bool {
         let flat = |all: &Option<Vec<f64>>| all.as_ref().is_some_and(|numbers| numbers.len() == 1);
         self.written.as_ref().is_some_and(|written| written.keys.iter().all(|key| flat(&key.numbers)))
     }
 
-    fn is_even(&self) -> bool {
+    fn is_uniform_scale(&self) -> bool {
         let all = self.channels.first().map_or(&self.rest, |channel| &channel.values);
         all.chunks_exact(3).all(|v| v[0] == v[1] && v[1] == v[2])
     }
@@ -165,7 +166,7 @@ impl KeyedProperty {
             ValueKind::Degrees => vec![raw[0].to_degrees()],
             ValueKind::Rotation => self.unwrapped_angles(time, DQuat::from_array(raw)),
             ValueKind::Direction => (DQuat::from_array(raw) * DVec3::NEG_Z).to_array().to_vec(),
-            ValueKind::Scale if self.is_even() => vec![raw[0]],
+            ValueKind::Scale if self.is_uniform_scale() => vec![raw[0]],
             ValueKind::Scale | ValueKind::Kelvin => raw[..3].to_vec(),
             ValueKind::Color => raw[..channel.property.width()].to_vec(),
         }
@@ -184,7 +185,7 @@ impl KeyedProperty {
             (None, _) => self.angles.first().copied().unwrap_or_default(),
         };
         let angles = euler_degrees_near(rotation, near).to_array();
-        if self.is_upright() { vec![angles[1]] } else { angles.to_vec() }
+        if self.is_yaw_only() { vec![angles[1]] } else { angles.to_vec() }
     }
 
     /// A value in the form in which the script states it. `numbers`: its components at `time`.
@@ -192,14 +193,14 @@ impl KeyedProperty {
         let three = || DVec3::from_slice(&[numbers[0], numbers[1], numbers[2]]);
         let each = || ValueText::Numbers { before: self.at(time), now: numbers.to_vec() };
         match self.kind {
-            ValueKind::Kelvin => ValueText::Between,
+            ValueKind::Kelvin => ValueText::Interpolated,
             ValueKind::Flag => ValueText::Text((numbers[0] > 0.5).to_string()),
             ValueKind::Color => ValueText::Text(color_text(numbers)),
             ValueKind::Scale if numbers.iter().all(|number| *number == numbers[0]) => {
                 ValueText::Scale(DVec3::splat(numbers[0]))
             }
             ValueKind::Rotation if numbers.len() > 1 && !self.states_angles() => {
-                ValueText::Turn(choreo_session::edit::rotation_of(three()))
+                ValueText::Rotation(choreo_session::edit::rotation_of(three()))
             }
             // A direction need not be a unit vector.
             ValueKind::Direction => ValueText::Point(three()),
@@ -223,7 +224,7 @@ impl KeyedProperty {
     }
 
     /// Whether single components can be edited.
-    pub fn is_plain(&self) -> bool {
+    pub fn has_editable_components(&self) -> bool {
         self.kind != ValueKind::Kelvin
     }
 
@@ -510,7 +511,7 @@ fn parameter_properties(scene: &Scene, what: &Selected, used: &EffectUse) -> Vec
         let numbers = first..first + option.number_count();
         first = numbers.end;
         let rest = given.get(numbers).map(|all| all.iter().map(|n| f64::from(*n)).collect::<Vec<_>>());
-        let Some((rest, kind)) = rest.zip(kind_of(option)) else { continue };
+        let Some((rest, kind)) = rest.zip(value_kind_of(option)) else { continue };
         let of_number =
             |name: String| used.keys.iter().find(|(keyed, _)| *keyed == name).map(|(_, c)| c.clone());
         let channels: Vec<Channel> = option.number_names().filter_map(of_number).collect();
@@ -528,7 +529,7 @@ fn parameter_properties(scene: &Scene, what: &Selected, used: &EffectUse) -> Vec
     all
 }
 
-fn kind_of(option: &OptionSpec) -> Option<ValueKind> {
+fn value_kind_of(option: &OptionSpec) -> Option<ValueKind> {
     Some(match &option.kind {
         OptionKind::Number { .. } | OptionKind::Integer { .. } => ValueKind::Numbers(1),
         OptionKind::Bool { .. } => ValueKind::Flag,

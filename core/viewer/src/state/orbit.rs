@@ -25,7 +25,7 @@ pub struct Orbit {
 }
 
 /// Height of the orthographic image per metre of distance, metres.
-pub(crate) const FLAT_HEIGHT: f32 = 0.7;
+pub(crate) const ORTHOGRAPHIC_HEIGHT_PER_METRE: f32 = 0.7;
 
 impl Orbit {
     /// An orbit with the position and direction of a camera. Its center is the point in front of the camera that is nearest to `near`.
@@ -105,7 +105,7 @@ impl Orbit {
     }
 
     /// Rotates the camera in place. `by`: drag in heights of the view.
-    pub fn look(&mut self, by: DVec2) {
+    pub fn look_around(&mut self, by: DVec2) {
         let eye = self.center + self.rotation() * DVec3::new(0.0, 0.0, self.distance);
         self.turn(DVec2::new(by.x, by.y));
         self.center = eye - self.rotation() * DVec3::new(0.0, 0.0, self.distance);
@@ -120,7 +120,7 @@ impl Orbit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::projection::Lens;
+    use crate::geometry::projection::WindowProjection;
 
     fn close(a: DVec3, b: DVec3) -> bool {
         (a - b).length() < 1e-9
@@ -166,7 +166,7 @@ mod tests {
             let before = CameraState { camera: None, world_from_view, projection };
             let after = Orbit::from_camera(&before, DVec3::new(0.3, 0.9, -1.0)).camera();
             let size = DVec2::new(640.0, 360.0);
-            let [a, b] = [before, after].map(|camera| Lens::new(&camera, DVec2::ZERO, size));
+            let [a, b] = [before, after].map(|camera| WindowProjection::new(&camera, DVec2::ZERO, size));
             for point in [DVec3::new(0.4, 0.2, -3.0), DVec3::new(-0.7, 0.1, -8.0)] {
                 let world = world_from_view.transform_point3(point);
                 let [a, b] = [a.point(world), b.point(world)].map(Option::unwrap);
@@ -202,7 +202,7 @@ mod tests {
     fn looking_around_leaves_the_eye_where_it_is() {
         let mut o = orbit();
         let before = o.camera().world_from_view.translation;
-        o.look(DVec2::new(0.3, -0.2));
+        o.look_around(DVec2::new(0.3, -0.2));
         assert!(close(o.camera().world_from_view.translation, before));
         assert!(!close(o.center, orbit().center));
     }

@@ -204,7 +204,7 @@ impl Timeline {
     }
 
     /// Time of the next start, end, event or marker after the frame at `now`, or of the previous one before it if `back`.
-    pub fn next(&self, now: Time, fps: FrameRate, back: bool) -> Option<Time> {
+    pub fn next_time(&self, now: Time, fps: FrameRate, back: bool) -> Option<Time> {
         let bars = self.rows.iter().flat_map(|row| &row.bars).flat_map(|bar| [bar.start, bar.until]);
         let events = self.rows.iter().flat_map(|row| &row.events).map(|event| event.at);
         let all = bars.chain(events).chain(self.markers.iter().map(|m| m.1)).filter(|t| *t <= self.length);
@@ -218,7 +218,7 @@ impl Timeline {
     }
 
     /// Bars that are active at a time, whose lines in the script are highlighted.
-    pub fn on_at(&self, time: Time) -> impl Iterator<Item = &Bar> {
+    pub fn bars_at(&self, time: Time) -> impl Iterator<Item = &Bar> {
         self.rows.iter().flat_map(|row| &row.bars).filter(move |bar| bar.start <= time && time < bar.end)
     }
 }

@@ -44,11 +44,11 @@ pub struct Overlays {
     /// Motion trail of the selected joint, else of the selected actor.
     pub trail: bool,
     /// Onion skins: skeletons of the selected actor before and after the playhead.
-    pub onion: bool,
+    pub onion_skins: bool,
     pub skeletons: bool,
     pub bounds: bool,
     /// Action and title safe areas, and the center.
-    pub safe: bool,
+    pub safe_areas: bool,
 }
 
 impl Default for Overlays {
@@ -58,10 +58,10 @@ impl Default for Overlays {
             icons: true,
             axes: true,
             trail: false,
-            onion: false,
+            onion_skins: false,
             skeletons: false,
             bounds: false,
-            safe: false,
+            safe_areas: false,
         }
     }
 }
@@ -75,9 +75,9 @@ impl Overlays {
             ("icons", "Lights and cameras", &mut self.icons),
             ("skeletons", "Skeletons", &mut self.skeletons),
             ("trail", "Motion trail", &mut self.trail),
-            ("onion", "Onion skin", &mut self.onion),
+            ("onion", "Onion skin", &mut self.onion_skins),
             ("bounds", "Bounds", &mut self.bounds),
-            ("safe", "Safe areas", &mut self.safe),
+            ("safe", "Safe areas", &mut self.safe_areas),
         ]
     }
 }
@@ -108,7 +108,7 @@ pub struct View {
     /// Whether the panel of the view was drawn in the last window frame; other views request no frames.
     pub is_visible: bool,
     pub(crate) requested: Option<FrameKey>,
-    pub waiting: bool,
+    pub is_waiting: bool,
     pub ticket: u64,
 }
 
@@ -123,7 +123,7 @@ impl Default for View {
             place: [0.0; 4],
             is_visible: true,
             requested: None,
-            waiting: false,
+            is_waiting: false,
             ticket: 0,
         }
     }

@@ -22,12 +22,12 @@ pub(crate) fn first_viewer(
     let mut viewer = Viewer::new(source.map_or("start".to_string(), name_of));
     let thumbnails = Thumbnails::new(registry, options.base_source(), choreo_command_line::cache_dir());
     let (recent, tempos) = (settings.recent.clone(), settings.tempos.clone());
-    let lessons = lessons::find();
+    let lessons = lessons::find_lessons();
     viewer.documents = Documents { recent, tempos, lessons, thumbnails, ..Documents::new(registry) };
     match source {
         Some(source) => {
             viewer.path = source.is_script().then(|| source.input.clone());
-            viewer.documents.missing = viewer.path.clone().filter(|path| !path.exists());
+            viewer.documents.missing_script = viewer.path.clone().filter(|path| !path.exists());
             viewer.record_opened(&source.input);
         }
         None => viewer.documents.start = true,
@@ -77,10 +77,11 @@ impl ViewerWindow {
         self.frames.clear();
         self.viewer = self.viewer.for_other_file(name_of(&source));
         self.viewer.path = source.is_script().then(|| source.input.clone());
-        self.viewer.commands.take_file(&source.input);
+        self.viewer.commands.set_input(&source.input);
         let documents = &mut self.viewer.documents;
         documents.start = false;
-        documents.missing = (source.is_script() && !source.input.exists()).then(|| source.input.clone());
+        documents.missing_script =
+            (source.is_script() && !source.input.exists()).then(|| source.input.clone());
         documents.thumbnails.forget();
         self.viewer.record_opened(&source.input);
         self.source = source;

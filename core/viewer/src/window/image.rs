@@ -17,7 +17,7 @@ pub(crate) struct WindowImage {
     staging: vk::Buffer,
     staging_memory: Option<Allocation>,
     /// Whether the image has never been written.
-    fresh: bool,
+    is_unwritten: bool,
 }
 
 impl WindowImage {
@@ -33,7 +33,7 @@ impl WindowImage {
             memory: None,
             staging: vk::Buffer::null(),
             staging_memory: None,
-            fresh: true,
+            is_unwritten: true,
         };
         match picture.make(device, allocator) {
             Ok(()) => Ok(picture),
@@ -123,8 +123,8 @@ impl WindowImage {
                 .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         };
         use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
-        let old = if self.fresh { L::UNDEFINED } else { L::SHADER_READ_ONLY_OPTIMAL };
-        self.fresh = false;
+        let old = if self.is_unwritten { L::UNDEFINED } else { L::SHADER_READ_ONLY_OPTIMAL };
+        self.is_unwritten = false;
         let write = (S::COPY, A::TRANSFER_WRITE);
         let read = (S::FRAGMENT_SHADER, A::SHADER_SAMPLED_READ);
         let before = [barrier(old, L::TRANSFER_DST_OPTIMAL, (S::FRAGMENT_SHADER, A::NONE), write)];

@@ -288,9 +288,9 @@ impl ViewerWindow {
         }
         self.save_shortcuts();
         let (settings, now) = (self.present_settings(), self.now());
-        match self.settings.due(&settings, now) {
+        match self.settings.save_time(&settings, now) {
             SaveTime::Now => self.save_settings(),
-            SaveTime::In(secs) => self.wake_in(Duration::from_secs_f64(secs)),
+            SaveTime::After(secs) => self.wake_in(Duration::from_secs_f64(secs)),
             SaveTime::Never => {}
         }
     }
@@ -300,7 +300,7 @@ impl ViewerWindow {
         if self.is_hidden() {
             return;
         }
-        let cap = self.viewer.performance.cap.filter(|_| self.viewer.playhead.is_playing());
+        let cap = self.viewer.performance.max_fps.filter(|_| self.viewer.playhead.is_playing());
         if let (Some(cap), Some(last)) = (cap, self.last_requested) {
             let wait = Duration::from_secs_f64(1.0 / f64::from(cap.max(1))).saturating_sub(last.elapsed());
             if !wait.is_zero() {
@@ -394,7 +394,7 @@ impl ViewerWindow {
         self.open_document();
         self.advance();
         self.save_settings_when_due();
-        if self.viewer.quit {
+        if self.viewer.should_close {
             events.exit();
         }
     }
@@ -492,7 +492,7 @@ impl ViewerWindow {
     fn take_frame(&mut self, reply: FrameReply) {
         self.check();
         let Some((view, frame)) = self.viewer.take_frame(reply) else { return };
-        if view == self.viewer.active
+        if view == self.viewer.active_view
             && self.viewer.views[view].is_plain()
             && let Some(file) = self.viewer.screenshot.take()
         {

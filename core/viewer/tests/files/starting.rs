@@ -109,7 +109,7 @@ fn the_start_page_opens_recent_files_and_lessons_shown_as_images() {
     fs::write(&lesson, PLAIN.replace("#204060", "#806020")).unwrap();
     let mut documents = documents(folder.path(), Some(folder.path().join("cache")));
     documents.recent = vec![recent.clone(), folder.path().join("gone.rhai")];
-    documents.lessons = lessons::within(&folder.path().join("lessons"));
+    documents.lessons = lessons::lessons_in(&folder.path().join("lessons"));
     let mut harness = start_page(documents);
     assert!(harness.query_by_label("gone.rhai").is_none(), "a file that is not there is not shown");
     let thumbnails = &mut harness.state_mut().viewer.documents.thumbnails;
@@ -236,14 +236,14 @@ fn opening_a_missing_script_offers_a_template() {
     let file = folder.path().join("new/film.rhai");
     let mut harness = start_page(documents(folder.path(), None));
     harness.state_mut().viewer.documents.start = false;
-    harness.state_mut().viewer.documents.missing = Some(file.clone());
+    harness.state_mut().viewer.documents.missing_script = Some(file.clone());
     harness.run();
     harness.get_by_label("There is no such file");
     harness.get_by_label("One character").click();
     harness.run();
     assert_eq!(fs::read_to_string(&file).unwrap(), TEMPLATES[1].text);
     let documents = &mut harness.state_mut().viewer.documents;
-    assert_eq!((documents.open.take(), documents.missing.clone()), (Some(file), None));
+    assert_eq!((documents.open.take(), documents.missing_script.clone()), (Some(file), None));
 }
 
 #[test]
@@ -276,7 +276,7 @@ fn copying_a_lesson_copies_the_files_that_it_reads() {
     let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").canonicalize().unwrap();
     let mut viewer = Viewer::new("start");
     viewer.documents = documents(&scripts, None);
-    viewer.documents.lessons = lessons::within(&scripts);
+    viewer.documents.lessons = lessons::lessons_in(&scripts);
     // A lesson with a module, one with a model, and one with a folder of plugins.
     for (name, file) in [
         ("07_keys_and_frames", "modules/formations.rhai"),
@@ -285,7 +285,7 @@ fn copying_a_lesson_copies_the_files_that_it_reads() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         let index = viewer.documents.lessons.iter().position(|lesson| lesson.name == name).unwrap();
-        viewer.documents.ask(Purpose::Lesson(index), Some(&folder.path().join("x.rhai")));
+        viewer.documents.open_dialog(Purpose::Lesson(index), Some(&folder.path().join("x.rhai")));
         let proposed = viewer.documents.dialog.take().unwrap().name;
         assert_eq!(proposed, format!("{name}.rhai"));
         let to = folder.path().join(proposed);

@@ -109,7 +109,7 @@ fn every_interactive_widget_has_an_accessible_name() {
         desk.run();
         note(&mut all, &desk, tab);
     }
-    desk.state_mut().viewer.documents.ask(Purpose::New(TEMPLATES[0]), None);
+    desk.state_mut().viewer.documents.open_dialog(Purpose::New(TEMPLATES[0]), None);
     desk.run();
     note(&mut all, &desk, "file dialog");
     desk.state_mut().viewer.documents.dialog = None;

@@ -5,7 +5,7 @@ use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
 use choreo_session::ViewportCamera;
 use choreo_viewer::geometry::picking;
-use choreo_viewer::geometry::projection::Lens;
+use choreo_viewer::geometry::projection::WindowProjection;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::view::{Resolution, ViewCamera};
 use egui::accesskit::Role;
@@ -74,7 +74,7 @@ fn the_tree_hides_isolates_and_locks_actors() {
     assert_eq!(hidden(&mut desk), Some(vec![0]));
     click(&mut desk, "hide ada");
     click(&mut desk, "solo bob");
-    desk.state_mut().viewer.views[0].waiting = false;
+    desk.state_mut().viewer.views[0].is_waiting = false;
     assert_eq!(hidden(&mut desk), Some(vec![0, 2]));
     click(&mut desk, "solo bob");
     // The search finds joints, too, and typed letters are not shortcuts.
@@ -170,7 +170,7 @@ fn the_performance_panel_counts_draws_and_caps_the_frame_rate() {
     desk.get_by_role_and_label(Role::ComboBox, "at most").click();
     desk.run();
     click(&mut desk, "15 frames a second");
-    assert_eq!(desk.state().viewer.performance.cap, Some(15));
+    assert_eq!(desk.state().viewer.performance.max_fps, Some(15));
 }
 
 #[test]
@@ -189,13 +189,13 @@ fn a_view_follows_an_actor_flies_and_uses_any_camera() {
     assert_eq!(desk.state().viewer.views[0].camera, ViewCamera::Named("near".into()));
     let viewport_camera = desk.state_mut().viewer.next_request().unwrap().camera;
     assert_eq!(viewport_camera, ViewportCamera::Camera(1));
-    desk.state_mut().viewer.views[0].waiting = false;
+    desk.state_mut().viewer.views[0].is_waiting = false;
     click(&mut desk, "script's camera");
     click(&mut desk, "row ada");
     click(&mut desk, "follow");
     let following = desk.state_mut().viewer.next_request().unwrap().camera;
     assert!(matches!(following, ViewportCamera::Following { actor: 0, .. }), "{following:?}");
-    desk.state_mut().viewer.views[0].waiting = false;
+    desk.state_mut().viewer.views[0].is_waiting = false;
     click(&mut desk, "follow");
     // While W is held with the pointer over the image, the camera walks forward, here along -z.
     let before = place(&desk);
@@ -218,7 +218,7 @@ fn picking_selects_the_actor_drawn_at_the_pointer() {
     let frame = place.paint().unwrap();
     let viewer = &place.viewer;
     let (scene, shown) = (viewer.scene.clone().unwrap(), viewer.shown().unwrap());
-    let lens = Lens::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
+    let projection = WindowProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
     let kind = |x: usize, y: usize| {
         let at = (y * frame.width as usize + x) * 4;
         let [r, g, b] = [0, 1, 2].map(|c| i32::from(frame.rgba[at + c]));
@@ -239,7 +239,7 @@ fn picking_selects_the_actor_drawn_at_the_pointer() {
                 continue;
             };
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
+            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), |_| true);
             assert_eq!(picked, expected, "at {x}, {y}");
             seen[expected.map_or(2, |a| a)] += 1;
         }
@@ -272,7 +272,7 @@ fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
     place.viewer.views[0].overlays.grid = false;
     let frame = place.paint().unwrap();
     let (scene, shown) = (place.viewer.scene.clone().unwrap(), place.viewer.shown().unwrap());
-    let lens = Lens::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
+    let projection = WindowProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
     let is_back = |x: usize, y: usize| {
         let at = (y * frame.width as usize + x) * 4;
         frame.rgba[at..at + 3] == [255, 0, 255]
@@ -285,7 +285,7 @@ fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
                 continue;
             }
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
+            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), |_| true);
             assert_eq!(picked.is_none(), back, "at {x}, {y}");
             seen[usize::from(back)] += 1;
         }
@@ -303,8 +303,8 @@ fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
     let size = vec2(width, width * 9.0 / 16.0);
     let corner = rect.center() - size / 2.0;
     let vector = |v: egui::Vec2| DVec2::new(f64::from(v.x), f64::from(v.y));
-    let lens = Lens::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
-    let at = lens.point(picking::bounds_center(
+    let projection = WindowProjection::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
+    let at = projection.point(picking::bounds_center(
         &desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].asset,
         &shown.snapshot.actors[0],
     ));
@@ -365,7 +365,7 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
     desk.get_by_label("marker hello");
     click(&mut desk, "seconds");
     assert!(!desk.state().viewer.in_seconds);
-    assert_eq!(desk.state().viewer.shown_time(Time::from_secs(1.0)), "frame 25");
+    assert_eq!(desk.state().viewer.time_text(Time::from_secs(1.0)), "frame 25");
     click(&mut desk, "frames");
     // The playback range is set by keys, and removed by its button.
     for (secs, key) in [(1.0, Key::I), (2.0, Key::O)] {
@@ -465,5 +465,5 @@ fn the_viewer_is_fully_usable_by_keyboard() {
     press(&mut desk, none, Key::F1);
     assert!(has(&desk, "list of shortcuts"));
     press(&mut desk, Modifiers::COMMAND, Key::Q);
-    assert!(desk.state().viewer.quit);
+    assert!(desk.state().viewer.should_close);
 }

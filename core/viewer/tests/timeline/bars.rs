@@ -527,7 +527,7 @@ fn bars_snap_to_beats() {
     desk.run();
     desk.key_press(egui::Key::Enter);
     desk.run();
-    assert_eq!(desk.state().viewer.tempo.per_minute, 80.0);
+    assert_eq!(desk.state().viewer.tempo.beats_per_minute, 80.0);
     // The tempo is kept for the script and for its copy.
     let Place { folder, viewer, .. } = desk.state_mut();
     let (script, copy) = (folder.path().join("a.rhai"), folder.path().join("b.rhai"));
@@ -537,7 +537,7 @@ fn bars_snap_to_beats() {
         let mut again = Viewer::new("again");
         (again.documents.recent, again.documents.tempos) = (vec![script.clone()], tempos.clone());
         again.record_opened(file);
-        assert_eq!(again.tempo.per_minute, bpm, "{}", file.display());
+        assert_eq!(again.tempo.beats_per_minute, bpm, "{}", file.display());
     }
     for (layer, label, from) in [(1, "Bow on ada +1", 1.0), (0, "Run on ada", 2.0)] {
         let bar = desk.get_by_label(label).rect();

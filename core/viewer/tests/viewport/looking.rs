@@ -4,7 +4,7 @@ use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_viewer::geometry::picking::bounds_center;
-use choreo_viewer::geometry::projection::Lens;
+use choreo_viewer::geometry::projection::WindowProjection;
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::settings::Settings;
@@ -52,8 +52,9 @@ fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let view = &viewer.views[view];
     let [left, top, right, bottom] = view.place.map(f64::from);
     let camera = view.displayed_camera(&viewer.scene.as_ref().unwrap().stage).unwrap();
-    let lens = Lens::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
-    let at = lens.point(world).unwrap();
+    let projection =
+        WindowProjection::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
+    let at = projection.point(world).unwrap();
     pos2(at.x as f32, at.y as f32)
 }
 
@@ -260,7 +261,7 @@ fn a_joint_is_picked_and_its_trail_is_where_frames_have_it() {
     let mut desk = desk();
     desk.state_mut().viewer.views[0].overlays.skeletons = true;
     desk.state_mut().viewer.views[0].overlays.trail = true;
-    desk.state_mut().viewer.views[0].overlays.onion = true;
+    desk.state_mut().viewer.views[0].overlays.onion_skins = true;
     painted(&mut desk);
     let viewer = &desk.state().viewer;
     let scene = viewer.scene.clone().unwrap();

@@ -35,14 +35,14 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
         whole.size
     );
     assert!(!whole.moving);
-    viewer.views[0].waiting = false;
+    viewer.views[0].is_waiting = false;
     viewer.playhead.play(0.0);
     viewer.reduction.record_duration(90.0, 40.0);
     let half = viewer.next_request().unwrap();
     assert!(half.moving);
     assert!((half.size[0] * 2).abs_diff(whole.size[0]) <= 1, "{:?} of {:?}", half.size, whole.size);
     // The image has full resolution again once the view rests.
-    viewer.views[0].waiting = false;
+    viewer.views[0].is_waiting = false;
     viewer.playhead.pause();
     assert_eq!(viewer.next_request().unwrap().size, whole.size);
 }
