@@ -162,7 +162,7 @@ impl Viewer {
         for key in keys {
             let keyed = self.keyed(&key.what, &key.property)?;
             let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::Gone)?;
-            let shape = keyed.shape_of_choice(index, choice).ok_or_else(|| {
+            let shape = keyed.shape_after_choice(index, choice).ok_or_else(|| {
                 let why = format!("keys of its {} cannot have tangents", keyed.name);
                 let place = self.place_of(&key.what).map(|(place, _)| place).unwrap_or_default();
                 EditError::refused_at(&place, &why)

@@ -81,7 +81,7 @@ impl Plot {
 }
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
-    viewer.curves.seen = true;
+    viewer.curves.was_drawn = true;
     let Some((what, all)) = displayed_properties(viewer) else {
         ui.label(
             "select an actor, a camera, a light, an effect or a title: its keys are shown here as curves",
@@ -188,8 +188,8 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
         let hint = "show all keys, or those that are selected (Home)";
         bar.button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fits_to_keys = true);
         let hint = "show the change of each value per second instead of the value";
-        bar.toggle(viewer.curves.speed, "Speed", hint, |viewer| {
-            viewer.curves.speed ^= true;
+        bar.toggle(viewer.curves.shows_speed, "Speed", hint, |viewer| {
+            viewer.curves.shows_speed ^= true;
             viewer.curves.fit_values(all, Time::ZERO, None);
         });
         let hint = "scale each property to the full height, whatever its unit";
@@ -275,7 +275,7 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         (1, Some(unit)) if !unit.is_empty() => format!(" {unit}"),
         _ => String::new(),
     };
-    let unit = if viewer.curves.speed { format!("{unit}/s") } else { unit };
+    let unit = if viewer.curves.shows_speed { format!("{unit}/s") } else { unit };
     let step = plot.values.ruler_interval(plot.rect.height(), 28.0);
     let digits = (-libm::log10(step)).ceil().clamp(0.0, 6.0) as usize;
     let line = visuals.weak_text_color().gamma_multiply(0.25);
@@ -285,7 +285,7 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         let strong = if value.abs() < step * 1e-6 { 2.5 } else { 1.0 };
         painter.hline(plot.rect.x_range(), y, Stroke::new(1.0, line.gamma_multiply(strong)));
         let has_room = y - 12.0 > plot.rect.top();
-        if has_room && (!viewer.curves.normalized || viewer.curves.speed) {
+        if has_room && (!viewer.curves.normalized || viewer.curves.shows_speed) {
             let text = format!("{}{unit}", fixed_digits(value, digits));
             let at = pos2(plot.rect.left() + 4.0, y - 1.0);
             painter.text(
@@ -562,7 +562,7 @@ fn dragged_key_position(
         numbers[part] = (numbers[part] + drag.value).clamp(property.range[0], property.range[1]);
     }
     let (add, divide) = viewer.curves.scale(property);
-    let drawn = match viewer.curves.speed {
+    let drawn = match viewer.curves.shows_speed {
         true => viewer.curves.displayed_values(property, at, (add, divide))[part],
         false => (numbers[part] + add) / divide,
     };
@@ -605,7 +605,8 @@ fn drag_key(
         }
     };
     let (_, divide) = viewer.curves.scale(property);
-    let fixed = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.has_editable_components();
+    let fixed =
+        by.y.abs() < DRAG_THRESHOLD || viewer.curves.shows_speed || !property.has_editable_components();
     let value = if fixed { 0.0 } else { -plot.value_of(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
     let value = if fixed { 0.0 } else { round_to_pixel(now + value, plot.value_of_pixel(ui) * divide) - now };
@@ -631,7 +632,7 @@ fn bezier_ease_handles(
     property: &KeyedProperty,
     index: usize,
 ) -> Option<Act> {
-    let written = property.written.as_ref().filter(|_| !viewer.curves.speed)?;
+    let written = property.written.as_ref().filter(|_| !viewer.curves.shows_speed)?;
     let (mut act, scale) = (None, viewer.curves.scale(property));
     for number in 1..property.keys.len().min(MAX_KEYS) {
         let (before, at) = (property.keys[number - 1], property.keys[number]);

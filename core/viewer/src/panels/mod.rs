@@ -256,7 +256,7 @@ impl Panels {
         }
         self.overlays = viewer.views[0].overlays;
         viewer.is_scrubbing = false;
-        (viewer.curves.hovered, viewer.curves.seen) = (false, false);
+        (viewer.curves.hovered, viewer.curves.was_drawn) = (false, false);
         // Fills the gaps at the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());

@@ -114,7 +114,7 @@ impl Row {
             place: self.place.clone(),
             parts: Vec::new(),
         };
-        let parts = events::by_property(&self.events).into_iter().map(part).collect();
+        let parts = events::events_by_property(&self.events).into_iter().map(part).collect();
         Row { parts, ..self }
     }
 }
@@ -230,9 +230,9 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
     let what = Some(Selected::Actor(actor.name.clone()));
     let place = places.actors.get(index).cloned().unwrap_or_default();
     let mut gathered = EventCollector::default();
-    gathered.actor(actor, scene);
+    gathered.add_actor(actor, scene);
     if actor.layers.is_empty() {
-        let events = gathered.events(length, what.as_ref(), &place);
+        let events = gathered.into_events(length, what.as_ref(), &place);
         let (label, bars, parts) = (actor.name.clone(), Vec::new(), Vec::new());
         return vec![Row { label, what, layer: None, bars, events, place, parts }];
     }
@@ -244,16 +244,16 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
             let place = of_layer.and_then(|l| l.get(at)).cloned().unwrap_or_default();
             let color_index = color_index(&cue.clip.name);
             let what = Selected::Cue { actor: actor.name.clone(), layer: number, cue: at };
-            bar(stage, layer, at, cue, what, place, color_index)
+            cue_bar(stage, layer, at, cue, what, place, color_index)
         });
         let bars: Vec<Bar> = cues.collect();
         if let Some(keys) = &layer.weight_keys {
-            gathered.layer_weight(keys, &bars, scene);
+            gathered.add_layer_weight(keys, &bars, scene);
         }
         for (cue, bar) in layer.cues.iter().zip(&bars) {
-            gathered.cue((cue, &bar.what), scene, bar.end, &places.clip_markers);
+            gathered.add_cue((cue, &bar.what), scene, bar.end, &places.clip_markers);
         }
-        let events = std::mem::take(&mut gathered).events(length, what.as_ref(), &place);
+        let events = std::mem::take(&mut gathered).into_events(length, what.as_ref(), &place);
         let (what, place, parts) = (what.clone(), place.clone(), Vec::new());
         rows.push(Row { label, what, layer: Some(number), bars, events, place, parts });
     }
@@ -347,7 +347,7 @@ pub(crate) fn color_index(name: &str) -> usize {
 }
 
 /// The bar of a cue. `at`: index of the cue in its layer.
-fn bar(
+fn cue_bar(
     stage: &Stage,
     layer: &Layer,
     at: usize,

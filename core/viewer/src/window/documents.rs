@@ -65,7 +65,7 @@ impl ViewerWindow {
             Ok(opened) => opened,
             Err(why) => {
                 self.viewer.message = Some(why);
-                return self.redraw();
+                return self.request_redraw();
             }
         };
         self.newest_session += 1;
@@ -85,7 +85,7 @@ impl ViewerWindow {
         documents.thumbnails.forget();
         self.viewer.record_opened(&source.input);
         self.source = source;
-        if let Some(open) = &self.open {
+        if let Some(open) = &self.open_window {
             open.window.set_title(&format!("{} – {}", self.viewer.name, self.program));
         }
         self.save_settings();

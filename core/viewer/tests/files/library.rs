@@ -108,7 +108,7 @@ fn user_shortcuts_override_the_preset_and_the_defaults() {
     keys.user_keys.insert("delete".into(), "Ctrl+Shift+Backspace, alt+D".into());
     keys.user_keys.insert("play".into(), String::new());
     assert_eq!(keys.display_text("delete", "Delete"), "Ctrl Shift Backspace, Alt D");
-    assert_eq!(keys.of("play", "Space"), []);
+    assert_eq!(keys.chords_of("play", "Space"), []);
     std::fs::create_dir(file.parent().unwrap()).unwrap();
     let own = r#"{ "keys": { "delete": "Ctrl+Shift+Backspace, alt+D", "play": "" } }"#;
     std::fs::write(&file, own).unwrap();

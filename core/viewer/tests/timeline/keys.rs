@@ -816,7 +816,7 @@ fn the_easing_menu_fits_the_window_in_columns() {
 #[test]
 fn the_speed_at_a_key_is_one_sided() {
     let mut place = Place::new(SCRIPT);
-    place.viewer.curves.speed = true;
+    place.viewer.curves.shows_speed = true;
     let speed = |name: &str, secs: f64| {
         place.viewer.curves.displayed_values(
             &property(&place, &ball(), name),
