@@ -737,15 +737,17 @@ impl Viewer {
         (0..self.timeline.rows.len()).filter(is_shown).flat_map(with_parts).collect()
     }
 
-    /// If times snap: the nearest marker, beat, edge of a bar, end of the scene or playhead within `reach` of a dragged time, all in seconds.
-    /// `not`: the dragged bar.
-    pub(crate) fn snap_target(&self, secs: f64, reach: f64, not: Option<&Bar>) -> Option<f64> {
-        let is_other = |bar: &&Bar| not.is_none_or(|not| not.what != bar.what || not.start != bar.start);
+    /// If times snap: the nearest marker, beat, edge of a bar, end of the scene or playhead within `max_distance` of a dragged time, all in seconds.
+    /// `excluded`: the dragged bar.
+    pub(crate) fn snap_target(&self, secs: f64, max_distance: f64, excluded: Option<&Bar>) -> Option<f64> {
+        let is_other = |bar: &&Bar| {
+            excluded.is_none_or(|dragged| dragged.what != bar.what || dragged.start != bar.start)
+        };
         let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.until, bar.end]);
         let markers = self.timeline.markers.iter().map(|(_, at)| *at);
         let all = edges.chain(markers).chain([self.playhead.time(), self.timeline.length]).map(Time::as_secs);
         let all = all.chain(self.tempo.nearest_beat(secs));
-        let near = all.filter(|at| self.snap && (at - secs).abs() <= reach);
+        let near = all.filter(|at| self.snap && (at - secs).abs() <= max_distance);
         near.min_by(|a, b| (a - secs).abs().total_cmp(&(b - secs).abs()))
     }
 

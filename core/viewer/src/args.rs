@@ -61,11 +61,12 @@ struct Args {
 /// Validated options of the program.
 pub(crate) struct ViewerOptions {
     /// File to open first. `None`: the start page.
-    pub first: Option<PathBuf>,
+    pub first_file: Option<PathBuf>,
     pub files: FileOptions,
     pub device: Device,
-    pub at: f64,
-    pub play: bool,
+    /// Initial time, seconds.
+    pub start_secs: f64,
+    pub plays_at_start: bool,
     /// Whether images have the size that `render` uses.
     pub full_size: bool,
     /// Numbers of window frames at which a lost device is simulated.
@@ -188,8 +189,18 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         ..SceneSource::new("")
     };
     let files = FileOptions { base_source, project_file: !args.no_project_file, app: app.clone() };
-    let Args { input: first, device, at, play, full_size, lose_device_at, event_log, .. } = args;
-    Ok(ViewerOptions { first, files, device, at, play, full_size, lose_device_at, event_log, commands })
+    let Args { input: first_file, device, at, play, full_size, lose_device_at, event_log, .. } = args;
+    Ok(ViewerOptions {
+        first_file,
+        files,
+        device,
+        start_secs: at,
+        plays_at_start: play,
+        full_size,
+        lose_device_at,
+        event_log,
+        commands,
+    })
 }
 
 #[cfg(test)]
@@ -210,7 +221,7 @@ mod tests {
             let script = d.join("scenes/a.rhai").into_os_string();
             let words = [OsString::from("choreo-view"), script].into_iter();
             let asked = parse(words.chain(more.iter().map(OsString::from)), &app).map_err(|_| "refused")?;
-            let source = asked.files.source(asked.first.ok_or("no input")?);
+            let source = asked.files.source(asked.first_file.ok_or("no input")?);
             source.map(|source| source.search).map_err(|_| "refused")
         };
         assert_eq!(search(&[]), Ok(vec![d.join("assets")]));

@@ -78,7 +78,7 @@ impl Commands {
     }
 
     /// Command line of a command, beginning with the program.
-    fn words(&self, command: &str, rest: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    fn command_line(&self, command: &str, rest: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
         self.program.iter().cloned().chain([command.into()]).chain(rest).collect()
     }
 }

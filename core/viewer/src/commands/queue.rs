@@ -34,7 +34,7 @@ pub struct Job {
 
 impl Job {
     /// Whether the job is not finished and writes to `output`, a file or numbered images.
-    pub fn is_to_write(&self, output: &Path) -> bool {
+    pub fn is_unfinished_writer_of(&self, output: &Path) -> bool {
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
         matches!(self.state, JobState::Waiting | JobState::Running { .. })
             && absolute(&self.output) == absolute(output)
@@ -55,7 +55,7 @@ pub struct Request {
 #[derive(Default)]
 struct Jobs {
     all: Vec<Job>,
-    last: u64,
+    last_number: u64,
     running: Option<(u64, Process)>,
     /// Whether a worker thread is running.
     has_worker: bool,
@@ -67,31 +67,31 @@ struct Jobs {
 #[derive(Default)]
 pub struct RenderQueue(Arc<Mutex<Jobs>>);
 
-fn locked(jobs: &Mutex<Jobs>) -> MutexGuard<'_, Jobs> {
+fn lock_jobs(jobs: &Mutex<Jobs>) -> MutexGuard<'_, Jobs> {
     jobs.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl RenderQueue {
     pub fn jobs(&self) -> Vec<Job> {
-        locked(&self.0).all.clone()
+        lock_jobs(&self.0).all.clone()
     }
 
     /// Adds a job. `changed`: called whenever the list changes.
-    pub fn add(&self, commands: &Commands, asked: Request, changed: impl Fn() + Send + 'static) {
+    pub fn add(&self, commands: &Commands, request: Request, changed: impl Fn() + Send + 'static) {
         let scene = [commands.input.clone().into_os_string()].into_iter().chain(commands.scene.clone());
-        let output = ["-o".into(), asked.output.clone().into_os_string(), "--json".into()];
-        let words = commands.words(asked.command, scene.chain(output).chain(asked.options));
-        let mut jobs = locked(&self.0);
-        jobs.last += 1;
-        let number = jobs.last;
-        let Request { command, output, about, .. } = asked;
+        let output = ["-o".into(), request.output.clone().into_os_string(), "--json".into()];
+        let words = commands.command_line(request.command, scene.chain(output).chain(request.options));
+        let mut jobs = lock_jobs(&self.0);
+        jobs.last_number += 1;
+        let number = jobs.last_number;
+        let Request { command, output, about, .. } = request;
         jobs.all.push(Job { number, command, output, about, words, state: JobState::Waiting });
         if std::mem::replace(&mut jobs.has_worker, true) {
             return;
         }
         let shared = self.0.clone();
         let thread = std::thread::Builder::new().name("renders".into());
-        if let Err(error) = thread.spawn(move || work(&shared, &changed)) {
+        if let Err(error) = thread.spawn(move || run_jobs(&shared, &changed)) {
             jobs.has_worker = false;
             set_state(&mut jobs, number, JobState::Failed(format!("cannot start a thread: {error}")));
         }
@@ -99,7 +99,7 @@ impl RenderQueue {
 
     /// Cancels a running job, or removes another one from the list.
     pub fn cancel(&self, number: u64) {
-        let mut jobs = locked(&self.0);
+        let mut jobs = lock_jobs(&self.0);
         if let Some((running, process)) = &jobs.running
             && *running == number
         {
@@ -112,7 +112,7 @@ impl RenderQueue {
 /// Closing the window interrupts the running job, which removes its incomplete files.
 impl Drop for RenderQueue {
     fn drop(&mut self) {
-        let mut jobs = locked(&self.0);
+        let mut jobs = lock_jobs(&self.0);
         jobs.is_closed = true;
         if let Some((_, process)) = &jobs.running {
             process.interrupt();
@@ -127,10 +127,10 @@ fn set_state(jobs: &mut Jobs, number: u64, state: JobState) {
 }
 
 /// Runs one job after the other until none is waiting.
-fn work(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
+fn run_jobs(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
     loop {
         let (number, process) = {
-            let mut jobs = locked(shared);
+            let mut jobs = lock_jobs(shared);
             let jobs = &mut *jobs;
             let next = jobs.all.iter_mut().find(|job| job.state == JobState::Waiting && !jobs.is_closed);
             let Some(job) = next else {
@@ -151,18 +151,18 @@ fn work(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
             }
         };
         changed();
-        let ended = process.finish(|line| {
-            let Some((done, frames)) = progress(line) else { return false };
-            set_state(&mut locked(shared), number, JobState::Running { done, frames });
+        let ended = process.wait_for_end(|line| {
+            let Some((done, frames)) = parse_progress(line) else { return false };
+            set_state(&mut lock_jobs(shared), number, JobState::Running { done, frames });
             changed();
             true
         });
         let state = match ended {
             Ok(ended) if ended.interrupted => JobState::Canceled,
-            Ok(ended) => outcome(&ended.stdout, &ended.stderr),
+            Ok(ended) => final_state(&ended.stdout, &ended.stderr),
             Err(error) => JobState::Failed(error.to_string()),
         };
-        let mut jobs = locked(shared);
+        let mut jobs = lock_jobs(shared);
         jobs.running = None;
         set_state(&mut jobs, number, state);
         drop(jobs);
@@ -171,13 +171,13 @@ fn work(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
 }
 
 /// Parses a progress line: `{"done":3,"frames":90}`.
-fn progress(line: &str) -> Option<(u64, u64)> {
+fn parse_progress(line: &str) -> Option<(u64, u64)> {
     let value: Value = serde_json::from_str(line).ok()?;
     Some((value["done"].as_u64()?, value["frames"].as_u64()?))
 }
 
 /// State of a job by its JSON report, with a text for display. `messages`: standard error, used if there is no report.
-fn outcome(report: &str, messages: &str) -> JobState {
+fn final_state(report: &str, messages: &str) -> JobState {
     let Ok(report) = serde_json::from_str::<Value>(report) else {
         let text = messages.trim();
         return JobState::Failed(if text.is_empty() {

@@ -67,11 +67,11 @@ impl Section {
             _ => Status::Error,
         };
         Section {
-            file: text(&value["file"]),
-            name: text(&value["section"]),
+            file: text_of(&value["file"]),
+            name: text_of(&value["section"]),
             line: value["line"].as_u64().unwrap_or(0) as usize,
             status,
-            text: text(&value["text"]),
+            text: text_of(&value["text"]),
             checks: value["checks"].as_array().into_iter().flatten().map(Check::new).collect(),
             seconds: value["seconds"].as_f64().unwrap_or(0.0),
             reused: value["reused"].as_bool().unwrap_or(false),
@@ -102,19 +102,19 @@ impl Check {
         });
         Check {
             line: value["place"]["line"].as_u64().unwrap_or(0) as usize,
-            title: text(&value["title"]),
+            title: text_of(&value["title"]),
             passed: value["passed"].as_bool().unwrap_or(false),
-            expected: text(&value["expected"]),
-            actual: text(&value["got"]),
-            difference_text: text(&value["by"]),
-            hint: text(&value["hint"]),
+            expected: text_of(&value["expected"]),
+            actual: text_of(&value["got"]),
+            difference_text: text_of(&value["by"]),
+            hint: text_of(&value["hint"]),
             images,
         }
     }
 }
 
 /// A string, or another value as JSON; empty for a missing one.
-fn text(value: &Value) -> String {
+fn text_of(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
         Value::String(text) => text.clone(),

@@ -84,7 +84,7 @@ pub(crate) fn handle_at(
 ) -> Option<Handle> {
     let center = world_from_model.translation;
     let length = ARM_LENGTH * projection.metres_per_point(center);
-    let middle = projection.point(center)?;
+    let middle = projection.project_point(center)?;
     if tool != Tool::Turn && (at - middle).length() < GRAB_DISTANCE {
         return Some(Handle::Middle);
     }
@@ -92,11 +92,12 @@ pub(crate) fn handle_at(
         match tool {
             Tool::Turn => {
                 let points: Vec<DVec2> =
-                    ring_points(center, axis, length).filter_map(|p| projection.point(p)).collect();
+                    ring_points(center, axis, length).filter_map(|p| projection.project_point(p)).collect();
                 points.windows(2).map(|w| distance_to_segment(at, w[0], w[1])).reduce(f64::min)
             }
             _ => {
-                let tip = projection.point(center + arm_direction(tool, axis, world_from_model) * length)?;
+                let tip = projection
+                    .project_point(center + arm_direction(tool, axis, world_from_model) * length)?;
                 Some(distance_to_segment(at, middle, tip))
             }
         }
@@ -123,21 +124,22 @@ impl Drag {
         };
         match (self.tool, self.handle) {
             (Tool::Move, Handle::Axis(axis)) => {
-                let along = |at| distance_along_axis(projection.ray(at), center, AXES[axis]);
+                let along = |at| distance_along_axis(projection.ray_through(at), center, AXES[axis]);
                 let by = along(to).zip(along(self.from)).map_or(0.0, |(to, from)| to - from);
                 Change::Move(AXES[axis] * round(by, DRAG_STEPS.1, metres))
             }
             (Tool::Move, Handle::Middle) => {
-                let on_ground = |at| ray_plane_intersection(projection.ray(at), center, DVec3::Y);
+                let on_ground = |at| ray_plane_intersection(projection.ray_through(at), center, DVec3::Y);
                 let by = on_ground(to).zip(on_ground(self.from)).map_or(DVec3::ZERO, |(to, from)| to - from);
                 let round = |by| round(by, DRAG_STEPS.1, metres);
                 Change::Move(DVec3::new(round(by.x), 0.0, round(by.z)))
             }
             (Tool::Turn, Handle::Axis(axis)) => {
                 // Angles are measured on the screen, so that a ring seen edge-on works as well as one seen along its axis.
-                let middle = projection.point(center).unwrap_or(self.from);
+                let middle = projection.project_point(center).unwrap_or(self.from);
                 let angle = |at: DVec2| libm::atan2(middle.y - at.y, at.x - middle.x);
-                let towards = if projection.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
+                let towards =
+                    if projection.direction_to_camera(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
                 let degrees = ((angle(to) - angle(self.from)) * towards).to_degrees();
                 let pixel = (1.0 / (to - middle).length().max(1.0)).to_degrees();
                 let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, DRAG_STEPS.0, pixel);
@@ -149,7 +151,7 @@ impl Drag {
                 let (factor, pixel) = match handle {
                     Handle::Axis(axis) => {
                         let arm = arm_direction(Tool::Scale, axis, &self.world_from_model);
-                        let along = |at| distance_along_axis(projection.ray(at), center, arm);
+                        let along = |at| distance_along_axis(projection.ray_through(at), center, arm);
                         let (from, to) = (along(self.from).unwrap_or(1.0), along(to).unwrap_or(1.0));
                         let factor = if from.abs() < 1e-9 { 1.0 } else { to / from };
                         (factor, metres / from.abs().max(1e-9))
@@ -223,17 +225,17 @@ mod tests {
         let projection = projection();
         let center = placed().translation;
         for (axis, along) in AXES.into_iter().enumerate() {
-            let from = projection.point(center + along * 0.2).unwrap();
+            let from = projection.project_point(center + along * 0.2).unwrap();
             assert_eq!(handle_at(Tool::Move, &placed(), &projection, from), Some(Handle::Axis(axis)));
-            let to = projection.point(center + along * 1.2).unwrap();
+            let to = projection.project_point(center + along * 1.2).unwrap();
             let Change::Move(by) = drag(Tool::Move, Handle::Axis(axis), from).change(&projection, to, false)
             else {
                 panic!()
             };
             assert!((by - along).length() < 1e-6, "{by}");
         }
-        let from = projection.point(center).unwrap();
-        let to = projection.point(center + DVec3::new(0.52, 0.0, -0.31)).unwrap();
+        let from = projection.project_point(center).unwrap();
+        let to = projection.project_point(center + DVec3::new(0.52, 0.0, -0.31)).unwrap();
         let ground = drag(Tool::Move, Handle::Middle, from);
         assert_eq!(handle_at(Tool::Move, &placed(), &projection, from), Some(Handle::Middle));
         let Change::Move(by) = ground.change(&projection, to, true) else { panic!() };
@@ -244,7 +246,7 @@ mod tests {
     #[test]
     fn drag_changes_are_rounded_to_the_screen_resolution() {
         let (projection, center) = (projection(), placed().translation);
-        let from = projection.point(center + DVec3::X * 0.5).unwrap();
+        let from = projection.project_point(center + DVec3::X * 0.5).unwrap();
         let to = from + DVec2::new(31.3, 4.7);
         let whole = |value: f64, parts: f64| (value * parts - (value * parts).round()).abs() < 1e-6;
         let change = |tool, handle| drag(tool, handle, from).change(&projection, to, false);
@@ -265,7 +267,7 @@ mod tests {
         );
         let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
         let projection = WindowProjection::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0));
-        let middle = projection.point(placed().translation).unwrap();
+        let middle = projection.project_point(placed().translation).unwrap();
         let from = middle + DVec2::new(ARM_LENGTH, 0.0);
         assert_eq!(handle_at(Tool::Turn, &placed(), &projection, from), Some(Handle::Axis(1)));
         let turn = drag(Tool::Turn, Handle::Axis(1), from);
@@ -278,7 +280,7 @@ mod tests {
     fn scale_is_a_factor_and_never_becomes_negative() {
         let projection = projection();
         let center = placed().translation;
-        let at = |metres: f64| projection.point(center + DVec3::X * metres).unwrap();
+        let at = |metres: f64| projection.project_point(center + DVec3::X * metres).unwrap();
         let scale = drag(Tool::Scale, Handle::Axis(0), at(0.4));
         assert_eq!(scale.change(&projection, at(0.8), true), Change::Scale(DVec3::new(2.0, 1.0, 1.0)));
         let Change::Scale(by) = scale.change(&projection, at(-3.0), false) else { panic!() };

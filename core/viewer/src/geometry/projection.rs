@@ -11,7 +11,7 @@ const NEAR_PLANE: f64 = 1e-3;
 pub struct WindowProjection {
     view_from_world: DAffine3,
     /// Top left corner of the image, in points of the window.
-    corner: DVec2,
+    top_left: DVec2,
     size: DVec2,
     /// Height of the visible area at a distance of 1 m, or at any distance in parallel projection, metres.
     height: f64,
@@ -19,35 +19,35 @@ pub struct WindowProjection {
 }
 
 impl WindowProjection {
-    /// `corner`, `size`: position and size of the image in the window, points.
-    pub fn new(camera: &CameraState, corner: DVec2, size: DVec2) -> WindowProjection {
+    /// `top_left`, `size`: position and size of the image in the window, points.
+    pub fn new(camera: &CameraState, top_left: DVec2, size: DVec2) -> WindowProjection {
         let (height, perspective) = match camera.projection {
             Projection::Perspective { yfov, .. } => (2.0 * libm::tan(f64::from(yfov) / 2.0), true),
             Projection::Orthographic { height, .. } => (f64::from(height), false),
         };
         WindowProjection {
             view_from_world: camera.world_from_view.inverse(),
-            corner,
+            top_left,
             size,
             height,
             perspective,
         }
     }
 
-    fn screen(&self, view: DVec3) -> DVec2 {
+    fn window_from_view(&self, view: DVec3) -> DVec2 {
         let depth = if self.perspective { -view.z } else { 1.0 };
         let scale = self.size.y / (self.height * depth);
-        self.corner + self.size / 2.0 + DVec2::new(view.x, -view.y) * scale
+        self.top_left + self.size / 2.0 + DVec2::new(view.x, -view.y) * scale
     }
 
     /// Projects a point from world space to the window. `None` if it is behind the camera.
-    pub fn point(&self, world: DVec3) -> Option<DVec2> {
+    pub fn project_point(&self, world: DVec3) -> Option<DVec2> {
         let view = self.view_from_world.transform_point3(world);
-        (!self.perspective || -view.z >= NEAR_PLANE).then(|| self.screen(view))
+        (!self.perspective || -view.z >= NEAR_PLANE).then(|| self.window_from_view(view))
     }
 
     /// Projects the part of a line in front of the camera.
-    pub fn line(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
+    pub fn project_line(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
         let [mut a, mut b] = [a, b].map(|p| self.view_from_world.transform_point3(p));
         if self.perspective {
             if -a.z < NEAR_PLANE && -b.z < NEAR_PLANE {
@@ -63,12 +63,12 @@ impl WindowProjection {
                 b = cut(a, b);
             }
         }
-        Some([self.screen(a), self.screen(b)])
+        Some([self.window_from_view(a), self.window_from_view(b)])
     }
 
     /// Origin and unit direction in world space of the ray through a point of the window.
-    pub fn ray(&self, at: DVec2) -> (DVec3, DVec3) {
-        let from_middle = (at - self.corner - self.size / 2.0) / self.size.y * self.height;
+    pub fn ray_through(&self, at: DVec2) -> (DVec3, DVec3) {
+        let from_middle = (at - self.top_left - self.size / 2.0) / self.size.y * self.height;
         let world_from_view = self.view_from_world.inverse();
         let across = DVec3::new(from_middle.x, -from_middle.y, 0.0);
         let (origin, direction) = match self.perspective {
@@ -94,7 +94,7 @@ impl WindowProjection {
     }
 
     /// Unit vector from a world position to the camera.
-    pub fn to_eye(&self, from: DVec3) -> DVec3 {
+    pub fn direction_to_camera(&self, from: DVec3) -> DVec3 {
         let world_from_view = self.view_from_world.inverse();
         match self.perspective {
             true => (world_from_view.translation - from).normalize_or(DVec3::Z),
@@ -132,12 +132,12 @@ mod tests {
                     10.0 + f64::from(clip.x / clip.w + 1.0) * 320.0,
                     20.0 + f64::from(clip.y / clip.w + 1.0) * 180.0,
                 );
-                let got = projection.point(world).unwrap();
+                let got = projection.project_point(world).unwrap();
                 assert!((got - expected).length() < 0.01, "{got} {expected}");
                 // The ray through the projected point passes through the original one.
-                let (origin, direction) = projection.ray(got);
+                let (origin, direction) = projection.ray_through(got);
                 assert!((world - origin).cross(direction).length() < 1e-6);
-                let moved = projection.point(
+                let moved = projection.project_point(
                     world + camera.world_from_view.matrix3.x_axis * projection.metres_per_point(world),
                 );
                 assert!((moved.unwrap() - got - DVec2::X).length() < 1e-6);
@@ -149,9 +149,12 @@ mod tests {
     fn lines_are_clipped_at_the_near_plane() {
         let projection = WindowProjection::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
         let at = |z: f64| cameras()[0].world_from_view.transform_point3(DVec3::new(0.1, 0.1, z));
-        assert!(projection.point(at(1.0)).is_none() && projection.line(at(1.0), at(2.0)).is_none());
-        let [a, b] = projection.line(at(-2.0), at(5.0)).unwrap();
-        assert!((a - projection.point(at(-2.0)).unwrap()).length() < 1e-9);
+        assert!(
+            projection.project_point(at(1.0)).is_none()
+                && projection.project_line(at(1.0), at(2.0)).is_none()
+        );
+        let [a, b] = projection.project_line(at(-2.0), at(5.0)).unwrap();
+        assert!((a - projection.project_point(at(-2.0)).unwrap()).length() < 1e-9);
         assert!(b.is_finite() && (b - DVec2::new(320.0, 180.0)).length() > 100.0);
     }
 }

@@ -50,7 +50,7 @@ pub fn list_folder(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entr
         if name.starts_with('.') || is_plugin {
             continue;
         }
-        if let Some(kind) = kind(&path, models) {
+        if let Some(kind) = kind_of(&path, models) {
             entries.push(Entry { path, name, kind });
         }
     }
@@ -58,7 +58,7 @@ pub fn list_folder(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entr
     Ok(entries)
 }
 
-fn kind(path: &Path, models: &[String]) -> Option<FileKind> {
+fn kind_of(path: &Path, models: &[String]) -> Option<FileKind> {
     if path.is_dir() {
         return Some(FileKind::Folder);
     }

@@ -80,7 +80,7 @@ enum ThumbnailError {
     /// First problem of the script or model.
     #[error("{0}")]
     Problem(String),
-    #[error("it is not a model")]
+    #[error("the file is not a model")]
     NoModel,
     #[error("the file does not contain this clip")]
     NoClip,
@@ -126,7 +126,7 @@ impl Thumbnails {
         if let Some(made) = self.known.get(subject) {
             return made.clone();
         }
-        let made = match self.start(subject, asset, wake) {
+        let made = match self.send_job(subject, asset, wake) {
             true => ThumbnailState::Waiting,
             false => ThumbnailState::Failed("the thumbnail thread is not running".to_string()),
         };
@@ -134,11 +134,16 @@ impl Thumbnails {
         made
     }
 
-    fn start(&mut self, subject: &Subject, asset: Option<&Arc<Asset>>, wake: impl FnOnce() -> Wake) -> bool {
+    fn send_job(
+        &mut self,
+        subject: &Subject,
+        asset: Option<&Arc<Asset>>,
+        wake: impl FnOnce() -> Wake,
+    ) -> bool {
         let Some((registry, like)) = &self.registry_and_options else { return false };
         let worker = match self.worker.take() {
             Some(worker) => Some(worker),
-            None => worker(registry.clone(), self.cache.clone(), wake()),
+            None => start_worker(registry.clone(), self.cache.clone(), wake()),
         };
         let source = SceneSource { size: Some(SIZE), clip: subject.clip.clone(), ..like.clone() };
         let source = SceneSource { input: subject.file.clone(), ..source };
@@ -180,7 +185,7 @@ impl Thumbnails {
 }
 
 /// Starts a thread that draws thumbnails until the sender of jobs is dropped. `None` if no thread can be started.
-fn worker(
+fn start_worker(
     registry: Registry,
     cache: Option<PathBuf>,
     wake: Wake,

@@ -69,7 +69,7 @@ pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
         DVec2::new(left, top),
         DVec2::new(right - left, bottom - top),
     );
-    let (origin, direction) = projection.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
+    let (origin, direction) = projection.ray_through(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let far = -origin.y / direction.y;
     let meets = match projection.is_perspective() {
         true => far > 0.0 && far < MAX_GROUND_DISTANCE,

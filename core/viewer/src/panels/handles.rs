@@ -85,7 +85,7 @@ fn draw(
 ) {
     let center = world_from_model.translation;
     let length = ARM_LENGTH * projection.metres_per_point(center);
-    let Some(middle) = projection.point(center) else { return };
+    let Some(middle) = projection.project_point(center) else { return };
     for (axis, color) in COLORS.into_iter().enumerate() {
         let is_hot = hot == Some(Handle::Axis(axis));
         let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { color };
@@ -97,7 +97,7 @@ fn draw(
         }
         let tip = center + arm_direction(tool, axis, world_from_model) * length;
         line(painter, projection, center, tip, stroke);
-        let Some(at) = projection.point(tip) else { continue };
+        let Some(at) = projection.project_point(tip) else { continue };
         if tool == Tool::Scale {
             painter.rect_filled(Rect::from_center_size(point(at), vec2(10.0, 10.0)), 1.0, color);
         } else {

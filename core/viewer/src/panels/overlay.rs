@@ -21,7 +21,7 @@ pub fn point(p: DVec2) -> egui::Pos2 {
 
 pub fn line(painter: &Painter, projection: &WindowProjection, a: DVec3, b: DVec3, stroke: Stroke) {
     let clip = painter.clip_rect();
-    let ends = projection.line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
+    let ends = projection.project_line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
     if let Some(ends) = ends {
         painter.line_segment(ends.map(point), stroke);
     }
@@ -80,7 +80,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
                 if let Some(from) = parent.and_then(|p| at(p as usize)) {
                     line(&painter, projection, from, to, Stroke::new(1.5, color));
                 }
-                if let Some(p) = projection.point(to) {
+                if let Some(p) = projection.project_point(to) {
                     painter.circle_filled(point(p), 2.0, color);
                 }
             }

@@ -37,14 +37,14 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Grid::new("render").num_columns(2).show(ui, |ui| fields(ui, form, &scene, &formats));
         let request = form.request(&scene, format);
         let jobs = viewer.renders.jobs();
-        let writer = jobs.iter().find(|job| job.is_to_write(&request.output));
+        let writer = jobs.iter().find(|job| job.is_unfinished_writer_of(&request.output));
         ui.horizontal_wrapped(|ui| {
             let what = if format.kind == OutputKind::Scene { "Export" } else { "Render" };
             let add = ui.add_enabled(writer.is_none(), Button::new(RichText::new(what).strong()));
             let add = add.hint(request.about.clone());
             if let Some(writer) = writer {
                 ui.colored_label(ui.visuals().warn_fg_color, is_written(writer));
-                let is_taken = |path: &Path| jobs.iter().any(|job| job.is_to_write(path));
+                let is_taken = |path: &Path| jobs.iter().any(|job| job.is_unfinished_writer_of(path));
                 let free = free_output(&request.output, is_taken);
                 if ui
                     .button(format!("Write {}", shown_name(&free)))

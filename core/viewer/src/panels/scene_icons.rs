@@ -103,8 +103,8 @@ impl Handle {
     fn of(viewer: &Viewer, icon: &SceneIcon, projection: &WindowProjection) -> Handle {
         let chosen = viewer.selection == Some(icon.what.selected());
         let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
-        let lines = lines.into_iter().filter_map(|[a, b]| projection.line(a, b));
-        Handle { disc: projection.point(icon.at), lines: lines.collect() }
+        let lines = lines.into_iter().filter_map(|[a, b]| projection.project_line(a, b));
+        Handle { disc: projection.project_point(icon.at), lines: lines.collect() }
     }
 
     /// Distance of a pointer position in points, or `None` if it is out of reach. Lines count as farther away than discs.
@@ -197,7 +197,7 @@ fn drag(
 
 /// World position under a point of the window, at the same depth as another position.
 fn point_at_depth_of(projection: &WindowProjection, place: DVec3, at: DVec2) -> Option<DVec3> {
-    let (origin, direction) = projection.ray(at);
+    let (origin, direction) = projection.ray_through(at);
     let normal = projection.forward();
     let along = (place - origin).dot(normal) / direction.dot(normal);
     (along.is_finite() && along > 0.0).then(|| origin + direction * along)
@@ -238,7 +238,7 @@ fn name(what: &IconObject) -> String {
 }
 
 fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, projection: &WindowProjection) {
-    let Some(at) = projection.point(icon.at).map(point) else { return };
+    let Some(at) = projection.project_point(icon.at).map(point) else { return };
     let color = match (chosen, hot) {
         (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
         (_, true) => Color32::from_rgb(0xff, 0xe0, 0x70),

@@ -65,7 +65,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     let at_joint = |actor: usize, joint: usize| -> Option<DVec2> {
         let state = shown.snapshot.actors.get(actor).filter(|state| state.visible)?;
         let at = state.model_from_joint.get(joint)?.translation.as_dvec3();
-        canvas.projection.point(state.world_from_model.transform_point3(at))
+        canvas.projection.project_point(state.world_from_model.transform_point3(at))
     };
     let names = &scene.stage.actors;
     if let Some(JointRef { actor, joint }) = &viewer.joint
@@ -108,11 +108,11 @@ fn draw_path(painter: &Painter, projection: &WindowProjection, trail: &Trail, no
         if let Some(next) = at(index + 1) {
             line(painter, projection, here, next, Stroke::new(1.5, color));
         }
-        if let Some(dot) = projection.point(here) {
+        if let Some(dot) = projection.project_point(here) {
             painter.circle_filled(point(dot), 1.8, color);
         }
     }
-    if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| projection.point(at)) {
+    if let Some(dot) = trail.nearest_frame(now).and_then(at).and_then(|at| projection.project_point(at)) {
         painter.circle_filled(point(dot), 4.0, NOW);
     }
 }

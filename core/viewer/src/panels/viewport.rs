@@ -250,7 +250,7 @@ fn pick_at(viewer: &mut Viewer, index: usize, projection: &WindowProjection, at:
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
     let toggles = &viewer.toggles;
     let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !toggles.locked.contains(&a.name));
-    let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), pickable);
+    let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray_through(at), pickable);
     let picked = picked.map(|i| Selected::Actor(scene.stage.actors[i].name.clone()));
     viewer.select_all(picked.into_iter().collect());
 }

@@ -169,7 +169,7 @@ mod tests {
             let [a, b] = [before, after].map(|camera| WindowProjection::new(&camera, DVec2::ZERO, size));
             for point in [DVec3::new(0.4, 0.2, -3.0), DVec3::new(-0.7, 0.1, -8.0)] {
                 let world = world_from_view.transform_point3(point);
-                let [a, b] = [a.point(world), b.point(world)].map(Option::unwrap);
+                let [a, b] = [a.project_point(world), b.project_point(world)].map(Option::unwrap);
                 assert!((a - b).length() < 1e-3, "{rotation} {projection:?}: {a} {b}");
             }
         }

@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_again_and_garbage_is_none() {
+    fn written_settings_are_read_again_and_garbage_gives_the_defaults() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("new/view.json");
         assert_eq!(Settings::read(&file), Settings::default());

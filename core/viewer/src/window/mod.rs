@@ -77,7 +77,7 @@ const FIRST_FILE: u64 = 0;
 
 /// Opens the window, and returns when it is closed. The error says what is missing.
 pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
-    let source = options.first.map(|input| options.files.source(input)).transpose()?;
+    let source = options.first_file.map(|input| options.files.source(input)).transpose()?;
     let event_log = EventLog::new(options.event_log);
     let events = start::create_event_loop()?;
     #[cfg(target_os = "linux")]
@@ -119,7 +119,7 @@ pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         settings: SettingsWriter::new(settings),
         settings_file,
         written_preset,
-        initial_playback: Some((options.at, options.play)),
+        initial_playback: Some((options.start_secs, options.plays_at_start)),
         frame_renderer,
         source: source.unwrap_or_else(|| options.files.base_source().clone()),
         options: options.files,

@@ -239,7 +239,8 @@ fn picking_selects_the_actor_drawn_at_the_pointer() {
                 continue;
             };
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), |_| true);
+            let picked =
+                picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray_through(at), |_| true);
             assert_eq!(picked, expected, "at {x}, {y}");
             seen[expected.map_or(2, |a| a)] += 1;
         }
@@ -285,7 +286,8 @@ fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
                 continue;
             }
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), |_| true);
+            let picked =
+                picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray_through(at), |_| true);
             assert_eq!(picked.is_none(), back, "at {x}, {y}");
             seen[usize::from(back)] += 1;
         }
@@ -304,7 +306,7 @@ fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
     let corner = rect.center() - size / 2.0;
     let vector = |v: egui::Vec2| DVec2::new(f64::from(v.x), f64::from(v.y));
     let projection = WindowProjection::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
-    let at = projection.point(picking::bounds_center(
+    let at = projection.project_point(picking::bounds_center(
         &desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].asset,
         &shown.snapshot.actors[0],
     ));

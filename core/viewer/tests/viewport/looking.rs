@@ -54,7 +54,7 @@ fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let camera = view.displayed_camera(&viewer.scene.as_ref().unwrap().stage).unwrap();
     let projection =
         WindowProjection::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
-    let at = projection.point(world).unwrap();
+    let at = projection.project_point(world).unwrap();
     pos2(at.x as f32, at.y as f32)
 }
 
