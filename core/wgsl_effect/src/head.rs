@@ -26,7 +26,7 @@
 //! `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and `joint hand = RightHand|hand.r: where it burns`.
 
 use crate::head_error::{HeadError, HeadMistake};
-use crate::parameters::{argument, identifier, image_of};
+use crate::parameters::{call_argument, parse_identifier, parse_image};
 use crate::passes::{self, MAX_PASSES, PassLine, Scale};
 use crate::signature::{NAMED_PASS, Signature, signature};
 use choreo_plugin::suggest::{closest, did_you_mean};
@@ -134,7 +134,7 @@ impl Head {
         if let Some((index, choices)) = &self.chosen_input {
             for (number, name) in choices.iter().enumerate() {
                 if let Some(input) =
-                    input(&mut inputs, name).filter(|_| parameters.get(*index) != Some(&(number as f32)))
+                    input_mut(&mut inputs, name).filter(|_| parameters.get(*index) != Some(&(number as f32)))
                 {
                     *input = false;
                 }
@@ -144,7 +144,7 @@ impl Head {
     }
 }
 
-fn input<'a>(inputs: &'a mut SurfaceInputs, name: &str) -> Option<&'a mut bool> {
+fn input_mut<'a>(inputs: &'a mut SurfaceInputs, name: &str) -> Option<&'a mut bool> {
     match name {
         "normals" => Some(&mut inputs.normals),
         "uvs" => Some(&mut inputs.uvs),
@@ -177,21 +177,23 @@ pub(crate) struct JointLine {
 }
 
 /// The fields of the head comment: line (from 1), name and value.
-fn fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
-    comment(text).filter_map(|(i, line)| {
+fn comment_fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
+    comment_lines(text).filter_map(|(i, line)| {
         let (name, value) = line.trim().trim_start_matches('/').trim().split_once(':')?;
         Some((i + 1, name.trim(), value.trim()))
     })
 }
 
 /// Files that the head names, even if the head has mistakes.
-pub fn files(text: &str) -> Vec<String> {
-    let lines = comment(without_byte_order_mark(text)).filter_map(|(_, line)| {
+pub fn texture_files(text: &str) -> Vec<String> {
+    let lines = comment_lines(without_byte_order_mark(text)).filter_map(|(_, line)| {
         let line = line.trim().trim_start_matches('/').trim();
         let value = |rest: &str| Some(rest.split_once('=')?.1.split_once(':')?.0.trim().to_string());
         match line.strip_prefix("texture ") {
-            Some(rest) => Some(image_of(&value(rest)?).0.to_string()),
-            None => Some(image_of(argument(&value(line.strip_prefix("param ")?)?, "texture")?).0.to_string()),
+            Some(rest) => Some(parse_image(&value(rest)?).0.to_string()),
+            None => Some(
+                parse_image(call_argument(&value(line.strip_prefix("param ")?)?, "texture")?).0.to_string(),
+            ),
         }
     });
     let lines = lines.filter(|file| !file.is_empty());
@@ -199,15 +201,15 @@ pub fn files(text: &str) -> Vec<String> {
 }
 
 /// Whether a text is meant as an effect: its head has a line `// effect: NAME`, valid or not.
-pub fn is_meant(text: &str) -> bool {
-    fields(without_byte_order_mark(text)).any(|(_, name, _)| name == "effect")
+pub fn declares_effect(text: &str) -> bool {
+    comment_fields(without_byte_order_mark(text)).any(|(_, name, _)| name == "effect")
 }
 
 /// The effect's name, even if the head has other mistakes. `None`: no name can refer to the effect.
-pub fn name(text: &str) -> Option<String> {
+pub fn effect_name(text: &str) -> Option<String> {
     // The last `effect` line counts, as in the manifest.
-    let named = fields(without_byte_order_mark(text)).filter(|(_, name, _)| *name == "effect").last();
-    named.and_then(|(_, _, value)| Some(identifier(value).ok()?.to_string()))
+    let named = comment_fields(without_byte_order_mark(text)).filter(|(_, name, _)| *name == "effect").last();
+    named.and_then(|(_, _, value)| Some(parse_identifier(value).ok()?.to_string()))
 }
 
 /// A text without the byte order mark that some editors put before it.
@@ -217,20 +219,20 @@ pub fn without_byte_order_mark(text: &str) -> &str {
 
 /// Reads the settings of a head comment.
 pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
-    let joints = joints(text, manifest)?;
-    let textures = textures(text, manifest)?;
+    let joints = parse_joint_lines(text, manifest)?;
+    let textures = parse_texture_lines(text, manifest)?;
     let names: Vec<&str> = textures.iter().map(|texture| texture.name.as_str()).collect();
-    let pass_lines = passes::lines(text, manifest, &names)?;
+    let pass_lines = passes::parse_pass_lines(text, manifest, &names)?;
     let mut head = Head { passes: 1, joints, textures, pass_lines, ..Head::default() };
     let mut hook_line = 1;
-    for (line, _, value) in fields(text).filter(|(_, name, _)| *name == "hook") {
+    for (line, _, value) in comment_fields(text).filter(|(_, name, _)| *name == "hook") {
         (hook_line, head.hook) = (line, hook(value).map_err(|mistake| HeadError { line, mistake })?);
     }
     let mut given = Vec::new();
-    for (line, name, value) in fields(text) {
+    for (line, name, value) in comment_fields(text) {
         let of = head.set(name, value, manifest).map_err(|mistake| HeadError { line, mistake })?;
         if let Some(of) = of.filter(|of| *of != head.hook) {
-            let mistake = HeadMistake::OtherHook { name: name.into(), hook: word(of) };
+            let mistake = HeadMistake::OtherHook { name: name.into(), hook: hook_word(of) };
             return Err(HeadError { line, mistake });
         }
         if matches!(name, "passes" | "halve") && !head.pass_lines.is_empty() {
@@ -239,11 +241,11 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
         given.push(name);
     }
     if let Some(pass) = head.pass_lines.first().filter(|_| head.hook != Hook::Image) {
-        let mistake = HeadMistake::OtherHook { name: "pass".into(), hook: word(Hook::Image) };
+        let mistake = HeadMistake::OtherHook { name: "pass".into(), hook: hook_word(Hook::Image) };
         return Err(HeadError { line: pass.at.0, mistake });
     }
     if let Some(joint) = head.joints.first().filter(|_| head.hook != Hook::Overlay) {
-        let mistake = HeadMistake::OtherHook { name: "joint".into(), hook: word(Hook::Overlay) };
+        let mistake = HeadMistake::OtherHook { name: "joint".into(), hook: hook_word(Hook::Overlay) };
         return Err(HeadError { line: joint.line, mistake });
     }
     let mistake = match head.hook {
@@ -286,7 +288,7 @@ impl Head {
                 Hook::Vertex
             }
             "reach" => {
-                self.reach = reach(value, manifest)?;
+                self.reach = parse_reach(value, manifest)?;
                 Hook::Vertex
             }
             "passes" => {
@@ -300,7 +302,7 @@ impl Head {
                 if self.hook == Hook::Pixel { Hook::Pixel } else { Hook::Image }
             }
             "halve" => {
-                self.shrink = Some(halve(value, manifest)?);
+                self.shrink = Some(parse_halved_scale(value, manifest)?);
                 Hook::Image
             }
             "history" if self.hook == Hook::Overlay => {
@@ -324,7 +326,7 @@ impl Head {
                 Hook::Overlay
             }
             "off" => {
-                self.off = Some(off(value, manifest)?);
+                self.off = Some(parse_off_condition(value, manifest)?);
                 return Ok(None);
             }
             _ => {
@@ -344,7 +346,7 @@ impl Head {
             if let Some((index, OptionKind::Text { one_of, .. })) = chosen.map(|(i, o)| (i, &o.kind)) {
                 self.chosen_input = Some((manifest.first_number(index), one_of.clone()));
             } else {
-                let input = input(&mut self.inputs, name);
+                let input = input_mut(&mut self.inputs, name);
                 *input.ok_or_else(|| {
                     refused("an input", "normals, uvs, joints or shadow", name, String::new())
                 })? = true;
@@ -393,11 +395,11 @@ pub fn hooks() -> impl Iterator<Item = Hook> {
 }
 
 /// The word of a hook in the head of an effect's file.
-pub fn word(hook: Hook) -> &'static str {
+pub fn hook_word(hook: Hook) -> &'static str {
     HOOKS.iter().find(|(_, of)| *of == hook).map_or("pixel", |(word, _)| word)
 }
 
-const WORDS: [&str; 17] = [
+const KNOWN_KEYS: [&str; 17] = [
     "effect",
     "about",
     "version",
@@ -419,22 +421,22 @@ const WORDS: [&str; 17] = [
 
 /// The known word of which `name` is a typing mistake. All other words are the author's own.
 fn misspelled_key(name: &str) -> Option<&'static str> {
-    if WORDS.contains(&name) || name.contains(char::is_whitespace) {
+    if KNOWN_KEYS.contains(&name) || name.contains(char::is_whitespace) {
         return None;
     }
-    closest(name, WORDS).filter(|word| word.len().abs_diff(name.len()) <= 2)
+    closest(name, KNOWN_KEYS).filter(|word| word.len().abs_diff(name.len()) <= 2)
 }
 
 /// The parameter with this name, if it is one number, and the index of that number.
-fn number_of<'a>(name: &str, manifest: &'a Manifest) -> Option<(&'a OptionKind, usize)> {
+fn number_parameter<'a>(name: &str, manifest: &'a Manifest) -> Option<(&'a OptionKind, usize)> {
     let place = manifest.options.iter().position(|o| o.name == name)?;
     let kind = &manifest.options[place].kind;
     let is_number = matches!(kind, OptionKind::Number { .. } | OptionKind::Integer { .. });
     is_number.then(|| (kind, manifest.first_number(place)))
 }
 
-fn reach(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
-    if let Some((_, index)) = number_of(value, manifest) {
+fn parse_reach(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
+    if let Some((_, index)) = number_parameter(value, manifest) {
         return Ok(Amount::Parameter(index));
     }
     let metres = value.parse::<f32>().ok().filter(|m| (0.0..=1e6).contains(m));
@@ -456,7 +458,7 @@ fn element_count(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake
             OptionKind::Integer { min, max, .. } => [*min as f64, *max as f64],
             _ => [f64::NAN; 2],
         };
-        return match number_of(value, manifest).map(|(kind, index)| (bounds(kind), index)) {
+        return match number_parameter(value, manifest).map(|(kind, index)| (bounds(kind), index)) {
             Some(([min, max], index)) if min >= 0.0 && max <= most as f64 => Ok(Amount::Parameter(index)),
             _ => Err(HeadMistake::CountRange { name: value.into(), most }),
         };
@@ -488,10 +490,10 @@ fn flag_amount(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, H
 }
 
 /// `radius to 8`: passes before the last are halved until the parameter, a share of the image's height, is 8 pixels or less.
-pub fn halve(value: &str, manifest: &Manifest) -> Result<Scale, HeadMistake> {
+pub fn parse_halved_scale(value: &str, manifest: &Manifest) -> Result<Scale, HeadMistake> {
     let read = || {
         let (length, most) = value.split_once(" to ")?;
-        let (_, index) = number_of(length.trim(), manifest)?;
+        let (_, index) = number_parameter(length.trim(), manifest)?;
         let most = most.trim().parse().ok().filter(|most| (1..=256).contains(most))?;
         Some(Scale::Halved(Amount::Parameter(index), most))
     };
@@ -499,9 +501,9 @@ pub fn halve(value: &str, manifest: &Manifest) -> Result<Scale, HeadMistake> {
 }
 
 /// `strength = 0`: a number parameter, and the value with which the effect changes nothing.
-fn off(value: &str, manifest: &Manifest) -> Result<OffCondition, HeadMistake> {
+fn parse_off_condition(value: &str, manifest: &Manifest) -> Result<OffCondition, HeadMistake> {
     let (name, at) = value.split_once('=').map(|(name, at)| (name.trim(), at.trim())).unwrap_or((value, ""));
-    let (_, index) = number_of(name, manifest)
+    let (_, index) = number_parameter(name, manifest)
         .ok_or_else(|| HeadMistake::NoOff { name: name.into(), near: similar_parameter(name, manifest) })?;
     let at = at.parse().ok().filter(|at: &f32| at.is_finite());
     let value = at.ok_or(HeadMistake::Form("off: PARAMETER = NUMBER"))?;
@@ -514,13 +516,14 @@ fn similar_parameter(value: &str, manifest: &Manifest) -> String {
 }
 
 /// Reads lines such as `// texture paper = paper.png as data: what it is printed on`.
-fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadError> {
-    const FORM: HeadMistake = HeadMistake::Form("texture NAME = FILE: ABOUT, or = FILE as data: ABOUT");
+fn parse_texture_lines(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadError> {
+    const TEXTURE_SYNTAX: HeadMistake =
+        HeadMistake::Form("texture NAME = FILE: ABOUT, or = FILE as data: ABOUT");
     let mut all: Vec<TextureLine> = Vec::new();
-    for (i, line) in comment(text) {
+    for (i, line) in comment_lines(text) {
         let line = line.trim().trim_start_matches('/').trim();
         let at = |mistake: HeadMistake| mistake.at(i);
-        let form = || at(FORM);
+        let form = || at(TEXTURE_SYNTAX);
         let most = HeadMistake::TooMany { most: MAX_TEXTURES, what: "textures" };
         let of_parameter = |option: &&OptionSpec| {
             let rest = line.strip_prefix("param ").and_then(|rest| rest.split_once('='));
@@ -536,10 +539,10 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
         }
         let Some(rest) = line.strip_prefix("texture ") else { continue };
         let (name, rest) = rest.split_once('=').ok_or_else(form)?;
-        let name = identifier(name.trim()).map_err(at)?;
+        let name = parse_identifier(name.trim()).map_err(at)?;
         // The description is not used; it is for readers of the file.
         let (file, _) = rest.split_once(':').ok_or_else(form)?;
-        let (file, srgb) = image_of(file);
+        let (file, srgb) = parse_image(file);
         if file.is_empty() {
             return Err(form());
         }
@@ -555,20 +558,20 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
 }
 
 /// Reads lines such as `// joint hand = RightHand|hand.r: where it burns`.
-fn joints(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> {
-    const FORM: HeadMistake = HeadMistake::Form("joint NAME = JOINT: ABOUT, or = JOINT|OTHER: ABOUT");
+fn parse_joint_lines(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> {
+    const JOINT_SYNTAX: HeadMistake = HeadMistake::Form("joint NAME = JOINT: ABOUT, or = JOINT|OTHER: ABOUT");
     let mut all: Vec<JointLine> = Vec::new();
-    for (i, line) in comment(text) {
+    for (i, line) in comment_lines(text) {
         let Some(rest) = line.trim().trim_start_matches('/').trim().strip_prefix("joint ") else { continue };
         let at = |mistake: HeadMistake| mistake.at(i);
-        let (name, rest) = rest.split_once('=').ok_or_else(|| at(FORM))?;
-        let name = identifier(name.trim()).map_err(at)?;
+        let (name, rest) = rest.split_once('=').ok_or_else(|| at(JOINT_SYNTAX))?;
+        let name = parse_identifier(name.trim()).map_err(at)?;
         // Names of joints can have colons, too, so the separator has a blank.
-        let (of, _) = rest.split_once(": ").ok_or_else(|| at(FORM))?;
+        let (of, _) = rest.split_once(": ").ok_or_else(|| at(JOINT_SYNTAX))?;
         let of: Vec<String> =
             of.split('|').map(|joint| joint.trim().to_string()).filter(|joint| !joint.is_empty()).collect();
         if of.is_empty() {
-            return Err(at(FORM));
+            return Err(at(JOINT_SYNTAX));
         }
         if all.iter().any(|j| j.name == name) || manifest.options.iter().any(|o| o.name == name) {
             return Err(at(HeadMistake::Twice(name.into())));
@@ -582,18 +585,20 @@ fn joints(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> 
 }
 
 /// Lines of the head comment, numbered from 0.
-pub fn comment(text: &str) -> impl Iterator<Item = (usize, &str)> {
+pub fn comment_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with("//"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameters::manifest;
+    use crate::parameters::parse_manifest;
 
     fn head_of(text: &str) -> Result<Head, (usize, String)> {
-        let made =
-            head(text, &manifest(&format!("// effect: a\n// param high = 0.5 in 0..2: y\n{text}")).unwrap());
+        let made = head(
+            text,
+            &parse_manifest(&format!("// effect: a\n// param high = 0.5 in 0..2: y\n{text}")).unwrap(),
+        );
         made.map_err(|e| (e.line, e.mistake.to_string()))
     }
 
@@ -711,12 +716,12 @@ mod tests {
         assert_eq!(error("// history: 1"), (1, "history is only for effects with hook: image".into()));
         assert_eq!(error("// hook: image\n// history: 17").1, "history is a whole number from 1 to 16");
         let chosen = "// effect: a\n// param map = texture(a.png): m\n// texture paper = b.png as data: p\n// param white = texture(data): w";
-        let manifest = crate::parameters::manifest(chosen).unwrap();
+        let manifest = crate::parameters::parse_manifest(chosen).unwrap();
         let files: Vec<(&str, &str, bool)> =
             vec![("map", "a.png", true), ("paper", "b.png", false), ("white", "", false)];
-        let made = textures(chosen, &manifest).unwrap();
+        let made = parse_texture_lines(chosen, &manifest).unwrap();
         assert_eq!(made.iter().map(|t| (&*t.name, &*t.file, t.srgb)).collect::<Vec<_>>(), files);
-        assert_eq!(super::files(chosen), ["a.png", "b.png"]);
+        assert_eq!(super::texture_files(chosen), ["a.png", "b.png"]);
         assert_eq!(error("// texture high = x.png: y"), (1, "high is declared twice".into()));
         assert!(error("// texture paper").1.starts_with("write // texture NAME"));
         let many: String = (0..5).map(|i| format!("// texture t{i} = x.png: y\n")).collect();
