@@ -130,7 +130,7 @@ pub struct Viewer {
     /// Placement of a dragged icon after its release, used until the next version has it.
     pub(crate) placement_override: Option<PlacementOverride>,
     /// Joint that is selected in addition to the selection.
-    pub joint: Option<JointRef>,
+    pub selected_joint: Option<JointRef>,
     pub trails: Trails,
     pub toggles: Toggles,
     pub selection: Option<Selected>,
@@ -141,11 +141,12 @@ pub struct Viewer {
     /// Further selected objects, and the selection that they belong to.
     pub(crate) further_selected: (Option<Selected>, Vec<Selected>),
     /// The bar that was clicked to select its camera, which may have several.
-    pub(crate) shot: Option<Bar>,
+    pub(crate) clicked_camera_bar: Option<Bar>,
     /// Selected keys, sorted, and the selection that they belong to.
     pub(crate) keys: (Option<Selected>, Vec<KeyRef>),
     pub curves: Curves,
-    pub span: Span,
+    /// Times at the edges of the sequencer.
+    pub visible_span: Span,
     /// Whether times are displayed in seconds and not as frames.
     pub in_seconds: bool,
     /// Whether dragged times snap, at least to whole frames.
@@ -159,7 +160,7 @@ pub struct Viewer {
     /// Files dropped on the window, previewed in place of the script.
     pub previewed_files: Vec<PathBuf>,
     /// Newly dropped files; the window starts a session that previews them.
-    pub dropped: Vec<PathBuf>,
+    pub dropped_files: Vec<PathBuf>,
     /// Models dropped on a viewport; the window reads them.
     pub dropped_models: Option<DroppedModels>,
     pub close_preview: bool,
@@ -218,24 +219,24 @@ impl Viewer {
             dragged_icon: None,
             sunlit: Cell::default(),
             placement_override: None,
-            joint: None,
+            selected_joint: None,
             trails: Trails::default(),
             toggles: Toggles::default(),
             selection: None,
             to_rename: None,
             copied_clips: String::new(),
             further_selected: (None, Vec::new()),
-            shot: None,
+            clicked_camera_bar: None,
             keys: (None, Vec::new()),
             curves: Curves::default(),
-            span: Span::whole(1.0),
+            visible_span: Span::whole(1.0),
             in_seconds: true,
             snap: true,
             tempo: Tempo::default(),
             script_has_input: false,
             script_scroll_line: None,
             previewed_files: Vec::new(),
-            dropped: Vec::new(),
+            dropped_files: Vec::new(),
             dropped_models: None,
             close_preview: false,
             screenshot: None,
@@ -296,7 +297,7 @@ impl Viewer {
         self.problems = version.problems;
         self.find_severities();
         self.work = version.work;
-        self.documents.read = version.read;
+        self.documents.read_files = version.read;
         self.build_duration = version.took;
         self.is_faulty = version.scene.is_none();
         (self.dragging, self.placement_override) = (None, None);
@@ -307,8 +308,8 @@ impl Viewer {
         let settings = &scene.stage.settings;
         let length = settings.length.as_secs();
         // If the timeline showed the whole scene, it shows the whole new scene.
-        if self.scene.is_none() || self.span == Span::whole(self.playhead.length().as_secs()) {
-            self.span = Span::whole(length);
+        if self.scene.is_none() || self.visible_span == Span::whole(self.playhead.length().as_secs()) {
+            self.visible_span = Span::whole(length);
         }
         if self.scene.is_none() || self.curves.time == Span::whole(self.playhead.length().as_secs()) {
             self.curves.time = Span::whole(length);
@@ -327,7 +328,7 @@ impl Viewer {
         // Further selected objects belong to the selection that they were added to.
         self.further_selected = (self.selection.clone(), if is_main { further } else { Vec::new() });
         self.keys.0 = of_keys;
-        self.shot = self.selected_shot().cloned();
+        self.clicked_camera_bar = self.selected_shot().cloned();
         self.scene = Some(scene);
         self.sunlit.take();
         self.restore_selected_keys();
@@ -416,7 +417,7 @@ impl Viewer {
                 }
             };
             let key = FrameKey {
-                number: scene.number,
+                scene_version: scene.number,
                 reloads: self.reloads,
                 time: self.playhead.time(),
                 size,
@@ -613,11 +614,11 @@ impl Viewer {
             true => self.select_more(bar.what.clone()),
             false => self.select_all(vec![bar.what.clone()]),
         }
-        self.shot = Some(bar).filter(|bar| matches!(bar.what, Selected::Camera(_)));
+        self.clicked_camera_bar = Some(bar).filter(|bar| matches!(bar.what, Selected::Camera(_)));
     }
 
     pub(crate) fn select_all(&mut self, all: Vec<Selected>) {
-        self.shot = None;
+        self.clicked_camera_bar = None;
         let mut all = all.into_iter();
         self.selection = all.next();
         self.further_selected = (self.selection.clone(), all.collect());
@@ -743,7 +744,7 @@ impl Viewer {
         let is_other = |bar: &&Bar| {
             excluded.is_none_or(|dragged| dragged.what != bar.what || dragged.start != bar.start)
         };
-        let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.until, bar.end]);
+        let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.draggable_end, bar.end]);
         let markers = self.timeline.markers.iter().map(|(_, at)| *at);
         let all = edges.chain(markers).chain([self.playhead.time(), self.timeline.length]).map(Time::as_secs);
         let all = all.chain(self.tempo.nearest_beat(secs));

@@ -95,8 +95,8 @@ fn commands(args: &Args, app: &App) -> Commands {
     Commands {
         program,
         input: args.input.clone().unwrap_or_default(),
-        scene: scene.chain(test.iter().cloned()).collect(),
-        test,
+        scene_options: scene.chain(test.iter().cloned()).collect(),
+        test_options: test,
         formats: Commands::formats_of(&app.registry),
     }
 }

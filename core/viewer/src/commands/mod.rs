@@ -22,9 +22,9 @@ pub struct Commands {
     pub program: Vec<OsString>,
     pub input: PathBuf,
     /// Options of the scene, as given to the viewer.
-    pub scene: Vec<OsString>,
+    pub scene_options: Vec<OsString>,
     /// Options that `test` accepts.
-    pub test: Vec<OsString>,
+    pub test_options: Vec<OsString>,
     pub formats: Vec<Format>,
 }
 
@@ -66,7 +66,7 @@ impl Commands {
     pub fn set_input(&mut self, file: &Path) {
         if file != self.input {
             self.input = file.to_path_buf();
-            self.scene = self.test.clone();
+            self.scene_options = self.test_options.clone();
         }
     }
 

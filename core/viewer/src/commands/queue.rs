@@ -78,7 +78,8 @@ impl RenderQueue {
 
     /// Adds a job. `changed`: called whenever the list changes.
     pub fn add(&self, commands: &Commands, request: Request, changed: impl Fn() + Send + 'static) {
-        let scene = [commands.input.clone().into_os_string()].into_iter().chain(commands.scene.clone());
+        let scene =
+            [commands.input.clone().into_os_string()].into_iter().chain(commands.scene_options.clone());
         let output = ["-o".into(), request.output.clone().into_os_string(), "--json".into()];
         let words = commands.command_line(request.command, scene.chain(output).chain(request.options));
         let mut jobs = lock_jobs(&self.0);

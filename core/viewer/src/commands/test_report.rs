@@ -20,7 +20,7 @@ pub struct Section {
     pub line: usize,
     pub status: Status,
     /// Reason of an error or of a skipped section.
-    pub text: String,
+    pub reason: String,
     pub checks: Vec<Check>,
     pub seconds: f64,
     /// Whether the result of an earlier run was reused, since nothing has changed.
@@ -71,7 +71,7 @@ impl Section {
             name: text_of(&value["section"]),
             line: value["line"].as_u64().unwrap_or(0) as usize,
             status,
-            text: text_of(&value["text"]),
+            reason: text_of(&value["text"]),
             checks: value["checks"].as_array().into_iter().flatten().map(Check::new).collect(),
             seconds: value["seconds"].as_f64().unwrap_or(0.0),
             reused: value["reused"].as_bool().unwrap_or(false),

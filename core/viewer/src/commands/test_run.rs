@@ -71,7 +71,7 @@ impl TestRun {
         changed: impl Fn() + Send + 'static,
     ) {
         let mut words: Vec<OsString> = vec![path.into(), "--json".into()];
-        words.extend(commands.test.iter().cloned());
+        words.extend(commands.test_options.iter().cloned());
         if let TestSelection::Section(section) | TestSelection::Accept(section, _) = choice {
             words.extend(["--filter".into(), section.filter().into()]);
         }

@@ -79,7 +79,8 @@ impl Viewer {
         let found = &scene.stage.actors[index];
         let (place, siblings) = self.place_of(&Selected::Actor(name.clone())).ok_or(EditError::Gone)?;
         let usual = HumanoidJoints::of(&found.asset.skeleton).joint(new.call.bone());
-        let selected = self.joint.as_ref().filter(|joint| joint.actor == name).map(|joint| joint.joint);
+        let selected =
+            self.selected_joint.as_ref().filter(|joint| joint.actor == name).map(|joint| joint.joint);
         let joint = selected.or(usual.map(|joint| joint as usize)).ok_or_else(|| {
             let why = format!("it has no {}; click on a joint of its skeleton first", new.call.bone());
             EditError::refused_at(&place, &why)

@@ -116,7 +116,7 @@ impl Viewer {
                 layers.insert(self.layer_of(what).into_iter().map(|bar| bar.what).collect());
                 continue;
             }
-            for (part, time) in [(CueTime::Start, bar.start), (CueTime::End, bar.until)] {
+            for (part, time) in [(CueTime::Start, bar.start), (CueTime::End, bar.draggable_end)] {
                 // A cue without an end stays without one.
                 if part == CueTime::Start || time < self.timeline.length {
                     steps.push(self.object_time_step(&bar, part, time.as_secs() + by));
@@ -156,7 +156,7 @@ impl Viewer {
                 None => steps.push(self.time_step(bar, CueTime::Start, later(bar.start))),
             }
             if has_end(&known, line, column) {
-                steps.push(self.time_step(bar, CueTime::End, later(bar.until)));
+                steps.push(self.time_step(bar, CueTime::End, later(bar.draggable_end)));
             }
             if bar.strip.is_some_and(|strip| strip.is_keyed) {
                 let by = EditTime { secs: by, ..self.edit_time(0.0) };

@@ -32,7 +32,8 @@ impl Viewer {
 
     /// The bar that was clicked to select its camera, found in the present timeline.
     pub(crate) fn selected_shot(&self) -> Option<&Bar> {
-        let shot = self.shot.as_ref().filter(|shot| self.selection.as_ref() == Some(&shot.what))?;
+        let shot =
+            self.clicked_camera_bar.as_ref().filter(|shot| self.selection.as_ref() == Some(&shot.what))?;
         let all = || self.bars().filter(|bar| bar.what == shot.what);
         let is_there = |bar: &&Bar| bar.place == shot.place;
         let begins = |bar: &&Bar| bar.start == shot.start;

@@ -61,7 +61,7 @@ impl Viewer {
         text: &str,
     ) -> Option<Edit> {
         let (actor, siblings) = self.place_of(&Selected::Actor(bar.what.actor()?.to_string()))?;
-        let [from, until] = [bar.start, bar.until].map(|time| self.edit_time(time.as_secs()));
+        let [from, until] = [bar.start, bar.draggable_end].map(|time| self.edit_time(time.as_secs()));
         let is_stated = has_end(text, bar.place.line, bar.place.column);
         let mut copied = self.clip_text(bar).ok()?;
         if next.is_some() && !is_stated {

@@ -15,30 +15,34 @@ const MAX_RECENT_FILES: usize = 12;
 #[derive(Default)]
 pub struct Documents {
     /// Whether the start page is displayed in place of the panels.
-    pub start: bool,
+    pub shows_start_page: bool,
     /// Recent files, the newest first.
     pub recent: Vec<PathBuf>,
     /// Tempos of recent scripts, by canonical path.
     pub tempos: BTreeMap<PathBuf, Tempo>,
     pub lessons: Vec<Lesson>,
     /// File that the window will open next.
-    pub open: Option<PathBuf>,
+    pub file_to_open: Option<PathBuf>,
     /// The open file dialog.
     pub dialog: Option<FileDialog>,
     /// Script that was to be opened and does not exist.
     pub missing_script: Option<PathBuf>,
     pub thumbnails: Thumbnails,
     /// File name extensions that importers read.
-    pub models: Vec<String>,
+    pub model_extensions: Vec<String>,
     /// Built-in models, which are not files.
     pub built_in: Vec<Entry>,
     /// Canonical paths of the files that the displayed version has read.
-    pub read: Vec<PathBuf>,
+    pub read_files: Vec<PathBuf>,
 }
 
 impl Documents {
     pub fn new(registry: &Registry) -> Documents {
-        Documents { models: model_extensions(registry), built_in: built_in(registry), ..Documents::default() }
+        Documents {
+            model_extensions: model_extensions(registry),
+            built_in: built_in(registry),
+            ..Documents::default()
+        }
     }
 
     /// Records an opened file as the most recent one.
@@ -77,7 +81,7 @@ impl Documents {
             }
             _ => String::new(),
         };
-        self.dialog = Some(FileDialog::new(purpose, &folder, &name, &self.models));
+        self.dialog = Some(FileDialog::new(purpose, &folder, &name, &self.model_extensions));
     }
 }
 

@@ -29,13 +29,13 @@ pub struct FileDialog {
     pub problem: Option<String>,
     /// Existing file that is replaced if the user confirms by choosing the same name again.
     replaces: Option<PathBuf>,
-    models: Vec<String>,
+    model_extensions: Vec<String>,
 }
 
 impl FileDialog {
-    /// Opens the dialog in a folder. `models`: file name extensions of models that can be opened.
-    pub fn new(purpose: Purpose, folder: &Path, name: &str, models: &[String]) -> FileDialog {
-        let models = if purpose == Purpose::Open { models.to_vec() } else { Vec::new() };
+    /// Opens the dialog in a folder. `model_extensions`: file name extensions of models that can be opened.
+    pub fn new(purpose: Purpose, folder: &Path, name: &str, model_extensions: &[String]) -> FileDialog {
+        let model_extensions = if purpose == Purpose::Open { model_extensions.to_vec() } else { Vec::new() };
         let mut dialog = FileDialog {
             purpose,
             folder: PathBuf::new(),
@@ -44,7 +44,7 @@ impl FileDialog {
             was_just_opened: true,
             problem: None,
             replaces: None,
-            models,
+            model_extensions,
         };
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         dialog.change_folder(&folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()));
@@ -53,7 +53,7 @@ impl FileDialog {
 
     /// Changes to another folder; if it cannot be read, the list stays.
     pub fn change_folder(&mut self, folder: &Path) {
-        match list_folder(folder, &self.models) {
+        match list_folder(folder, &self.model_extensions) {
             Ok(entries) => {
                 (self.folder, self.entries, self.problem) = (folder.to_path_buf(), entries, None);
             }

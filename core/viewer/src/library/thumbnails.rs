@@ -27,12 +27,12 @@ pub struct Subject {
     /// Name of a clip in the file. `None`: the first clip, or the scene of a script.
     pub clip: Option<String>,
     /// Name of the character that plays the clip in a preview, and the version of its scene.
-    pub on: Option<(String, u64)>,
+    pub character: Option<(String, u64)>,
 }
 
 impl Subject {
     pub fn file(file: PathBuf) -> Subject {
-        Subject { file, clip: None, on: None }
+        Subject { file, clip: None, character: None }
     }
 }
 
@@ -214,7 +214,7 @@ fn cached_thumbnail(
 ) -> Result<Thumbnail, ThumbnailError> {
     let subject = job.subject.clone();
     let file = cache
-        .filter(|_| subject.on.is_none())
+        .filter(|_| subject.character.is_none())
         .and_then(|cache| thumbnail_file::path(cache, &subject.file, subject.clip.as_deref()));
     if let Some(known) = file.as_deref().and_then(thumbnail_file::read) {
         return Ok(known);

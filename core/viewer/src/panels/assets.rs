@@ -75,7 +75,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &
         ui.label("no script is open; this panel lists the models in the script's folder");
         return;
     };
-    let models = viewer.documents.models.clone();
+    let models = viewer.documents.model_extensions.clone();
     browser.refresh(root, viewer.scene.as_ref().map(|scene| scene.number), &models);
     path_row(ui, viewer, browser, root, &models);
     if let Some(problem) = &browser.problem {
@@ -254,10 +254,10 @@ fn show_preview(
         (Some(clip), Some((name, asset))) => {
             let title = format!("{clip} on {name}");
             let (file, clip) = (file.to_path_buf(), Some(clip.clone()));
-            (Subject { file, clip, on: Some((name, number)) }, Some(asset), title)
+            (Subject { file, clip, character: Some((name, number)) }, Some(asset), title)
         }
         (clip, _) => {
-            let subject = Subject { file: file.to_path_buf(), clip: clip.clone(), on: None };
+            let subject = Subject { file: file.to_path_buf(), clip: clip.clone(), character: None };
             (subject, None, clip.clone().unwrap_or_default())
         }
     };

@@ -50,7 +50,7 @@ pub fn take_dropped_files(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewe
     let at = pointer.and_then(|at| ground_point(viewer, at)).filter(|_| scene && files.iter().all(is_model));
     match at {
         Some(at) => viewer.dropped_models = Some(DroppedModels { files, at, beside: false }),
-        None => viewer.dropped.extend(files),
+        None => viewer.dropped_files.extend(files),
     }
 }
 
@@ -59,11 +59,11 @@ pub fn take_dropped_files(waiting: &mut PendingDrop, ui: &Ui, viewer: &mut Viewe
 pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let scene = viewer.scene.as_ref()?;
     let inside = |view: &&crate::state::view::View| {
-        let [left, top, right, bottom] = view.place;
+        let [left, top, right, bottom] = view.image_rect;
         view.is_visible && Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom)).contains(at)
     };
     let view = viewer.views.iter().find(inside)?;
-    let [left, top, right, bottom] = view.place.map(f64::from);
+    let [left, top, right, bottom] = view.image_rect.map(f64::from);
     let projection = WindowProjection::new(
         &view.displayed_camera(&scene.stage)?,
         DVec2::new(left, top),

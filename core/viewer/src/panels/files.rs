@@ -26,7 +26,7 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
         ui.menu_button("Recent", |ui| {
             for file in recent {
                 if ui.button(file.display().to_string()).clicked() {
-                    viewer.documents.open = Some(file);
+                    viewer.documents.file_to_open = Some(file);
                 }
             }
         });
@@ -38,7 +38,7 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
         viewer.documents.open_dialog(Purpose::SaveAs, shown.as_deref());
     }
     ui.separator();
-    let start = &mut viewer.documents.start;
+    let start = &mut viewer.documents.shows_start_page;
     let word = if *start { "Back to the file" } else { "Start page" };
     if ui.add_enabled(!*start || viewer.scene.is_some(), egui::Button::new(word)).clicked() {
         *start = !*start;

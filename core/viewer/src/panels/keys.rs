@@ -46,9 +46,9 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     };
     if matches!(bar.what, Selected::Camera(_)) {
         // The moved shot stays selected, even if it leaves the playhead.
-        viewer.shot = Some(bar.clone());
+        viewer.clicked_camera_bar = Some(bar.clone());
     }
-    let time = if part == CueTime::End { bar.until } else { bar.start };
+    let time = if part == CueTime::End { bar.draggable_end } else { bar.start };
     let fps = viewer.playhead.fps();
     let secs = fps.time_of((fps.frames_in(time) + frames).max(0)).as_secs();
     if secs == time.as_secs() {

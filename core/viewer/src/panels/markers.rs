@@ -17,7 +17,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     let painter = ui.painter_at(lanes);
     let visuals = ui.visuals();
     let (color, back) = (visuals.warn_fg_color, visuals.panel_fill.gamma_multiply(0.85));
-    let place = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
+    let place = |time: Time| ruler.left() + viewer.visible_span.x_of(time.as_secs(), ruler.width());
     let mut in_order: Vec<usize> = (0..viewer.timeline.markers.len()).collect();
     in_order.sort_by_key(|index| viewer.timeline.markers[*index].1);
     // Right end of the last flag in each line.
@@ -49,7 +49,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
             .on_hover_cursor(egui::CursorIcon::ResizeHorizontal)
             .hint(format!("{name}\n{}", viewer.time_text(*time)));
         if let Some(pointer) = gesture::dragged_position(ui, &response, pos2(x, at.y)) {
-            let secs = viewer.snapped(viewer.span.secs_at(pointer.x - ruler.left(), ruler.width()));
+            let secs = viewer.snapped(viewer.visible_span.secs_at(pointer.x - ruler.left(), ruler.width()));
             painter.vline(
                 place(Time::from_secs(secs)),
                 lanes.y_range(),

@@ -57,7 +57,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
     let carried: Option<f64> = ui.data(|d| d.get_temp(dragged_id()));
     let of = viewer.timeline.row_name(number);
     for event in &row.events {
-        let x = lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
+        let x = lane.left() + viewer.visible_span.x_of(event.at.as_secs(), lane.width());
         if !(lane.left() - HALF_WIDTH..=lane.right() + HALF_WIDTH).contains(&x)
             || x - last < 2.0
             || count >= MAX_MARKS
@@ -97,7 +97,8 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
             });
         }
         let by = by.or(carried.filter(|_| selected));
-        let shown = by.map_or(x, |by| lane.left() + viewer.span.x_of(event.at.as_secs() + by, lane.width()));
+        let shown =
+            by.map_or(x, |by| lane.left() + viewer.visible_span.x_of(event.at.as_secs() + by, lane.width()));
         painter.add(marker_shape(event.kind, pos2(shown, y), fill));
         if let (Some(by), Some(at), true) = (by, pointer, dragged) {
             draw_text_at_pointer(ui, at, &viewer.time_text(event.at + Time::from_secs(by)));
@@ -127,13 +128,13 @@ pub(crate) fn keys_within(viewer: &Viewer, row: &Row, lane: Rect, area: Rect) ->
     if area.bottom() < y - HALF_WIDTH || area.top() > y + HALF_WIDTH {
         return Vec::new();
     }
-    let x = |event: &Event| lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
+    let x = |event: &Event| lane.left() + viewer.visible_span.x_of(event.at.as_secs(), lane.width());
     row.events.iter().filter(|event| area.x_range().contains(x(event))).flat_map(Event::key_refs).collect()
 }
 
 /// New time of a dragged mark, seconds, snapped to nearby times, else to frames.
 fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
-    let secs = |x: f32| viewer.span.secs_at(x, lane.width());
+    let secs = |x: f32| viewer.visible_span.secs_at(x, lane.width());
     let wanted = secs(x - lane.left());
     let reach = secs(6.0) - secs(0.0);
     let near = viewer.snap_target(wanted, reach, None).filter(|at| (at - event.at.as_secs()).abs() > 1e-9);
@@ -185,7 +186,7 @@ pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Op
         let [r, g, b] = COLORS[foot % COLORS.len()];
         let top = lane.bottom() - FOOT_STRIP_HEIGHT + foot as f32 * high;
         for (from, to) in &part.spans {
-            let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
+            let x = |secs: f64| lane.left() + viewer.visible_span.x_of(secs, lane.width());
             let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + high));
             painter.rect_filled(part.intersect(lane), 0.0, Color32::from_rgb(r, g, b).gamma_multiply(1.4));
         }
@@ -196,7 +197,7 @@ pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Op
     let label = format!("feet of {name}");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, label.clone()));
     let pointer = response.hover_pos().or(response.interact_pointer_pos())?;
-    let secs = viewer.span.secs_at(pointer.x - lane.left(), lane.width());
+    let secs = viewer.visible_span.secs_at(pointer.x - lane.left(), lane.width());
     let standing = found.iter().flat_map(|foot| {
         let on = foot.spans.iter().filter(|(from, to)| *from <= secs && secs < *to);
         on.map(|span| (&foot.name, *span))

@@ -200,7 +200,7 @@ impl Default for Panels {
 
 impl Panels {
     pub fn new(settings: &Settings) -> Panels {
-        let Settings { light, scale, overlays, .. } = *settings;
+        let Settings { uses_light_theme: light, scale, overlays, .. } = *settings;
         let mut panels = Panels { light, scale, overlays, ..Panels::default() };
         if let Some(dock) = settings.layout.as_ref().and_then(layout::read) {
             panels.dock = dock;
@@ -217,7 +217,7 @@ impl Panels {
     pub fn settings(&self) -> Settings {
         let layout = Some(self.splits.write(&self.dock));
         let Panels { light, scale, overlays, .. } = *self;
-        Settings { light, scale, layout, overlays, ..Settings::default() }
+        Settings { uses_light_theme: light, scale, layout, overlays, ..Settings::default() }
     }
 
     /// Draws all panels. `pictures`: texture with the displayed frame of each view; `now`: clock, seconds.
@@ -231,7 +231,7 @@ impl Panels {
         values::set_rate(ui, viewer.playhead.fps().as_fps());
         drop::take_dropped_files(&mut self.waiting, ui, viewer);
         // A slow frame may contain both the release of the mouse button and Ctrl+Z: the drag is completed before it is undone.
-        let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
+        let after_drag = !viewer.documents.shows_start_page && ui.input(|i| i.pointer.any_released());
         if !after_drag {
             keys::handle(self, ui, viewer, now);
         }
@@ -251,7 +251,7 @@ impl Panels {
         }
         viewer.views.iter_mut().for_each(|view| view.is_visible = false);
         viewer.script_has_input = false;
-        if viewer.documents.start {
+        if viewer.documents.shows_start_page {
             return start::show(self, ui, viewer);
         }
         self.overlays = viewer.views[0].overlays;

@@ -168,7 +168,7 @@ fn run(c: &mut Context, target: Target) {
             let shown = c.viewer.path.clone();
             c.viewer.documents.open_dialog(Purpose::New(TEMPLATES[number]), shown.as_deref());
         }
-        Target::Open(file) => c.viewer.documents.open = Some(file),
+        Target::Open(file) => c.viewer.documents.file_to_open = Some(file),
         Target::Select(what, at) => {
             if let Some(at) = at {
                 c.viewer.playhead.pause();

@@ -26,7 +26,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let scene = FormScene {
         input: &input,
         frames: fps.frames_in(settings.length).max(1),
-        shown: [frame(viewer.span.from.max(0.0)), frame(viewer.span.to) - 1],
+        shown: [frame(viewer.visible_span.from.max(0.0)), frame(viewer.visible_span.to) - 1],
         playhead: viewer.playhead.frame(),
         size: settings.size,
     };

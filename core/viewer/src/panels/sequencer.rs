@@ -64,7 +64,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     if ruler.width() < 20.0 {
         return;
     }
-    scrub(ui, viewer, (ruler, viewer.span), "time");
+    scrub(ui, viewer, (ruler, viewer.visible_span), "time");
     ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
     zoom_and_scroll_with_wheel(ui, viewer, area, ruler);
     let rows = viewer.shown_rows();
@@ -90,7 +90,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         },
     );
     ui.spacing_mut().item_spacing.y = spacing;
-    draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.span));
+    draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.visible_span));
     markers::show(ui, viewer, area, ruler);
     problem_count(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
 }
@@ -130,7 +130,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         bar.icon(icons::ARROW_LINE_RIGHT, "Next event", &hint, |viewer| viewer.seek_to_next(false));
         let hint = "show the whole scene";
         bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
-            viewer.span = Span::whole(viewer.playhead.length().as_secs());
+            viewer.visible_span = Span::whole(viewer.playhead.length().as_secs());
         });
         speed_menu(&mut bar, viewer.playhead.speed());
         bar.show(ui, viewer, 0.0);
@@ -430,7 +430,7 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
     if !response.drag_stopped() {
         return;
     }
-    let secs = |x: f32| viewer.span.secs_at(x - lanes.left(), lanes.width());
+    let secs = |x: f32| viewer.visible_span.secs_at(x - lanes.left(), lanes.width());
     let (first, last) = (secs(area.left()), secs(area.right()));
     let drawn: Vec<(RowNumber, Rect)> =
         rows.iter().filter_map(|number| Some((*number, drawn_at(ui, *number)?))).collect();
@@ -513,7 +513,7 @@ fn dropped_clip(
     let row = viewer.timeline.rows[index].what.clone();
     let on = row.as_ref().and_then(Selected::actor);
     if let (Some(clip), Some(on)) = (hovering, on) {
-        let x = lane.left() + viewer.span.x_of(secs, lane.width());
+        let x = lane.left() + viewer.visible_span.x_of(secs, lane.width());
         ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
         if let Some((joints, moved)) = count_following_joints(ui, viewer, &clip, on) {
             bars::draw_text_at_pointer(ui, pointer, &format!("on {on}: {joints} of {moved} joints follow"));
@@ -561,10 +561,10 @@ fn zoom_and_scroll_with_wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: R
     let length = viewer.playhead.length().as_secs();
     let (x, width) = (pointer.x - ruler.left(), ruler.width());
     if zoom != 1.0 {
-        viewer.span.zoom(zoom, x, width, length);
+        viewer.visible_span.zoom(zoom, x, width, length);
     }
     if scroll.x != 0.0 {
-        viewer.span.pan(scroll.x, width, length);
+        viewer.visible_span.pan(scroll.x, width, length);
     }
 }
 

@@ -15,8 +15,8 @@ const TILE_WIDTH: f32 = 200.0;
 
 pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     // Files dropped on this page are opened.
-    if let Some(file) = viewer.dropped.drain(..).next() {
-        viewer.documents.open = Some(file);
+    if let Some(file) = viewer.dropped_files.drain(..).next() {
+        viewer.documents.file_to_open = Some(file);
     }
     let fill = egui::Frame::new().fill(ui.visuals().panel_fill).inner_margin(20.0);
     egui::CentralPanel::default().frame(fill).show(ui, |ui| {
@@ -45,7 +45,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
             if !recent.is_empty() {
                 section(ui, "Recent");
                 if let Some(clicked) = tiles(ui, viewer, &mut panels.pictures, &recent) {
-                    viewer.documents.open = Some(recent[clicked].0.clone());
+                    viewer.documents.file_to_open = Some(recent[clicked].0.clone());
                 }
             }
             let lessons: Vec<(PathBuf, String)> = viewer

@@ -105,8 +105,8 @@ fn show_section(
                 *choice = Some(TestSelection::Section(section.clone()));
             }
         });
-        if !section.text.is_empty() {
-            ui.label(&section.text);
+        if !section.reason.is_empty() {
+            ui.label(&section.reason);
         }
         let checks = section.checks.iter();
         for (index, check) in checks.enumerate().filter(|(_, c)| !c.passed || c.images.is_some()) {

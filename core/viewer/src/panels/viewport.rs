@@ -78,7 +78,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     viewer.is_scrubbing |= response.dragged();
     let fills = viewer.views[index].resolution == Resolution::Fitted;
     let place = image_rect(rect, size, pixels, fills);
-    viewer.views[index].place = [place.left(), place.top(), place.right(), place.bottom()];
+    viewer.views[index].image_rect = [place.left(), place.top(), place.right(), place.bottom()];
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
     if viewer.is_faulty {

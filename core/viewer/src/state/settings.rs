@@ -12,7 +12,7 @@ pub(crate) const SCALE_RANGE: (f32, f32) = (1.0, 2.0);
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    pub light: bool,
+    pub uses_light_theme: bool,
     /// Scale of the user interface, 1 to 2, on top of the system's scale.
     pub scale: f32,
     /// Layout as written by [`crate::panels::Panels`].
@@ -28,7 +28,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Settings {
         let (recent, overlays, tempos) = Default::default();
-        Settings { light: false, scale: 1.0, layout: None, recent, overlays, tempos }
+        Settings { uses_light_theme: false, scale: 1.0, layout: None, recent, overlays, tempos }
     }
 }
 
@@ -56,7 +56,7 @@ impl Settings {
         }
         let tempos = value["tempos"].as_object().into_iter().flatten();
         Settings {
-            light: value["light"].as_bool().unwrap_or(false),
+            uses_light_theme: value["light"].as_bool().unwrap_or(false),
             scale: if scale.is_finite() { scale.clamp(SCALE_RANGE.0, SCALE_RANGE.1) } else { 1.0 },
             layout: value.get("layout").filter(|l| l.is_object()).cloned(),
             recent: recent.filter_map(|file| Some(PathBuf::from(file.as_str()?))).collect(),
@@ -78,7 +78,7 @@ impl Settings {
             .filter_map(|(script, tempo)| Some((script.to_str()?.to_string(), tempo.to_json())))
             .collect();
         let value = json!({
-            "light": self.light, "scale": self.scale, "layout": self.layout, "recent": recent, "overlays": overlays,
+            "light": self.uses_light_theme, "scale": self.scale, "layout": self.layout, "recent": recent, "overlays": overlays,
             "tempos": tempos,
         });
         if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(Settings::read(&file), Settings::default());
         let overlays = Overlays { grid: false, onion_skins: true, ..Overlays::default() };
         let settings = Settings {
-            light: true,
+            uses_light_theme: true,
             scale: 1.5,
             layout: Some(json!({ "tabs": [1] })),
             recent: vec!["/a/b.rhai".into()],

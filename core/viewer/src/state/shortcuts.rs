@@ -135,7 +135,7 @@ pub struct Shortcuts {
 impl Default for Shortcuts {
     fn default() -> Shortcuts {
         let (own, changed) = Default::default();
-        Shortcuts { preset: PRESETS[0].0.to_string(), own, changed }
+        Shortcuts { preset: PRESETS[0].0.to_string(), user_keys: own, changed }
     }
 }
 

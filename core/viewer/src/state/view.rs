@@ -85,7 +85,8 @@ impl Overlays {
 /// Everything that a frame depends on. A frame is only requested again if this has changed.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FrameKey {
-    pub number: u64,
+    /// Number of the scene version.
+    pub scene_version: u64,
     pub reloads: u64,
     pub time: Time,
     pub size: [u32; 2],
@@ -104,7 +105,7 @@ pub struct View {
     /// Size of the panel, pixels, as drawn last.
     pub panel_size: [u32; 2],
     /// Left, top, right and bottom of the image in the window, points.
-    pub place: [f32; 4],
+    pub image_rect: [f32; 4],
     /// Whether the panel of the view was drawn in the last window frame; other views request no frames.
     pub is_visible: bool,
     pub(crate) requested: Option<FrameKey>,
@@ -120,7 +121,7 @@ impl Default for View {
             overlays: Overlays::default(),
             shown: None,
             panel_size: [1280, 720],
-            place: [0.0; 4],
+            image_rect: [0.0; 4],
             is_visible: true,
             requested: None,
             is_waiting: false,

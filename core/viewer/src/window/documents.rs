@@ -30,7 +30,7 @@ pub(crate) fn first_viewer(
             viewer.documents.missing_script = viewer.path.clone().filter(|path| !path.exists());
             viewer.record_opened(&source.input);
         }
-        None => viewer.documents.start = true,
+        None => viewer.documents.shows_start_page = true,
     }
     viewer
 }
@@ -50,7 +50,7 @@ pub fn name_of(source: &SceneSource) -> String {
 impl ViewerWindow {
     /// Opens the requested file in place of the present one, which stays if the new file cannot be watched.
     pub(super) fn open_document(&mut self) {
-        let Some(file) = self.viewer.documents.open.take() else { return };
+        let Some(file) = self.viewer.documents.file_to_open.take() else { return };
         let opened =
             self.options.source(file.clone()).map_err(|error| error.to_string()).and_then(|mut source| {
                 // Clip and parameters of the command line belong to its own file.
@@ -79,7 +79,7 @@ impl ViewerWindow {
         self.viewer.path = source.is_script().then(|| source.input.clone());
         self.viewer.commands.set_input(&source.input);
         let documents = &mut self.viewer.documents;
-        documents.start = false;
+        documents.shows_start_page = false;
         documents.missing_script =
             (source.is_script() && !source.input.exists()).then(|| source.input.clone());
         documents.thumbnails.forget();

@@ -417,7 +417,7 @@ impl ViewerWindow {
     /// Previews dropped files, and closes the preview on request.
     fn update_previews(&mut self) {
         self.place_models();
-        let dropped = SceneSource::of_models(std::mem::take(&mut self.viewer.dropped), &self.source);
+        let dropped = SceneSource::of_models(std::mem::take(&mut self.viewer.dropped_files), &self.source);
         if let Some((source, left_out)) = dropped {
             self.viewer.message = left_out;
             self.newest_session += 1;

@@ -639,10 +639,10 @@ fn constraints_are_added_to_the_selected_actor() {
     place.reload_with(REACHING);
     place.viewer.playhead.seek(Time::from_secs(1.0));
     let joint = scene.stage.actors[0].asset.skeleton.find("LeftHand").unwrap();
-    place.viewer.joint = Some(JointRef { actor: "ada".into(), joint });
+    place.viewer.selected_joint = Some(JointRef { actor: "ada".into(), joint });
     place.viewer.add_constraint(&new(ConstraintCall::Reach, "ball")).unwrap();
     place.reload();
-    place.viewer.joint = None;
+    place.viewer.selected_joint = None;
     place.viewer.add_constraint(&new(ConstraintCall::LookAt, "ball")).unwrap();
     place.reload();
     assert!(place.viewer.problems.is_empty(), "{:?}", place.viewer.problems);

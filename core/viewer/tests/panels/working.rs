@@ -382,9 +382,9 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
     assert_eq!(desk.state().viewer.snapped(1.013), 1.0);
     click(&mut desk, "Snap");
     assert_eq!(desk.state().viewer.snapped(1.013), 1.013);
-    desk.state_mut().viewer.span.zoom(4.0, 0.0, 100.0, 4.0);
+    desk.state_mut().viewer.visible_span.zoom(4.0, 0.0, 100.0, 4.0);
     click(&mut desk, "Whole");
-    assert_eq!(desk.state().viewer.span, choreo_viewer::state::span::Span::whole(4.0));
+    assert_eq!(desk.state().viewer.visible_span, choreo_viewer::state::span::Span::whole(4.0));
     // The end of a bar and a cut are dragged with the mouse.
     for (label, secs, expected) in
         [("end of Walk in row 1", 3.0, ".until(3.0)"), ("start of near in row 0", 2.0, ".cut(2.0)")]
@@ -393,7 +393,7 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
         // Grabbed beside its center, the handle keeps that offset.
         let from = desk.get_by_label(label).rect().center();
         let was = desk.state().viewer.timeline.rows.iter().flat_map(|row| &row.bars);
-        let was = was.flat_map(|bar| [bar.start, bar.until]).map(choreo_motion::Time::as_secs);
+        let was = was.flat_map(|bar| [bar.start, bar.draggable_end]).map(choreo_motion::Time::as_secs);
         let x = |secs: f64| ruler.left() + ruler.width() * secs as f32 / 4.0;
         let was = was.min_by(|a, b| (x(*a) - from.x).abs().total_cmp(&(x(*b) - from.x).abs())).unwrap();
         drag(&mut desk, from, from + vec2(x(secs) - x(was), 0.0));

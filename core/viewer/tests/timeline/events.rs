@@ -90,7 +90,7 @@ fn clicking_an_event_seeks_to_it_and_hovering_names_it() {
     let viewer = &desk.state().viewer;
     let fps = viewer.playhead.fps();
     let all = viewer.timeline.rows.iter().flat_map(|row| {
-        row.events.iter().map(|e| e.at).chain(row.bars.iter().flat_map(|bar| [bar.start, bar.until]))
+        row.events.iter().map(|e| e.at).chain(row.bars.iter().flat_map(|bar| [bar.start, bar.draggable_end]))
     });
     let mut all: Vec<i64> = all
         .chain([Time::from_secs(2.2)])
