@@ -144,10 +144,10 @@ fn compare_downscale_factors() -> Result<Choice, String> {
     let exact = reference_blur(&rgba);
     let bloom = effects::named(&["bloom"]).remove(0);
     let taken = bloom.shrink(0, SIZE.map(|s| s as u32), &PARAMETERS) as usize;
-    let off = |a: &[Vec3], b: &[Vec3]| {
+    let difference = |a: &[Vec3], b: &[Vec3]| {
         a.iter().zip(b).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
     };
-    let same = off(&blur_at_scale(&rgba, taken), &light_added_by_effect(&bloom, &rgba));
+    let same = difference(&blur_at_scale(&rgba, taken), &light_added_by_effect(&bloom, &rgba));
     if same.is_nan() || same > 1e-4 {
         return Err(format!("the measured function is not the effect: {same} apart"));
     }

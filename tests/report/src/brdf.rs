@@ -10,11 +10,11 @@ use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 use std::f64::consts::{PI, TAU};
 
-const OURS: &str = "Smith, heights correlated (glTF)";
+const CHOSEN_METHOD: &str = "Smith, heights correlated (glTF)";
 /// Visibility term of a BRDF, masking and shadowing divided by 4 NL NV, as a function of α², NL, NV and VH.
 type Visibility = fn(f32, f32, f32, f32) -> f32;
 const METHODS: [(&str, Visibility); 5] = [
-    (OURS, correlated_smith_visibility),
+    (CHOSEN_METHOD, correlated_smith_visibility),
     ("Smith, each direction alone", separate_smith_visibility),
     ("Hammon's fit of the correlated one (2017)", hammon_visibility),
     ("Schlick's fit of Smith, k = α / 2 (Karis 2013)", schlick_visibility),
@@ -168,7 +168,7 @@ pub fn section() -> Result<Section, String> {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos).at(place));
     }
     choice.choose(
-        OURS,
+        CHOSEN_METHOD,
         "the formula of glTF's appendix B, exact for its facets; the fits save two square roots",
     );
     Ok(Section {

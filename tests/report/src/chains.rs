@@ -12,9 +12,9 @@ const LENGTHS: [usize; 5] = [1, 10, 50, 200, 1000];
 const BONE_LENGTH: f32 = 0.1;
 /// Index of the typical length: a character with a long spine or a tail.
 const TYPICAL_LENGTH: usize = 2;
-const OURS: &str = "f32 matrices, by depth (LocalToModel)";
+const CHOSEN_METHOD: &str = "f32 matrices, by depth (LocalToModel)";
 const METHODS: [&str; 4] =
-    ["f64 matrices", OURS, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
+    ["f64 matrices", CHOSEN_METHOD, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
 
 pub fn section() -> Result<Section, String> {
     let mut by_length = vec![vec![Spread::default(); LENGTHS.len()]; METHODS.len()];
@@ -58,7 +58,7 @@ pub fn section() -> Result<Section, String> {
         let error = &by_length[method][TYPICAL_LENGTH];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[method]));
     }
-    choice.choose(OURS, "errors of micrometres at the tip, and the GPU needs f32 matrices anyway");
+    choice.choose(CHOSEN_METHOD, "errors of micrometres at the tip, and the GPU needs f32 matrices anyway");
     let titles: Vec<String> = LENGTHS.iter().map(|n| format!(">{n} joints")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error of the tip in µm", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "joints")));

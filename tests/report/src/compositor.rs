@@ -95,10 +95,10 @@ fn compare_id_samples(moment: &Moment) -> Result<Choice, String> {
             if !truth.iter().any(|share| *share > 0.0 && *share < 1.0) {
                 continue;
             }
-            let off = own.iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            (sum, count) = (sum + off, count + 1);
-            if off > worst {
-                (worst, at) = (off, index as u32);
+            let difference = own.iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            (sum, count) = (sum + difference, count + 1);
+            if difference > worst {
+                (worst, at) = (difference, index as u32);
             }
         }
         let name = if *samples == 1 { "1 sample".into() } else { format!("{samples} samples") };
@@ -185,8 +185,8 @@ fn compare_exr_pixel_types(moment: &Moment, registry: &Registry) -> Result<Choic
         for (own, truth) in
             decode_color_channels(&file)?.iter().zip(&truth).filter(|(_, truth)| **truth > 1e-4)
         {
-            let off = 100.0 * f64::from((own - truth).abs() / truth);
-            (worst, sum, count) = (worst.max(off), sum + off, count + 1);
+            let difference = 100.0 * f64::from((own - truth).abs() / truth);
+            (worst, sum, count) = (worst.max(difference), sum + difference, count + 1);
         }
         let row = Row::new(method.join(", ")).error(worst, sum / f64::from(count.max(1)));
         choice.rows.push(row.bytes(file.len() as f64));

@@ -105,7 +105,7 @@ fn measure_pipelines() -> Result<Table, String> {
                 [Pipeline::Forward, Pipeline::Deferred, Pipeline::Auto].map(|p| plan(&stage, &resources, p));
             let (forward, deferred, auto) = (forward?, deferred?, auto?);
             let [there, here] = [draw_frame(&mut gpu, &forward)?, draw_frame(&mut gpu, &deferred)?];
-            let off = compare(&there, &here, 2).map_err(|e| e.to_string())?;
+            let difference = compare(&there, &here, 2).map_err(|e| e.to_string())?;
             let took = measure_times(&mut gpu, &[&forward, &deferred], 2.0 * BUDGET_SECS);
             let number = |v: f64, digits: usize| Cell::number(format!("{v:.digits$}"), v);
             let chosen = if auto.deferred.is_some() { "deferred" } else { "forward" };
@@ -115,8 +115,8 @@ fn measure_pipelines() -> Result<Table, String> {
                 time(took[0]),
                 time(took[1]),
                 ratio(&took[0], &took[1]),
-                number(off.mean, 3),
-                Cell::count(usize::from(off.worst)),
+                number(difference.mean, 3),
+                Cell::count(usize::from(difference.worst)),
                 Cell::text(chosen),
                 Cell::text(plan_estimates(&auto)),
             ]);

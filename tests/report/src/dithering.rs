@@ -114,9 +114,9 @@ fn worst_and_mean_error(codes: &[f64], exact: &[f64], block: usize) -> (f64, f64
         let truth = exact[y..y + block].iter().sum::<f64>() / block as f64;
         for x in (0..SIZE[0]).step_by(block) {
             let pixels = (0..block * block).map(|i| codes[(y + i / block) * SIZE[0] + x + i % block]);
-            let off = (pixels.sum::<f64>() / (block * block) as f64 - truth).abs();
-            worst = worst.max(off);
-            sum += off;
+            let difference = (pixels.sum::<f64>() / (block * block) as f64 - truth).abs();
+            worst = worst.max(difference);
+            sum += difference;
             count += 1.0;
         }
     }

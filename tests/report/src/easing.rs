@@ -6,9 +6,9 @@ use choreo_bench::reference::Spread;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Ease;
 
-const OURS: &str = "bisection, 60 steps (Ease::at)";
+const CHOSEN_METHOD: &str = "bisection, 60 steps (Ease::at)";
 const METHODS: [&str; 5] = [
-    OURS,
+    CHOSEN_METHOD,
     "bisection, 20 steps",
     "Newton, 4 steps",
     "table of 11 and Newton, 4 steps",
@@ -129,7 +129,7 @@ pub fn section() -> Result<Section, String> {
         choice.rows.push(row);
     }
     choice.choose(
-        OURS,
+        CHOSEN_METHOD,
         "exact to the last bit of the time for every curve, even a vertical one; a frame needs few weights",
     );
     Ok(Section {

@@ -9,9 +9,9 @@ use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 
-const OURS: &str = "Karis's fit (2014)";
+const CHOSEN_METHOD: &str = "Karis's fit (2014)";
 const METHODS: [&str; 4] =
-    [OURS, "table of 16 × 16, linear", "table of 64 × 64, linear", "Schlick's term alone"];
+    [CHOSEN_METHOD, "table of 16 × 16, linear", "table of 64 × 64, linear", "Schlick's term alone"];
 const REFLECTANCES: [f64; 3] = [0.04, 0.5, 1.0];
 /// Number of steps in which roughness and angle are sampled.
 const STEPS_PER_DIMENSION: u32 = 24;
@@ -136,7 +136,7 @@ pub fn section() -> Result<Section, String> {
         let row = Row::new(METHODS[method]).error(error.worst, error.mean()).nanos(nanos[method]).at(place);
         choice.rows.push(row);
     }
-    choice.choose(OURS, "no texture needed, and the same formula in the shaders and on the CPU");
+    choice.choose(CHOSEN_METHOD, "no texture needed, and the same formula in the shaders and on the CPU");
     Ok(Section {
         title: "Reflections of rough surfaces",
         text: "Image-based light is the mean of the environment around the mirrored direction times the \

@@ -17,9 +17,9 @@ const TYPICAL_DISTANCE: usize = 1;
 const POINT_COUNT: usize = 256;
 const IMAGE_HEIGHT: f64 = 720.0;
 const YFOV: f64 = 0.7;
-const OURS: &str = "f64 world, camera-relative f32";
+const CHOSEN_METHOD: &str = "f64 world, camera-relative f32";
 const METHODS: [&str; 4] =
-    ["f64 throughout", OURS, "f32 world and view", "f32 world, f32 subtracted from the camera"];
+    ["f64 throughout", CHOSEN_METHOD, "f32 world and view", "f32 world, f32 subtracted from the camera"];
 
 pub fn section() -> Result<Section, String> {
     let mut by_distance = vec![vec![Spread::default(); DISTANCES.len()]; METHODS.len()];
@@ -31,9 +31,9 @@ pub fn section() -> Result<Section, String> {
             let got = shot.project_points(method);
             for point in 0..POINT_COUNT {
                 // If f32 cannot represent the position, the error counts as the height of the image.
-                let off = [0, 1].map(|i| got[i][point] - exact[i][point]);
-                let off = libm::hypot(off[0], off[1]);
-                errors[at].add(if off.is_finite() { off } else { IMAGE_HEIGHT });
+                let difference = [0, 1].map(|i| got[i][point] - exact[i][point]);
+                let difference = libm::hypot(difference[0], difference[1]);
+                errors[at].add(if difference.is_finite() { difference } else { IMAGE_HEIGHT });
             }
         }
         if at == TYPICAL_DISTANCE {
@@ -56,7 +56,7 @@ pub fn section() -> Result<Section, String> {
         let error = &by_distance[method][TYPICAL_DISTANCE];
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[method]));
     }
-    choice.choose(OURS, "as exact everywhere as at the origin, and the GPU part is f32");
+    choice.choose(CHOSEN_METHOD, "as exact everywhere as at the origin, and the GPU part is f32");
     let titles: Vec<String> = DISTANCES.iter().map(|d| format!(">{}", d.1)).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in pixels, from the origin", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "distance")));

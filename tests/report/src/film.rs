@@ -114,9 +114,9 @@ fn by_spectrum(film: Film, from: u32, step: usize, color_matching: impl Fn(f64) 
     let (mut xyz, mut whole) = ([0.0; 3], 0.0);
     for nm in (from..=830).step_by(step).map(f64::from) {
         let phase = libm::cos(path / nm);
-        let off = amplitudes.iter().map(|a| airy_reflectance(*a, phase)).sum::<f64>() * 0.5 - middle;
+        let deviation = amplitudes.iter().map(|a| airy_reflectance(*a, phase)).sum::<f64>() * 0.5 - middle;
         let weights = color_matching(nm);
-        xyz.iter_mut().zip(weights).for_each(|(sum, w)| *sum += off * w);
+        xyz.iter_mut().zip(weights).for_each(|(sum, w)| *sum += deviation * w);
         whole += weights[1];
     }
     rgb_from_xyz(xyz.map(|v| v / whole)).map(|v| (middle + v).max(0.0))

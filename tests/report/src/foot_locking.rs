@@ -141,9 +141,9 @@ fn largest_slide(stage: &Arc<Stage>, (from, to): (f64, f64)) -> Result<(f64, f64
             let slow = (now - pair[0]).with_y(0.0).length() * SAMPLES_PER_SEC < MAX_CONTACT_SPEED;
             stands = match stands {
                 Some((first, lowest)) if now.y - lowest < MAX_CONTACT_HEIGHT => {
-                    let off = (now - first).with_y(0.0).length();
-                    if off > worst {
-                        (worst, at) = (off, from + (i + 1) as f64 / SAMPLES_PER_SEC);
+                    let difference = (now - first).with_y(0.0).length();
+                    if difference > worst {
+                        (worst, at) = (difference, from + (i + 1) as f64 / SAMPLES_PER_SEC);
                     }
                     Some((first, lowest.min(now.y)))
                 }

@@ -80,9 +80,9 @@ fn block_errors(frame: &Frame, back: &Frame, block: usize) -> (f64, f64) {
     for y in (0..height / block * block).step_by(block) {
         for x in (0..width / block * block).step_by(block) {
             for channel in 0..3 {
-                let off = (mean(frame, x, y, channel) - mean(back, x, y, channel)).abs();
-                worst = worst.max(off);
-                sum += off;
+                let difference = (mean(frame, x, y, channel) - mean(back, x, y, channel)).abs();
+                worst = worst.max(difference);
+                sum += difference;
                 count += 1.0;
             }
         }

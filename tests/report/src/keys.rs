@@ -8,10 +8,10 @@ use choreo_motion::Time;
 use choreo_stage::Tangents;
 use std::f64::consts::TAU;
 
-const OURS: &str = "\"cubic\": limited by the changes beside the key, positions as vectors";
+const CHOSEN_METHOD: &str = "\"cubic\": limited by the changes beside the key, positions as vectors";
 const CATMULL_ROM: &str = "\"catmull_rom\": the parabola through the neighbors";
 const METHODS: [(&str, TangentMethod); 4] = [
-    (OURS, |times, values| same_tangent_on_both_sides(Tangents::Limited.of(times, values, true))),
+    (CHOSEN_METHOD, |times, values| same_tangent_on_both_sides(Tangents::Limited.of(times, values, true))),
     (CATMULL_ROM, |times, values| same_tangent_on_both_sides(Tangents::CatmullRom.of(times, values, true))),
     ("Fritsch–Carlson, each component", |times, values| {
         same_tangent_on_both_sides(fritsch_carlson_tangents(times, values))
@@ -45,9 +45,9 @@ pub fn section() -> Result<Section, String> {
             let mut own = Spread::default();
             for (secs, value) in sample_curve(*tangents, reference) {
                 let exact = (reference.at)(secs);
-                let off: f64 = value.iter().zip(exact).map(|(a, b)| (a - b) * (a - b)).sum();
-                own.add(off.sqrt() * 1e3);
-                if all[method].add(off.sqrt() * 1e3) {
+                let difference: f64 = value.iter().zip(exact).map(|(a, b)| (a - b) * (a - b)).sum();
+                own.add(difference.sqrt() * 1e3);
+                if all[method].add(difference.sqrt() * 1e3) {
                     places[method] = format!("{}, {secs:.2} s", reference.name.trim_start_matches('>'));
                 }
             }
@@ -67,7 +67,10 @@ pub fn section() -> Result<Section, String> {
             .rows
             .push(Row::new(METHODS[method].0).error(worst, mean).at(places[method].clone()).nanos(nanos));
     }
-    choice.choose(OURS, "follows smooth motions like the plain spline, and short gaps cause no overshoot");
+    choice.choose(
+        CHOSEN_METHOD,
+        "follows smooth motions like the plain spline, and short gaps cause no overshoot",
+    );
     let (weights, by_weights) = key_weights::measure_part_counts()?;
     let reason = "it costs nanoseconds once for each key of a script, and is the only one without faults in either table";
     let longer = "more parts are sampled as fast, but take more memory, only to reduce an invisible error";

@@ -236,8 +236,9 @@ fn write_section(text: &mut String, section: &Section, plots: &Path) -> Result<(
         }
         let _ = writeln!(text, "{}", choice.table().markdown().trim_end());
         // Methods of nearly the same cost change places between runs.
-        let off = |(key, _): &&(&str, &str)| *key == choice.key && !choice.chosen_is_on_front();
-        for (_, why) in section.off_front.iter().filter(off) {
+        let is_explained_off_front =
+            |(key, _): &&(&str, &str)| *key == choice.key && !choice.chosen_is_on_front();
+        for (_, why) in section.off_front.iter().filter(is_explained_off_front) {
             let _ = writeln!(text, "\nNot on the front: {why}");
         }
     }

@@ -208,8 +208,8 @@ fn compare_step_counts() -> Choice {
         for (group, depths) in &groups {
             let got = find(&maps[group.map], group, *count);
             for lane in 0..LANES {
-                let off = (f64::from(got[lane]) - depths[lane]).abs();
-                error.add(group.direction[lane].as_dvec2().length() * off);
+                let difference = (f64::from(got[lane]) - depths[lane]).abs();
+                error.add(group.direction[lane].as_dvec2().length() * difference);
             }
         }
         choice.rows.push(Row::new(name.as_str()).error(error.worst, error.mean()));

@@ -7,9 +7,9 @@ use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_stage::Path;
 use glam::DVec3;
 
-const OURS: &str = "Gauss–Legendre of 3 points, 32 pieces (Path)";
+const CHOSEN_METHOD: &str = "Gauss–Legendre of 3 points, 32 pieces (Path)";
 const METHODS: [&str; 5] = [
-    OURS,
+    CHOSEN_METHOD,
     "Gauss–Legendre of 3 points, 8 pieces",
     "Gauss–Legendre of 5 points, whole stretch",
     "Simpson, 32 pieces",
@@ -140,7 +140,7 @@ pub fn section() -> Result<Section, String> {
             .push(Row::new(METHODS[method]).error(error.worst, error.mean()).nanos(nanos[method]).at(place));
     }
     choice.choose(
-        OURS,
+        CHOSEN_METHOD,
         "its error makes no foot slide on any path, even in sharp turns; it is computed once, when the \
          stage is built",
     );

@@ -6,8 +6,9 @@ use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Planar;
 use glam::{DVec2, DVec3, Vec2};
 
-const OURS: &str = "power in closed form, f64 (Planar::power)";
-const METHODS: [&str; 4] = [OURS, "a step each loop, f64", "a step each frame, f64", "a step each loop, f32"];
+const CHOSEN_METHOD: &str = "power in closed form, f64 (Planar::power)";
+const METHODS: [&str; 4] =
+    [CHOSEN_METHOD, "a step each loop, f64", "a step each frame, f64", "a step each loop, f32"];
 /// Numbers of loops of one second, and their total time.
 const LOOP_COUNTS: [(i64, &str); 4] = [(60, "1 min"), (3600, "1 h"), (36_000, "10 h"), (360_000, "100 h")];
 const FRAMES_PER_LOOP: i64 = 30;
@@ -83,10 +84,11 @@ pub fn section() -> Result<Section, String> {
         for (at, (loops, _)) in LOOP_COUNTS.iter().enumerate() {
             let truth = reference_position(fraction, metres, *loops);
             for (method, errors) in errors.iter_mut().enumerate() {
-                let off = (accumulated_position(method, angle_of_fraction(fraction), metres, *loops) - truth)
+                let difference = (accumulated_position(method, angle_of_fraction(fraction), metres, *loops)
+                    - truth)
                     .length()
                     * 1e3;
-                errors[at] = errors[at].max(off);
+                errors[at] = errors[at].max(difference);
             }
         }
     }
@@ -110,7 +112,7 @@ pub fn section() -> Result<Section, String> {
     for (method, name) in METHODS.into_iter().enumerate() {
         choice.rows.push(Row::new(name).error(errors[method][1], f64::NAN).nanos(nanos[method]));
     }
-    choice.choose(OURS, "any frame directly, at the same cost, and rounding does not accumulate");
+    choice.choose(CHOSEN_METHOD, "any frame directly, at the same cost, and rounding does not accumulate");
     let titles: Vec<String> = LOOP_COUNTS.iter().map(|l| format!(">after {}", l.1)).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in mm", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "loops")));

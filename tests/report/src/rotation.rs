@@ -12,11 +12,11 @@ use std::sync::Arc;
 const DEGREES_BETWEEN_KEYS: [f64; 8] = [1.0, 5.0, 10.0, 20.0, 45.0, 90.0, 135.0, 179.0];
 const STEPS_PER_SPAN: usize = 64;
 const AXIS_COUNT: usize = 12;
-const OURS: &str = "Sample (power series, as many terms as the keys need)";
+const CHOSEN_METHOD: &str = "Sample (power series, as many terms as the keys need)";
 const SPLINE_METHOD: &str = "cubic spline with the true tangents";
 
 pub fn section() -> Result<Section, String> {
-    let names: Vec<&str> = METHODS.iter().map(|w| w.0).chain([SPLINE_METHOD, OURS]).collect();
+    let names: Vec<&str> = METHODS.iter().map(|w| w.0).chain([SPLINE_METHOD, CHOSEN_METHOD]).collect();
     let mut by_degrees = vec![vec![Spread::default(); DEGREES_BETWEEN_KEYS.len()]; names.len()];
     let mut all = vec![Spread::default(); names.len()];
     let mut places = vec![String::new(); names.len()];
@@ -56,7 +56,7 @@ pub fn section() -> Result<Section, String> {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos));
     }
     choice.choose(
-        OURS,
+        CHOSEN_METHOD,
         "as exact as f32 allows at any distance; joints that share key times share its coefficients",
     );
     let titles: Vec<String> = DEGREES_BETWEEN_KEYS.iter().map(|d| format!(">{d}°")).collect();
@@ -162,7 +162,7 @@ fn spline([a, m0, b, m1]: &[Rotations; 4], t: f32) -> Rotations {
     unit(&std::array::from_fn(row))
 }
 
-/// Time of each method for keyframes 30° apart, as in fast parts of a clip with twelve poses per second; and time of [`OURS`] with the
+/// Time of each method for keyframes 30° apart, as in fast parts of a clip with twelve poses per second; and time of [`CHOSEN_METHOD`] with the
 /// widest registers.
 fn measure_times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
     const PAIRS: usize = 256;

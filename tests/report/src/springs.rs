@@ -12,7 +12,7 @@ use choreo_motion::{Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
 use std::f64::consts::PI;
 
-const OURS: &str = "closed form (SpringBone)";
+const CHOSEN_METHOD: &str = "closed form (SpringBone)";
 /// Name, steps per frame, method.
 const METHODS: [(&str, u32, Method); 9] = [
     ("explicit Euler", 1, Method::Explicit),
@@ -23,7 +23,7 @@ const METHODS: [(&str, u32, Method); 9] = [
     ("implicit Euler, 64 steps a frame", 64, Method::Implicit),
     ("RK4", 1, Method::Rk4),
     ("RK4, 8 steps a frame", 8, Method::Rk4),
-    (OURS, 1, Method::ClosedForm),
+    (CHOSEN_METHOD, 1, Method::ClosedForm),
 ];
 const FREQUENCIES: [f64; 5] = [0.1, 1.0, 10.0, 100.0, 1000.0];
 const DAMPING_RATIOS: [f64; 6] = [0.0, 0.1, 0.5, 1.0, 3.0, 10.0];
@@ -48,18 +48,18 @@ pub fn section() -> Result<Section, String> {
     let mut by_rate = vec![vec![Spread::default(); FRAME_RATES.len()]; METHODS.len()];
     let mut by_frequency = vec![vec![Spread::default(); FREQUENCIES.len()]; METHODS.len()];
     let mut by_ratio = vec![vec![Spread::default(); DAMPING_RATIOS.len()]; METHODS.len()];
-    for (way, (_, steps, method)) in METHODS.iter().enumerate() {
+    for (method_index, (_, steps, method)) in METHODS.iter().enumerate() {
         for (f, frequency) in FREQUENCIES.iter().enumerate() {
             for (z, ratio) in DAMPING_RATIOS.iter().enumerate() {
                 for (r, rate) in FRAME_RATES.iter().enumerate() {
-                    let (off, time) = free_swing(*method, *steps, *frequency, *ratio, *rate);
-                    by_frequency[way][f].add(off);
-                    by_ratio[way][z].add(off);
-                    by_rate[way][r].add(off);
-                    free[way].add(off);
-                    if off > worst_at[way].0 {
-                        worst_at[way] =
-                            (off, format!("{frequency} Hz, ratio {ratio}, {rate} fps, {time:.2} s"));
+                    let (difference, time) = free_swing(*method, *steps, *frequency, *ratio, *rate);
+                    by_frequency[method_index][f].add(difference);
+                    by_ratio[method_index][z].add(difference);
+                    by_rate[method_index][r].add(difference);
+                    free[method_index].add(difference);
+                    if difference > worst_at[method_index].0 {
+                        worst_at[method_index] =
+                            (difference, format!("{frequency} Hz, ratio {ratio}, {rate} fps, {time:.2} s"));
                     }
                 }
             }
@@ -82,11 +82,16 @@ pub fn section() -> Result<Section, String> {
                         frames a second; π where it diverges"
             .into();
     choice.per = "frame of one bone".into();
-    for (way, (name, ..)) in METHODS.iter().enumerate() {
-        let row = Row::new(*name).error(free[way].worst, free[way].mean()).nanos(nanos[way]);
-        choice.rows.push(row.at(worst_at[way].1.clone()));
+    for (method_index, (name, ..)) in METHODS.iter().enumerate() {
+        let row = Row::new(*name)
+            .error(free[method_index].worst, free[method_index].mean())
+            .nanos(nanos[method_index]);
+        choice.rows.push(row.at(worst_at[method_index].1.clone()));
     }
-    choice.choose(OURS, "exact at any frequency, damping and rate, and as cheap as one step of any other");
+    choice.choose(
+        CHOSEN_METHOD,
+        "exact at any frequency, damping and rate, and as cheap as one step of any other",
+    );
     let table = |title: &str, what: &str, titles: Vec<String>, errors: &[Vec<Spread>]| {
         let titles: Vec<String> = titles.iter().map(|t| format!(">{t}")).collect();
         let mut columns: Vec<(&str, &'static str)> = vec![(what, "way")];
@@ -181,7 +186,7 @@ fn advance_frame(
         let bent = log(state.direction, target);
         let v = state.velocity;
         let rate = |u: DVec3, w: DVec3| (bent - u) * k - w * c;
-        let (way, after) = match method {
+        let (displacement, after) = match method {
             Method::Explicit => (v * h, v + rate(DVec3::ZERO, v) * h),
             Method::SemiImplicit => {
                 let after = v + rate(DVec3::ZERO, v) * h;
@@ -200,8 +205,8 @@ fn advance_frame(
             }
         };
         // A diverged spring is clamped to stay finite; its error counts as π.
-        let way = way.clamp_length_max(1e6);
-        (state.direction, state.velocity) = exp(state.direction, way, after.clamp_length_max(1e12));
+        let displacement = displacement.clamp_length_max(1e6);
+        (state.direction, state.velocity) = exp(state.direction, displacement, after.clamp_length_max(1e12));
     }
     (state.head, state.target) = (drive.head, drive.target);
 }
@@ -215,10 +220,11 @@ fn free_swing(method: Method, steps: u32, frequency: f64, ratio: f64, rate: u32)
         advance_frame(method, steps, &bone, &mut state, &drive, 1.0 / f64::from(rate));
         let t = f64::from(i) / f64::from(rate);
         let angle = libm::atan2(state.direction.x, -state.direction.y);
-        let off = (angle - reference_angle(frequency, ratio, t)).abs();
-        let off = if off.is_finite() && state.velocity.length() < 1e9 { off.min(PI) } else { PI };
-        if off > worst.0 {
-            worst = (off, t);
+        let difference = (angle - reference_angle(frequency, ratio, t)).abs();
+        let difference =
+            if difference.is_finite() && state.velocity.length() < 1e9 { difference.min(PI) } else { PI };
+        if difference > worst.0 {
+            worst = (difference, t);
         }
     }
     worst
@@ -270,9 +276,9 @@ fn moving_target_table() -> Table {
         let mut cells = vec![Cell::text(name)];
         for (rate, truth) in FRAME_RATES.iter().zip(&truths) {
             let got = run(method, steps, &bone, *rate, 1);
-            let off = got.iter().zip(truth).map(|(a, b)| log(*a, *b).length()).fold(0.0, f64::max);
-            let off = if off.is_finite() { off } else { PI };
-            cells.push(Cell::number(quantity(off), off));
+            let difference = got.iter().zip(truth).map(|(a, b)| log(*a, *b).length()).fold(0.0, f64::max);
+            let difference = if difference.is_finite() { difference } else { PI };
+            cells.push(Cell::number(quantity(difference), difference));
         }
         table.rows.push(cells);
     }
@@ -340,9 +346,9 @@ fn chains_table() -> Result<Table, String> {
         let truth = tips(count, 60_000)?;
         for (row, steps) in rows.iter_mut().zip(STEPS) {
             let got = tips(count, steps)?;
-            let off =
+            let difference =
                 got.iter().zip(&truth).map(|(a, b)| f64::from((*a - *b).length()) * 1e3).fold(0.0, f64::max);
-            row.push(Cell::number(quantity(off), off));
+            row.push(Cell::number(quantity(difference), difference));
         }
     }
     table.rows = rows;

@@ -85,8 +85,9 @@ fn compare_decoding() -> Choice {
         let (mut error, mut place) = (Spread::default(), String::new());
         for code in 0..=255u8 {
             // Error in codes: the value is encoded exactly, without rounding.
-            let off = (reference_encode(f64::from(decode(method, code)).max(0.0)) - f64::from(code)).abs();
-            if error.add(off) {
+            let difference =
+                (reference_encode(f64::from(decode(method, code)).max(0.0)) - f64::from(code)).abs();
+            if error.add(difference) {
                 place = format!("code {code}, {:.2e}", reference_decode(f64::from(code)));
             }
         }
@@ -117,8 +118,9 @@ fn compare_encoding() -> Choice {
     for (method, name) in ENCODE_METHODS.into_iter().enumerate() {
         let (mut error, mut place) = (Spread::default(), String::new());
         for light in some {
-            let off = (f64::from(encode(method, *light, table)) - reference_encode(f64::from(*light))).abs();
-            if error.add(off) {
+            let difference =
+                (f64::from(encode(method, *light, table)) - reference_encode(f64::from(*light))).abs();
+            if error.add(difference) {
                 place = format!("light {light:.5}");
             }
         }

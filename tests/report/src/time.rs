@@ -10,9 +10,9 @@ const HOURS: [(f64, &str); 5] =
     [(1.0 / 3600.0, "1 s"), (1.0 / 60.0, "1 min"), (1.0, "1 h"), (100.0, "100 h"), (1000.0, "1000 h")];
 const TYPICAL_HOURS: usize = 2;
 const NTSC: FrameRate = FrameRate { num: 30_000, den: 1001 };
-const OURS: &str = "ticks of 1/705 600 000 s";
+const CHOSEN_METHOD: &str = "ticks of 1/705 600 000 s";
 const METHODS: [&str; 5] = [
-    OURS,
+    CHOSEN_METHOD,
     "f64 seconds",
     "f32 seconds",
     "f64, a frame's time added each frame",
@@ -47,8 +47,8 @@ pub fn section() -> Result<Section, String> {
                     // Ticks are compared as integers: frame · 1001 / 30 000 s is a whole number of ticks.
                     0 => {
                         let exact = i128::from(frame) * 1001 * i128::from(Time::TICKS_PER_SECOND);
-                        let off = exact - i128::from(NTSC.time_of(frame).0) * 30_000;
-                        off.unsigned_abs() as f64 / 30_000.0 / Time::TICKS_PER_SECOND as f64 * 1e6
+                        let difference = exact - i128::from(NTSC.time_of(frame).0) * 30_000;
+                        difference.unsigned_abs() as f64 / 30_000.0 / Time::TICKS_PER_SECOND as f64 * 1e6
                     }
                     _ => error_in_microseconds(held, frame),
                 });
@@ -68,7 +68,7 @@ pub fn section() -> Result<Section, String> {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[method]));
     }
     choice.choose(
-        OURS,
+        CHOSEN_METHOD,
         "exact for every common frame rate, at any time; a time computed in two ways is the same",
     );
     let titles: Vec<String> = HOURS.iter().map(|h| format!(">after {}", h.1)).collect();

@@ -91,12 +91,12 @@ fn worst_acceleration(stage: &Arc<Stage>) -> Result<(f64, String), String> {
     let (mut worst, mut at) = (0.0, String::new());
     for (i, three) in looks.windows(3).enumerate() {
         for (joint, name) in stage.actors[0].asset.skeleton.names().iter().enumerate() {
-            let off = (three[0][joint] - 2.0 * three[1][joint] + three[2][joint]).length()
+            let difference = (three[0][joint] - 2.0 * three[1][joint] + three[2][joint]).length()
                 * SAMPLES_PER_SEC
                 * SAMPLES_PER_SEC;
-            if off > worst {
+            if difference > worst {
                 (worst, at) = (
-                    off,
+                    difference,
                     format!("{name}, {:.2} s", SECOND_CLIP_SECS - 0.1 + (i + 1) as f64 / SAMPLES_PER_SEC),
                 );
             }

@@ -9,7 +9,7 @@ use std::ops::Add;
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 360;
-const OURS: &str = "1/2^15 fixed point, [1 2 1] across (default)";
+const CHOSEN_METHOD: &str = "1/2^15 fixed point, [1 2 1] across (default)";
 
 type Convert = fn(&[u8]) -> Planes;
 
@@ -19,7 +19,7 @@ pub fn section() -> Result<Section, String> {
     let methods: [(&str, Convert); 5] = [
         ("f64, [1 2 1] across", in_f64),
         ("f32, [1 2 1] across", in_f32),
-        (OURS, project_conversion),
+        (CHOSEN_METHOD, project_conversion),
         ("1/2^8 fixed point, [1 2 1] across", convert_in_8_bits),
         ("1/2^15 fixed point, mean of 2 × 2", convert_mean_of_four),
     ];
@@ -48,7 +48,7 @@ pub fn section() -> Result<Section, String> {
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
     drop(cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    choice.choose(OURS, "as exact as bytes can hold, and the same bytes on every machine");
+    choice.choose(CHOSEN_METHOD, "as exact as bytes can hold, and the same bytes on every machine");
     Ok(Section {
         title: "Video colors",
         text: "Rounding the image and the result to bytes makes an error of nine tenths of a step at worst. \
