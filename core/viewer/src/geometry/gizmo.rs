@@ -1,7 +1,7 @@
 //! Gizmos: arrows, rings and boxes that move, rotate and scale the selection by mouse. Computes their positions in world space and the change that
 //! a drag makes. No UI toolkit is used here.
 
-use crate::geometry::projection::WindowProjection;
+use crate::geometry::projection::ViewProjection;
 use crate::geometry::round_to_pixel;
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
@@ -79,7 +79,7 @@ pub fn ring_points(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Ite
 pub(crate) fn handle_at(
     tool: Tool,
     world_from_model: &DAffine3,
-    projection: &WindowProjection,
+    projection: &ViewProjection,
     at: DVec2,
 ) -> Option<Handle> {
     let center = world_from_model.translation;
@@ -115,7 +115,7 @@ pub(crate) fn distance_to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
 
 impl Drag {
     /// The change when the pointer is at `to`, rounded to the digits that a pixel resolves. `in_steps`: rounded to whole steps.
-    pub fn change(&self, projection: &WindowProjection, to: DVec2, in_steps: bool) -> Change {
+    pub fn change(&self, projection: &ViewProjection, to: DVec2, in_steps: bool) -> Change {
         let center = self.world_from_model.translation;
         let metres = projection.metres_per_point(center);
         let round = |value: f64, step: f64, pixel: f64| match in_steps {
@@ -203,13 +203,13 @@ mod tests {
     use choreo_asset::Projection;
     use choreo_stage::CameraState;
 
-    fn projection() -> WindowProjection {
+    fn projection() -> ViewProjection {
         let world_from_view = DAffine3::from_rotation_translation(
             DQuat::from_rotation_y(0.4) * DQuat::from_rotation_x(-0.3),
             DVec3::new(2.5, 2.2, 5.5),
         );
         let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
-        WindowProjection::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0))
+        ViewProjection::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0))
     }
 
     fn placed() -> DAffine3 {
@@ -266,7 +266,7 @@ mod tests {
             DVec3::new(0.3, 8.0, 0.2),
         );
         let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
-        let projection = WindowProjection::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0));
+        let projection = ViewProjection::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0));
         let middle = projection.project_point(placed().translation).unwrap();
         let from = middle + DVec2::new(ARM_LENGTH, 0.0);
         assert_eq!(handle_at(Tool::Turn, &placed(), &projection, from), Some(Handle::Axis(1)));

@@ -8,7 +8,7 @@ use glam::{DAffine3, DVec2, DVec3};
 const NEAR_PLANE: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug)]
-pub struct WindowProjection {
+pub struct ViewProjection {
     view_from_world: DAffine3,
     /// Top left corner of the image, in points of the window.
     top_left: DVec2,
@@ -18,14 +18,14 @@ pub struct WindowProjection {
     perspective: bool,
 }
 
-impl WindowProjection {
+impl ViewProjection {
     /// `top_left`, `size`: position and size of the image in the window, points.
-    pub fn new(camera: &CameraState, top_left: DVec2, size: DVec2) -> WindowProjection {
+    pub fn new(camera: &CameraState, top_left: DVec2, size: DVec2) -> ViewProjection {
         let (height, perspective) = match camera.projection {
             Projection::Perspective { yfov, .. } => (2.0 * libm::tan(f64::from(yfov) / 2.0), true),
             Projection::Orthographic { height, .. } => (f64::from(height), false),
         };
-        WindowProjection {
+        ViewProjection {
             view_from_world: camera.world_from_view.inverse(),
             top_left,
             size,
@@ -123,7 +123,7 @@ mod tests {
     fn projection_agrees_with_the_matrices_of_the_renderer() {
         for camera in cameras() {
             let size = [640, 360];
-            let projection = WindowProjection::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
+            let projection = ViewProjection::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
             let view = View::new(&camera, size);
             for at in [DVec3::new(0.4, 0.2, -3.0), DVec3::new(-0.7, 0.1, -8.0)] {
                 let world = camera.world_from_view.transform_point3(at);
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn lines_are_clipped_at_the_near_plane() {
-        let projection = WindowProjection::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
+        let projection = ViewProjection::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
         let at = |z: f64| cameras()[0].world_from_view.transform_point3(DVec3::new(0.1, 0.1, z));
         assert!(
             projection.project_point(at(1.0)).is_none()

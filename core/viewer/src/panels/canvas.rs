@@ -1,6 +1,6 @@
 //! The displayed image of a viewport, with the pointer on it. Overlays draw on it, and the mouse picks in it.
 
-use crate::geometry::projection::WindowProjection;
+use crate::geometry::projection::ViewProjection;
 use egui::{Painter, PointerButton, Pos2, Rect, Response, Ui};
 use glam::DVec2;
 
@@ -11,7 +11,7 @@ pub(super) struct Canvas<'a> {
     /// Rectangle of the image in the window, points.
     pub place: Rect,
     /// Projection of the displayed camera.
-    pub projection: WindowProjection,
+    pub projection: ViewProjection,
 }
 
 impl Canvas<'_> {

@@ -1,7 +1,7 @@
 //! Files dropped on the window: models dropped on a viewport are added to the scene under the pointer; all others are previewed.
 
 use crate::app::Viewer;
-use crate::geometry::projection::WindowProjection;
+use crate::geometry::projection::ViewProjection;
 use crate::state::dropped_models::DroppedModels;
 use egui::{Event, Pos2, Rect, Ui};
 use glam::{DVec2, DVec3};
@@ -64,7 +64,7 @@ pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     };
     let view = viewer.views.iter().find(inside)?;
     let [left, top, right, bottom] = view.image_rect.map(f64::from);
-    let projection = WindowProjection::new(
+    let projection = ViewProjection::new(
         &view.displayed_camera(&scene.stage)?,
         DVec2::new(left, top),
         DVec2::new(right - left, bottom - top),

@@ -5,7 +5,7 @@ use super::gesture;
 use super::overlay::{X, Y, Z, line, point};
 use crate::app::{Dragging, Viewer};
 use crate::geometry::gizmo::{ARM_LENGTH, Change, Drag, Handle, Tool, arm_direction, handle_at, ring_points};
-use crate::geometry::projection::WindowProjection;
+use crate::geometry::projection::ViewProjection;
 use crate::state::selection::{Selected, actor};
 use egui::{Color32, Painter, Rect, Stroke, StrokeKind, Ui, vec2};
 use glam::{DAffine3, DVec2};
@@ -81,7 +81,7 @@ fn draw(
     tool: Tool,
     world_from_model: &DAffine3,
     hot: Option<Handle>,
-    projection: &WindowProjection,
+    projection: &ViewProjection,
 ) {
     let center = world_from_model.translation;
     let length = ARM_LENGTH * projection.metres_per_point(center);

@@ -3,7 +3,7 @@
 use super::canvas::Canvas;
 use crate::app::Viewer;
 use crate::geometry::picking;
-use crate::geometry::projection::WindowProjection;
+use crate::geometry::projection::ViewProjection;
 use crate::state::selection::Selected;
 use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::{DVec2, DVec3};
@@ -19,7 +19,7 @@ pub fn point(p: DVec2) -> egui::Pos2 {
     pos2(p.x as f32, p.y as f32)
 }
 
-pub fn line(painter: &Painter, projection: &WindowProjection, a: DVec3, b: DVec3, stroke: Stroke) {
+pub fn line(painter: &Painter, projection: &ViewProjection, a: DVec3, b: DVec3, stroke: Stroke) {
     let clip = painter.clip_rect();
     let ends = projection.project_line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
     if let Some(ends) = ends {
@@ -91,7 +91,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
     }
 }
 
-fn bounds(painter: &Painter, projection: &WindowProjection, low: DVec3, high: DVec3, stroke: Stroke) {
+fn bounds(painter: &Painter, projection: &ViewProjection, low: DVec3, high: DVec3, stroke: Stroke) {
     let corner = |i: usize| {
         let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
         DVec3::new(pick(0), pick(1), pick(2))

@@ -4,7 +4,7 @@ use super::canvas::Canvas;
 use super::overlay::{line, point};
 use crate::app::Viewer;
 use crate::geometry::gizmo::distance_to_segment;
-use crate::geometry::projection::WindowProjection;
+use crate::geometry::projection::ViewProjection;
 use crate::geometry::rig;
 use crate::state::dragged_icon::{DraggedIcon, IconObject};
 use crate::state::view::ViewCamera;
@@ -100,7 +100,7 @@ struct Handle {
 }
 
 impl Handle {
-    fn of(viewer: &Viewer, icon: &SceneIcon, projection: &WindowProjection) -> Handle {
+    fn of(viewer: &Viewer, icon: &SceneIcon, projection: &ViewProjection) -> Handle {
         let chosen = viewer.selection == Some(icon.what.selected());
         let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
         let lines = lines.into_iter().filter_map(|[a, b]| projection.project_line(a, b));
@@ -196,7 +196,7 @@ fn drag(
 }
 
 /// World position under a point of the window, at the same depth as another position.
-fn point_at_depth_of(projection: &WindowProjection, place: DVec3, at: DVec2) -> Option<DVec3> {
+fn point_at_depth_of(projection: &ViewProjection, place: DVec3, at: DVec2) -> Option<DVec3> {
     let (origin, direction) = projection.ray_through(at);
     let normal = projection.forward();
     let along = (place - origin).dot(normal) / direction.dot(normal);
@@ -237,7 +237,7 @@ fn name(what: &IconObject) -> String {
     }
 }
 
-fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, projection: &WindowProjection) {
+fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, projection: &ViewProjection) {
     let Some(at) = projection.project_point(icon.at).map(point) else { return };
     let color = match (chosen, hot) {
         (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
@@ -320,7 +320,7 @@ impl Beam {
 }
 
 /// Draws the view frustum of a camera, with an aspect ratio of 16:9.
-fn frame(painter: &Painter, projection: &WindowProjection, beam: &Beam, stroke: Stroke) {
+fn frame(painter: &Painter, projection: &ViewProjection, beam: &Beam, stroke: Stroke) {
     let Beam { at, along, angle, length } = *beam;
     let [right, up] = perpendicular_axes(along);
     let high = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };

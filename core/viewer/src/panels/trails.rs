@@ -3,7 +3,7 @@
 use super::canvas::Canvas;
 use super::overlay::{line, point};
 use crate::app::Viewer;
-use crate::geometry::projection::WindowProjection;
+use crate::geometry::projection::ViewProjection;
 use crate::state::selection::Selected;
 use crate::state::trail::{JointRef, Trail};
 use choreo_motion::Time;
@@ -100,7 +100,7 @@ fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
 }
 
 /// Draws the trail of a joint: a line through all frames, with a dot for each and a larger one for the present frame.
-fn draw_path(painter: &Painter, projection: &WindowProjection, trail: &Trail, now: Time, joint: usize) {
+fn draw_path(painter: &Painter, projection: &ViewProjection, trail: &Trail, now: Time, joint: usize) {
     let at = |index: usize| -> Option<DVec3> { trail.frames.get(index)?.1.get(joint).copied() };
     for index in 0..trail.frames.len() {
         let Some(here) = at(index) else { continue };
@@ -120,7 +120,7 @@ fn draw_path(painter: &Painter, projection: &WindowProjection, trail: &Trail, no
 /// Draws skeletons some frames before and after the present one; farther ones are fainter.
 fn draw_onion_skins(
     painter: &Painter,
-    projection: &WindowProjection,
+    projection: &ViewProjection,
     trail: &Trail,
     now: Time,
     parents: &[Option<u32>],

@@ -8,7 +8,7 @@ use super::{axes, handles, icons, overlay, scene_icons, trails};
 use crate::app::Viewer;
 use crate::geometry::gizmo::Tool;
 use crate::geometry::picking;
-use crate::geometry::projection::WindowProjection;
+use crate::geometry::projection::ViewProjection;
 use crate::state::dropped_models::DroppedModels;
 use crate::state::selection::{Selected, actor};
 use crate::state::view::{Resolution, ViewCamera};
@@ -91,7 +91,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     if let Some(camera) = camera {
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
         let corner = vector(place.left(), place.top());
-        let projection = WindowProjection::new(&camera, corner, vector(place.width(), place.height()));
+        let projection = ViewProjection::new(&camera, corner, vector(place.width(), place.height()));
         let canvas = Canvas { index, response: &response, place, projection };
         overlay::show(ui, viewer, &canvas);
         let at_axis = axes::show(ui, viewer, index, place, &camera.world_from_view);
@@ -246,7 +246,7 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
 }
 
 /// Selects the actor under the pointer, or nothing.
-fn pick_at(viewer: &mut Viewer, index: usize, projection: &WindowProjection, at: DVec2) {
+fn pick_at(viewer: &mut Viewer, index: usize, projection: &ViewProjection, at: DVec2) {
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
     let toggles = &viewer.toggles;
     let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !toggles.locked.contains(&a.name));

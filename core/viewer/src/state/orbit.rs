@@ -120,7 +120,7 @@ impl Orbit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::projection::WindowProjection;
+    use crate::geometry::projection::ViewProjection;
 
     fn close(a: DVec3, b: DVec3) -> bool {
         (a - b).length() < 1e-9
@@ -166,7 +166,7 @@ mod tests {
             let before = CameraState { camera: None, world_from_view, projection };
             let after = Orbit::from_camera(&before, DVec3::new(0.3, 0.9, -1.0)).camera();
             let size = DVec2::new(640.0, 360.0);
-            let [a, b] = [before, after].map(|camera| WindowProjection::new(&camera, DVec2::ZERO, size));
+            let [a, b] = [before, after].map(|camera| ViewProjection::new(&camera, DVec2::ZERO, size));
             for point in [DVec3::new(0.4, 0.2, -3.0), DVec3::new(-0.7, 0.1, -8.0)] {
                 let world = world_from_view.transform_point3(point);
                 let [a, b] = [a.project_point(world), b.project_point(world)].map(Option::unwrap);

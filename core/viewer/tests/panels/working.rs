@@ -5,7 +5,7 @@ use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
 use choreo_session::ViewportCamera;
 use choreo_viewer::geometry::picking;
-use choreo_viewer::geometry::projection::WindowProjection;
+use choreo_viewer::geometry::projection::ViewProjection;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::view::{Resolution, ViewCamera};
 use egui::accesskit::Role;
@@ -218,7 +218,7 @@ fn picking_selects_the_actor_drawn_at_the_pointer() {
     let frame = place.paint().unwrap();
     let viewer = &place.viewer;
     let (scene, shown) = (viewer.scene.clone().unwrap(), viewer.shown().unwrap());
-    let projection = WindowProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
+    let projection = ViewProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
     let kind = |x: usize, y: usize| {
         let at = (y * frame.width as usize + x) * 4;
         let [r, g, b] = [0, 1, 2].map(|c| i32::from(frame.rgba[at + c]));
@@ -273,7 +273,7 @@ fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
     place.viewer.views[0].overlays.grid = false;
     let frame = place.paint().unwrap();
     let (scene, shown) = (place.viewer.scene.clone().unwrap(), place.viewer.shown().unwrap());
-    let projection = WindowProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
+    let projection = ViewProjection::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
     let is_back = |x: usize, y: usize| {
         let at = (y * frame.width as usize + x) * 4;
         frame.rgba[at..at + 3] == [255, 0, 255]
@@ -305,7 +305,7 @@ fn a_click_in_the_image_selects_and_locked_actors_are_not_moved() {
     let size = vec2(width, width * 9.0 / 16.0);
     let corner = rect.center() - size / 2.0;
     let vector = |v: egui::Vec2| DVec2::new(f64::from(v.x), f64::from(v.y));
-    let projection = WindowProjection::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
+    let projection = ViewProjection::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
     let at = projection.project_point(picking::bounds_center(
         &desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].asset,
         &shown.snapshot.actors[0],

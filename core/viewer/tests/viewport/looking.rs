@@ -4,7 +4,7 @@ use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_viewer::geometry::picking::bounds_center;
-use choreo_viewer::geometry::projection::WindowProjection;
+use choreo_viewer::geometry::projection::ViewProjection;
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::settings::Settings;
@@ -53,7 +53,7 @@ fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let [left, top, right, bottom] = view.image_rect.map(f64::from);
     let camera = view.displayed_camera(&viewer.scene.as_ref().unwrap().stage).unwrap();
     let projection =
-        WindowProjection::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
+        ViewProjection::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
     let at = projection.project_point(world).unwrap();
     pos2(at.x as f32, at.y as f32)
 }
