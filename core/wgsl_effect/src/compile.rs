@@ -3,7 +3,7 @@
 use crate::environment::HostFunction;
 use crate::error::EffectError;
 use crate::head::{self, Head};
-use crate::head_error::HeadError;
+use crate::head_error::HeaderError;
 use crate::lower::{has_pointer_arguments, lower};
 use crate::mistakes::Mistake;
 use crate::program::{Program, Unsupported};
@@ -91,7 +91,7 @@ impl Text {
         }
         nesting::check(&text.author)
             .map_err(|deep| text.error(line_and_column(&text.author, deep.at), deep.message))?;
-        let at_line = |error: HeadError| text.error((error.line, 1), error.mistake.to_string());
+        let at_line = |error: HeaderError| text.error((error.line, 1), error.mistake.to_string());
         let manifest = parameters::parse_manifest(&text.author).map_err(at_line)?;
         let head = head::head(&text.author, &manifest).map_err(at_line)?;
         text.appended = if is_typed {

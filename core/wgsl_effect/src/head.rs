@@ -25,7 +25,7 @@
 //! and `history: 3`, or `pass bright = 1/2: ABOUT` for passes with textures (`passes.rs`); `hook: overlay` has
 //! `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and `joint hand = RightHand|hand.r: where it burns`.
 
-use crate::head_error::{HeadError, HeadMistake};
+use crate::head_error::{HeaderError, HeaderMistake};
 use crate::parameters::{call_argument, parse_identifier, parse_image};
 use crate::passes::{self, MAX_PASSES, PassLine, Scale};
 use crate::signature::{NAMED_PASS, Signature, signature};
@@ -218,7 +218,7 @@ pub fn without_byte_order_mark(text: &str) -> &str {
 }
 
 /// Reads the settings of a head comment.
-pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
+pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeaderError> {
     let joints = parse_joint_lines(text, manifest)?;
     let textures = parse_texture_lines(text, manifest)?;
     let names: Vec<&str> = textures.iter().map(|texture| texture.name.as_str()).collect();
@@ -226,40 +226,40 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
     let mut head = Head { passes: 1, joints, textures, pass_lines, ..Head::default() };
     let mut hook_line = 1;
     for (line, _, value) in comment_fields(text).filter(|(_, name, _)| *name == "hook") {
-        (hook_line, head.hook) = (line, hook(value).map_err(|mistake| HeadError { line, mistake })?);
+        (hook_line, head.hook) = (line, hook(value).map_err(|mistake| HeaderError { line, mistake })?);
     }
     let mut given = Vec::new();
     for (line, name, value) in comment_fields(text) {
-        let of = head.set(name, value, manifest).map_err(|mistake| HeadError { line, mistake })?;
+        let of = head.set(name, value, manifest).map_err(|mistake| HeaderError { line, mistake })?;
         if let Some(of) = of.filter(|of| *of != head.hook) {
-            let mistake = HeadMistake::OtherHook { name: name.into(), hook: hook_word(of) };
-            return Err(HeadError { line, mistake });
+            let mistake = HeaderMistake::OtherHook { name: name.into(), hook: hook_word(of) };
+            return Err(HeaderError { line, mistake });
         }
         if matches!(name, "passes" | "halve") && !head.pass_lines.is_empty() {
-            return Err(HeadError { line, mistake: HeadMistake::WithPasses(name.into()) });
+            return Err(HeaderError { line, mistake: HeaderMistake::WithPasses(name.into()) });
         }
         given.push(name);
     }
     if let Some(pass) = head.pass_lines.first().filter(|_| head.hook != Hook::Image) {
-        let mistake = HeadMistake::OtherHook { name: "pass".into(), hook: hook_word(Hook::Image) };
-        return Err(HeadError { line: pass.at.0, mistake });
+        let mistake = HeaderMistake::OtherHook { name: "pass".into(), hook: hook_word(Hook::Image) };
+        return Err(HeaderError { line: pass.at.0, mistake });
     }
     if let Some(joint) = head.joints.first().filter(|_| head.hook != Hook::Overlay) {
-        let mistake = HeadMistake::OtherHook { name: "joint".into(), hook: hook_word(Hook::Overlay) };
-        return Err(HeadError { line: joint.line, mistake });
+        let mistake = HeaderMistake::OtherHook { name: "joint".into(), hook: hook_word(Hook::Overlay) };
+        return Err(HeaderError { line: joint.line, mistake });
     }
     let mistake = match head.hook {
-        Hook::Vertex if !given.contains(&"reach") => HeadMistake::NoReach,
-        Hook::Overlay if !given.contains(&"count") => HeadMistake::NoCount,
+        Hook::Vertex if !given.contains(&"reach") => HeaderMistake::NoReach,
+        Hook::Overlay if !given.contains(&"count") => HeaderMistake::NoCount,
         _ => return Ok(head),
     };
-    Err(HeadError { line: hook_line, mistake })
+    Err(HeaderError { line: hook_line, mistake })
 }
 
 impl Head {
     /// Sets the field of a word, and returns the hook to which the word belongs. Unknown words are the author's own, and are ignored.
-    fn set(&mut self, name: &str, value: &str, manifest: &Manifest) -> Result<Option<Hook>, HeadMistake> {
-        let allowed = |allowed: String| HeadMistake::Allowed { name: name.into(), allowed };
+    fn set(&mut self, name: &str, value: &str, manifest: &Manifest) -> Result<Option<Hook>, HeaderMistake> {
+        let allowed = |allowed: String| HeaderMistake::Allowed { name: name.into(), allowed };
         let flag = || value.parse::<bool>().map_err(|_| allowed("true or false".into()));
         let one_of = |no: &str, yes: &str| match value {
             _ if value == no => Ok(false),
@@ -302,7 +302,7 @@ impl Head {
                 if self.hook == Hook::Pixel { Hook::Pixel } else { Hook::Image }
             }
             "halve" => {
-                self.shrink = Some(parse_halved_scale(value, manifest)?);
+                self.shrink = Some(parse_halving(value, manifest)?);
                 Hook::Image
             }
             "history" if self.hook == Hook::Overlay => {
@@ -331,7 +331,7 @@ impl Head {
             }
             _ => {
                 return match misspelled_key(name) {
-                    Some(meant) => Err(HeadMistake::Misspelt { word: name.into(), meant: meant.into() }),
+                    Some(meant) => Err(HeaderMistake::Misspelt { word: name.into(), meant: meant.into() }),
                     None => Ok(None),
                 };
             }
@@ -340,7 +340,7 @@ impl Head {
     }
 
     /// `normals|uvs`, or the name of a text parameter whose choices are inputs.
-    fn read_inputs(&mut self, value: &str, manifest: &Manifest) -> Result<(), HeadMistake> {
+    fn read_inputs(&mut self, value: &str, manifest: &Manifest) -> Result<(), HeaderMistake> {
         for name in value.split('|').map(str::trim) {
             let chosen = manifest.options.iter().enumerate().find(|(_, o)| o.name == name);
             if let Some((index, OptionKind::Text { one_of, .. })) = chosen.map(|(i, o)| (i, &o.kind)) {
@@ -368,8 +368,8 @@ const HOOKS: [(&str, Hook); 8] = [
 ];
 
 /// The error of a value that is not allowed. `near`: a suggestion.
-fn refused(name: &str, allowed: impl Into<String>, value: &str, near: String) -> HeadMistake {
-    HeadMistake::Value { name: name.into(), allowed: allowed.into(), value: value.into(), near }
+fn refused(name: &str, allowed: impl Into<String>, value: &str, near: String) -> HeaderMistake {
+    HeaderMistake::Value { name: name.into(), allowed: allowed.into(), value: value.into(), near }
 }
 
 /// The hook of a word in the head of an effect's file.
@@ -382,7 +382,7 @@ pub fn hook_named(word: &str) -> Option<Hook> {
     HOOKS.iter().find(|(word, _)| *word == named).map(|(_, hook)| *hook)
 }
 
-fn hook(value: &str) -> Result<Hook, HeadMistake> {
+fn hook(value: &str) -> Result<Hook, HeaderMistake> {
     hook_named(value).ok_or_else(|| {
         let words = HOOKS.map(|(word, _)| word);
         refused("hook", format!("one of {}", words.join(", ")), value, did_you_mean(value, words))
@@ -435,7 +435,7 @@ fn number_parameter<'a>(name: &str, manifest: &'a Manifest) -> Option<(&'a Optio
     is_number.then(|| (kind, manifest.first_number(place)))
 }
 
-fn parse_reach(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
+fn parse_reach(value: &str, manifest: &Manifest) -> Result<Amount, HeaderMistake> {
     if let Some((_, index)) = number_parameter(value, manifest) {
         return Ok(Amount::Parameter(index));
     }
@@ -450,7 +450,7 @@ fn parse_reach(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> 
     })
 }
 
-fn element_count(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
+fn element_count(value: &str, manifest: &Manifest) -> Result<Amount, HeaderMistake> {
     let most = Overlay::MOST;
     if manifest.options.iter().any(|o| o.name == value) {
         let bounds = |kind: &OptionKind| match kind {
@@ -460,7 +460,7 @@ fn element_count(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake
         };
         return match number_parameter(value, manifest).map(|(kind, index)| (bounds(kind), index)) {
             Some(([min, max], index)) if min >= 0.0 && max <= most as f64 => Ok(Amount::Parameter(index)),
-            _ => Err(HeadMistake::CountRange { name: value.into(), most }),
+            _ => Err(HeaderMistake::CountRange { name: value.into(), most }),
         };
     }
     let number = value.parse::<u32>().ok().filter(|n| (1..=most as u32).contains(n));
@@ -471,7 +471,7 @@ fn element_count(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake
 }
 
 /// `true`, `false`, the name of a flag, or `not` and the name of a flag.
-fn flag_amount(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
+fn flag_amount(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, HeaderMistake> {
     if let Ok(flag) = value.parse::<bool>() {
         return Ok(Amount::Number(f32::from(u8::from(flag))));
     }
@@ -490,23 +490,23 @@ fn flag_amount(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, H
 }
 
 /// `radius to 8`: passes before the last are halved until the parameter, a share of the image's height, is 8 pixels or less.
-pub fn parse_halved_scale(value: &str, manifest: &Manifest) -> Result<Scale, HeadMistake> {
+pub fn parse_halving(value: &str, manifest: &Manifest) -> Result<Scale, HeaderMistake> {
     let read = || {
         let (length, most) = value.split_once(" to ")?;
         let (_, index) = number_parameter(length.trim(), manifest)?;
         let most = most.trim().parse().ok().filter(|most| (1..=256).contains(most))?;
         Some(Scale::Halved(Amount::Parameter(index), most))
     };
-    read().ok_or(HeadMistake::Form("halve: PARAMETER to PIXELS, 1 to 256"))
+    read().ok_or(HeaderMistake::ExpectedSyntax("halve: PARAMETER to PIXELS, 1 to 256"))
 }
 
 /// `strength = 0`: a number parameter, and the value with which the effect changes nothing.
-fn parse_off_condition(value: &str, manifest: &Manifest) -> Result<OffCondition, HeadMistake> {
+fn parse_off_condition(value: &str, manifest: &Manifest) -> Result<OffCondition, HeaderMistake> {
     let (name, at) = value.split_once('=').map(|(name, at)| (name.trim(), at.trim())).unwrap_or((value, ""));
     let (_, index) = number_parameter(name, manifest)
-        .ok_or_else(|| HeadMistake::NoOff { name: name.into(), near: similar_parameter(name, manifest) })?;
+        .ok_or_else(|| HeaderMistake::NoOff { name: name.into(), near: similar_parameter(name, manifest) })?;
     let at = at.parse().ok().filter(|at: &f32| at.is_finite());
-    let value = at.ok_or(HeadMistake::Form("off: PARAMETER = NUMBER"))?;
+    let value = at.ok_or(HeaderMistake::ExpectedSyntax("off: PARAMETER = NUMBER"))?;
     Ok(OffCondition { name: name.into(), index, value })
 }
 
@@ -516,15 +516,15 @@ fn similar_parameter(value: &str, manifest: &Manifest) -> String {
 }
 
 /// Reads lines such as `// texture paper = paper.png as data: what it is printed on`.
-fn parse_texture_lines(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadError> {
-    const TEXTURE_SYNTAX: HeadMistake =
-        HeadMistake::Form("texture NAME = FILE: ABOUT, or = FILE as data: ABOUT");
+fn parse_texture_lines(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeaderError> {
+    const TEXTURE_SYNTAX: HeaderMistake =
+        HeaderMistake::ExpectedSyntax("texture NAME = FILE: ABOUT, or = FILE as data: ABOUT");
     let mut all: Vec<TextureLine> = Vec::new();
     for (i, line) in comment_lines(text) {
         let line = line.trim().trim_start_matches('/').trim();
-        let at = |mistake: HeadMistake| mistake.at(i);
+        let at = |mistake: HeaderMistake| mistake.at(i);
         let form = || at(TEXTURE_SYNTAX);
-        let most = HeadMistake::TooMany { most: MAX_TEXTURES, what: "textures" };
+        let most = HeaderMistake::TooMany { most: MAX_TEXTURES, what: "textures" };
         let of_parameter = |option: &&OptionSpec| {
             let rest = line.strip_prefix("param ").and_then(|rest| rest.split_once('='));
             rest.is_some_and(|(name, _)| name.trim() == option.name)
@@ -547,7 +547,7 @@ fn parse_texture_lines(text: &str, manifest: &Manifest) -> Result<Vec<TextureLin
             return Err(form());
         }
         if all.iter().any(|t| t.name == name) || manifest.options.iter().any(|o| o.name == name) {
-            return Err(at(HeadMistake::Twice(name.into())));
+            return Err(at(HeaderMistake::Twice(name.into())));
         }
         if all.len() == MAX_TEXTURES {
             return Err(at(most));
@@ -558,12 +558,12 @@ fn parse_texture_lines(text: &str, manifest: &Manifest) -> Result<Vec<TextureLin
 }
 
 /// Reads lines such as `// joint hand = RightHand|hand.r: where it burns`.
-fn parse_joint_lines(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> {
-    const JOINT_SYNTAX: HeadMistake = HeadMistake::Form("joint NAME = JOINT: ABOUT, or = JOINT|OTHER: ABOUT");
+fn parse_joint_lines(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeaderError> {
+    const JOINT_SYNTAX: HeaderMistake = HeaderMistake::ExpectedSyntax("joint NAME = JOINT: ABOUT, or = JOINT|OTHER: ABOUT");
     let mut all: Vec<JointLine> = Vec::new();
     for (i, line) in comment_lines(text) {
         let Some(rest) = line.trim().trim_start_matches('/').trim().strip_prefix("joint ") else { continue };
-        let at = |mistake: HeadMistake| mistake.at(i);
+        let at = |mistake: HeaderMistake| mistake.at(i);
         let (name, rest) = rest.split_once('=').ok_or_else(|| at(JOINT_SYNTAX))?;
         let name = parse_identifier(name.trim()).map_err(at)?;
         // Names of joints can have colons, too, so the separator has a blank.
@@ -574,10 +574,10 @@ fn parse_joint_lines(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, 
             return Err(at(JOINT_SYNTAX));
         }
         if all.iter().any(|j| j.name == name) || manifest.options.iter().any(|o| o.name == name) {
-            return Err(at(HeadMistake::Twice(name.into())));
+            return Err(at(HeaderMistake::Twice(name.into())));
         }
         if all.len() == MAX_JOINTS {
-            return Err(at(HeadMistake::TooMany { most: MAX_JOINTS, what: "joints" }));
+            return Err(at(HeaderMistake::TooMany { most: MAX_JOINTS, what: "joints" }));
         }
         all.push(JointLine { name: name.into(), of, line: i + 1 });
     }
@@ -594,7 +594,7 @@ mod tests {
     use super::*;
     use crate::parameters::parse_manifest;
 
-    fn head_of(text: &str) -> Result<Head, (usize, String)> {
+    fn header_of(text: &str) -> Result<Head, (usize, String)> {
         let made = head(
             text,
             &parse_manifest(&format!("// effect: a\n// param high = 0.5 in 0..2: y\n{text}")).unwrap(),
@@ -604,12 +604,12 @@ mod tests {
 
     #[test]
     fn every_hook_has_a_name() {
-        let hook = |text: &str| head_of(text).map(|h| (h.hook, h.see_through, h.background.of(&[0.0; 8])));
+        let hook = |text: &str| header_of(text).map(|h| (h.hook, h.see_through, h.background.of(&[0.0; 8])));
         assert_eq!(hook("// effect: a"), Ok((Hook::Pixel, false, 0.0)));
         assert_eq!(hook("// hook: surface\n// see_through: true"), Ok((Hook::Surface, true, 0.0)));
         assert_eq!(hook("// background: true\n// hook: surface"), Ok((Hook::Surface, false, 1.0)));
         assert_eq!(hook("// hook: lighting"), Ok((Hook::Lighting, false, 0.0)));
-        let error = |text: &str| head_of(text).unwrap_err();
+        let error = |text: &str| header_of(text).unwrap_err();
         let known = "hook is one of pixel, image, surface, vertex, lighting, outline, overlay, shutter, not ";
         let unknown = format!("{known}\"overlai\"; did you mean \"overlay\"?");
         assert_eq!(error("// effect: a\n// hook: overlai"), (2, unknown));
@@ -618,18 +618,18 @@ mod tests {
         assert_eq!(error("// hook: surface\n// see_through: much").0, 2);
         let slip = "unknown word \"histroy\"; did you mean \"history\"?";
         assert_eq!(error("// hook: image\n// histroy: 2"), (2, slip.into()));
-        assert!(head_of("// see: another one\n// author: me\n// note of hooks: none").is_ok());
+        assert!(header_of("// see: another one\n// author: me\n// note of hooks: none").is_ok());
         let flag = "background is true, false, or the name of a parameter that is, not \"much\"";
         assert_eq!(error("// hook: surface\n// background: much").1, flag);
         for word in ["image", "picture"] {
-            assert_eq!(head_of(&format!("// hook: {word}")).map(|h| h.hook), Ok(Hook::Image));
+            assert_eq!(header_of(&format!("// hook: {word}")).map(|h| h.hook), Ok(Hook::Image));
         }
     }
 
     #[test]
     fn vertex_effects_must_give_their_reach() {
         let reach =
-            |text: &str| head_of(&format!("// hook: vertex\n{text}")).map(|h| (h.reach, h.in_model_space));
+            |text: &str| header_of(&format!("// hook: vertex\n{text}")).map(|h| (h.reach, h.in_model_space));
         assert_eq!(reach("// reach: 0.25\n// space: model"), Ok((Amount::Number(0.25), true)));
         assert_eq!(reach("// reach: high"), Ok((Amount::Parameter(0), false)));
         assert!(
@@ -646,7 +646,7 @@ mod tests {
     #[test]
     fn overlays_must_give_their_count() {
         let overlay = |text: &str| {
-            head_of(&format!(
+            header_of(&format!(
                 "// param n = 9 in 0..50: count\n// param thru = false: over\n// hook: overlay\n{text}"
             ))
             .map(|h| (h.hook, h.count, h.over, h.of_scene))
@@ -669,22 +669,22 @@ mod tests {
             "over is true, false, or the name of a parameter that is, not \"thr\"; did you mean \"thru\"?";
         assert_eq!(error("// count: 1\n// over: thr"), (5, over.into()));
         let joints =
-            |text: &str| head_of(&format!("// hook: overlay\n// count: 1\n{text}")).map(|h| h.joints);
+            |text: &str| header_of(&format!("// hook: overlay\n// count: 1\n{text}")).map(|h| h.joints);
         let of = ["mixamorig:RightHand", "hand.r"].map(String::from).to_vec();
         let hand = JointLine { name: "hand".into(), of, line: 3 };
         assert_eq!(joints("// joint hand = mixamorig:RightHand | hand.r: where: here"), Ok(vec![hand]));
         assert_eq!(joints("// joint high = Hand: x"), Err((3, "high is declared twice".into())));
         assert!(joints("// joint hand = : x").unwrap_err().1.starts_with("write // joint NAME"));
         assert_eq!(
-            head_of("// joint hand = Hand: x").unwrap_err().1,
+            header_of("// joint hand = Hand: x").unwrap_err().1,
             "joint is only for effects with hook: overlay"
         );
-        assert_eq!(head_of("// count: 3").unwrap_err().1, "count is only for effects with hook: overlay");
+        assert_eq!(header_of("// count: 3").unwrap_err().1, "count is only for effects with hook: overlay");
     }
 
     #[test]
     fn off_names_a_parameter_and_its_value() {
-        let off = |text: &str| head_of(text).map(|h| h.off);
+        let off = |text: &str| header_of(text).map(|h| h.off);
         assert_eq!(
             off("// off: high = 0"),
             Ok(Some(OffCondition { name: "high".into(), index: 0, value: 0.0 }))
@@ -698,7 +698,7 @@ mod tests {
 
     #[test]
     fn image_effects_have_passes_history_and_textures() {
-        let made = head_of(
+        let made = header_of(
             "// hook: image\n// passes: 2\n// history: 3\n// texture paper = a b.png: rough: very\n\
              // texture bumps = bumps.png as data: heights",
         )
@@ -712,7 +712,7 @@ mod tests {
         };
         let files = [texture("paper", "a b.png", true, 4), texture("bumps", "bumps.png", false, 5)];
         assert_eq!(made.textures, files);
-        let error = |text: &str| head_of(text).unwrap_err();
+        let error = |text: &str| header_of(text).unwrap_err();
         assert_eq!(error("// history: 1"), (1, "history is only for effects with hook: image".into()));
         assert_eq!(error("// hook: image\n// history: 17").1, "history is a whole number from 1 to 16");
         let chosen = "// effect: a\n// param map = texture(a.png): m\n// texture paper = b.png as data: p\n// param white = texture(data): w";

@@ -5,15 +5,15 @@ use thiserror::Error;
 /// A mistake, and its line.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("line {line}: {mistake}")]
-pub(crate) struct HeadError {
+pub(crate) struct HeaderError {
     /// Counted from 1.
     pub line: usize,
-    pub mistake: HeadMistake,
+    pub mistake: HeaderMistake,
 }
 
 /// A mistake in a line of the head comment.
 #[derive(Clone, Debug, PartialEq, Error)]
-pub(crate) enum HeadMistake {
+pub(crate) enum HeaderMistake {
     #[error("write // {0}")]
     Form(&'static str),
     #[error("unknown word \"{word}\"; did you mean \"{meant}\"?")]
@@ -73,9 +73,9 @@ pub(crate) enum HeadMistake {
     NoOff { name: String, near: String },
 }
 
-impl HeadMistake {
+impl HeaderMistake {
     /// The mistake at a line; `line` is counted from 0.
-    pub fn at(self, line: usize) -> HeadError {
-        HeadError { line: line + 1, mistake: self }
+    pub fn at(self, line: usize) -> HeaderError {
+        HeaderError { line: line + 1, mistake: self }
     }
 }

@@ -1,7 +1,7 @@
 //! Reads the manifest from the head comment of an effect: name, description and parameters.
 
 use crate::head::comment_lines;
-use crate::head_error::{HeadError, HeadMistake};
+use crate::head_error::{HeaderError, HeaderMistake};
 use choreo_plugin::parameters::{MAX_CURVE_KEYS, MAX_PARAMETER_NUMBERS, is_curve};
 use choreo_plugin::suggest::closest;
 use choreo_plugin::{MAX_COLOR, Manifest};
@@ -9,11 +9,11 @@ use choreo_plugin::{MAX_COLOR, Manifest};
 /// Largest whole number of a parameter: f32 holds all whole numbers up to it exactly.
 const MAX_WHOLE_NUMBER: f64 = 16_777_216.0;
 
-pub fn parse_manifest(text: &str) -> Result<Manifest, HeadError> {
+pub fn parse_manifest(text: &str) -> Result<Manifest, HeaderError> {
     let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
     for (i, line) in comment_lines(text) {
         let line = line.trim().trim_start_matches('/').trim();
-        let at = |mistake: HeadMistake| mistake.at(i);
+        let at = |mistake: HeaderMistake| mistake.at(i);
         if let Some(name) = line.strip_prefix("effect:") {
             manifest.name = parse_identifier(name.trim()).map_err(at)?.to_string();
         } else if let Some(about) = line.strip_prefix("about:") {
@@ -34,34 +34,34 @@ pub fn parse_manifest(text: &str) -> Result<Manifest, HeadError> {
         if let Some(error) = comment_lines(text).find_map(meant) {
             return Err(error);
         }
-        return Err(HeadMistake::NoName.at(0));
+        return Err(HeaderMistake::NoName.at(0));
     }
     Ok(manifest)
 }
 
 /// The mistake of a line with a misspelt first word: `parm amount = 0.1 in 0..1: how strong`.
-fn misspelt_keyword(line: &str) -> Option<HeadMistake> {
+fn misspelt_keyword(line: &str) -> Option<HeaderMistake> {
     let (word, rest) = line.split_once(' ')?;
     let (_, value) = rest.split_once('=')?;
     value.contains(':').then(|| misspelling(word, &["param", "texture", "joint", "pass"])).flatten()
 }
 
-fn misspelling(word: &str, known: &[&str]) -> Option<HeadMistake> {
+fn misspelling(word: &str, known: &[&str]) -> Option<HeaderMistake> {
     let meant = closest(word, known.iter().copied()).filter(|meant| word != *meant)?;
     let near = meant.len().abs_diff(word.len()) <= 2;
-    near.then(|| HeadMistake::Misspelt { word: word.into(), meant: meant.into() })
+    near.then(|| HeaderMistake::Misspelt { word: word.into(), meant: meant.into() })
 }
 
 /// Reads a parameter: `amount = 0.1 m in 0..1: how strong`.
-fn parse_parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
-    const PARAMETER_SYNTAX: HeadMistake = HeadMistake::Form(
+fn parse_parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeaderMistake> {
+    const PARAMETER_SYNTAX: HeaderMistake = HeaderMistake::ExpectedSyntax(
         "param NAME = 0.5 in 0..1: ABOUT, or = 0.5 m in 0..1 (with a unit), = int(3) in 1..9, = false, = A of A|B, = color(gold), \
          = rgb(1, 1, 1), = vec2(0, 1) in -1..1, = curve(0 0, 1 1) in 0..1, = texture(FILE), = texture()",
     );
     let (name, rest) = text.split_once('=').ok_or(PARAMETER_SYNTAX)?;
     let name = parse_identifier(name.trim())?;
     if manifest.options.iter().any(|o| o.name == name || o.number_names().any(|number| number == name)) {
-        return Err(HeadMistake::Twice(name.into()));
+        return Err(HeaderMistake::Twice(name.into()));
     }
     let (value, about) = rest.split_once(':').ok_or(PARAMETER_SYNTAX)?;
     let (value, about) = (value.trim(), about.trim());
@@ -73,12 +73,12 @@ fn parse_parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMista
         let parts = color.split(',').map(|part| parse_number(name, part)).collect::<Result<Vec<f64>, _>>()?;
         let color = <[f64; 3]>::try_from(parts).map_err(|_| PARAMETER_SYNTAX)?;
         if !color.iter().all(|c| (0.0..=MAX_COLOR).contains(c)) {
-            return Err(HeadMistake::Color(name.into()));
+            return Err(HeaderMistake::Color(name.into()));
         }
         manifest.color(name, about, color)
     } else if let Some(color) = call_argument(value, "color") {
         let color = choreo_plugin::color::parse(color.trim());
-        let color = color.map_err(|e| HeadMistake::NoColor { name: name.into(), why: e.message })?;
+        let color = color.map_err(|e| HeaderMistake::NoColor { name: name.into(), why: e.message })?;
         manifest.color(name, about, color.truncate().to_array().map(f64::from))
     } else if let Some(image) = call_argument(value, "texture") {
         let (file, srgb) = parse_image(image);
@@ -88,7 +88,7 @@ fn parse_parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMista
     };
     match manifest.options.iter().map(|o| o.number_count()).sum::<usize>() {
         0..=MAX_PARAMETER_NUMBERS => Ok(manifest),
-        _ => Err(HeadMistake::TooManyNumbers { most: MAX_PARAMETER_NUMBERS }),
+        _ => Err(HeaderMistake::TooManyNumbers { most: MAX_PARAMETER_NUMBERS }),
     }
 }
 
@@ -107,10 +107,10 @@ pub fn call_argument<'a>(value: &'a str, word: &str) -> Option<&'a str> {
     value.strip_prefix(word)?.strip_prefix('(')?.strip_suffix(')')
 }
 
-fn parse_number(name: &str, text: &str) -> Result<f64, HeadMistake> {
+fn parse_number(name: &str, text: &str) -> Result<f64, HeaderMistake> {
     let text = text.trim();
     let number = text.parse::<f64>().ok().filter(|v| v.is_finite());
-    number.ok_or_else(|| HeadMistake::NoNumber { name: name.into(), value: text.into() })
+    number.ok_or_else(|| HeaderMistake::NoNumber { name: name.into(), value: text.into() })
 }
 
 /// Reads a choice: `soft of soft|hard`.
@@ -119,12 +119,12 @@ fn parse_choice(
     [name, about]: [&str; 2],
     first: &str,
     all: &str,
-) -> Result<Manifest, HeadMistake> {
+) -> Result<Manifest, HeaderMistake> {
     let all: Vec<&str> = all.split('|').map(str::trim).filter(|a| !a.is_empty()).collect();
     match all.contains(&first) {
         true => Ok(manifest.text(name, about, first, &all)),
         false => {
-            Err(HeadMistake::NoChoice { name: name.into(), value: first.into(), choices: all.join(", ") })
+            Err(HeaderMistake::NoChoice { name: name.into(), value: first.into(), choices: all.join(", ") })
         }
     }
 }
@@ -134,13 +134,13 @@ fn parse_ranged_value(
     manifest: Manifest,
     [name, about]: [&str; 2],
     text: &str,
-) -> Result<Option<Manifest>, HeadMistake> {
+) -> Result<Option<Manifest>, HeaderMistake> {
     let Some((given, range)) = text.rsplit_once(" in ") else { return Ok(None) };
     let Some((min, max)) = range.split_once("..") else { return Ok(None) };
     let (min, max) = (parse_number(name, min)?, parse_number(name, max)?);
     let within = |value: f64| match (min..=max).contains(&value) {
         true => Ok(value),
-        false => Err(HeadMistake::OutOfRange { name: name.into(), value, min, max }),
+        false => Err(HeaderMistake::OutOfRange { name: name.into(), value, min, max }),
     };
     let given = given.trim();
     // The unit follows the bracket, or the number.
@@ -161,13 +161,13 @@ fn parse_ranged_value(
         let value = within(parse_number(name, whole)?)?;
         let is_whole = |v: f64| v.fract() == 0.0 && v.abs() <= MAX_WHOLE_NUMBER;
         if ![value, min, max].into_iter().all(is_whole) {
-            return Err(HeadMistake::NoWhole { name: name.into(), most: MAX_WHOLE_NUMBER });
+            return Err(HeaderMistake::NoWhole { name: name.into(), most: MAX_WHOLE_NUMBER });
         }
         manifest.integer(name, about, value as i64, min as i64..=max as i64)
     } else if let Some((parts, count)) = vector {
         let parts: Vec<f64> = numbers(parts, ',')?;
         if parts.len() != count {
-            return Err(HeadMistake::Components { name: name.into(), count, given: parts.len() });
+            return Err(HeaderMistake::Components { name: name.into(), count, given: parts.len() });
         }
         parts.iter().try_for_each(|part| within(*part).map(drop))?;
         manifest.vector(name, about, &parts, min..=max)
@@ -175,7 +175,7 @@ fn parse_ranged_value(
         let keys: Result<Vec<Vec<f64>>, _> = keys.split(',').map(|key| numbers(key, ' ')).collect();
         let keys: Vec<[f64; 2]> = keys?.into_iter().filter_map(|key| key.try_into().ok()).collect();
         if !is_curve(&keys) || keys.len() != value.split(',').count() {
-            return Err(HeadMistake::Curve { name: name.into(), most: MAX_CURVE_KEYS });
+            return Err(HeaderMistake::Curve { name: name.into(), most: MAX_CURVE_KEYS });
         }
         keys.iter().try_for_each(|key| within(key[1]).map(drop))?;
         manifest.curve(name, about, &keys, min..=max)
@@ -185,14 +185,14 @@ fn parse_ranged_value(
     Ok(Some(made.unit(unit)))
 }
 
-pub fn parse_identifier(name: &str) -> Result<&str, HeadMistake> {
+pub fn parse_identifier(name: &str) -> Result<&str, HeaderMistake> {
     let mut chars = name.chars();
     let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
         && chars.all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
         && name.len() <= 40;
     match good {
         true => Ok(name),
-        false => Err(HeadMistake::Name(name.into())),
+        false => Err(HeaderMistake::Name(name.into())),
     }
 }
 

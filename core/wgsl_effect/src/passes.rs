@@ -7,8 +7,8 @@
 //! ```
 
 use crate::environment::HostFunction;
-use crate::head::{Amount, comment_lines, parse_halved_scale};
-use crate::head_error::{HeadError, HeadMistake};
+use crate::head::{Amount, comment_lines, parse_halving};
+use crate::head_error::{HeaderError, HeaderMistake};
 use crate::parameters::parse_identifier;
 use crate::scene_inputs;
 use crate::signature::signature;
@@ -66,31 +66,31 @@ pub(crate) fn parse_pass_lines(
     text: &str,
     manifest: &Manifest,
     taken: &[&str],
-) -> Result<Vec<PassLine>, HeadError> {
-    const PASS_SYNTAX: HeadMistake = HeadMistake::Form(
+) -> Result<Vec<PassLine>, HeaderError> {
+    const PASS_SYNTAX: HeaderMistake = HeaderMistake::ExpectedSyntax(
         "pass NAME = 1/2: ABOUT, with 1 or 1/2 to 1/64, or = halve PARAMETER to PIXELS: ABOUT",
     );
     let mut all: Vec<PassLine> = Vec::new();
     for (i, line) in comment_lines(text) {
         let Some(rest) = line.trim().trim_start_matches('/').trim().strip_prefix("pass ") else { continue };
-        let at = |mistake: HeadMistake| mistake.at(i);
+        let at = |mistake: HeaderMistake| mistake.at(i);
         let (name, rest) = rest.split_once('=').ok_or_else(|| at(PASS_SYNTAX))?;
         let name = parse_identifier(name.trim()).map_err(at)?;
         let (scale, _) = rest.split_once(':').ok_or_else(|| at(PASS_SYNTAX))?;
         let scale = parse_scale(scale.trim(), manifest).ok_or_else(|| at(PASS_SYNTAX))?;
         let is_taken = |name: &str| taken.contains(&name) || manifest.options.iter().any(|o| o.name == name);
         if is_taken(name) || all.iter().any(|pass| pass.name == name) {
-            return Err(at(HeadMistake::Twice(name.into())));
+            return Err(at(HeaderMistake::Twice(name.into())));
         }
         let functions = functions_of(name);
         let own = [name].into_iter().chain(functions.iter().map(String::as_str));
         if let Some(function) =
             own.into_iter().find(|function| is_taken(function) || is_supplied_function(function))
         {
-            return Err(at(HeadMistake::PassName { name: name.into(), function: function.into() }));
+            return Err(at(HeaderMistake::PassName { name: name.into(), function: function.into() }));
         }
         if all.len() + 1 == MAX_PASSES as usize {
-            return Err(at(HeadMistake::TooMany {
+            return Err(at(HeaderMistake::TooMany {
                 most: MAX_PASSES as usize - 1,
                 what: "passes with textures",
             }));
@@ -113,7 +113,7 @@ fn is_supplied_function(function: &str) -> bool {
 /// Reads a scale: `1`, `1/4` or `halve radius to 8`.
 fn parse_scale(text: &str, manifest: &Manifest) -> Option<Scale> {
     if let Some(halved) = text.strip_prefix("halve ") {
-        return parse_halved_scale(halved, manifest).ok();
+        return parse_halving(halved, manifest).ok();
     }
     let parts = if text == "1" { 1 } else { text.strip_prefix("1/")?.trim().parse().ok()? };
     (1..=MAX_SCALE_DIVISOR).contains(&parts).then_some(Scale::Fraction(parts))

@@ -337,7 +337,7 @@ impl DepthMap {
     }
 
     /// Percentage-closer filtering: a box of N × N texels over N + 1 × N + 1 comparisons.
-    fn percentage_closer_lit<const N: usize>(&self, [x, y, depth]: [f32; 3]) -> f32 {
+    fn lit_by_pcf<const N: usize>(&self, [x, y, depth]: [f32; 3]) -> f32 {
         let reach = N as f32 * 0.5;
         let (left, top) = ((x - reach).floor(), (y - reach).floor());
         let (fx, fy) = (x - reach - left, y - reach - top);
@@ -367,7 +367,7 @@ impl DepthMap {
     }
 
     /// Chebyshev's bound (Donnelly & Lauritzen, "Variance Shadow Maps", 2006), bilinear over four texels.
-    fn variance_bound(&self, [x, y, depth]: [f32; 3]) -> f32 {
+    fn lit_by_variance(&self, [x, y, depth]: [f32; 3]) -> f32 {
         let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
         let (fx, fy) = (x - 0.5 - left, y - 0.5 - top);
         let at = |i: usize, j: usize| self.moments[(top as usize + j) * self.side + left as usize + i];
@@ -412,11 +412,11 @@ fn compare_kernels() -> Result<Choice, String> {
         ("1 texel, a third of the edge wide", &third, |m, p| {
             m.lit_at_texel(p[0] as usize, p[1] as usize, p[2])
         }),
-        ("2 × 2, texels as wide as the edge", &whole, |m, p| m.percentage_closer_lit::<1>(p)),
-        ("3 × 3, a third of the edge wide", &third, |m, p| m.percentage_closer_lit::<2>(p)),
-        ("4 × 4, a third of the edge wide", &third, |m, p| m.percentage_closer_lit::<3>(p)),
-        ("6 × 6, a fifth of the edge wide", &fifth, |m, p| m.percentage_closer_lit::<5>(p)),
-        ("variance, a third of the edge wide", &third, |m, p| m.variance_bound(p)),
+        ("2 × 2, texels as wide as the edge", &whole, |m, p| m.lit_by_pcf::<1>(p)),
+        ("3 × 3, a third of the edge wide", &third, |m, p| m.lit_by_pcf::<2>(p)),
+        ("4 × 4, a third of the edge wide", &third, |m, p| m.lit_by_pcf::<3>(p)),
+        ("6 × 6, a fifth of the edge wide", &fifth, |m, p| m.lit_by_pcf::<5>(p)),
+        ("variance, a third of the edge wide", &third, |m, p| m.lit_by_variance(p)),
     ];
     let mut choice = Choice::new("shadow_kernel", "With which kernel is a shadow map sampled?");
     choice.error_unit = "of the light";
