@@ -359,10 +359,10 @@ impl Listing {
                 Ok(head) => head,
                 Err(e) => return Some(Entry { source, plugin: Plugin::Faulty(e.0), read_result: read }),
             };
-            if kind == FolderKind::Own && !choreo_wgsl_effect::is_meant(&head) {
+            if kind == FolderKind::Own && !choreo_wgsl_effect::declares_effect(&head) {
                 return None;
             }
-            match choreo_wgsl_effect::name(&head) {
+            match choreo_wgsl_effect::effect_name(&head) {
                 Some(name) => {
                     let make = move || reading().and_then(|(shown, file)| compile_effect(&shown, file));
                     Plugin::Effect(Arc::new(LazyEffect::new(&name, make)))
@@ -560,7 +560,7 @@ impl Source {
             return Ok(PluginFile { path, bytes: self.read_bytes()?.into(), beside: Vec::new() });
         }
         let text = self.read_text()?;
-        let named = if self.is_wgsl() { choreo_wgsl_effect::files(&text) } else { Vec::new() };
+        let named = if self.is_wgsl() { choreo_wgsl_effect::texture_files(&text) } else { Vec::new() };
         let beside = named.into_iter().map(|name| self.read_beside(name)).collect();
         Ok(PluginFile { path, bytes: text.into_bytes().into(), beside })
     }

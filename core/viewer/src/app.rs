@@ -17,7 +17,7 @@ use crate::state::keyed::KeyRef;
 use crate::state::orbit::Orbit;
 use crate::state::performance::Performance;
 use crate::state::playhead::Playhead;
-use crate::state::reduction::Reduction;
+use crate::state::reduction::ResolutionReduction;
 use crate::state::render_form::RenderForm;
 use crate::state::selection::{self, Selected};
 use crate::state::shortcuts::Shortcuts;
@@ -86,7 +86,7 @@ pub struct Viewer {
     /// An edit that the user must accept first.
     pub offer: Option<Offer>,
     /// Whether the window is to be closed.
-    pub quit: bool,
+    pub should_close: bool,
     /// Reason why the last edit was refused.
     pub message: Option<String>,
     /// Line of the script that caused the refusal, from 1.
@@ -110,7 +110,7 @@ pub struct Viewer {
     /// Worst severity of each line with problems, by line number and then by file.
     severities: HashMap<usize, Vec<(String, Severity)>>,
     /// Whether the newest version is faulty, so that the previous one is displayed.
-    pub faulty: bool,
+    pub is_faulty: bool,
     /// Problems of the renderer: driver failures, shaders that do not compile, callbacks that fail at the displayed time.
     pub renderer_problems: Vec<String>,
     /// Reason why the window itself is drawn on the CPU, if it is.
@@ -121,7 +121,7 @@ pub struct Viewer {
     /// Viewports, at least one.
     pub views: Vec<View>,
     /// Index of the viewport that keyboard commands apply to.
-    pub active: usize,
+    pub active_view: usize,
     pub tool: Tool,
     pub dragging: Option<Dragging>,
     pub dragged_icon: Option<DraggedIcon>,
@@ -130,7 +130,7 @@ pub struct Viewer {
     /// Placement of a dragged icon after its release, used until the next version has it.
     pub(crate) placement_override: Option<PlacementOverride>,
     /// Joint that is selected in addition to the selection.
-    pub joint: Option<JointRef>,
+    pub selected_joint: Option<JointRef>,
     pub trails: Trails,
     pub toggles: Toggles,
     pub selection: Option<Selected>,
@@ -141,11 +141,12 @@ pub struct Viewer {
     /// Further selected objects, and the selection that they belong to.
     pub(crate) further_selected: (Option<Selected>, Vec<Selected>),
     /// The bar that was clicked to select its camera, which may have several.
-    pub(crate) shot: Option<Bar>,
+    pub(crate) clicked_camera_bar: Option<Bar>,
     /// Selected keys, sorted, and the selection that they belong to.
     pub(crate) keys: (Option<Selected>, Vec<KeyRef>),
     pub curves: Curves,
-    pub span: Span,
+    /// Times at the edges of the sequencer.
+    pub visible_span: Span,
     /// Whether times are displayed in seconds and not as frames.
     pub in_seconds: bool,
     /// Whether dragged times snap, at least to whole frames.
@@ -155,11 +156,11 @@ pub struct Viewer {
     /// Whether the script panel has the pointer or the keyboard, so that keys typed do not change the selection.
     pub(crate) script_has_input: bool,
     /// Line that the script panel scrolls to, from 1.
-    pub go_to: Option<usize>,
+    pub script_scroll_line: Option<usize>,
     /// Files dropped on the window, previewed in place of the script.
     pub previewed_files: Vec<PathBuf>,
     /// Newly dropped files; the window starts a session that previews them.
-    pub dropped: Vec<PathBuf>,
+    pub dropped_files: Vec<PathBuf>,
     /// Models dropped on a viewport; the window reads them.
     pub dropped_models: Option<DroppedModels>,
     pub close_preview: bool,
@@ -170,10 +171,10 @@ pub struct Viewer {
     pub device_usage: DeviceUsage,
     pub performance: Performance,
     /// Reduced resolution while the view moves.
-    pub reduction: Reduction,
+    pub reduction: ResolutionReduction,
     /// Whether the view, the playhead or an object is being dragged.
     pub is_scrubbing: bool,
-    pub build_took: Duration,
+    pub build_duration: Duration,
     samples: Option<u32>,
     reloads: u64,
     ticket: u64,
@@ -196,7 +197,7 @@ impl Viewer {
             message_line: None,
             refusals: 0,
             note: None,
-            quit: false,
+            should_close: false,
             commands: Commands::default(),
             renders: RenderQueue::default(),
             render_form: RenderForm::default(),
@@ -206,36 +207,36 @@ impl Viewer {
             timeline: Timeline::default(),
             problems: Vec::new(),
             severities: HashMap::new(),
-            faulty: false,
+            is_faulty: false,
             renderer_problems: Vec::new(),
             without_vulkan: None,
             window_device: String::new(),
             playhead: Playhead::default(),
             views: vec![View::default()],
-            active: 0,
+            active_view: 0,
             tool: Tool::Move,
             dragging: None,
             dragged_icon: None,
             sunlit: Cell::default(),
             placement_override: None,
-            joint: None,
+            selected_joint: None,
             trails: Trails::default(),
             toggles: Toggles::default(),
             selection: None,
             to_rename: None,
             copied_clips: String::new(),
             further_selected: (None, Vec::new()),
-            shot: None,
+            clicked_camera_bar: None,
             keys: (None, Vec::new()),
             curves: Curves::default(),
-            span: Span::whole(1.0),
+            visible_span: Span::whole(1.0),
             in_seconds: true,
             snap: true,
             tempo: Tempo::default(),
             script_has_input: false,
-            go_to: None,
+            script_scroll_line: None,
             previewed_files: Vec::new(),
-            dropped: Vec::new(),
+            dropped_files: Vec::new(),
             dropped_models: None,
             close_preview: false,
             screenshot: None,
@@ -243,9 +244,9 @@ impl Viewer {
             created_counts: CreatedCounts::default(),
             device_usage: DeviceUsage::default(),
             performance: Performance::default(),
-            reduction: Reduction::default(),
+            reduction: ResolutionReduction::default(),
             is_scrubbing: false,
-            build_took: Duration::ZERO,
+            build_duration: Duration::ZERO,
             samples: None,
             reloads: 0,
             ticket: 0,
@@ -255,7 +256,7 @@ impl Viewer {
 
     /// Creates the viewer of another file in the same window, which takes over documents, renders and preferences.
     pub(crate) fn for_other_file(&mut self, name: impl Into<String>) -> Viewer {
-        let performance = Performance { cap: self.performance.cap, ..Performance::default() };
+        let performance = Performance { max_fps: self.performance.max_fps, ..Performance::default() };
         Viewer {
             documents: std::mem::take(&mut self.documents),
             shortcuts: self.shortcuts.clone(),
@@ -296,9 +297,9 @@ impl Viewer {
         self.problems = version.problems;
         self.find_severities();
         self.work = version.work;
-        self.documents.read = version.read_files;
-        self.build_took = version.build_time;
-        self.faulty = version.scene.is_none();
+        self.documents.read_files = version.read_files;
+        self.build_duration = version.build_time;
+        self.is_faulty = version.scene.is_none();
         (self.dragging, self.placement_override) = (None, None);
         if version.shaders_changed {
             self.reloads += 1;
@@ -307,8 +308,8 @@ impl Viewer {
         let settings = &scene.stage.settings;
         let length = settings.length.as_secs();
         // If the timeline showed the whole scene, it shows the whole new scene.
-        if self.scene.is_none() || self.span == Span::whole(self.playhead.length().as_secs()) {
-            self.span = Span::whole(length);
+        if self.scene.is_none() || self.visible_span == Span::whole(self.playhead.length().as_secs()) {
+            self.visible_span = Span::whole(length);
         }
         if self.scene.is_none() || self.curves.time == Span::whole(self.playhead.length().as_secs()) {
             self.curves.time = Span::whole(length);
@@ -327,10 +328,10 @@ impl Viewer {
         // Further selected objects belong to the selection that they were added to.
         self.further_selected = (self.selection.clone(), if is_main { further } else { Vec::new() });
         self.keys.0 = of_keys;
-        self.shot = self.selected_shot().cloned();
+        self.clicked_camera_bar = self.selected_shot().cloned();
         self.scene = Some(scene);
         self.sunlit.take();
-        self.find_keys_again();
+        self.restore_selected_keys();
         self.check_expected_placement();
         self.apply_edit_after_unroll();
     }
@@ -338,7 +339,7 @@ impl Viewer {
     /// Adds the messages of `choreo check` about a version, which arrive after it.
     pub fn take_messages(&mut self, number: u64, messages: &[Problem]) {
         let is_shown = self.scene.as_ref().is_some_and(|scene| scene.number == number);
-        if is_shown && !self.faulty {
+        if is_shown && !self.is_faulty {
             add_messages(&mut self.problems, messages);
             self.find_severities();
         }
@@ -370,7 +371,7 @@ impl Viewer {
         let last_view = self.views.len() - 1;
         let view = self.views.get_mut(index)?;
         if reply.ticket == view.ticket {
-            view.waiting = false;
+            view.is_waiting = false;
         }
         self.created_counts = reply.created_counts;
         self.device_usage = reply.device_usage;
@@ -384,7 +385,7 @@ impl Viewer {
                     let budget = 1e3 / self.playhead.fps().as_fps();
                     self.reduction.record_duration(took.as_secs_f64() * 1e3, budget);
                 }
-                if index == self.active.min(last_view) {
+                if index == self.active_view.min(last_view) {
                     let frame = self.playhead.frame_at(shown.time);
                     self.reduction.record_frame(frame, self.playhead.is_playing());
                 }
@@ -405,8 +406,9 @@ impl Viewer {
         let samples = self.samples.or(scene.stage.settings.samples).unwrap_or(4);
         let overrides = self.overrides(&scene);
         let moving = self.is_moving();
-        let (saves, active) = (self.screenshot.is_some(), self.active.min(self.views.len() - 1));
-        for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.is_visible && !v.waiting) {
+        let (saves, active) = (self.screenshot.is_some(), self.active_view.min(self.views.len() - 1));
+        for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.is_visible && !v.is_waiting)
+        {
             let size = match view.resolution {
                 Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, MAX_IMAGE_SIDE)),
                 Resolution::Fitted => {
@@ -415,7 +417,7 @@ impl Viewer {
                 }
             };
             let key = FrameKey {
-                number: scene.number,
+                scene_version: scene.number,
                 reloads: self.reloads,
                 time: self.playhead.time(),
                 size,
@@ -428,7 +430,7 @@ impl Viewer {
                 continue;
             }
             self.ticket += 1;
-            view.waiting = true;
+            view.is_waiting = true;
             view.ticket = self.ticket;
             let FrameKey { time, viewport_camera, moving, overrides, .. } = key.clone();
             view.requested = Some(key);
@@ -484,7 +486,7 @@ impl Viewer {
 
     /// Whether a frame is being rendered.
     pub(crate) fn is_waiting(&self) -> bool {
-        self.views.iter().any(|v| v.waiting)
+        self.views.iter().any(|v| v.is_waiting)
     }
 
     /// The frame that the panels describe.
@@ -493,11 +495,11 @@ impl Viewer {
     }
 
     pub fn view(&self) -> &View {
-        &self.views[self.active.min(self.views.len() - 1)]
+        &self.views[self.active_view.min(self.views.len() - 1)]
     }
 
     pub(crate) fn view_mut(&mut self) -> &mut View {
-        let active = self.active.min(self.views.len() - 1);
+        let active = self.active_view.min(self.views.len() - 1);
         &mut self.views[active]
     }
 
@@ -545,7 +547,7 @@ impl Viewer {
 
     /// Moves the playhead to the next (or the previous) start, end, event or marker.
     pub(crate) fn seek_to_next(&mut self, back: bool) {
-        let next = self.timeline.next(self.playhead.time(), self.playhead.fps(), back);
+        let next = self.timeline.next_time(self.playhead.time(), self.playhead.fps(), back);
         if let Some(time) = next {
             self.playhead.pause();
             self.playhead.seek(time);
@@ -553,7 +555,7 @@ impl Viewer {
     }
 
     /// A time in the chosen unit, for the user.
-    pub fn shown_time(&self, time: Time) -> String {
+    pub fn time_text(&self, time: Time) -> String {
         match self.in_seconds {
             true => format!("{:.3} s", time.as_secs()),
             false => format!("frame {}", self.playhead.fps().frames_in(time)),
@@ -576,7 +578,7 @@ impl Viewer {
     }
 
     /// Selected bars, except for a bar that is only selected because its keys are.
-    pub(crate) fn bars_beside_keys(&self) -> Vec<Selected> {
+    pub(crate) fn explicitly_selected_bars(&self) -> Vec<Selected> {
         let bars = self.selected_bars();
         match bars.as_slice() {
             [bar] if self.selected_keys().iter().any(|key| key.what == *bar) => Vec::new(),
@@ -586,7 +588,7 @@ impl Viewer {
 
     /// Whether commands apply to the selected keys; selected bars take precedence.
     pub(crate) fn has_only_keys_selected(&self) -> bool {
-        !self.selected_keys().is_empty() && self.bars_beside_keys().is_empty()
+        !self.selected_keys().is_empty() && self.explicitly_selected_bars().is_empty()
     }
 
     /// Name of a locked actor that is selected, or that a selected clip or key belongs to.
@@ -612,11 +614,11 @@ impl Viewer {
             true => self.select_more(bar.what.clone()),
             false => self.select_all(vec![bar.what.clone()]),
         }
-        self.shot = Some(bar).filter(|bar| matches!(bar.what, Selected::Camera(_)));
+        self.clicked_camera_bar = Some(bar).filter(|bar| matches!(bar.what, Selected::Camera(_)));
     }
 
     pub(crate) fn select_all(&mut self, all: Vec<Selected>) {
-        self.shot = None;
+        self.clicked_camera_bar = None;
         let mut all = all.into_iter();
         self.selection = all.next();
         self.further_selected = (self.selection.clone(), all.collect());
@@ -690,7 +692,7 @@ impl Viewer {
 
     /// Finds the selected keys in a new version by object, property and time, and drops those that no longer exist. After an undo, restores the
     /// keys that were selected before the edit.
-    fn find_keys_again(&mut self) {
+    fn restore_selected_keys(&mut self) {
         let near = Time(self.playhead.fps().time_of(1).0 / 4);
         let events = || self.timeline.rows.iter().flat_map(|row| &row.events);
         let found = |key: &KeyRef| -> Option<KeyRef> {
@@ -742,10 +744,10 @@ impl Viewer {
         let is_other = |bar: &&Bar| {
             excluded.is_none_or(|excluded| excluded.what != bar.what || excluded.start != bar.start)
         };
-        let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.until, bar.end]);
+        let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.draggable_end, bar.end]);
         let markers = self.timeline.markers.iter().map(|(_, at)| *at);
         let all = edges.chain(markers).chain([self.playhead.time(), self.timeline.length]).map(Time::as_secs);
-        let all = all.chain(self.tempo.nearest(secs));
+        let all = all.chain(self.tempo.nearest_beat(secs));
         let near = all.filter(|at| self.snap && (at - secs).abs() <= max_distance);
         near.min_by(|a, b| (a - secs).abs().total_cmp(&(b - secs).abs()))
     }

@@ -1,6 +1,6 @@
 //! Command line of the viewer.
 
-use crate::commands::{AS_PROGRAM, Commands};
+use crate::commands::{Commands, RUN_COMMAND_FLAG};
 use choreo::App;
 use choreo_command_line::Device;
 use choreo_script::{ImportChoice, Limits};
@@ -61,11 +61,12 @@ struct Args {
 /// Validated options of the program.
 pub(crate) struct ViewerOptions {
     /// File to open first. `None`: the start page.
-    pub first: Option<PathBuf>,
+    pub first_file: Option<PathBuf>,
     pub files: FileOptions,
     pub device: Device,
-    pub at: f64,
-    pub play: bool,
+    /// Initial time, seconds.
+    pub start_secs: f64,
+    pub plays_at_start: bool,
     /// Whether images have the size that `render` uses.
     pub full_size: bool,
     /// Numbers of window frames at which a lost device is simulated.
@@ -89,12 +90,13 @@ fn commands(args: &Args, app: &App) -> Commands {
     let scene =
         each("--set", texts(&args.set)).chain(each("--clip", args.clip.iter().map(Into::into).collect()));
     // If the path of the program is unknown, no command can be run, and the panels report that.
-    let program = std::env::current_exe().map(|exe| vec![exe.into(), AS_PROGRAM.into()]).unwrap_or_default();
+    let program =
+        std::env::current_exe().map(|exe| vec![exe.into(), RUN_COMMAND_FLAG.into()]).unwrap_or_default();
     Commands {
         program,
         input: args.input.clone().unwrap_or_default(),
-        scene: scene.chain(test.iter().cloned()).collect(),
-        test,
+        scene_options: scene.chain(test.iter().cloned()).collect(),
+        test_options: test,
         formats: Commands::formats_of(&app.registry),
     }
 }
@@ -193,8 +195,18 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         ..SceneSource::new("")
     };
     let files = FileOptions { base_source, project_file: !args.no_project_file, app: app.clone() };
-    let Args { input: first, device, at, play, full_size, lose_device_at, event_log, .. } = args;
-    Ok(ViewerOptions { first, files, device, at, play, full_size, lose_device_at, event_log, commands })
+    let Args { input: first_file, device, at, play, full_size, lose_device_at, event_log, .. } = args;
+    Ok(ViewerOptions {
+        first_file,
+        files,
+        device,
+        start_secs: at,
+        plays_at_start: play,
+        full_size,
+        lose_device_at,
+        event_log,
+        commands,
+    })
 }
 
 #[cfg(test)]
@@ -215,7 +227,7 @@ mod tests {
             let script = d.join("scenes/a.rhai").into_os_string();
             let words = [OsString::from("choreo-view"), script].into_iter();
             let asked = parse(words.chain(more.iter().map(OsString::from)), &app).map_err(|_| "refused")?;
-            let source = asked.files.source(asked.first.ok_or("no input")?);
+            let source = asked.files.source(asked.first_file.ok_or("no input")?);
             source.map(|source| source.search_folders).map_err(|_| "refused")
         };
         assert_eq!(search(&[]), Ok(vec![d.join("assets")]));

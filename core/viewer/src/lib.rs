@@ -28,7 +28,7 @@ use std::process::ExitCode;
 /// Runs the viewer of a program. `args`: command line as in `std::env::args_os()`.
 pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     let args: Vec<OsString> = args.into_iter().collect();
-    if args.get(1).is_some_and(|word| word == commands::AS_PROGRAM) {
+    if args.get(1).is_some_and(|word| word == commands::RUN_COMMAND_FLAG) {
         let words = [OsString::from(app.name)].into_iter().chain(args.into_iter().skip(2));
         return choreo::run(words, app);
     }

@@ -8,8 +8,10 @@ use crate::lower::{has_pointer_arguments, lower};
 use crate::mistakes::Mistake;
 use crate::program::{Program, Unsupported};
 use crate::scene_inputs::{self, SceneCalls};
-use crate::signature::{LATTICE, LINE, PARAMETERS, Signature, TRIANGLE, WIREFRAME, signature};
-use crate::tokens::{Tokens, place};
+use crate::signature::{
+    LATTICE_STRUCT, LINE_STRUCT, PARAMETERS, Signature, TRIANGLE_STRUCT, WIREFRAME, signature,
+};
+use crate::tokens::{Tokens, line_and_column};
 use crate::{loops, mistakes, nesting, parameters, passes, suggestions, trial, typed_parameters};
 use choreo_plugin::{Hook, ImagePass, Manifest};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
@@ -20,7 +22,7 @@ use std::ops::Range;
 const MAX_BYTES: usize = 256 << 10;
 
 /// Length of the array in which a function may take its parameters instead of the struct.
-const MAX_ARRAY: usize = 8;
+const MAX_ARRAY_PARAMETERS: usize = 8;
 
 /// A compiled effect.
 pub struct Code {
@@ -53,7 +55,7 @@ pub struct Text {
     /// The text without a byte order mark.
     pub author: String,
     /// The text as the CPU runs it: with counted loops, and with the declarations of the parameters below it.
-    run: String,
+    cpu_text: String,
     /// The text as shaders use it: its function `effect` takes the parameters as an array of numbers.
     pub wgsl: String,
     /// Places of the counted loops, by number from 1.
@@ -76,7 +78,7 @@ impl Text {
             file: file.into(),
             author,
             is_typed,
-            run: String::new(),
+            cpu_text: String::new(),
             wgsl: String::new(),
             loops: Vec::new(),
             appended: String::new(),
@@ -88,9 +90,9 @@ impl Text {
             return Err(text.error((1, 1), format!("the text is {length} bytes long, at most {MAX_BYTES}")));
         }
         nesting::check(&text.author)
-            .map_err(|deep| text.error(place(&text.author, deep.at), deep.message))?;
+            .map_err(|deep| text.error(line_and_column(&text.author, deep.at), deep.message))?;
         let at_line = |error: HeaderError| text.error((error.line, 1), error.mistake.to_string());
-        let manifest = parameters::manifest(&text.author).map_err(at_line)?;
+        let manifest = parameters::parse_manifest(&text.author).map_err(at_line)?;
         let header = header::read(&text.author, &manifest).map_err(at_line)?;
         text.appended = if is_typed {
             typed_parameters::declarations(&manifest)
@@ -105,13 +107,13 @@ impl Text {
             text.appended += &passes::helpers_called(&text.author);
         }
         let bounded = loops::bounded(&text.author);
-        text.run = format!("{}\n{}", bounded.text, text.appended);
+        text.cpu_text = format!("{}\n{}", bounded.text, text.appended);
         text.wgsl = match is_typed && header.hook.has_function() {
             true if !text.passes.is_empty() => {
-                typed_parameters::adapted_passes(&text.run, &manifest, &text.passes)
+                typed_parameters::adapt_text_with_passes(&text.cpu_text, &manifest, &text.passes)
             }
-            true => typed_parameters::adapted(&text.run, &manifest, signature(header.hook)),
-            false => text.run.clone(),
+            true => typed_parameters::adapt_text(&text.cpu_text, &manifest, signature(header.hook)),
+            false => text.cpu_text.clone(),
         };
         text.loops = bounded.loops;
         Ok((text, manifest, header))
@@ -133,7 +135,7 @@ impl Source<'_> {
     /// `span` is a range of bytes of `full_text`. Without a span, or outside of the author's text, the error is at the first line.
     fn error(&self, span: Option<Range<usize>>, message: String) -> EffectError {
         let own = span.filter(|span| span.start < self.text.author.len());
-        self.text.error(own.map_or((1, 1), |span| place(&self.text.author, span.start)), message)
+        self.text.error(own.map_or((1, 1), |span| line_and_column(&self.text.author, span.start)), message)
     }
 
     /// The error of a text that ends within braces, where the parser continues into the declarations below the text.
@@ -150,9 +152,9 @@ impl Source<'_> {
                 _ => {}
             }
         }
-        let (line, _) = place(author, open.pop()?);
+        let (line, _) = line_and_column(author, open.pop()?);
         let message = format!("missing `}}`: the text ends within the braces that line {line} opens");
-        Some(self.text.error(place(author, author.trim_end().len()), message))
+        Some(self.text.error(line_and_column(author, author.trim_end().len()), message))
     }
 
     fn error_at(&self, span: naga::Span, message: String) -> EffectError {
@@ -175,13 +177,13 @@ impl Source<'_> {
             naga::front::wgsl::parse_str(text).is_err_and(|e| e.labels().all(|(span, _)| !span.is_defined()))
         };
         // The search takes long in a text of many functions, so it is limited to this number of them.
-        const MOST: usize = 200;
+        const MAX_BODIES: usize = 200;
         let without = |body: &FunctionBody, at: usize, open: usize| {
             let (head, tail) = (&self.full_text[..at], &self.full_text[body.end..]);
             format!("{head}{}{tail}", "}".repeat(open))
         };
         let bodies = function_bodies(&self.text.author);
-        let body = bodies.iter().take(MOST).find(|body| !fails(&without(body, body.start, 1)))?;
+        let body = bodies.iter().take(MAX_BODIES).find(|body| !fails(&without(body, body.start, 1)))?;
         // The mistake is in the first statement after which the truncated text fails.
         let ends = &body.statement_ends;
         let first = ends.partition_point(|end| !fails(&without(body, end.offset, end.brace_depth)));
@@ -240,12 +242,12 @@ fn function_bodies(text: &str) -> Vec<FunctionBody> {
 
 /// Stack size in bytes. The parser and the validator recurse through trees; this is many times what the deepest text that
 /// [`nesting::check`] accepts needs.
-const STACK: usize = 64 << 20;
+const STACK_BYTES: usize = 64 << 20;
 
 /// Compiles the function of a text whose header is read, and tries it.
 pub fn compile(text: &Text, header: &Header, manifest: &Manifest) -> Result<Code, EffectError> {
     std::thread::scope(|scope| {
-        let thread = std::thread::Builder::new().name("effect".into()).stack_size(STACK);
+        let thread = std::thread::Builder::new().name("effect".into()).stack_size(STACK_BYTES);
         match thread
             .spawn_scoped(scope, || compile_on_current_stack(text, header, manifest))
             .map(|thread| thread.join())
@@ -269,7 +271,7 @@ fn compile_on_current_stack(text: &Text, header: &Header, manifest: &Manifest) -
     let functions: String = declared.iter().map(|(_, text, _)| text.as_str()).collect();
     let below = format!("{}{}{functions}", text.appended, signature.declared);
     let source = Source { text, full_text: format!("{}\n{below}", text.author) };
-    let choices: Vec<String> = typed_parameters::choices(manifest).map(|(name, _)| name).collect();
+    let choices: Vec<String> = typed_parameters::choice_constants(manifest).map(|(name, _)| name).collect();
     let fields = format!("{}{}", signature.declared, if text.is_typed { &text.appended } else { "" });
     let names = || {
         let own = manifest.options.iter().map(|o| o.name.as_str());
@@ -282,18 +284,18 @@ fn compile_on_current_stack(text: &Text, header: &Header, manifest: &Manifest) -
         if let Some(open) = source.unclosed_brace(&mistake) {
             return open;
         }
-        let near = suggestions::of_other_hook(&mistake.text, header, &declared)
-            .or_else(|| suggestions::parameter(&mistake.text, manifest))
+        let near = suggestions::suggest_hook_line(&mistake.text, header, &declared)
+            .or_else(|| suggestions::suggest_parameter_index(&mistake.text, manifest))
             .unwrap_or_else(|| suggestions::suggest_name(&mistake.text, &text.author, &fields, &mut names()));
-        let near = if near.is_empty() { suggestions::texture(&mistake.text, header) } else { near };
+        let near = if near.is_empty() { suggestions::suggest_pass_line(&mistake.text, header) } else { near };
         source.error(mistake.span, format!("{}{near}", mistake.text))
     })?;
-    let info = validated(&module, &source)?;
-    if let Some((at, what)) = passes::mistake(&text.author, &header.pass_lines) {
+    let info = validate(&module, &source)?;
+    if let Some((at, what)) = passes::find_mistake(&text.author, &header.pass_lines) {
         return Err(text.error(at, what));
     }
     let numbers: usize = manifest.options.iter().map(|o| o.number_count()).sum();
-    let fits_array = text.is_typed || numbers <= MAX_ARRAY && header.pass_lines.is_empty();
+    let fits_array = text.is_typed || numbers <= MAX_ARRAY_PARAMETERS && header.pass_lines.is_empty();
     for name in header.functions() {
         let found = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some(name));
         let form = signature.text.replacen("effect", name, 1);
@@ -310,10 +312,10 @@ fn compile_on_current_stack(text: &Text, header: &Header, manifest: &Manifest) -
         let what = format!("{name}: pointers as parameters are not supported; return the value");
         return Err(source.error_at(module.functions.get_span(handle), what));
     }
-    let run = format!("{}{}{functions}", text.run, signature.declared);
-    let mut programs = lower_programs(&source, (&module, &info), &run, &declared, header)?;
+    let cpu_text = format!("{}{}{functions}", text.cpu_text, signature.declared);
+    let mut programs = lower_programs(&source, (&module, &info), &cpu_text, &declared, header)?;
     for (name, program) in header.functions().zip(&programs) {
-        trial::ends(program, header, manifest).map_err(|slow| {
+        trial::run_trials(program, header, manifest).map_err(|slow| {
             match slow.in_loop.and_then(|number| text.loops.get(number as usize - 1)) {
                 Some(at) => text.error(*at, slow.what),
                 None => {
@@ -336,11 +338,11 @@ fn function(module: &Module, name: &str) -> Option<(Handle<Function>, naga::Span
     Some((found, module.functions.get_span(found)))
 }
 
-/// The programs of an effect's functions, that of `effect` last. `run` is the text with counted loops, as the CPU runs it.
+/// The programs of an effect's functions, that of `effect` last. `cpu_text` is the text with counted loops, as the CPU runs it.
 fn lower_programs(
     source: &Source,
     valid: (&Module, &ModuleInfo),
-    run: &str,
+    cpu_text: &str,
     declared: &[Declared],
     header: &Header,
 ) -> Result<Vec<Program>, EffectError> {
@@ -355,7 +357,7 @@ fn lower_programs(
         return Ok(programs);
     }
     // The text that runs counts the rounds of loops; mistakes are placed in the author's text.
-    let (module, info) = validate_counted(run, source)?;
+    let (module, info) = validate_counted(cpu_text, source)?;
     lowered((&module, &info)).map_err(|e| source.error(None, format!("a loop cannot be counted: {}", e.what)))
 }
 
@@ -369,20 +371,20 @@ fn validate_counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo),
 }
 
 fn declared_functions(signature: &Signature, header: &Header, scene: &SceneCalls) -> Vec<Declared> {
-    const ROUND: (&str, &str, HostFunction) = (
+    const ROUND_COUNTER: (&str, &str, HostFunction) = (
         "effect_round",
         "fn effect_round(cost: u32, loop_number: u32) -> bool { return cost == loop_number; }\n",
-        HostFunction::Round,
+        HostFunction::CountRound,
     );
     let history = if header.history > 0 { signature.with_history } else { &[] };
-    let always = signature.functions.iter().chain(history).chain([&ROUND]);
+    let always = signature.functions.iter().chain(history).chain([&ROUND_COUNTER]);
     let mut all: Vec<Declared> =
         always.map(|(name, text, host)| (name.to_string(), text.to_string(), *host)).collect();
     all.extend(scene.supplied_functions());
     all.extend(passes::supplied_functions(&header.pass_lines));
     all.extend(header.joints.iter().enumerate().map(|(i, joint)| {
         let text = format!("fn {}() -> u32 {{ return {i}u; }}\n", joint.name);
-        (joint.name.clone(), text, HostFunction::Named(i))
+        (joint.name.clone(), text, HostFunction::NamedJoint(i))
     }));
     all.extend(header.textures.iter().enumerate().map(|(i, t)| {
         let text = format!("fn {}(uv: vec2<f32>) -> vec4<f32> {{ return uv.xyxy; }}\n", t.name);
@@ -413,7 +415,7 @@ fn reserved_name(
             _ if is_declaration && text.is_typed && manifest.options.iter().any(|o| o.name == name) => {
                 of_program("a parameter")
             }
-            _ if is_declaration && text.is_typed && typed_parameters::DECLARED.contains(&name) => {
+            _ if is_declaration && text.is_typed && typed_parameters::DECLARED_NAMES.contains(&name) => {
                 of_program(if name == PARAMETERS { "a type" } else { "a function" })
             }
             _ => None,
@@ -425,7 +427,7 @@ fn reserved_name(
     })
 }
 
-fn validated(module: &Module, source: &Source) -> Result<ModuleInfo, EffectError> {
+fn validate(module: &Module, source: &Source) -> Result<ModuleInfo, EffectError> {
     if let Some(entry) = module.entry_points.first() {
         let first = entry.function.body.span_iter().next().map(|(_, span)| *span);
         let what = format!("{}: an effect has no entry points; leave out its attribute", entry.name);
@@ -440,9 +442,9 @@ fn validated(module: &Module, source: &Source) -> Result<ModuleInfo, EffectError
 fn output_of(hook: Hook, module: &Module, function: &Function) -> Output {
     let name = function.result.as_ref().and_then(|r| module.types[r.ty].name.as_deref());
     match (hook, name) {
-        (Hook::Overlay, Some(LINE)) => Output::Strokes,
-        (Hook::Overlay, Some(TRIANGLE)) => Output::Triangles,
-        (Hook::Overlay, Some(LATTICE)) => Output::Lattices,
+        (Hook::Overlay, Some(LINE_STRUCT)) => Output::Strokes,
+        (Hook::Overlay, Some(TRIANGLE_STRUCT)) => Output::Triangles,
+        (Hook::Overlay, Some(LATTICE_STRUCT)) => Output::Lattices,
         (Hook::Outline, Some(WIREFRAME)) => Output::Wireframe,
         (Hook::Outline, _) => Output::Hull,
         _ => Output::Numbers,

@@ -5,7 +5,7 @@ use crate::environment::{Environment, FrameEnvironment, PassImages, Textures};
 use crate::error::EffectError;
 use crate::header::Header;
 use crate::machine::{Lanes, Machine, Width};
-use crate::overlay::Drawing;
+use crate::overlay::OverlayInputs;
 use crate::pool;
 use crate::program::Program;
 use choreo_plugin::effect::endless;
@@ -31,7 +31,7 @@ pub struct WgslEffect {
     text: Arc<Text>,
     manifest: Manifest,
     /// Count of the parameter numbers; the numbers of the frame follow them.
-    length: usize,
+    number_count: usize,
     header: Arc<Header>,
     /// Compiled code, shared by effects that differ only in their images.
     code: Arc<OnceLock<Code>>,
@@ -40,7 +40,7 @@ pub struct WgslEffect {
     /// Places of the counted loops.
     loops: Vec<String>,
     /// The text reads the bounding boxes of actors.
-    boxes: bool,
+    reads_boxes: bool,
     file: Option<PluginFile>,
 }
 
@@ -63,19 +63,19 @@ impl WgslEffect {
         Self::with_textures(file, text, |_| Err("an effect without a file cannot read other files".into()))
     }
 
-    /// Reads the header comment, compiles the text, and tries it. `file` is the name of the text in messages. `picture` reads the image files
+    /// Reads the header comment, compiles the text, and tries it. `file` is the name of the text in messages. `read_image` reads the image files
     /// that the header names, or returns the reason why it cannot.
     pub fn with_textures(
         file: &str,
         text: &str,
-        picture: impl Fn(&str) -> Result<TextureImage, String>,
+        read_image: impl Fn(&str) -> Result<TextureImage, String>,
     ) -> Result<WgslEffect, EffectError> {
         let mut effect = Self::read(file, text)?;
         effect.code =
             Arc::new(OnceLock::from(compile::compile(&effect.text, &effect.header, &effect.manifest)?));
         for line in &effect.header.textures {
             let white = || Ok(TextureImage { size: [1, 1], rgba: vec![255; 4], file: None });
-            let made = if line.file.is_empty() { white() } else { picture(&line.file) };
+            let made = if line.file.is_empty() { white() } else { read_image(&line.file) };
             let made = made.and_then(|p| {
                 let most = EffectTexture::MOST;
                 let [w, h] = p.size;
@@ -112,12 +112,23 @@ impl WgslEffect {
             shadow: reads("shadow"),
             see_through: header.see_through,
         };
-        let boxes = reads("low") || reads("high");
+        let reads_boxes = reads("low") || reads("high");
         let (code, textures) = (Arc::default(), Vec::new());
         let (text, header) = (Arc::new(text), Arc::new(header));
         let loops = text.loops.iter().map(|(line, column)| format!("{file}:{line}:{column}")).collect();
-        let length = manifest.parameter_length();
-        Ok(WgslEffect { text, manifest, length, header, code, textures, inputs, loops, boxes, file: None })
+        let number_count = manifest.parameter_length();
+        Ok(WgslEffect {
+            text,
+            manifest,
+            number_count,
+            header,
+            code,
+            textures,
+            inputs,
+            loops,
+            reads_boxes,
+            file: None,
+        })
     }
 
     /// The hook that the header names.
@@ -151,7 +162,7 @@ impl WgslEffect {
 
     /// The environment of hooks whose parameters the numbers of the frame may follow.
     fn frame_environment<'a>(&'a self, parameters: &'a [f32]) -> FrameEnvironment<'a> {
-        let numbers = if self.text.scene.reads_frame { parameters.get(self.length..) } else { None };
+        let numbers = if self.text.scene.reads_frame { parameters.get(self.number_count..) } else { None };
         FrameEnvironment { textures: &self.textures, numbers: numbers.unwrap_or_default() }
     }
 
@@ -193,7 +204,7 @@ impl WgslEffect {
         Machine<N>: pool::Pooled,
         Lanes: Width<N>,
     {
-        pool::with(program, parameters, |machine: &mut Machine<N>| {
+        pool::with_machine(program, parameters, |machine: &mut Machine<N>| {
             for (number, part) in items.chunks_mut(N).enumerate() {
                 set(machine, program, number * N, part);
                 if machine.run(program, part.len(), environment).is_ok() {
@@ -474,7 +485,15 @@ impl OverlayEffect for WgslEffect {
     fn overlay(&self, scene: &EffectScene, parameters: &[f32]) -> Overlay {
         let Code { program, output, .. } = self.code();
         let (header, textures) = (&self.header, &self.textures[..]);
-        Drawing { program, header, textures, output: *output, boxes: self.boxes, parameters }.run(scene)
+        OverlayInputs {
+            program,
+            header,
+            textures,
+            output: *output,
+            reads_boxes: self.reads_boxes,
+            parameters,
+        }
+        .run(scene)
     }
 }
 

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec2, Vec4};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HostFunction {
     /// Counts a round of a loop; implemented in the machine.
-    Round,
+    CountRound,
     Picture,
     Original,
     PictureSize,
@@ -33,7 +33,7 @@ pub enum HostFunction {
     PreviousJoint,
     PreviousInWorld,
     /// Number of a bone that the header names.
-    Named(usize),
+    NamedJoint(usize),
     /// One of the effect's textures.
     Texture(usize),
 }
@@ -68,7 +68,7 @@ impl Environment for Placeholder {
                 int_bits([1280, 720])
             }
             HostFunction::Shrink => int_bits([4, 0]),
-            HostFunction::Named(i) => int_bits([i as i32, 0]),
+            HostFunction::NamedJoint(i) => int_bits([i as i32, 0]),
             HostFunction::Parent => int_bits([arguments.first().map_or(0, |v| *v as i32) - 1, 0]),
             _ => float_bits(Vec4::new(f32::from((bits & 255) as u8) / 255.0, 0.5, 0.25, 1.0)),
         }
@@ -117,7 +117,7 @@ impl PassImages<'_> {
         self.shrinks.get(self.pass_number as usize).or(self.shrinks.first()).copied().unwrap_or(1)
     }
 
-    fn texture(&self, pass: usize) -> Option<EffectImage<'_>> {
+    fn pass_texture(&self, pass: usize) -> Option<EffectImage<'_>> {
         self.images.passes.get(pass).copied().flatten()
     }
 
@@ -126,7 +126,7 @@ impl PassImages<'_> {
         let [width, height] = self.images.original.size.map(|s| s as f32);
         let shrink = self.shrinks.get(pass).copied().unwrap_or(1) as f32;
         let place = uv * (Vec2::new(width, height) / shrink);
-        self.texture(pass).map_or(Vec4::ZERO, |texture| texture.between(place))
+        self.pass_texture(pass).map_or(Vec4::ZERO, |texture| texture.between(place))
     }
 }
 
@@ -135,7 +135,7 @@ impl Environment for PassImages<'_> {
         match host {
             HostFunction::Picture => Some(self.images.now),
             HostFunction::Original => Some(self.images.original),
-            HostFunction::PassTexture(pass) => self.texture(pass),
+            HostFunction::PassTexture(pass) => self.pass_texture(pass),
             HostFunction::SceneSurface => self.images.scene.and_then(|scene| scene.surface),
             HostFunction::SceneMotion => self.images.scene.and_then(|scene| scene.motion),
             _ => None,
@@ -196,7 +196,9 @@ impl Environment for Surroundings<'_> {
                 let parent = bone.and_then(|(_, parent)| *parent);
                 return int_bits([parent.map_or(-1, |parent| parent as i32), 0]);
             }
-            HostFunction::Named(i) => return [self.bones.named.get(i).copied().unwrap_or(u32::MAX), 0, 0, 0],
+            HostFunction::NamedJoint(i) => {
+                return [self.bones.named.get(i).copied().unwrap_or(u32::MAX), 0, 0, 0];
+            }
             HostFunction::Joint => joint(self.actor, bone),
             HostFunction::PreviousJoint => joint(earlier().as_ref(), bone),
             HostFunction::InWorld => in_world(self.actor, arguments),

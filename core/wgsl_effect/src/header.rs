@@ -26,7 +26,7 @@
 //! `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and `joint hand = RightHand|hand.r: where it burns`.
 
 use crate::header_error::{HeaderError, HeaderMistake};
-use crate::parameters::{argument, identifier, image_of};
+use crate::parameters::{call_argument, parse_identifier, parse_image};
 use crate::passes::{self, MAX_PASSES, PassLine, Scale};
 use crate::signature::{NAMED_PASS, Signature, signature};
 use choreo_plugin::suggest::{closest, did_you_mean};
@@ -134,7 +134,7 @@ impl Header {
         if let Some((index, choices)) = &self.chosen_input {
             for (number, name) in choices.iter().enumerate() {
                 if let Some(input) =
-                    input(&mut inputs, name).filter(|_| parameters.get(*index) != Some(&(number as f32)))
+                    input_mut(&mut inputs, name).filter(|_| parameters.get(*index) != Some(&(number as f32)))
                 {
                     *input = false;
                 }
@@ -144,7 +144,7 @@ impl Header {
     }
 }
 
-fn input<'a>(inputs: &'a mut SurfaceInputs, name: &str) -> Option<&'a mut bool> {
+fn input_mut<'a>(inputs: &'a mut SurfaceInputs, name: &str) -> Option<&'a mut bool> {
     match name {
         "normals" => Some(&mut inputs.normals),
         "uvs" => Some(&mut inputs.uvs),
@@ -177,21 +177,23 @@ pub(crate) struct JointLine {
 }
 
 /// The fields of the header comment: line (from 1), name and value.
-fn fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
-    comment(text).filter_map(|(i, line)| {
+fn comment_fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
+    comment_lines(text).filter_map(|(i, line)| {
         let (name, value) = line.trim().trim_start_matches('/').trim().split_once(':')?;
         Some((i + 1, name.trim(), value.trim()))
     })
 }
 
 /// Files that the header names, even if the header has mistakes.
-pub fn files(text: &str) -> Vec<String> {
-    let lines = comment(without_byte_order_mark(text)).filter_map(|(_, line)| {
+pub fn texture_files(text: &str) -> Vec<String> {
+    let lines = comment_lines(without_byte_order_mark(text)).filter_map(|(_, line)| {
         let line = line.trim().trim_start_matches('/').trim();
         let value = |rest: &str| Some(rest.split_once('=')?.1.split_once(':')?.0.trim().to_string());
         match line.strip_prefix("texture ") {
-            Some(rest) => Some(image_of(&value(rest)?).0.to_string()),
-            None => Some(image_of(argument(&value(line.strip_prefix("param ")?)?, "texture")?).0.to_string()),
+            Some(rest) => Some(parse_image(&value(rest)?).0.to_string()),
+            None => Some(
+                parse_image(call_argument(&value(line.strip_prefix("param ")?)?, "texture")?).0.to_string(),
+            ),
         }
     });
     let lines = lines.filter(|file| !file.is_empty());
@@ -199,15 +201,15 @@ pub fn files(text: &str) -> Vec<String> {
 }
 
 /// Whether a text is meant as an effect: its header has a line `// effect: NAME`, valid or not.
-pub fn is_meant(text: &str) -> bool {
-    fields(without_byte_order_mark(text)).any(|(_, name, _)| name == "effect")
+pub fn declares_effect(text: &str) -> bool {
+    comment_fields(without_byte_order_mark(text)).any(|(_, name, _)| name == "effect")
 }
 
 /// The effect's name, even if the header has other mistakes. `None`: no name can refer to the effect.
-pub fn name(text: &str) -> Option<String> {
+pub fn effect_name(text: &str) -> Option<String> {
     // The last `effect` line counts, as in the manifest.
-    let named = fields(without_byte_order_mark(text)).filter(|(_, name, _)| *name == "effect").last();
-    named.and_then(|(_, _, value)| Some(identifier(value).ok()?.to_string()))
+    let named = comment_fields(without_byte_order_mark(text)).filter(|(_, name, _)| *name == "effect").last();
+    named.and_then(|(_, _, value)| Some(parse_identifier(value).ok()?.to_string()))
 }
 
 /// A text without the byte order mark that some editors put before it.
@@ -223,15 +225,15 @@ pub fn read(text: &str, manifest: &Manifest) -> Result<Header, HeaderError> {
     let pass_lines = passes::parse_pass_lines(text, manifest, &names)?;
     let mut header = Header { passes: 1, joints, textures, pass_lines, ..Header::default() };
     let mut hook_line = 1;
-    for (line, _, value) in fields(text).filter(|(_, name, _)| *name == "hook") {
+    for (line, _, value) in comment_fields(text).filter(|(_, name, _)| *name == "hook") {
         (hook_line, header.hook) =
             (line, parse_hook(value).map_err(|mistake| HeaderError { line, mistake })?);
     }
     let mut given = Vec::new();
-    for (line, name, value) in fields(text) {
+    for (line, name, value) in comment_fields(text) {
         let of = header.set(name, value, manifest).map_err(|mistake| HeaderError { line, mistake })?;
         if let Some(of) = of.filter(|of| *of != header.hook) {
-            let mistake = HeaderMistake::OtherHook { name: name.into(), hook: word(of) };
+            let mistake = HeaderMistake::OtherHook { name: name.into(), hook: hook_word(of) };
             return Err(HeaderError { line, mistake });
         }
         if matches!(name, "passes" | "halve") && !header.pass_lines.is_empty() {
@@ -240,11 +242,11 @@ pub fn read(text: &str, manifest: &Manifest) -> Result<Header, HeaderError> {
         given.push(name);
     }
     if let Some(pass) = header.pass_lines.first().filter(|_| header.hook != Hook::Image) {
-        let mistake = HeaderMistake::OtherHook { name: "pass".into(), hook: word(Hook::Image) };
+        let mistake = HeaderMistake::OtherHook { name: "pass".into(), hook: hook_word(Hook::Image) };
         return Err(HeaderError { line: pass.at.0, mistake });
     }
     if let Some(joint) = header.joints.first().filter(|_| header.hook != Hook::Overlay) {
-        let mistake = HeaderMistake::OtherHook { name: "joint".into(), hook: word(Hook::Overlay) };
+        let mistake = HeaderMistake::OtherHook { name: "joint".into(), hook: hook_word(Hook::Overlay) };
         return Err(HeaderError { line: joint.line, mistake });
     }
     let mistake = match header.hook {
@@ -345,7 +347,7 @@ impl Header {
             if let Some((index, OptionKind::Text { one_of, .. })) = chosen.map(|(i, o)| (i, &o.kind)) {
                 self.chosen_input = Some((manifest.first_number(index), one_of.clone()));
             } else {
-                let input = input(&mut self.inputs, name);
+                let input = input_mut(&mut self.inputs, name);
                 *input.ok_or_else(|| {
                     refused("an input", "normals, uvs, joints or shadow", name, String::new())
                 })? = true;
@@ -394,11 +396,11 @@ pub fn hooks() -> impl Iterator<Item = Hook> {
 }
 
 /// The word of a hook in the header of an effect's file.
-pub fn word(hook: Hook) -> &'static str {
+pub fn hook_word(hook: Hook) -> &'static str {
     HOOKS.iter().find(|(_, of)| *of == hook).map_or("pixel", |(word, _)| word)
 }
 
-const WORDS: [&str; 17] = [
+const KNOWN_KEYS: [&str; 17] = [
     "effect",
     "about",
     "version",
@@ -420,14 +422,14 @@ const WORDS: [&str; 17] = [
 
 /// The known word of which `name` is a typing mistake. All other words are the author's own.
 fn misspelled_key(name: &str) -> Option<&'static str> {
-    if WORDS.contains(&name) || name.contains(char::is_whitespace) {
+    if KNOWN_KEYS.contains(&name) || name.contains(char::is_whitespace) {
         return None;
     }
-    closest(name, WORDS).filter(|word| word.len().abs_diff(name.len()) <= 2)
+    closest(name, KNOWN_KEYS).filter(|word| word.len().abs_diff(name.len()) <= 2)
 }
 
 /// The parameter with this name, if it is one number, and the index of that number.
-fn number_of<'a>(name: &str, manifest: &'a Manifest) -> Option<(&'a OptionKind, usize)> {
+fn number_parameter<'a>(name: &str, manifest: &'a Manifest) -> Option<(&'a OptionKind, usize)> {
     let place = manifest.options.iter().position(|o| o.name == name)?;
     let kind = &manifest.options[place].kind;
     let is_number = matches!(kind, OptionKind::Number { .. } | OptionKind::Integer { .. });
@@ -435,7 +437,7 @@ fn number_of<'a>(name: &str, manifest: &'a Manifest) -> Option<(&'a OptionKind, 
 }
 
 fn parse_reach(value: &str, manifest: &Manifest) -> Result<Amount, HeaderMistake> {
-    if let Some((_, index)) = number_of(value, manifest) {
+    if let Some((_, index)) = number_parameter(value, manifest) {
         return Ok(Amount::Parameter(index));
     }
     let metres = value.parse::<f32>().ok().filter(|m| (0.0..=1e6).contains(m));
@@ -457,7 +459,7 @@ fn parse_element_count(value: &str, manifest: &Manifest) -> Result<Amount, Heade
             OptionKind::Integer { min, max, .. } => [*min as f64, *max as f64],
             _ => [f64::NAN; 2],
         };
-        return match number_of(value, manifest).map(|(kind, index)| (bounds(kind), index)) {
+        return match number_parameter(value, manifest).map(|(kind, index)| (bounds(kind), index)) {
             Some(([min, max], index)) if min >= 0.0 && max <= most as f64 => Ok(Amount::Parameter(index)),
             _ => Err(HeaderMistake::CountRange { name: value.into(), most }),
         };
@@ -492,7 +494,7 @@ fn parse_flag_amount(name: &str, value: &str, manifest: &Manifest) -> Result<Amo
 pub fn parse_halving(value: &str, manifest: &Manifest) -> Result<Scale, HeaderMistake> {
     let read = || {
         let (length, most) = value.split_once(" to ")?;
-        let (_, index) = number_of(length.trim(), manifest)?;
+        let (_, index) = number_parameter(length.trim(), manifest)?;
         let most = most.trim().parse().ok().filter(|most| (1..=256).contains(most))?;
         Some(Scale::Halved(Amount::Parameter(index), most))
     };
@@ -502,7 +504,7 @@ pub fn parse_halving(value: &str, manifest: &Manifest) -> Result<Scale, HeaderMi
 /// `strength = 0`: a number parameter, and the value with which the effect changes nothing.
 fn parse_off_condition(value: &str, manifest: &Manifest) -> Result<OffCondition, HeaderMistake> {
     let (name, at) = value.split_once('=').map(|(name, at)| (name.trim(), at.trim())).unwrap_or((value, ""));
-    let (_, index) = number_of(name, manifest)
+    let (_, index) = number_parameter(name, manifest)
         .ok_or_else(|| HeaderMistake::NoOff { name: name.into(), near: similar_parameter(name, manifest) })?;
     let at = at.parse().ok().filter(|at: &f32| at.is_finite());
     let value = at.ok_or(HeaderMistake::ExpectedSyntax("off: PARAMETER = NUMBER"))?;
@@ -519,7 +521,7 @@ fn parse_texture_lines(text: &str, manifest: &Manifest) -> Result<Vec<TextureLin
     const TEXTURE_SYNTAX: HeaderMistake =
         HeaderMistake::ExpectedSyntax("texture NAME = FILE: ABOUT, or = FILE as data: ABOUT");
     let mut all: Vec<TextureLine> = Vec::new();
-    for (i, line) in comment(text) {
+    for (i, line) in comment_lines(text) {
         let line = line.trim().trim_start_matches('/').trim();
         let at = |mistake: HeaderMistake| mistake.at(i);
         let syntax_error = || at(TEXTURE_SYNTAX);
@@ -538,10 +540,10 @@ fn parse_texture_lines(text: &str, manifest: &Manifest) -> Result<Vec<TextureLin
         }
         let Some(rest) = line.strip_prefix("texture ") else { continue };
         let (name, rest) = rest.split_once('=').ok_or_else(syntax_error)?;
-        let name = identifier(name.trim()).map_err(at)?;
+        let name = parse_identifier(name.trim()).map_err(at)?;
         // The description is not used; it is for readers of the file.
         let (file, _) = rest.split_once(':').ok_or_else(syntax_error)?;
-        let (file, srgb) = image_of(file);
+        let (file, srgb) = parse_image(file);
         if file.is_empty() {
             return Err(syntax_error());
         }
@@ -561,11 +563,11 @@ fn parse_joint_lines(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, 
     const JOINT_SYNTAX: HeaderMistake =
         HeaderMistake::ExpectedSyntax("joint NAME = JOINT: ABOUT, or = JOINT|OTHER: ABOUT");
     let mut all: Vec<JointLine> = Vec::new();
-    for (i, line) in comment(text) {
+    for (i, line) in comment_lines(text) {
         let Some(rest) = line.trim().trim_start_matches('/').trim().strip_prefix("joint ") else { continue };
         let at = |mistake: HeaderMistake| mistake.at(i);
         let (name, rest) = rest.split_once('=').ok_or_else(|| at(JOINT_SYNTAX))?;
-        let name = identifier(name.trim()).map_err(at)?;
+        let name = parse_identifier(name.trim()).map_err(at)?;
         // Names of joints can have colons, too, so the separator has a blank.
         let (of, _) = rest.split_once(": ").ok_or_else(|| at(JOINT_SYNTAX))?;
         let of: Vec<String> =
@@ -585,18 +587,20 @@ fn parse_joint_lines(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, 
 }
 
 /// Lines of the header comment, numbered from 0.
-pub fn comment(text: &str) -> impl Iterator<Item = (usize, &str)> {
+pub fn comment_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with("//"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameters::manifest;
+    use crate::parameters::parse_manifest;
 
     fn header_of(text: &str) -> Result<Header, (usize, String)> {
-        let made =
-            read(text, &manifest(&format!("// effect: a\n// param high = 0.5 in 0..2: y\n{text}")).unwrap());
+        let made = read(
+            text,
+            &parse_manifest(&format!("// effect: a\n// param high = 0.5 in 0..2: y\n{text}")).unwrap(),
+        );
         made.map_err(|e| (e.line, e.mistake.to_string()))
     }
 
@@ -714,12 +718,12 @@ mod tests {
         assert_eq!(error("// history: 1"), (1, "history is only for effects with hook: image".into()));
         assert_eq!(error("// hook: image\n// history: 17").1, "history is a whole number from 1 to 16");
         let chosen = "// effect: a\n// param map = texture(a.png): m\n// texture paper = b.png as data: p\n// param white = texture(data): w";
-        let manifest = crate::parameters::manifest(chosen).unwrap();
+        let manifest = crate::parameters::parse_manifest(chosen).unwrap();
         let files: Vec<(&str, &str, bool)> =
             vec![("map", "a.png", true), ("paper", "b.png", false), ("white", "", false)];
         let made = parse_texture_lines(chosen, &manifest).unwrap();
         assert_eq!(made.iter().map(|t| (&*t.name, &*t.file, t.srgb)).collect::<Vec<_>>(), files);
-        assert_eq!(super::files(chosen), ["a.png", "b.png"]);
+        assert_eq!(super::texture_files(chosen), ["a.png", "b.png"]);
         assert_eq!(error("// texture high = x.png: y"), (1, "high is declared twice".into()));
         assert!(error("// texture paper").1.starts_with("write // texture NAME"));
         let many: String = (0..5).map(|i| format!("// texture t{i} = x.png: y\n")).collect();

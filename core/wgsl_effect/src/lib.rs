@@ -33,7 +33,7 @@ mod typed_parameters;
 
 pub use effect::{FILE_ENDING, TextureImage, WgslEffect};
 pub use error::EffectError;
-pub use header::{files, hook_named, hooks, is_meant, name, word as hook_word};
+pub use header::{declares_effect, effect_name, hook_named, hook_word, hooks, texture_files};
 
 /// The documentation page.
 pub const README: &str = include_str!("../README.md");

@@ -1,7 +1,7 @@
 //! Loops that cannot be shown to end. Their rounds are counted, by the same text on every device: `effect_round` stands at the beginning of
 //! the body, and ends the loop if a call of the effect took too many steps (decision 41). All other loops stay as they are.
 
-use crate::tokens::{Tokens, place};
+use crate::tokens::{Tokens, line_and_column};
 use std::collections::HashSet;
 use std::ops::Range;
 
@@ -46,7 +46,7 @@ pub fn bounded(text: &str) -> Bounded {
         before = at;
     }
     out.push_str(&text[before..]);
-    Bounded { text: out, loops: counted.iter().map(|head| place(text, tokens[*head].0)).collect() }
+    Bounded { text: out, loops: counted.iter().map(|head| line_and_column(text, tokens[*head].0)).collect() }
 }
 
 fn is_loop(token: &str) -> bool {

@@ -34,17 +34,17 @@ pub fn lower(
     // naga orders functions so that callees come before their callers.
     let mut levels = Vec::with_capacity(module.functions.len());
     for (_, function) in module.functions.iter() {
-        levels.push(nesting(function, &levels)?);
+        levels.push(nesting_depth(function, &levels)?);
     }
     let mut code = Code::default();
     // Register 0 is the operand of operators that have fewer operands.
     code.constant(0);
-    let globals = globals(module)?;
+    let globals = constant_bits(module)?;
     let mut routines: Vec<Routine> = Vec::with_capacity(module.functions.len());
     for (handle, function) in module.functions.iter() {
         let host = function.name.as_deref().and_then(&host);
         let lowering = Lowering::new((module, info), handle, &globals, &routines, &mut code)?;
-        routines.push(lowering.routine(host, handle == entry)?);
+        routines.push(lowering.lower_routine(host, handle == entry)?);
     }
     let mut read = vec![false; code.registers as usize];
     routines.iter().for_each(|routine| mark_read(&routine.body, &mut read));
@@ -114,13 +114,18 @@ const MAX_NESTING: usize = 200;
 
 /// Refuses a function whose statements, together with those of the functions that they call, are nested too deeply. `known`: the levels of
 /// the functions before it, which are the only ones that it can call.
-fn nesting(function: &Function, known: &[usize]) -> Result<usize, Unsupported> {
+fn nesting_depth(function: &Function, known: &[usize]) -> Result<usize, Unsupported> {
     let mut deepest = 0;
-    nested(&function.body, 1, known, &mut deepest)?;
+    check_nesting(&function.body, 1, known, &mut deepest)?;
     Ok(deepest)
 }
 
-fn nested(block: &Block, level: usize, known: &[usize], deepest: &mut usize) -> Result<(), Unsupported> {
+fn check_nesting(
+    block: &Block,
+    level: usize,
+    known: &[usize],
+    deepest: &mut usize,
+) -> Result<(), Unsupported> {
     for (statement, span) in block.span_iter() {
         let called = match statement {
             Statement::Call { function, .. } => known.get(function.index()).copied().unwrap_or(0),
@@ -133,7 +138,7 @@ fn nested(block: &Block, level: usize, known: &[usize], deepest: &mut usize) -> 
             });
         }
         *deepest = (*deepest).max(level + called);
-        let mut below = |block: &Block| nested(block, level + 1, known, deepest);
+        let mut below = |block: &Block| check_nesting(block, level + 1, known, deepest);
         match statement {
             Statement::Block(block) => below(block)?,
             Statement::If { accept, reject, .. } => {
@@ -152,7 +157,7 @@ fn nested(block: &Block, level: usize, known: &[usize], deepest: &mut usize) -> 
 }
 
 /// Bits of the module's constant expressions, by index. Constants come before their uses, and naga has folded all other expressions.
-fn globals(module: &Module) -> Result<Vec<Vec<u32>>, Unsupported> {
+fn constant_bits(module: &Module) -> Result<Vec<Vec<u32>>, Unsupported> {
     let mut all: Vec<Vec<u32>> = Vec::with_capacity(module.global_expressions.len());
     for (handle, expression) in module.global_expressions.iter() {
         let size =
@@ -225,7 +230,7 @@ impl Code {
     }
 
     /// The same components, in consecutive registers if they are constants.
-    fn side_by_side(&mut self, components: Vec<Register>) -> Vec<Register> {
+    fn consecutive_if_constant(&mut self, components: Vec<Register>) -> Vec<Register> {
         let bits: Option<Vec<u32>> = components.iter().map(|r| self.bits.get(r).copied()).collect();
         match bits {
             Some(bits) if !components.windows(2).all(|w| w[0] == w[1]) => {
@@ -337,7 +342,7 @@ impl<'a> Lowering<'a> {
     }
 
     /// Finishes the routine. With `host`, the routine only calls the supplied function, and needs no body.
-    fn routine(mut self, host: Option<HostFunction>, is_entry: bool) -> Result<Routine, Unsupported> {
+    fn lower_routine(mut self, host: Option<HostFunction>, is_entry: bool) -> Result<Routine, Unsupported> {
         if let Some(host) = host {
             let arguments: Vec<Register> = self.arguments.concat();
             let body = vec![Node::Host { host, arguments, result: self.result }];
@@ -346,12 +351,12 @@ impl<'a> Lowering<'a> {
         if let Some(last) = self.parameters.last().filter(|_| is_entry) {
             self.code.invariant.extend(last.iter());
         }
-        self.body()?;
+        self.lower_body()?;
         Ok(Routine { arguments: self.parameters, result: self.result, body: self.nodes })
     }
 
     /// Lowers the initial values of variables, and the statements.
-    fn body(&mut self) -> Result<(), Unsupported> {
+    fn lower_body(&mut self) -> Result<(), Unsupported> {
         for (handle, variable) in self.function.local_variables.iter() {
             let to = self.locals[handle.index()];
             let first = variable.init.map(|init| self.components(init));
@@ -362,13 +367,13 @@ impl<'a> Lowering<'a> {
             }
         }
         let function = self.function;
-        let statements = self.block(&function.body)?;
+        let statements = self.lower_block(&function.body)?;
         self.nodes.extend(statements);
         Ok(())
     }
 
     /// Lowers a call. A function is inlined if its only `return` is at the end, and if it calls only functions of the shader.
-    fn call(
+    fn lower_call(
         &mut self,
         handle: Handle<Function>,
         arguments: Vec<Vec<Register>>,
@@ -384,7 +389,7 @@ impl<'a> Lowering<'a> {
             let module = (self.module, self.infos);
             let mut inner = Lowering::new(module, handle, self.globals, self.routines, self.code)?;
             (inner.arguments, inner.is_inlined) = (arguments, true);
-            inner.body()?;
+            inner.lower_body()?;
             let (returned, nodes) = (inner.returned.unwrap_or_default(), inner.nodes);
             self.nodes.extend(nodes);
             return Ok(returned);
@@ -398,20 +403,20 @@ impl<'a> Lowering<'a> {
         Ok(to.iter().collect())
     }
 
-    fn block(&mut self, block: &Block) -> Result<Vec<Node>, Unsupported> {
+    fn lower_block(&mut self, block: &Block) -> Result<Vec<Node>, Unsupported> {
         let before = std::mem::take(&mut self.nodes);
         let contiguous_copies = self.contiguous_copies.clone();
         let statements: Vec<(&Statement, &Span)> = block.span_iter().collect();
         // Steps are counted together up to the next statement at which lanes may diverge.
         for straight in statements.split_inclusive(|(statement, _)| may_diverge(statement)) {
             self.nodes.push(Node::Steps(straight.len() as u32));
-            straight.iter().try_for_each(|(statement, span)| self.statement(statement, **span))?;
+            straight.iter().try_for_each(|(statement, span)| self.lower_statement(statement, **span))?;
         }
         self.contiguous_copies = contiguous_copies;
         Ok(std::mem::replace(&mut self.nodes, before))
     }
 
-    fn statement(&mut self, statement: &Statement, span: Span) -> Result<(), Unsupported> {
+    fn lower_statement(&mut self, statement: &Statement, span: Span) -> Result<(), Unsupported> {
         let refuse = |what: &str| Err(Unsupported { what: what.into(), span });
         match statement {
             Statement::Emit(range) => {
@@ -421,12 +426,12 @@ impl<'a> Lowering<'a> {
                 }
             }
             Statement::Block(block) => {
-                let nodes = self.block(block)?;
+                let nodes = self.lower_block(block)?;
                 self.nodes.extend(nodes);
             }
             Statement::If { condition, accept, reject } => {
                 let condition = self.component(*condition);
-                let (accept, reject) = (self.block(accept)?, self.block(reject)?);
+                let (accept, reject) = (self.lower_block(accept)?, self.lower_block(reject)?);
                 self.nodes.push(Node::If { condition, accept, reject });
             }
             Statement::Switch { selector, cases } => {
@@ -437,13 +442,13 @@ impl<'a> Lowering<'a> {
                         SwitchValue::U32(v) => Some(v),
                         SwitchValue::Default => None,
                     };
-                    Ok(Case { value, body: self.block(&case.body)?, fall_through: case.fall_through })
+                    Ok(Case { value, body: self.lower_block(&case.body)?, fall_through: case.fall_through })
                 });
                 let cases = cases.collect::<Result<_, Unsupported>>()?;
                 self.nodes.push(Node::Switch { selector, cases });
             }
             Statement::Loop { body, continuing, break_if } => {
-                let (body, continuing) = (self.block(body)?, self.block(continuing)?);
+                let (body, continuing) = (self.lower_block(body)?, self.lower_block(continuing)?);
                 let break_if = break_if.map(|condition| self.component(condition));
                 self.nodes.push(Node::Loop { body, continuing, break_if });
             }
@@ -457,10 +462,10 @@ impl<'a> Lowering<'a> {
                     self.nodes.push(Node::Return(value));
                 }
             }
-            Statement::Store { pointer, value } => self.store(*pointer, *value),
+            Statement::Store { pointer, value } => self.lower_store(*pointer, *value),
             Statement::Call { function, arguments, result } => {
                 let arguments = arguments.iter().map(|a| self.components(*a)).collect();
-                let returned = self.call(*function, arguments)?;
+                let returned = self.lower_call(*function, arguments)?;
                 if let Some(result) = result {
                     self.values[result.index()] = Some(Value::Components(returned));
                 }
@@ -471,7 +476,7 @@ impl<'a> Lowering<'a> {
         Ok(())
     }
 
-    fn store(&mut self, pointer: Handle<Expression>, value: Handle<Expression>) {
+    fn lower_store(&mut self, pointer: Handle<Expression>, value: Handle<Expression>) {
         let value = self.components(value);
         let Value::Pointer { first, offset } = self.value(pointer) else { return };
         if let (None, Some((from, 1))) = (offset, contiguous_run(&value)) {
@@ -508,7 +513,7 @@ impl<'a> Lowering<'a> {
         let mut first = [0; 3];
         first[..operands.len()].copy_from_slice(operands);
         let out = self.code.allocate(1).first;
-        self.operation(operator, out, Operands { first, step: [0; 3], count: 1 });
+        self.push_operation(operator, out, Operands { first, step: [0; 3], count: 1 });
         out
     }
 
@@ -518,14 +523,14 @@ impl<'a> Lowering<'a> {
         let mut together = Operands { count: count as u32, ..Operands::default() };
         let mut is_together = true;
         for (k, operand) in operands.iter().enumerate() {
-            match self.side_by_side(operand) {
+            match self.first_and_step(operand) {
                 Some((first, step)) => (together.first[k], together.step[k]) = (first, step),
                 None => is_together = false,
             }
         }
         let out = self.code.allocate(count);
         if is_together && count > 0 {
-            self.operation(operator, out.first, together);
+            self.push_operation(operator, out.first, together);
             return out.iter().collect();
         }
         for (i, out) in out.iter().enumerate() {
@@ -533,12 +538,12 @@ impl<'a> Lowering<'a> {
             for (first, operand) in first.iter_mut().zip(operands) {
                 *first = operand[if operand.len() == 1 { 0 } else { i }];
             }
-            self.operation(operator, out, Operands { first, step: [0; 3], count: 1 });
+            self.push_operation(operator, out, Operands { first, step: [0; 3], count: 1 });
         }
         out.iter().collect()
     }
 
-    fn operation(&mut self, operator: Operator, out: Register, operands: Operands) {
+    fn push_operation(&mut self, operator: Operator, out: Register, operands: Operands) {
         let node = Compute { kernels: Kernels::of(operator), out, operands };
         let mut all =
             (0..operands.count).flat_map(|i| (0..3).map(move |k| operands.first[k] + i * operands.step[k]));
@@ -552,14 +557,14 @@ impl<'a> Lowering<'a> {
 
     /// The first register of a vector and the step to the next. If the components are in separate registers, a vector that is used again is
     /// copied.
-    fn side_by_side(&mut self, vector: &[Register]) -> Option<(Register, u32)> {
+    fn first_and_step(&mut self, vector: &[Register]) -> Option<(Register, u32)> {
         if let Some(found) = contiguous_run(vector) {
             return Some(found);
         }
         match self.contiguous_copies.get(vector) {
             Some(Some(first)) => Some((*first, 1)),
             Some(None) => {
-                let first = self.contiguous(vector);
+                let first = self.copy_to_consecutive(vector);
                 self.contiguous_copies.insert(vector.to_vec(), Some(first));
                 Some((first, 1))
             }
@@ -570,7 +575,7 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    fn float(&mut self, operator: BinaryOperator, a: Register, b: Register) -> Register {
+    fn compute_float(&mut self, operator: BinaryOperator, a: Register, b: Register) -> Register {
         self.compute(Operator::Float(FloatOperator::Binary(operator)), &[a, b])
     }
 
@@ -589,28 +594,28 @@ impl<'a> Lowering<'a> {
             }
             Expression::Compose { components, .. } => {
                 let components = components.iter().flat_map(|part| self.components(*part)).collect();
-                self.code.side_by_side(components)
+                self.code.consecutive_if_constant(components)
             }
             Expression::Splat { size, value } => vec![self.component(*value); *size as usize],
             Expression::Swizzle { size, vector, pattern } => {
                 let vector = self.components(*vector);
                 pattern[..*size as usize].iter().map(|c| vector[*c as usize]).collect()
             }
-            Expression::Access { base, index } => return self.access(*base, *index, shape),
-            Expression::AccessIndex { base, index } => return self.member(*base, *index, handle),
-            Expression::Load { pointer } => self.load(*pointer, shape.size),
-            Expression::Unary { op, expr } => self.unary(*op, *expr),
-            Expression::Binary { op, left, right } => self.binary(*op, *left, *right),
+            Expression::Access { base, index } => return self.lower_access(*base, *index, shape),
+            Expression::AccessIndex { base, index } => return self.lower_member(*base, *index, handle),
+            Expression::Load { pointer } => self.lower_load(*pointer, shape.size),
+            Expression::Unary { op, expr } => self.lower_unary(*op, *expr),
+            Expression::Binary { op, left, right } => self.lower_binary(*op, *left, *right),
             Expression::Select { condition, accept, reject } => {
                 let [c, a, r] = [*condition, *accept, *reject].map(|handle| self.components(handle));
                 self.compute_vector(Operator::Select, &[&r, &a, &c])
             }
-            Expression::Relational { fun, argument } => self.relational(*fun, *argument),
+            Expression::Relational { fun, argument } => self.lower_relational(*fun, *argument),
             Expression::Math { fun, arg, arg1, arg2, .. } => {
                 let arguments: Vec<_> = [Some(*arg), *arg1, *arg2].into_iter().flatten().collect();
-                self.math(*fun, &arguments)
+                self.lower_math(*fun, &arguments)
             }
-            Expression::As { expr, kind, convert } => self.convert(*expr, *kind, convert.is_none()),
+            Expression::As { expr, kind, convert } => self.lower_convert(*expr, *kind, convert.is_none()),
             // Results of calls are set at the call; all other expressions were refused.
             _ => vec![self.code.constant(0); shape.size],
         };
@@ -618,7 +623,7 @@ impl<'a> Lowering<'a> {
     }
 
     /// `base[index]` with a computed index. An index beyond the end reads the last element, as WGSL allows.
-    fn access(&mut self, base: Handle<Expression>, index: Handle<Expression>, shape: Shape) -> Value {
+    fn lower_access(&mut self, base: Handle<Expression>, index: Handle<Expression>, shape: Shape) -> Value {
         let of = self.shapes[base.index()];
         let step = of.step.max(1);
         let (last, step) = (self.code.constant((of.size / step).saturating_sub(1) as u32), step as u32);
@@ -640,7 +645,7 @@ impl<'a> Lowering<'a> {
                 Value::Pointer { first, offset: Some(offset) }
             }
             Value::Components(registers) => {
-                let first = self.contiguous(&registers);
+                let first = self.copy_to_consecutive(&registers);
                 let own = self.code.allocate(shape.size);
                 let loads = own.iter().zip(first..);
                 self.nodes.extend(loads.map(|(to, first)| Node::LoadElement { to, first, offset }));
@@ -650,7 +655,7 @@ impl<'a> Lowering<'a> {
     }
 
     /// Copies these values to consecutive registers, and returns the first one.
-    fn contiguous(&mut self, registers: &[Register]) -> Register {
+    fn copy_to_consecutive(&mut self, registers: &[Register]) -> Register {
         let first = registers.first().copied().unwrap_or(0);
         if registers.iter().copied().eq(first..first + registers.len() as u32) {
             return first;
@@ -661,7 +666,7 @@ impl<'a> Lowering<'a> {
         own.first
     }
 
-    fn member(&mut self, base: Handle<Expression>, index: u32, handle: Handle<Expression>) -> Value {
+    fn lower_member(&mut self, base: Handle<Expression>, index: u32, handle: Handle<Expression>) -> Value {
         let (shape, of) = (self.shapes[handle.index()], self.shapes[base.index()]);
         let types = &self.module.types;
         let before = shape::member_offset(self.info[base].ty.inner_with(types), index as usize, types);
@@ -672,7 +677,7 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    fn load(&mut self, pointer: Handle<Expression>, size: usize) -> Vec<Register> {
+    fn lower_load(&mut self, pointer: Handle<Expression>, size: usize) -> Vec<Register> {
         let Value::Pointer { first, offset } = self.value(pointer) else { return Vec::new() };
         let own = self.code.allocate(size);
         match offset {
@@ -685,7 +690,7 @@ impl<'a> Lowering<'a> {
         own.iter().collect()
     }
 
-    fn unary(&mut self, op: UnaryOperator, value: Handle<Expression>) -> Vec<Register> {
+    fn lower_unary(&mut self, op: UnaryOperator, value: Handle<Expression>) -> Vec<Register> {
         let operator = match (op, self.shapes[value.index()].kind) {
             (UnaryOperator::Negate, ComponentKind::Float) => Operator::Float(FloatOperator::Negate),
             _ => Operator::Integer { signed: false, operator: IntegerOperator::Unary(op) },
@@ -694,7 +699,7 @@ impl<'a> Lowering<'a> {
         self.compute_vector(operator, &[&value])
     }
 
-    fn binary(
+    fn lower_binary(
         &mut self,
         op: BinaryOperator,
         left: Handle<Expression>,
@@ -737,10 +742,10 @@ impl<'a> Lowering<'a> {
     fn dot(&mut self, a: &[Register], b: &[Register]) -> Register {
         let multiply = Operator::Float(FloatOperator::Binary(BinaryOperator::Multiply));
         let products = self.compute_vector(multiply, &[a, b]).into_iter();
-        products.reduce(|sum, product| self.float(BinaryOperator::Add, sum, product)).unwrap_or(0)
+        products.reduce(|sum, product| self.compute_float(BinaryOperator::Add, sum, product)).unwrap_or(0)
     }
 
-    fn relational(&mut self, fun: RelationalFunction, argument: Handle<Expression>) -> Vec<Register> {
+    fn lower_relational(&mut self, fun: RelationalFunction, argument: Handle<Expression>) -> Vec<Register> {
         let of = match fun {
             RelationalFunction::All => BinaryOperator::LogicalAnd,
             _ => BinaryOperator::LogicalOr,
@@ -750,7 +755,12 @@ impl<'a> Lowering<'a> {
         all.reduce(|a, b| self.compute(operator, &[a, b])).into_iter().collect()
     }
 
-    fn convert(&mut self, value: Handle<Expression>, to: ScalarKind, keeps_bits: bool) -> Vec<Register> {
+    fn lower_convert(
+        &mut self,
+        value: Handle<Expression>,
+        to: ScalarKind,
+        keeps_bits: bool,
+    ) -> Vec<Register> {
         let components = self.components(value);
         let conversion = match (self.shapes[value.index()].kind, to) {
             _ if keeps_bits => return components,
@@ -765,13 +775,13 @@ impl<'a> Lowering<'a> {
         self.compute_vector(Operator::Convert(conversion), &[&components])
     }
 
-    fn math(&mut self, function: MathFunction, arguments: &[Handle<Expression>]) -> Vec<Register> {
+    fn lower_math(&mut self, function: MathFunction, arguments: &[Handle<Expression>]) -> Vec<Register> {
         use BinaryOperator::{Add, Divide, Multiply, Subtract};
         let kind = self.shapes[arguments[0].index()].kind;
         let values: Vec<Vec<Register>> = arguments.iter().map(|a| self.components(*a)).collect();
         let (a, b) = (&values[0], values.get(1).unwrap_or(&values[0]));
         if kind != ComponentKind::Float {
-            return self.integer_math(function, kind == ComponentKind::Int, &values);
+            return self.lower_integer_math(function, kind == ComponentKind::Int, &values);
         }
         match function {
             MathFunction::Dot => vec![self.dot(a, b)],
@@ -788,16 +798,17 @@ impl<'a> Lowering<'a> {
             MathFunction::Cross => (0..3)
                 .map(|i| {
                     let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                    let (x, y) = (self.float(Multiply, a[j], b[k]), self.float(Multiply, a[k], b[j]));
-                    self.float(Subtract, x, y)
+                    let (x, y) =
+                        (self.compute_float(Multiply, a[j], b[k]), self.compute_float(Multiply, a[k], b[j]));
+                    self.compute_float(Subtract, x, y)
                 })
                 .collect(),
             MathFunction::Reflect => {
                 let dot = self.dot(b, a);
-                let twice = self.float(Add, dot, dot);
+                let twice = self.compute_float(Add, dot, dot);
                 let part = |(x, n): (&Register, &Register)| {
-                    let along = self.float(Multiply, twice, *n);
-                    self.float(Subtract, *x, along)
+                    let along = self.compute_float(Multiply, twice, *n);
+                    self.compute_float(Subtract, *x, along)
                 };
                 a.iter().zip(b).map(part).collect()
             }
@@ -813,7 +824,7 @@ impl<'a> Lowering<'a> {
         self.compute(Operator::Math(MathFunction::Sqrt), &[square])
     }
 
-    fn integer_math(
+    fn lower_integer_math(
         &mut self,
         function: MathFunction,
         signed: bool,

@@ -6,7 +6,7 @@
 use crate::environment::{Environment, HostFunction};
 use crate::operators::{Column, Columns, Kernel};
 use crate::program::{
-    Case, Compute, Kernels, MAX_STEPS, MOST_STEPS, Node, Program, Register, Registers, Routine,
+    Case, Compute, Kernels, MAX_STEPS, MAX_UNCOUNTED_STEPS, Node, Program, Register, Registers, Routine,
 };
 use choreo_plugin::EffectImage;
 use glam::Vec4;
@@ -154,7 +154,7 @@ where
         let mask = if lanes >= 32 { u32::MAX } else { (1 << lanes) - 1 };
         let registers = &mut self.registers;
         let mut run = Run { program, environment, registers, steps: 0, spent: [0; N], endless: [0; N] };
-        let done = run.block(&program.entry().body, mask, program.entry(), &mut ExitedLanes::default());
+        let done = run.run_block(&program.entry().body, mask, program.entry(), &mut ExitedLanes::default());
         (self.steps, self.endless) = (run.steps, run.endless);
         done.map(|_| ())
     }
@@ -164,9 +164,9 @@ impl<const N: usize> Run<'_, N>
 where
     Lanes: Width<N>,
 {
-    fn step(&mut self, count: u32) -> Result<(), TooLong> {
+    fn count_steps(&mut self, count: u32) -> Result<(), TooLong> {
         self.steps = self.steps.saturating_add(count);
-        if self.steps > MOST_STEPS { Err(TooLong) } else { Ok(()) }
+        if self.steps > MAX_UNCOUNTED_STEPS { Err(TooLong) } else { Ok(()) }
     }
 
     fn column(&self, register: Register) -> &Column<N> {
@@ -174,7 +174,7 @@ where
     }
 
     /// Mask of the lanes in which a register is not 0.
-    fn lanes(&self, register: Register) -> u32 {
+    fn nonzero_lanes(&self, register: Register) -> u32 {
         self.column(register).0.iter().enumerate().fold(0, |lanes, (i, v)| lanes | u32::from(*v != 0) << i)
     }
 
@@ -190,7 +190,7 @@ where
     }
 
     /// Runs statements, and returns the lanes that reach their end.
-    fn block(
+    fn run_block(
         &mut self,
         nodes: &[Node],
         mut mask: u32,
@@ -209,18 +209,18 @@ where
                         self.store(to + i, *self.column(from + i), mask);
                     }
                 }
-                Node::Steps(count) => self.step(*count)?,
+                Node::Steps(count) => self.count_steps(*count)?,
                 Node::LoadElement { .. } | Node::StoreElement { .. } => self.access_element(node, mask),
                 Node::If { condition, accept, reject } => {
-                    let truths = self.lanes(*condition);
+                    let truths = self.nonzero_lanes(*condition);
                     let mut side = |nodes: &[Node], mask: u32| match mask {
                         0 => Ok(0),
-                        _ => self.block(nodes, mask, routine, exited),
+                        _ => self.run_block(nodes, mask, routine, exited),
                     };
                     mask = side(accept, mask & truths)? | side(reject, mask & !truths)?;
                 }
                 Node::Switch { selector, cases } => {
-                    mask = self.switch(*selector, cases, mask, routine, exited)?
+                    mask = self.run_switch(*selector, cases, mask, routine, exited)?
                 }
                 Node::Loop { .. } => mask = self.run_loop(node, mask, routine)?,
                 Node::Break => {
@@ -243,10 +243,10 @@ where
                     for (to, from) in to.zip(arguments) {
                         self.registers[to as usize] = *self.column(*from);
                     }
-                    self.block(&routine.body, mask, routine, &mut ExitedLanes::default())?;
+                    self.run_block(&routine.body, mask, routine, &mut ExitedLanes::default())?;
                 }
                 Node::Host { host, arguments, result } => {
-                    self.host(*host, arguments, result.iter(), mask);
+                    self.call_host(*host, arguments, result.iter(), mask);
                 }
             }
             if mask == 0 {
@@ -277,7 +277,7 @@ where
         }
     }
 
-    fn switch(
+    fn run_switch(
         &mut self,
         selector: Register,
         cases: &[Case],
@@ -299,7 +299,7 @@ where
         let (mut inner, mut falling) = (ExitedLanes::default(), 0);
         for (case, start) in cases.iter().zip(starts) {
             let now = falling | start;
-            let end = if now == 0 { 0 } else { self.block(&case.body, now, routine, &mut inner)? };
+            let end = if now == 0 { 0 } else { self.run_block(&case.body, now, routine, &mut inner)? };
             falling = if case.fall_through { end } else { 0 };
             after |= end & !falling;
         }
@@ -312,15 +312,15 @@ where
         let Node::Loop { body, continuing, break_if } = node else { return Ok(mask) };
         let (mut live, mut after) = (mask, 0);
         while live != 0 {
-            self.step(1)?;
+            self.count_steps(1)?;
             let mut exited = ExitedLanes::default();
-            let end = self.block(body, live, routine, &mut exited)?;
+            let end = self.run_block(body, live, routine, &mut exited)?;
             after |= exited.broken;
             live = end | exited.continued;
             if live != 0 {
-                live = self.block(continuing, live, routine, &mut ExitedLanes::default())?;
+                live = self.run_block(continuing, live, routine, &mut ExitedLanes::default())?;
                 if let Some(condition) = break_if {
-                    let done = live & self.lanes(*condition);
+                    let done = live & self.nonzero_lanes(*condition);
                     after |= done;
                     live &= !done;
                 }
@@ -342,14 +342,14 @@ where
         over
     }
 
-    fn host(
+    fn call_host(
         &mut self,
         host: HostFunction,
         arguments: &[Register],
         mut result: impl Iterator<Item = Register>,
         mask: u32,
     ) {
-        if let (HostFunction::Round, [cost, number]) = (host, arguments) {
+        if let (HostFunction::CountRound, [cost, number]) = (host, arguments) {
             let (cost, number) = (self.column(*cost).0, self.column(*number).0);
             let over = self.count_round(cost, number, mask);
             if let Some(to) = result.next() {

@@ -128,13 +128,14 @@ pub fn of_validator(error: &WithSpan<ValidationError>, module: &Module) -> Mista
         ValidationError::Function { handle, source, .. } => {
             let function = &module.functions[*handle];
             let function_span = module.functions.get_span(*handle);
-            FunctionContext::new(module, function, innermost, function_span).mistake(source)
+            FunctionContext::new(module, function, innermost, function_span).function_mistake(source)
         }
         ValidationError::EntryPoint { name, source, .. } => {
             let found = module.entry_points.iter().find(|e| e.name == *name);
             match (found, source) {
                 (Some(entry), naga::valid::EntryPointError::Function(source)) => {
-                    FunctionContext::new(module, &entry.function, innermost, innermost).mistake(source)
+                    FunctionContext::new(module, &entry.function, innermost, innermost)
+                        .function_mistake(source)
                 }
                 _ => Mistake::new(innermost, format!("entry point {name}: {}", error_chain(source))),
             }
@@ -197,14 +198,14 @@ impl<'a> FunctionContext<'a> {
     }
 
     /// The type of a value as WGSL writes it.
-    fn of(&self, value: Handle<Expression>) -> String {
+    fn type_text(&self, value: Handle<Expression>) -> String {
         match value.index() < self.known {
-            true => self.resolved(&self.types[value]),
+            true => self.resolved_type_text(&self.types[value]),
             false => "of another type".into(),
         }
     }
 
-    fn resolved(&self, resolution: &TypeResolution) -> String {
+    fn resolved_type_text(&self, resolution: &TypeResolution) -> String {
         let text = self.module.to_ctx().type_resolution_to_string(resolution);
         // A value that is read from a variable has the type of the variable.
         let pointee = text.strip_prefix("ptr<function, ").and_then(|rest| rest.strip_suffix('>'));
@@ -212,7 +213,7 @@ impl<'a> FunctionContext<'a> {
     }
 
     fn inner_type_name(&self, inner: &TypeInner) -> String {
-        self.resolved(&TypeResolution::Value(inner.clone()))
+        self.resolved_type_text(&TypeResolution::Value(inner.clone()))
     }
 
     fn type_name(&self, ty: Handle<Type>) -> String {
@@ -234,16 +235,16 @@ impl<'a> FunctionContext<'a> {
         Mistake::new(self.innermost, text.into())
     }
 
-    fn mistake(&self, error: &FunctionError) -> Mistake {
+    fn function_mistake(&self, error: &FunctionError) -> Mistake {
         let named = || self.function.name.clone().unwrap_or_default();
         match error {
-            FunctionError::Expression { handle, source } => self.expression(*handle, source),
+            FunctionError::Expression { handle, source } => self.expression_mistake(*handle, source),
             FunctionError::LocalVariable { name, source, handle } => {
                 let variable = &self.function.local_variables[*handle];
                 let ty = self.type_name(variable.ty);
                 let what = match (source, variable.init) {
                     (LocalVariableError::InitializerType, Some(init)) => {
-                        format!("{name} is {ty}, its initial value is {}", self.of(init))
+                        format!("{name} is {ty}, its initial value is {}", self.type_text(init))
                     }
                     (LocalVariableError::InvalidType(_), _) => {
                         format!("{name}: a variable cannot have the type {ty}")
@@ -258,7 +259,9 @@ impl<'a> FunctionContext<'a> {
                     None => format!("{} returns nothing", named()),
                 };
                 match expression {
-                    Some(value) => self.at(*value, format!("{returns}, this value is {}", self.of(*value))),
+                    Some(value) => {
+                        self.at(*value, format!("{returns}, this value is {}", self.type_text(*value)))
+                    }
                     None if self.innermost == self.function_span => Mistake::new(
                         self.function_span,
                         format!("{returns}, but one path through it ends without return"),
@@ -267,19 +270,23 @@ impl<'a> FunctionContext<'a> {
                 }
             }
             FunctionError::InvalidIfType(value) => {
-                self.at(*value, format!("a condition is bool, this value is {}", self.of(*value)))
+                self.at(*value, format!("a condition is bool, this value is {}", self.type_text(*value)))
             }
             FunctionError::InvalidSwitchType(value) => {
-                self.at(*value, format!("switch takes i32 or u32, this value is {}", self.of(*value)))
+                self.at(*value, format!("switch takes i32 or u32, this value is {}", self.type_text(*value)))
             }
             FunctionError::InvalidStoreTypes { pointer, value } => self.at(
                 *value,
-                format!("the variable is {}, this value is {}", self.of(*pointer), self.of(*value)),
+                format!(
+                    "the variable is {}, this value is {}",
+                    self.type_text(*pointer),
+                    self.type_text(*value)
+                ),
             ),
             FunctionError::InvalidStorePointer(pointer) => {
                 self.at(*pointer, "this cannot be assigned to; declare it with var".into())
             }
-            FunctionError::InvalidCall { function, error } => self.call(*function, error),
+            FunctionError::InvalidCall { function, error } => self.call_mistake(*function, error),
             FunctionError::BreakOutsideOfLoopOrSwitch => {
                 self.at_innermost("break is outside of a loop or switch")
             }
@@ -310,7 +317,7 @@ impl<'a> FunctionContext<'a> {
         }
     }
 
-    fn call(&self, callee: Handle<Function>, error: &CallError) -> Mistake {
+    fn call_mistake(&self, callee: Handle<Function>, error: &CallError) -> Mistake {
         let function = &self.module.functions[callee];
         let name = function.name.clone().unwrap_or_default();
         match error {
@@ -320,14 +327,14 @@ impl<'a> FunctionContext<'a> {
             CallError::ArgumentType { index, required, seen_expression } => {
                 let parameter =
                     function.arguments.get(*index).and_then(|a| a.name.clone()).unwrap_or_default();
-                let (wanted, given) = (self.type_name(*required), self.of(*seen_expression));
+                let (wanted, given) = (self.type_name(*required), self.type_text(*seen_expression));
                 self.at(*seen_expression, format!("{name}: {parameter} is {wanted}, this value is {given}"))
             }
             other => self.at_innermost(format!("{name}: {}", without_naga_names(&error_chain(other)))),
         }
     }
 
-    fn expression(&self, handle: Handle<Expression>, error: &ExpressionError) -> Mistake {
+    fn expression_mistake(&self, handle: Handle<Expression>, error: &ExpressionError) -> Mistake {
         use ExpressionError as E;
         let text = match error {
             E::InvalidBinaryOperandTypes { op, lhs_type, rhs_type, .. } => {
@@ -344,7 +351,7 @@ impl<'a> FunctionContext<'a> {
                     UnaryOperator::LogicalNot => "!",
                     UnaryOperator::BitwiseNot => "~",
                 };
-                format!("{sign} cannot work with {}", self.of(*value))
+                format!("{sign} cannot work with {}", self.type_text(*value))
             }
             E::SelectValuesTypeMismatch { accept, reject } => {
                 format!(
@@ -357,28 +364,37 @@ impl<'a> FunctionContext<'a> {
                 format!("the condition of select is bool, this value is {}", self.inner_type_name(actual))
             }
             E::InvalidIndexType(value) => {
-                format!("an index is i32 or u32, this value is {}", self.of(*value))
+                format!("an index is i32 or u32, this value is {}", self.type_text(*value))
             }
             E::IndexOutOfBounds(_, index) => format!("the index {index} is out of bounds"),
             E::NegativeIndex(_) => "the index is negative".into(),
-            E::InvalidBaseType(value) => format!("{} has no elements", self.of(*value)),
+            E::InvalidBaseType(value) => format!("{} has no elements", self.type_text(*value)),
             E::InvalidSwizzleComponent(component, size) => {
                 let letter = format!("{component:?}").to_lowercase();
                 format!("a vector of {} components has no {letter}", *size as u8)
             }
             E::InvalidArgumentType(function, index, value) => {
-                format!("{} cannot take {} as argument {}", name_of(*function), self.of(*value), index + 1)
+                format!(
+                    "{} cannot take {} as argument {}",
+                    name_of(*function),
+                    self.type_text(*value),
+                    index + 1
+                )
             }
             E::WrongArgumentCount(function) => {
                 format!("{} is called with the wrong number of arguments", name_of(*function))
             }
             E::InvalidBooleanVector(value) => {
-                format!("a vector of bool is needed, this value is {}", self.of(*value))
+                format!("a vector of bool is needed, this value is {}", self.type_text(*value))
             }
-            E::InvalidFloatArgument(value) => format!("a float is needed, this value is {}", self.of(*value)),
+            E::InvalidFloatArgument(value) => {
+                format!("a float is needed, this value is {}", self.type_text(*value))
+            }
             E::InvalidCastArgument => "this value cannot be converted to that type".into(),
-            E::InvalidSplatType(value) => format!("a scalar is needed, this value is {}", self.of(*value)),
-            E::Compose(error) => self.compose(handle, error),
+            E::InvalidSplatType(value) => {
+                format!("a scalar is needed, this value is {}", self.type_text(*value))
+            }
+            E::Compose(error) => self.compose_message(handle, error),
             E::ShiftAmountTooLarge { lhs_type, .. } => {
                 format!("{} has fewer bits than it is shifted by", self.inner_type_name(lhs_type))
             }
@@ -388,7 +404,7 @@ impl<'a> FunctionContext<'a> {
         self.at(handle, text)
     }
 
-    fn compose(&self, handle: Handle<Expression>, error: &ComposeError) -> String {
+    fn compose_message(&self, handle: Handle<Expression>, error: &ComposeError) -> String {
         let Expression::Compose { ty, components } = &self.function.expressions[handle] else {
             return without_naga_names(&error_chain(error));
         };
@@ -398,7 +414,8 @@ impl<'a> FunctionContext<'a> {
                 format!("{ty} is made of {expected} values, {given} are given")
             }
             ComposeError::ComponentType { index } => {
-                let given = components.get(*index as usize).map_or_else(String::new, |part| self.of(*part));
+                let given =
+                    components.get(*index as usize).map_or_else(String::new, |part| self.type_text(*part));
                 format!("{ty} cannot be made of {given} as value {}", index + 1)
             }
             ComposeError::Type(_) => format!("{ty} cannot be made of values"),

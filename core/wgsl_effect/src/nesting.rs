@@ -5,12 +5,12 @@ use crate::tokens::Tokens;
 
 /// Largest nesting of an expression or statement, in levels: brackets, operators (each of those in `a + b + c` is one level), members,
 /// `else if`s. In builds for tests, `else if`s overflow 2 MiB of stack at 1,500 levels, the others at 4,000 (`tests/effects/deep.rs`).
-pub(crate) const MOST_LEVELS: usize = 350;
+pub(crate) const MAX_LEVELS: usize = 350;
 /// Levels of a bracket, and of `<`, which can be a bracket: the parser calls a dozen nested functions for each. At its own limit of 200
 /// brackets it takes up to 1 MiB.
-const BRACKET: usize = 5;
+const LEVELS_PER_BRACKET: usize = 5;
 /// Largest number of declarations of a text. Each can use another, and naga orders them by recursion: 4,200 structs overflow 2 MiB.
-pub(crate) const MOST_DECLARATIONS: usize = 1_000;
+pub(crate) const MAX_DECLARATIONS: usize = 1_000;
 
 /// The place where a text is nested too deeply, with the message.
 #[derive(Debug, PartialEq, Eq)]
@@ -46,13 +46,13 @@ pub fn check(text: &str) -> Result<(), TooDeep> {
     for (start, token) in Tokens::of(text) {
         scan.take(token, before);
         before = token;
-        let what = if scan.levels > MOST_LEVELS {
+        let what = if scan.levels > MAX_LEVELS {
             format!(
-                "nested more than {MOST_LEVELS} levels deep: each bracket counts {BRACKET}, each operator and else if \
+                "nested more than {MAX_LEVELS} levels deep: each bracket counts {LEVELS_PER_BRACKET}, each operator and else if \
                  of a statement 1; split it with let, or use a loop or switch"
             )
-        } else if scan.declarations > MOST_DECLARATIONS {
-            format!("more than {MOST_DECLARATIONS} declarations")
+        } else if scan.declarations > MAX_DECLARATIONS {
+            format!("more than {MAX_DECLARATIONS} declarations")
         } else {
             continue;
         };
@@ -72,7 +72,7 @@ impl Scan {
         match token {
             "(" | "[" | "{" => {
                 self.open.push(Level::default());
-                self.levels += BRACKET;
+                self.levels += LEVELS_PER_BRACKET;
             }
             ")" | "]" | "}" if !is_global => self.close(token == "}"),
             "," | ";" => {
@@ -85,8 +85,8 @@ impl Scan {
             }
             "fn" | "struct" | "const" | "alias" | "var" | "override" if is_global => self.declarations += 1,
             "<" => {
-                level.expression += BRACKET;
-                self.levels += BRACKET;
+                level.expression += LEVELS_PER_BRACKET;
+                self.levels += LEVELS_PER_BRACKET;
             }
             _ if token.starts_with(|c: char| "+-*/%&|^!~<>=.".contains(c)) => {
                 level.expression += 1;
@@ -100,7 +100,7 @@ impl Scan {
     fn close(&mut self, is_block: bool) {
         let Some(inner) = self.open.pop() else { return };
         let Some(level) = self.open.last_mut() else { return };
-        self.levels -= BRACKET + inner.expression + inner.else_ifs + level.expression;
+        self.levels -= LEVELS_PER_BRACKET + inner.expression + inner.else_ifs + level.expression;
         let within = inner.deepest.max(inner.expression);
         level.expression = if is_block { 0 } else { level.expression.max(within) + 1 };
         self.levels += level.expression;

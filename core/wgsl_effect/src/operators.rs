@@ -145,7 +145,7 @@ impl<const N: usize> Columns<'_, N> {
         });
     }
 
-    /// [`Columns::slow`] with one operand; the second operand is register 0, a constant.
+    /// [`Columns::map_costly_binary`] with one operand; the second operand is register 0, a constant.
     #[inline(always)]
     fn map_costly_unary(&mut self, of: &Operands, f: impl Fn(f32) -> f32) {
         self.map_costly_binary(of, |a, _| f(a));
@@ -269,7 +269,7 @@ fn convert<const N: usize>(conversion: Conversion) -> Kernel<N> {
     }
 }
 
-/// Whether [`apply`] supports the function on single components. Functions of whole vectors are lowered to operations on components.
+/// Whether [`math`] supports the function on single components. Functions of whole vectors are lowered to operations on components.
 pub(crate) fn is_component_function(function: MathFunction) -> bool {
     use MathFunction as M;
     matches!(

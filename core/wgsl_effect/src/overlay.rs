@@ -15,13 +15,13 @@ use glam::{DVec3, Vec4};
 pub(crate) const MAX_FRAME_STEPS: u32 = 20_000_000;
 
 /// The inputs of an overlay in a frame.
-pub struct Drawing<'a> {
+pub struct OverlayInputs<'a> {
     pub program: &'a Program,
     pub header: &'a Header,
     pub textures: &'a [EffectTexture],
     pub output: Output,
     /// The text reads the bounding boxes of actors.
-    pub boxes: bool,
+    pub reads_boxes: bool,
     pub parameters: &'a [f32],
 }
 
@@ -38,13 +38,13 @@ struct OverlayGeometry {
     full: bool,
 }
 
-impl Drawing<'_> {
+impl OverlayInputs<'_> {
     pub fn run(&self, scene: &EffectScene) -> Overlay {
         let time = scene.snapshot.time.as_secs() as f32;
         let mut made = OverlayGeometry::default();
         if self.header.of_scene {
             let mut bounds = DAabb::EMPTY;
-            for own in scene.instances().filter(|_| self.boxes).map(|body| body.bounds()) {
+            for own in scene.instances().filter(|_| self.reads_boxes).map(|body| body.bounds()) {
                 bounds.add(own.min);
                 bounds.add(own.max);
             }
@@ -67,7 +67,7 @@ impl Drawing<'_> {
                     _ => Bones::of(&body, &self.header.joints, &mut made.out.left_out),
                 };
                 let place = body.world_from_model.translation;
-                let bounds = if self.boxes { body.bounds() } else { DAabb { min: place, max: place } };
+                let bounds = if self.reads_boxes { body.bounds() } else { DAabb { min: place, max: place } };
                 let value = body_of(time, place, bounds, [bones.count, number as u32]);
                 let around =
                     Surroundings { scene, actor: Some(&body), bones: &bones, textures: self.textures };

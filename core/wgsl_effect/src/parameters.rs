@@ -1,28 +1,28 @@
 //! Reads the manifest from the header comment of an effect: name, description and parameters.
 
-use crate::header::comment;
+use crate::header::comment_lines;
 use crate::header_error::{HeaderError, HeaderMistake};
 use choreo_plugin::parameters::{MAX_CURVE_KEYS, MAX_PARAMETER_NUMBERS, is_curve};
 use choreo_plugin::suggest::closest;
 use choreo_plugin::{MAX_COLOR, Manifest};
 
 /// Largest whole number of a parameter: f32 holds all whole numbers up to it exactly.
-const MAX_WHOLE: f64 = 16_777_216.0;
+const MAX_WHOLE_NUMBER: f64 = 16_777_216.0;
 
-pub fn manifest(text: &str) -> Result<Manifest, HeaderError> {
+pub fn parse_manifest(text: &str) -> Result<Manifest, HeaderError> {
     let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
-    for (i, line) in comment(text) {
+    for (i, line) in comment_lines(text) {
         let line = line.trim().trim_start_matches('/').trim();
         let at = |mistake: HeaderMistake| mistake.at(i);
         if let Some(name) = line.strip_prefix("effect:") {
-            manifest.name = identifier(name.trim()).map_err(at)?.to_string();
+            manifest.name = parse_identifier(name.trim()).map_err(at)?.to_string();
         } else if let Some(about) = line.strip_prefix("about:") {
             manifest.about = about.trim().to_string();
         } else if let Some(version) = line.strip_prefix("version:") {
             manifest.version = version.trim().to_string();
         } else if let Some(param) = line.strip_prefix("param ") {
-            manifest = parameter(manifest, param).map_err(at)?;
-        } else if let Some(error) = misspelt(line) {
+            manifest = parse_parameter(manifest, param).map_err(at)?;
+        } else if let Some(error) = misspelt_keyword(line) {
             return Err(at(error));
         }
     }
@@ -31,7 +31,7 @@ pub fn manifest(text: &str) -> Result<Manifest, HeaderError> {
             let (word, _) = line.trim().trim_start_matches('/').trim().split_once(':')?;
             Some(misspelling(word.trim(), &["effect"])?.at(i))
         };
-        if let Some(error) = comment(text).find_map(meant) {
+        if let Some(error) = comment_lines(text).find_map(meant) {
             return Err(error);
         }
         return Err(HeaderMistake::NoName.at(0));
@@ -40,7 +40,7 @@ pub fn manifest(text: &str) -> Result<Manifest, HeaderError> {
 }
 
 /// The mistake of a line with a misspelt first word: `parm amount = 0.1 in 0..1: how strong`.
-fn misspelt(line: &str) -> Option<HeaderMistake> {
+fn misspelt_keyword(line: &str) -> Option<HeaderMistake> {
     let (word, rest) = line.split_once(' ')?;
     let (_, value) = rest.split_once('=')?;
     value.contains(':').then(|| misspelling(word, &["param", "texture", "joint", "pass"])).flatten()
@@ -53,13 +53,13 @@ fn misspelling(word: &str, known: &[&str]) -> Option<HeaderMistake> {
 }
 
 /// Reads a parameter: `amount = 0.1 m in 0..1: how strong`.
-fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeaderMistake> {
+fn parse_parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeaderMistake> {
     const PARAMETER_SYNTAX: HeaderMistake = HeaderMistake::ExpectedSyntax(
         "param NAME = 0.5 in 0..1: ABOUT, or = 0.5 m in 0..1 (with a unit), = int(3) in 1..9, = false, = A of A|B, = color(gold), \
          = rgb(1, 1, 1), = vec2(0, 1) in -1..1, = curve(0 0, 1 1) in 0..1, = texture(FILE), = texture()",
     );
     let (name, rest) = text.split_once('=').ok_or(PARAMETER_SYNTAX)?;
-    let name = identifier(name.trim())?;
+    let name = parse_identifier(name.trim())?;
     if manifest.options.iter().any(|o| o.name == name || o.number_names().any(|number| number == name)) {
         return Err(HeaderMistake::Twice(name.into()));
     }
@@ -68,23 +68,23 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeaderMistake> 
     let manifest = if let Ok(flag) = value.parse::<bool>() {
         manifest.flag(name, about, flag)
     } else if let Some((first, all)) = value.split_once(" of ") {
-        choice(manifest, [name, about], first.trim(), all)?
-    } else if let Some(color) = argument(value, "rgb") {
-        let parts = color.split(',').map(|part| number(name, part)).collect::<Result<Vec<f64>, _>>()?;
+        parse_choice(manifest, [name, about], first.trim(), all)?
+    } else if let Some(color) = call_argument(value, "rgb") {
+        let parts = color.split(',').map(|part| parse_number(name, part)).collect::<Result<Vec<f64>, _>>()?;
         let color = <[f64; 3]>::try_from(parts).map_err(|_| PARAMETER_SYNTAX)?;
         if !color.iter().all(|c| (0.0..=MAX_COLOR).contains(c)) {
             return Err(HeaderMistake::Color(name.into()));
         }
         manifest.color(name, about, color)
-    } else if let Some(color) = argument(value, "color") {
+    } else if let Some(color) = call_argument(value, "color") {
         let color = choreo_plugin::color::parse(color.trim());
         let color = color.map_err(|e| HeaderMistake::NoColor { name: name.into(), why: e.message })?;
         manifest.color(name, about, color.truncate().to_array().map(f64::from))
-    } else if let Some(image) = argument(value, "texture") {
-        let (file, srgb) = image_of(image);
+    } else if let Some(image) = call_argument(value, "texture") {
+        let (file, srgb) = parse_image(image);
         manifest.texture(name, about, file, srgb)
     } else {
-        ranged_value(manifest, [name, about], value)?.ok_or(PARAMETER_SYNTAX)?
+        parse_ranged_value(manifest, [name, about], value)?.ok_or(PARAMETER_SYNTAX)?
     };
     match manifest.options.iter().map(|o| o.number_count()).sum::<usize>() {
         0..=MAX_PARAMETER_NUMBERS => Ok(manifest),
@@ -93,7 +93,7 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeaderMistake> 
 }
 
 /// Reads a file name, and whether its colors are sRGB: `paper.png` or `bumps.png as data`. White has no file name, or only `data`.
-pub fn image_of(text: &str) -> (&str, bool) {
+pub fn parse_image(text: &str) -> (&str, bool) {
     let text = text.trim();
     match text.strip_suffix("data").map(str::trim_end) {
         Some("") => ("", false),
@@ -103,18 +103,18 @@ pub fn image_of(text: &str) -> (&str, bool) {
 }
 
 /// The text between the brackets of `word(…)`.
-pub fn argument<'a>(value: &'a str, word: &str) -> Option<&'a str> {
+pub fn call_argument<'a>(value: &'a str, word: &str) -> Option<&'a str> {
     value.strip_prefix(word)?.strip_prefix('(')?.strip_suffix(')')
 }
 
-fn number(name: &str, text: &str) -> Result<f64, HeaderMistake> {
+fn parse_number(name: &str, text: &str) -> Result<f64, HeaderMistake> {
     let text = text.trim();
     let number = text.parse::<f64>().ok().filter(|v| v.is_finite());
     number.ok_or_else(|| HeaderMistake::NoNumber { name: name.into(), value: text.into() })
 }
 
 /// Reads a choice: `soft of soft|hard`.
-fn choice(
+fn parse_choice(
     manifest: Manifest,
     [name, about]: [&str; 2],
     first: &str,
@@ -130,14 +130,14 @@ fn choice(
 }
 
 /// Reads a value with a range, `VALUE UNIT in MIN..MAX`; `None` if the text has another form.
-fn ranged_value(
+fn parse_ranged_value(
     manifest: Manifest,
     [name, about]: [&str; 2],
     text: &str,
 ) -> Result<Option<Manifest>, HeaderMistake> {
     let Some((given, range)) = text.rsplit_once(" in ") else { return Ok(None) };
     let Some((min, max)) = range.split_once("..") else { return Ok(None) };
-    let (min, max) = (number(name, min)?, number(name, max)?);
+    let (min, max) = (parse_number(name, min)?, parse_number(name, max)?);
     let within = |value: f64| match (min..=max).contains(&value) {
         true => Ok(value),
         false => Err(HeaderMistake::OutOfRange { name: name.into(), value, min, max }),
@@ -150,15 +150,18 @@ fn ranged_value(
         return Ok(None);
     }
     let numbers = |text: &str, separator: char| {
-        text.split(separator).filter(|part| !part.trim().is_empty()).map(|part| number(name, part)).collect()
+        text.split(separator)
+            .filter(|part| !part.trim().is_empty())
+            .map(|part| parse_number(name, part))
+            .collect()
     };
     let vector =
-        ["vec2", "vec3", "vec4"].iter().zip(2..).find_map(|(word, n)| Some((argument(value, word)?, n)));
-    let made = if let Some(whole) = argument(value, "int") {
-        let value = within(number(name, whole)?)?;
-        let is_whole = |v: f64| v.fract() == 0.0 && v.abs() <= MAX_WHOLE;
+        ["vec2", "vec3", "vec4"].iter().zip(2..).find_map(|(word, n)| Some((call_argument(value, word)?, n)));
+    let made = if let Some(whole) = call_argument(value, "int") {
+        let value = within(parse_number(name, whole)?)?;
+        let is_whole = |v: f64| v.fract() == 0.0 && v.abs() <= MAX_WHOLE_NUMBER;
         if ![value, min, max].into_iter().all(is_whole) {
-            return Err(HeaderMistake::NoWhole { name: name.into(), most: MAX_WHOLE });
+            return Err(HeaderMistake::NoWhole { name: name.into(), most: MAX_WHOLE_NUMBER });
         }
         manifest.integer(name, about, value as i64, min as i64..=max as i64)
     } else if let Some((parts, count)) = vector {
@@ -168,7 +171,7 @@ fn ranged_value(
         }
         parts.iter().try_for_each(|part| within(*part).map(drop))?;
         manifest.vector(name, about, &parts, min..=max)
-    } else if let Some(keys) = argument(value, "curve") {
+    } else if let Some(keys) = call_argument(value, "curve") {
         let keys: Result<Vec<Vec<f64>>, _> = keys.split(',').map(|key| numbers(key, ' ')).collect();
         let keys: Vec<[f64; 2]> = keys?.into_iter().filter_map(|key| key.try_into().ok()).collect();
         if !is_curve(&keys) || keys.len() != value.split(',').count() {
@@ -177,12 +180,12 @@ fn ranged_value(
         keys.iter().try_for_each(|key| within(key[1]).map(drop))?;
         manifest.curve(name, about, &keys, min..=max)
     } else {
-        manifest.number(name, about, within(number(name, value)?)?, min..=max)
+        manifest.number(name, about, within(parse_number(name, value)?)?, min..=max)
     };
     Ok(Some(made.unit(unit)))
 }
 
-pub fn identifier(name: &str) -> Result<&str, HeaderMistake> {
+pub fn parse_identifier(name: &str) -> Result<&str, HeaderMistake> {
     let mut chars = name.chars();
     let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
         && chars.all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
@@ -199,7 +202,7 @@ mod tests {
 
     #[test]
     fn the_head_comment_is_read_as_a_manifest() {
-        let m = manifest(
+        let m = parse_manifest(
             "// effect: grain\n// about: film grain\n//\n// param amount = 0.1 in 0..1: how strong\n\
              // param colored = false: each its own\n// param curve = soft of soft|hard: how\nfn x() {}\n// param no = 1",
         )
@@ -213,7 +216,8 @@ mod tests {
 
     #[test]
     fn errors_name_their_line() {
-        let error = |text: &str| manifest(text).map_err(|e| (e.line, e.mistake.to_string())).unwrap_err();
+        let error =
+            |text: &str| parse_manifest(text).map_err(|e| (e.line, e.mistake.to_string())).unwrap_err();
         assert_eq!(error("fn effect() {}").1, "the header comment must name the effect: // effect: NAME");
         assert_eq!(error("// effect: a\n// param x = 2 in 0..1: y"), (2, "x: 2 is not within 0..1".into()));
         assert_eq!(error("// effect: a\n// param x = k of l|m: y"), (2, "x: \"k\" is none of l, m".into()));
@@ -224,7 +228,7 @@ mod tests {
         assert_eq!(error("// effect: a\n// parm x = 1 in 0..1: y"), slip("parm", "param"));
         assert_eq!(error("// effect: a\n// textur x = y.png: z"), slip("textur", "texture"));
         assert_eq!(error("// about: b\n// efect: a"), slip("efect", "effect"));
-        assert!(manifest("// effect: a\n// parts of it = all: a note\n// effects: many").is_ok());
+        assert!(parse_manifest("// effect: a\n// parts of it = all: a note\n// effects: many").is_ok());
         let many: String = (0..65).map(|i| format!("// param x{i} = 0 in 0..1: y\n")).collect();
         let most = "the parameters of an effect are at most 64 numbers: a color is 3 of them, a vector 2 to 4, a curve 16";
         assert_eq!(error(&format!("// effect: a\n{many}")), (66, most.into()));
@@ -252,7 +256,7 @@ mod tests {
 
     #[test]
     fn a_parameter_has_a_type_a_unit_and_a_range() {
-        let m = manifest(
+        let m = parse_manifest(
             "// effect: all\n// param reach = 0.5 m in 0..2: how far\n// param count = int(3) px in 1..9: how many\n\
              // param axis = vec3(0, 1, 0) in -1..1: which way\n// param tint = color(#f00): its color\n\
              // param fall = curve(0 0, 0.5 2, 1 1) stops in 0..4: how it falls",

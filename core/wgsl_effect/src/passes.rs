@@ -7,12 +7,12 @@
 //! ```
 
 use crate::environment::HostFunction;
-use crate::header::{Amount, comment, parse_halving};
+use crate::header::{Amount, comment_lines, parse_halving};
 use crate::header_error::{HeaderError, HeaderMistake};
-use crate::parameters::identifier;
+use crate::parameters::parse_identifier;
 use crate::scene_inputs;
 use crate::signature::signature;
-use crate::tokens::{Tokens, place};
+use crate::tokens::{Tokens, line_and_column};
 use choreo_plugin::{Hook, ImagePass, Manifest};
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ const MAX_SCALE_DIVISOR: u32 = 64;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Scale {
     /// `1/N`.
-    Part(u32),
+    Fraction(u32),
     /// Halved until the length, a share of the image's height, is at most this number of pixels.
     Halved(Amount, u32),
 }
@@ -34,7 +34,7 @@ impl Scale {
     /// Downscale factor, per axis.
     pub fn factor(self, size: [u32; 2], parameters: &[f32]) -> u32 {
         match self {
-            Scale::Part(parts) => parts,
+            Scale::Fraction(parts) => parts,
             Scale::Halved(length, most) => {
                 let mut factor = 1;
                 while length.of(parameters) * size[1] as f32 > (most * factor) as f32 && factor < size[1] {
@@ -71,13 +71,13 @@ pub(crate) fn parse_pass_lines(
         "pass NAME = 1/2: ABOUT, with 1 or 1/2 to 1/64, or = halve PARAMETER to PIXELS: ABOUT",
     );
     let mut all: Vec<PassLine> = Vec::new();
-    for (i, line) in comment(text) {
+    for (i, line) in comment_lines(text) {
         let Some(rest) = line.trim().trim_start_matches('/').trim().strip_prefix("pass ") else { continue };
         let at = |mistake: HeaderMistake| mistake.at(i);
         let (name, rest) = rest.split_once('=').ok_or_else(|| at(PASS_SYNTAX))?;
-        let name = identifier(name.trim()).map_err(at)?;
+        let name = parse_identifier(name.trim()).map_err(at)?;
         let (scale, _) = rest.split_once(':').ok_or_else(|| at(PASS_SYNTAX))?;
-        let scale = scale_of(scale.trim(), manifest).ok_or_else(|| at(PASS_SYNTAX))?;
+        let scale = parse_scale(scale.trim(), manifest).ok_or_else(|| at(PASS_SYNTAX))?;
         let is_taken = |name: &str| taken.contains(&name) || manifest.options.iter().any(|o| o.name == name);
         if is_taken(name) || all.iter().any(|pass| pass.name == name) {
             return Err(at(HeaderMistake::Twice(name.into())));
@@ -111,12 +111,12 @@ fn is_supplied_function(function: &str) -> bool {
 }
 
 /// Reads a scale: `1`, `1/4` or `halve radius to 8`.
-fn scale_of(text: &str, manifest: &Manifest) -> Option<Scale> {
+fn parse_scale(text: &str, manifest: &Manifest) -> Option<Scale> {
     if let Some(halved) = text.strip_prefix("halve ") {
         return parse_halving(halved, manifest).ok();
     }
     let parts = if text == "1" { 1 } else { text.strip_prefix("1/")?.trim().parse().ok()? };
-    (1..=MAX_SCALE_DIVISOR).contains(&parts).then_some(Scale::Part(parts))
+    (1..=MAX_SCALE_DIVISOR).contains(&parts).then_some(Scale::Fraction(parts))
 }
 
 /// Functions that texts with such passes may call in addition to those of all effects on images.
@@ -146,7 +146,7 @@ pub(crate) fn helpers() -> impl Iterator<Item = &'static str> {
 
 /// WGSL of the helpers that a text calls and does not declare itself.
 pub(crate) fn helpers_called(author: &str) -> String {
-    let functions = functions(author);
+    let functions = parse_functions(author);
     let is_called = |name: &str| functions.iter().any(|f| f.calls.iter().any(|(called, _)| *called == name));
     let is_declared = |name: &str| functions.iter().any(|f| f.name == name);
     let own = HELPERS.iter().filter(|(name, _)| is_called(name) && !is_declared(name));
@@ -176,7 +176,7 @@ struct Function<'a> {
     calls: Vec<(&'a str, usize)>,
 }
 
-fn functions(text: &str) -> Vec<Function<'_>> {
+fn parse_functions(text: &str) -> Vec<Function<'_>> {
     let mut all: Vec<Function> = Vec::new();
     let mut before = [(0, ""); 2];
     for (at, token) in Tokens::of(text) {
@@ -193,7 +193,7 @@ fn functions(text: &str) -> Vec<Function<'_>> {
 
 /// The textures that the function of a pass reads, directly or through other functions: number, and byte of the first call.
 fn reads_of(entry: &str, text: &str, lines: &[PassLine]) -> BTreeMap<u32, usize> {
-    let functions = functions(text);
+    let functions = parse_functions(text);
     let (mut reached, mut reads) = (vec![entry], BTreeMap::new());
     let mut next = 0;
     while let Some(name) = reached.get(next).copied() {
@@ -230,11 +230,11 @@ pub(crate) fn passes(text: &str, lines: &[PassLine]) -> Vec<ImagePass> {
 }
 
 /// The first mistake in how passes read each other's textures, with its line and column.
-pub(crate) fn mistake(text: &str, lines: &[PassLine]) -> Option<((usize, usize), String)> {
+pub(crate) fn find_mistake(text: &str, lines: &[PassLine]) -> Option<((usize, usize), String)> {
     if lines.is_empty() {
         return None;
     }
-    let functions = functions(text);
+    let functions = parse_functions(text);
     let names: Vec<&str> = lines.iter().map(|line| line.name.as_str()).chain(["effect"]).collect();
     let reads: Vec<BTreeMap<u32, usize>> = names.iter().map(|name| reads_of(name, text, lines)).collect();
     for (line, name) in lines.iter().zip(&names) {
@@ -258,13 +258,13 @@ pub(crate) fn mistake(text: &str, lines: &[PassLine]) -> Option<((usize, usize),
                 format!("the pass {} runs after {name}; move its line above that of {name}", names[later])
             }
         };
-        return Some((place(text, *byte), what));
+        return Some((line_and_column(text, *byte), what));
     }
     let most = ImagePass::MOST_READ;
     if let Some((read, name)) = reads.iter().zip(&names).find(|(read, _)| read.len() > most) {
         let byte = read.values().nth(most).copied().unwrap_or(0);
         return Some((
-            place(text, byte),
+            line_and_column(text, byte),
             format!("{name} reads {} textures of passes, at most {most}", read.len()),
         ));
     }

@@ -39,10 +39,10 @@ pooled!(4, QUADS);
 pooled!(32, ROWS);
 
 /// Largest number of machines that a thread keeps; a frame has only a few effects.
-const MAX_KEPT: usize = 12;
+const MAX_POOLED_MACHINES: usize = 12;
 
 /// Lends a machine for a program and its parameters.
-pub fn with<M: Pooled>(program: &Program, parameters: &[f32], run: impl FnOnce(&mut M)) {
+pub fn with_machine<M: Pooled>(program: &Program, parameters: &[f32], run: impl FnOnce(&mut M)) {
     let bits = || parameters.iter().map(|p| p.to_bits());
     let taken = M::pool().with_borrow_mut(|all| {
         let at = all
@@ -57,7 +57,7 @@ pub fn with<M: Pooled>(program: &Program, parameters: &[f32], run: impl FnOnce(&
     });
     run(&mut kept.machine);
     M::pool().with_borrow_mut(|all| {
-        if all.len() >= MAX_KEPT {
+        if all.len() >= MAX_POOLED_MACHINES {
             all.remove(0);
         }
         all.push(kept);

@@ -12,7 +12,7 @@ use naga::Span;
 pub(crate) const MAX_STEPS: u32 = choreo_plugin::MAX_EFFECT_STEPS;
 
 /// Step limit of a call without counted loops that take too long, such as a long chain of functions that call each other.
-pub(crate) const MOST_STEPS: u32 = 64 * MAX_STEPS;
+pub(crate) const MAX_UNCOUNTED_STEPS: u32 = 64 * MAX_STEPS;
 
 /// Index of a register, which is a column of lanes.
 pub(crate) type Register = u32;

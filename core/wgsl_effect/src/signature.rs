@@ -85,7 +85,7 @@ const LIGHTING: Signature = Signature {
 };
 
 /// The signature of shaders/post.wgsl.
-const PICTURE: Signature = Signature {
+const IMAGE: Signature = Signature {
     text: "fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32>",
     parameter_types: &[
         ValueType::Vector(INT, VectorSize::Bi),
@@ -124,14 +124,18 @@ const PICTURE: Signature = Signature {
 pub(crate) const NAMED_PASS: Signature = Signature {
     text: "fn effect(at: vec2<i32>, p: Parameters) -> vec4<f32>",
     parameter_types: &[ValueType::Vector(INT, VectorSize::Bi), ValueType::Parameters],
-    ..PICTURE
+    ..IMAGE
 };
 
 /// The order of the members of [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`].
 const OVERLAY: Signature = Signature {
     text: "fn effect(index: u32, actor: ActorSample, p: Parameters) -> Line, or -> Triangle, or -> Lattice",
     parameter_types: &[ValueType::Scalar(UINT), ValueType::Struct("ActorSample"), ValueType::Parameters],
-    result_types: &[ValueType::Struct(LINE), ValueType::Struct(TRIANGLE), ValueType::Struct(LATTICE)],
+    result_types: &[
+        ValueType::Struct(LINE_STRUCT),
+        ValueType::Struct(TRIANGLE_STRUCT),
+        ValueType::Struct(LATTICE_STRUCT),
+    ],
     declared: "struct ActorSample { time: f32, position: vec3<f32>, low: vec3<f32>, high: vec3<f32>, joints: u32, number: u32 }\n\
         struct Line { a: vec3<f32>, b: vec3<f32>, width: f32, color: vec4<f32> }\n\
         struct Triangle { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, color: vec4<f32> }\n\
@@ -155,12 +159,12 @@ const OVERLAY: Signature = Signature {
         ),
     ],
 };
-pub const LINE: &str = "Line";
-pub const TRIANGLE: &str = "Triangle";
-pub(crate) const LATTICE: &str = "Lattice";
+pub const LINE_STRUCT: &str = "Line";
+pub const TRIANGLE_STRUCT: &str = "Triangle";
+pub(crate) const LATTICE_STRUCT: &str = "Lattice";
 
 /// The order of the members of [`choreo_plugin::InvertedHull`].
-const SHELL: Signature = Signature {
+const OUTLINE: Signature = Signature {
     text: "fn effect(p: Parameters) -> InvertedHull, or -> Wireframe",
     parameter_types: &[ValueType::Parameters],
     result_types: &[ValueType::Struct("InvertedHull"), ValueType::Struct(WIREFRAME)],
@@ -188,9 +192,9 @@ pub fn signature(hook: choreo_plugin::Hook) -> &'static Signature {
         Hook::Surface => &SURFACE,
         Hook::Vertex => &VERTEX,
         Hook::Lighting => &LIGHTING,
-        Hook::Image => &PICTURE,
+        Hook::Image => &IMAGE,
         Hook::Overlay => &OVERLAY,
-        Hook::Outline => &SHELL,
+        Hook::Outline => &OUTLINE,
         Hook::Shutter => &SHUTTER,
         // `Hook` is non-exhaustive; here only pixels are left.
         _ => &PIXEL,

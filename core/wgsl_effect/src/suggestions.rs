@@ -1,7 +1,7 @@
 //! "Did you mean" for names in an author's WGSL, from the message of naga's parser.
 
 use crate::compile::Declared;
-use crate::header::{Header, hooks, word};
+use crate::header::{Header, hook_word, hooks};
 use crate::scene_inputs;
 use crate::signature::signature;
 use choreo_plugin::suggest::{did_you_mean, list};
@@ -13,7 +13,7 @@ fn undefined_name(message: &str) -> Option<&str> {
 }
 
 /// Suggests the line of the header comment that an undefined name needs: a function or a type of another hook, or of a history.
-pub(crate) fn of_other_hook(message: &str, header: &Header, declared: &[Declared]) -> Option<String> {
+pub(crate) fn suggest_hook_line(message: &str, header: &Header, declared: &[Declared]) -> Option<String> {
     let wanted = undefined_name(message)?;
     if declared.iter().any(|(name, ..)| name == wanted) {
         return None;
@@ -29,13 +29,13 @@ pub(crate) fn of_other_hook(message: &str, header: &Header, declared: &[Declared
         let of = signature(hook);
         let is_function = of.functions.iter().chain(of.with_history).any(|(name, ..)| *name == wanted);
         let name = if is_function { format!("{wanted}()") } else { wanted.to_string() };
-        (is_function || of.structs().any(|name| name == wanted)).then(|| (name, word(hook)))
+        (is_function || of.structs().any(|name| name == wanted)).then(|| (name, hook_word(hook)))
     });
     of.map(|(name, hook)| format!("; {name} needs // hook: {hook}"))
 }
 
 /// Suggests the line of the header comment that an undefined `halo_at` needs: it reads the texture of a pass.
-pub fn texture(message: &str, header: &Header) -> String {
+pub fn suggest_pass_line(message: &str, header: &Header) -> String {
     let endings = ["_at", "_uv", "_size"];
     let texture = undefined_name(message).and_then(|name| endings.iter().find_map(|e| name.strip_suffix(e)));
     match texture.filter(|name| header.hook == Hook::Image && !name.is_empty()) {
@@ -45,7 +45,7 @@ pub fn texture(message: &str, header: &Header) -> String {
 }
 
 /// Suggests `p[slope]` in place of `p.slope`, if `slope` is a parameter.
-pub fn parameter(message: &str, manifest: &Manifest) -> Option<String> {
+pub fn suggest_parameter_index(message: &str, manifest: &Manifest) -> Option<String> {
     let name = message.strip_prefix("invalid field accessor `")?.split('`').next()?;
     let is_one = manifest.options.iter().any(|option| option.name == name);
     is_one.then(|| format!("; write p[{name}], or declare p: Parameters"))
@@ -121,14 +121,14 @@ pub fn suggest_name<'a>(
         let others = others().map(|(name, _)| name).filter(|name| *name != wanted);
         let known: Vec<&str> = names.chain(others).chain(BUILT_IN).collect();
         let meant = did_you_mean(wanted, known.iter().copied());
-        return if meant.is_empty() { of_same_word(wanted, &known) } else { meant };
+        return if meant.is_empty() { suggest_same_word(wanted, &known) } else { meant };
     }
     String::new()
 }
 
 /// Suggests functions of the scene that share a word with an undefined name: `normal_at` for `world_normal`. `known`: all names that the
 /// text can use.
-fn of_same_word(wanted: &str, known: &[&str]) -> String {
+fn suggest_same_word(wanted: &str, known: &[&str]) -> String {
     // Words as short as "at" and "from" are in many names.
     let words = |name: &'static str| name.split('_').filter(|word| word.len() > 4);
     let alike = scene_inputs::names(Hook::Image)

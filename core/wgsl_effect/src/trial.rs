@@ -9,14 +9,14 @@ use choreo_plugin::{Hook, Manifest, OptionKind, OptionSpec};
 use glam::DVec3;
 
 /// The part of an effect that takes too long.
-pub struct Slow {
+pub struct SlowPart {
     pub what: String,
     /// Number of the counted loop; `None`: the whole function.
     pub in_loop: Option<u32>,
 }
 
 /// Runs the function for a few pixels (places, vertices, lights, lines), with the smallest, the default and the largest parameters.
-pub fn ends(program: &Program, header: &Header, manifest: &Manifest) -> Result<(), Slow> {
+pub fn run_trials(program: &Program, header: &Header, manifest: &Manifest) -> Result<(), SlowPart> {
     for p in trial_parameters(manifest) {
         let mut most = 0;
         for arguments in trial_arguments(header, &p) {
@@ -27,7 +27,7 @@ pub fn ends(program: &Program, header: &Header, manifest: &Manifest) -> Result<(
             let done = machine.run(program, 1, &Placeholder);
             if done.is_err() || machine.steps > MAX_STEPS || machine.endless != [0] {
                 let what = item_name(header.hook);
-                return Err(Slow {
+                return Err(SlowPart {
                     what: format!("{what} takes more than {MAX_STEPS} steps; does a loop never end?"),
                     in_loop: (machine.endless != [0]).then_some(machine.endless[0]),
                 });
@@ -39,7 +39,7 @@ pub fn ends(program: &Program, header: &Header, manifest: &Manifest) -> Result<(
             let what = format!(
                 "{count} times up to {most} steps are more than {MAX_FRAME_STEPS} a frame; give it a smaller count"
             );
-            return Err(Slow { what, in_loop: None });
+            return Err(SlowPart { what, in_loop: None });
         }
     }
     Ok(())

@@ -10,7 +10,7 @@ use choreo_plugin::{Hook, ImagePass, Manifest, OptionKind, OptionSpec};
 const AUTHOR_FUNCTION: &str = "effect_of_author";
 
 /// Names that the program declares around a text with the struct.
-pub(crate) const DECLARED: [&str; 4] = [PARAMETERS, AUTHOR_FUNCTION, "parameters_of", "curve_at"];
+pub(crate) const DECLARED_NAMES: [&str; 4] = [PARAMETERS, AUTHOR_FUNCTION, "parameters_of", "curve_at"];
 
 /// Whether a text takes its parameters as the struct.
 pub(crate) fn is_typed(text: &str) -> bool {
@@ -24,7 +24,7 @@ pub fn declarations(manifest: &Manifest) -> String {
     // A struct has at least one member.
     let members = if members.is_empty() { "none_: f32".into() } else { members.join(", ") };
     let mut text = format!("struct {PARAMETERS} {{ {members} }}\n");
-    for (name, number) in choices(manifest) {
+    for (name, number) in choice_constants(manifest) {
         text += &format!("const {name}: u32 = {number}u;\n");
     }
     if has_curve(manifest) {
@@ -40,7 +40,7 @@ pub fn declarations(manifest: &Manifest) -> String {
 }
 
 /// Constants for the choices of text parameters, such as `MODE_SOFT`, with their values.
-pub fn choices(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
+pub fn choice_constants(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
     manifest.options.iter().flat_map(|option| {
         let one_of: &[String] = match &option.kind {
             OptionKind::Text { one_of, .. } => one_of,
@@ -55,7 +55,7 @@ pub fn choices(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
 }
 
 /// The text as shaders use it: the author's function is renamed, and called by a function `effect` with the signature of the hook.
-pub fn adapted(text: &str, manifest: &Manifest, signature: &Signature) -> String {
+pub fn adapt_text(text: &str, manifest: &Manifest, signature: &Signature) -> String {
     let head = signature.text.replace(PARAMETERS, &array_type(manifest));
     let arguments: Vec<&str> =
         head.split(['(', ',', ')']).filter_map(|part| part.split_once(':')).map(|p| p.0.trim()).collect();
@@ -69,7 +69,7 @@ pub fn adapted(text: &str, manifest: &Manifest, signature: &Signature) -> String
 }
 
 /// The text as shaders use it if passes have textures: the function `effect` calls the function of the pass that runs.
-pub(crate) fn adapted_passes(text: &str, manifest: &Manifest, passes: &[ImagePass]) -> String {
+pub(crate) fn adapt_text_with_passes(text: &str, manifest: &Manifest, passes: &[ImagePass]) -> String {
     let head = signature(Hook::Image).text.replace(PARAMETERS, &array_type(manifest));
     let before = &passes[..passes.len().saturating_sub(1)];
     let call = |(number, pass): (u32, &ImagePass)| {
@@ -166,7 +166,7 @@ mod tests {
              const MODE_SOFT: u32 = 0u;\nconst MODE_VERY_HARD: u32 = 1u;\n"
         );
         let text = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> { return color; } // effect";
-        let adapted = adapted(text, &manifest, signature(Hook::Pixel));
+        let adapted = adapt_text(text, &manifest, signature(Hook::Pixel));
         let end = "fn parameters_of(p: array<f32, 8>) -> Parameters { return Parameters(p[0] > 0.5, i32(p[1]), u32(p[2]), \
                    vec3<f32>(p[3], p[4], p[5])); }\n\
                    fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> \

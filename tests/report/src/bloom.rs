@@ -16,7 +16,7 @@ pub fn section() -> Result<Section, String> {
                three standard deviations are at most eight of its pixels. Even smaller images are hardly \
                cheaper, and show the squares."
             .into(),
-        choices: vec![shrinks()?],
+        choices: vec![compare_downscale_factors()?],
         tables: Vec::new(),
         off_front: Vec::new(),
     })
@@ -26,7 +26,7 @@ const SIZE: [usize; 2] = [640, 360];
 /// Radius as a fraction of the image's height: 36 pixels, three standard deviations of 12.
 const RADIUS: f32 = 0.1;
 /// Parameters of the effect: strength, threshold, radius.
-const P: [f32; 8] = [1.0, 0.9, RADIUS, 0.0, 0.0, 0.0, 0.0, 0.0];
+const PARAMETERS: [f32; 8] = [1.0, 0.9, RADIUS, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 /// Lamps of all sizes and colors, and a thin bright line, away from the image's edges.
 fn test_image() -> Vec<Vec4> {
@@ -51,15 +51,15 @@ fn test_image() -> Vec<Vec4> {
 }
 
 /// The part of a color above the threshold, with the same hue, as in the effect.
-fn bright(c: Vec4) -> Vec3 {
+fn part_above_threshold(c: Vec4) -> Vec3 {
     let c = c.truncate();
     let most = c.max_element();
-    c * ((most - P[1]).max(0.0) / most.max(1e-6))
+    c * ((most - PARAMETERS[1]).max(0.0) / most.max(1e-6))
 }
 
 /// Blurs in an image that is `shrink` times smaller, with as many taps as three standard deviations need, but no fewer than the effect
 /// uses.
-fn spread(rgba: &[Vec4], shrink: usize) -> Vec<Vec3> {
+fn blur_at_scale(rgba: &[Vec4], shrink: usize) -> Vec<Vec3> {
     let small = SIZE.map(|s| s.div_ceil(shrink));
     let clamped = |v: i32, side: usize| v.clamp(0, side as i32 - 1) as usize;
     let mut now = Vec::with_capacity(small[0] * small[1]);
@@ -67,7 +67,7 @@ fn spread(rgba: &[Vec4], shrink: usize) -> Vec<Vec3> {
         let mut sum = Vec3::ZERO;
         for i in 0..shrink * shrink {
             let (px, py) = (x * shrink + i % shrink, y * shrink + i / shrink);
-            sum += bright(rgba[py.min(SIZE[1] - 1) * SIZE[0] + px.min(SIZE[0] - 1)]);
+            sum += part_above_threshold(rgba[py.min(SIZE[1] - 1) * SIZE[0] + px.min(SIZE[0] - 1)]);
         }
         now.push(sum / (shrink * shrink) as f32);
     }
@@ -108,13 +108,13 @@ fn spread(rgba: &[Vec4], shrink: usize) -> Vec<Vec3> {
 }
 
 /// Reference blur: a Gaussian cut off at six standard deviations, in f64.
-fn truth(rgba: &[Vec4]) -> Vec<DVec3> {
+fn reference_blur(rgba: &[Vec4]) -> Vec<DVec3> {
     let sigma = f64::from(RADIUS) * SIZE[1] as f64 / 3.0;
     let reach = (6.0 * sigma).ceil() as i32;
     let weights: Vec<f64> =
         (-reach..=reach).map(|i| libm::exp(-0.5 * f64::from(i * i) / (sigma * sigma))).collect();
     let whole: f64 = weights.iter().sum();
-    let mut now: Vec<DVec3> = rgba.iter().map(|c| bright(*c).as_dvec3()).collect();
+    let mut now: Vec<DVec3> = rgba.iter().map(|c| part_above_threshold(*c).as_dvec3()).collect();
     for along in [[1, 0], [0, 1]] {
         let next = (0..now.len() as i32).map(|i| {
             let (x, y) = (i % SIZE[0] as i32, i / SIZE[0] as i32);
@@ -133,21 +133,21 @@ fn truth(rgba: &[Vec4]) -> Vec<DVec3> {
 }
 
 /// Light that the effect adds.
-fn by_effect(bloom: &Effect, rgba: &[Vec4]) -> Vec<Vec3> {
+fn light_added_by_effect(bloom: &Effect, rgba: &[Vec4]) -> Vec<Vec3> {
     let image = EffectImage { size: SIZE.map(|s| s as u32), rgba };
-    let now = bloom.over_image(image, None, &P);
+    let now = bloom.over_image(image, None, &PARAMETERS);
     now.iter().zip(rgba).map(|(with, without)| (*with - *without).truncate()).collect()
 }
 
-fn shrinks() -> Result<Choice, String> {
+fn compare_downscale_factors() -> Result<Choice, String> {
     let rgba = test_image();
-    let exact = truth(&rgba);
+    let exact = reference_blur(&rgba);
     let bloom = effects::named(&["bloom"]).remove(0);
-    let taken = bloom.shrink(0, SIZE.map(|s| s as u32), &P) as usize;
-    let off = |a: &[Vec3], b: &[Vec3]| {
+    let taken = bloom.shrink(0, SIZE.map(|s| s as u32), &PARAMETERS) as usize;
+    let difference = |a: &[Vec3], b: &[Vec3]| {
         a.iter().zip(b).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
     };
-    let same = off(&spread(&rgba, taken), &by_effect(&bloom, &rgba));
+    let same = difference(&blur_at_scale(&rgba, taken), &light_added_by_effect(&bloom, &rgba));
     if same.is_nan() || same > 1e-4 {
         return Err(format!("the measured function is not the effect: {same} apart"));
     }
@@ -164,7 +164,7 @@ fn shrinks() -> Result<Choice, String> {
     for shrink in [1, 2, 4, 8, 16, 32] {
         let mut error = ErrorStats::default();
         let mut at = 0;
-        for (i, (got, exact)) in spread(&rgba, shrink).iter().zip(&exact).enumerate() {
+        for (i, (got, exact)) in blur_at_scale(&rgba, shrink).iter().zip(&exact).enumerate() {
             for error_of in (got.as_dvec3() - *exact).abs().to_array() {
                 if error.add(error_of) {
                     at = i;
@@ -174,7 +174,7 @@ fn shrinks() -> Result<Choice, String> {
         let at = format!("pixel {}, {}", at % SIZE[0], at / SIZE[0]);
         choice.rows.push(Row::new(name(shrink)).error(error.worst, error.mean()).at(at));
         let rgba = &rgba;
-        cases.push(Case::new(1, move || drop(black_box(spread(black_box(rgba), shrink)))));
+        cases.push(Case::new(1, move || drop(black_box(blur_at_scale(black_box(rgba), shrink)))));
     }
     let nanos = interleaved(Clock::Thread, 3.0 * BUDGET_SECS, &mut cases);
     drop(cases);

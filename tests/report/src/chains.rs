@@ -9,12 +9,12 @@ use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 
 const LENGTHS: [usize; 5] = [1, 10, 50, 200, 1000];
 /// Length of a bone in metres.
-const BONE: f32 = 0.1;
+const BONE_LENGTH: f32 = 0.1;
 /// Index of the typical length: a character with a long spine or a tail.
 const TYPICAL_LENGTH: usize = 2;
-const OURS: &str = "f32 matrices, by depth (LocalToModel)";
+const CHOSEN_METHOD: &str = "f32 matrices, by depth (LocalToModel)";
 const METHODS: [&str; 4] =
-    ["f64 matrices", OURS, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
+    ["f64 matrices", CHOSEN_METHOD, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
 
 pub fn section() -> Result<Section, String> {
     let mut by_length = vec![vec![ErrorStats::default(); LENGTHS.len()]; METHODS.len()];
@@ -23,20 +23,20 @@ pub fn section() -> Result<Section, String> {
         for seed in 0..8 {
             let (skeleton, pose) = chain(*length, seed)?;
             let exact = reference::model_from_joint(&skeleton, &reference::rest(&skeleton));
-            for (way, errors) in by_length.iter_mut().enumerate() {
+            for (method, errors) in by_length.iter_mut().enumerate() {
                 let mut buffers = Buffers::default();
-                buffers.run(way, &skeleton, &pose);
-                let error = (buffers.tip(way) - exact[length - 1].translation).length() * 1e6;
+                buffers.run(method, &skeleton, &pose);
+                let error = (buffers.tip(method) - exact[length - 1].translation).length() * 1e6;
                 errors[at].add(error);
             }
         }
         if at == TYPICAL_LENGTH {
             let (skeleton, pose) = chain(*length, 0)?;
             let (skeleton, pose) = (&skeleton, &pose);
-            let case = |way: usize| -> Case {
+            let case = |method: usize| -> Case {
                 let mut buffers = Buffers::default();
                 Case::new(*length, move || {
-                    buffers.run(way, skeleton, pose);
+                    buffers.run(method, skeleton, pose);
                     std::hint::black_box(&buffers);
                 })
             };
@@ -54,11 +54,11 @@ pub fn section() -> Result<Section, String> {
         "joint; one after the other, in portable instructions: joints of a chain cannot be computed in \
          parallel"
             .into();
-    for (way, name) in METHODS.iter().enumerate() {
-        let error = &by_length[way][TYPICAL_LENGTH];
-        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
+    for (method, name) in METHODS.iter().enumerate() {
+        let error = &by_length[method][TYPICAL_LENGTH];
+        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[method]));
     }
-    choice.choose(OURS, "errors of micrometres at the tip, and the GPU needs f32 matrices anyway");
+    choice.choose(CHOSEN_METHOD, "errors of micrometres at the tip, and the GPU needs f32 matrices anyway");
     let titles: Vec<String> = LENGTHS.iter().map(|n| format!(">{n} joints")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error of the tip in µm", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "joints")));
@@ -88,7 +88,7 @@ fn chain(length: usize, seed: u64) -> Result<(Skeleton, Pose), String> {
             let axis = random.direction().as_vec3().normalize();
             let angle = (random.unit() * 40.0f64.to_radians()) as f32;
             Transform {
-                translation: Vec3::new(0.0, BONE, 0.0),
+                translation: Vec3::new(0.0, BONE_LENGTH, 0.0),
                 rotation: Quat::from_axis_angle(axis, angle).normalize(),
                 scale: Vec3::ONE,
             }
@@ -110,8 +110,8 @@ struct Buffers {
 }
 
 impl Buffers {
-    fn run(&mut self, way: usize, skeleton: &Skeleton, pose: &Pose) {
-        match way {
+    fn run(&mut self, method: usize, skeleton: &Skeleton, pose: &Pose) {
+        match method {
             0 => {
                 self.exact.clear();
                 for (local, parent) in pose.iter().zip(skeleton.parents()) {
@@ -133,7 +133,7 @@ impl Buffers {
                     let (rotation, translation) =
                         parent.map_or((Quat::IDENTITY, Vec3::ZERO), |p| self.motions[p as usize]);
                     let turned = rotation * local.rotation;
-                    let turned = if way == 3 { turned.normalize() } else { turned };
+                    let turned = if method == 3 { turned.normalize() } else { turned };
                     self.motions.push((turned, translation + rotation * local.translation));
                 }
             }
@@ -141,8 +141,8 @@ impl Buffers {
     }
 
     /// Position of the last joint after a run of a method.
-    fn tip(&self, way: usize) -> DVec3 {
-        let place = match way {
+    fn tip(&self, method: usize) -> DVec3 {
+        let place = match method {
             0 => self.exact.last().map(|m| m.translation),
             1 => self.matrices.last().map(|m| Vec3::from(m.translation).as_dvec3()),
             _ => self.motions.last().map(|(_, t)| t.as_dvec3()),

@@ -28,7 +28,7 @@ const SCENE: &str = r##"
     camera("front").fov(38).at(0.4, 1.3, 4.2).look_at([0.0, 0.85, -0.5]);
 "##;
 
-fn moment(registry: &Registry) -> Result<Moment, String> {
+fn test_moment(registry: &Registry) -> Result<Moment, String> {
     Moment::new(&stage(SCENE, registry)?, Time::from_secs(0.7), registry.effects()).map_err(|e| e.to_string())
 }
 
@@ -38,13 +38,13 @@ fn plan(moment: &Moment, size: [u32; 2], passes: Passes) -> Plan {
     Plan::new(&moment.resources, &moment.stage, &moment.snapshot, &options)
 }
 
-fn drawn(renderer: &mut dyn Renderer, plan: &Plan) -> Result<FloatFrame, String> {
+fn draw_float_frame(renderer: &mut dyn Renderer, plan: &Plan) -> Result<FloatFrame, String> {
     renderer.submit(plan.clone()).map_err(|e| e.to_string())?;
     renderer.collect_floats().map_err(|e| e.to_string())
 }
 
 /// Coverage of each name at each pixel: one row per pixel, one number per name.
-fn shares(matte: &IdMatte) -> Vec<Vec<f64>> {
+fn coverage_by_name(matte: &IdMatte) -> Vec<Vec<f64>> {
     let pixels = matte.ranks.first().map_or(0, Vec::len);
     let mut out = vec![vec![0.0; matte.names.len()]; pixels];
     for rank in &matte.ranks {
@@ -58,7 +58,7 @@ fn shares(matte: &IdMatte) -> Vec<Vec<f64>> {
 }
 
 /// Averages coverage over squares of `SUPERSAMPLING` × `SUPERSAMPLING` pixels.
-fn averaged(fine: &[Vec<f64>], [width, height]: [u32; 2]) -> Vec<Vec<f64>> {
+fn average_to_pixels(fine: &[Vec<f64>], [width, height]: [u32; 2]) -> Vec<Vec<f64>> {
     let (step, names) = (SUPERSAMPLING as usize, fine.first().map_or(0, Vec::len));
     let mut out = vec![vec![0.0; names]; (width * height) as usize];
     let row = width as usize * step;
@@ -71,13 +71,13 @@ fn averaged(fine: &[Vec<f64>], [width, height]: [u32; 2]) -> Vec<Vec<f64>> {
     out
 }
 
-fn cryptomatte(moment: &Moment) -> Result<Choice, String> {
+fn compare_id_samples(moment: &Moment) -> Result<Choice, String> {
     let mut renderer = CpuRenderer::new(&moment.effects);
     renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
     let ids = |samples| Passes { id: true, id_samples: samples, ..Passes::default() };
     let missing = || "the frame has no ids".to_string();
-    let fine = drawn(&mut renderer, &plan(moment, SIZE.map(|n| n * SUPERSAMPLING), ids(1)))?;
-    let truth = averaged(&shares(&fine.actors.ok_or_else(missing)?), SIZE);
+    let fine = draw_float_frame(&mut renderer, &plan(moment, SIZE.map(|n| n * SUPERSAMPLING), ids(1)))?;
+    let truth = average_to_pixels(&coverage_by_name(&fine.actors.ok_or_else(missing)?), SIZE);
     let mut choice = Choice::new("cryptomatte", "How many samples for the ids of actors?");
     choice.error_unit = "% of a pixel";
     choice.by_mean = true;
@@ -88,17 +88,17 @@ fn cryptomatte(moment: &Moment) -> Result<Choice, String> {
     choice.per = format!("frame of {}×{} with ids alone", SIZE[0], SIZE[1]);
     let plans = [1, 4, 16].map(|samples| (samples, plan(moment, SIZE, ids(samples))));
     for (samples, plan) in &plans {
-        let frame = drawn(&mut renderer, plan)?;
-        let own = shares(&frame.actors.ok_or_else(missing)?);
+        let frame = draw_float_frame(&mut renderer, plan)?;
+        let own = coverage_by_name(&frame.actors.ok_or_else(missing)?);
         let (mut worst, mut sum, mut count, mut at) = (0.0f64, 0.0, 0, 0);
         for (index, (own, truth)) in own.iter().zip(&truth).enumerate() {
             if !truth.iter().any(|share| *share > 0.0 && *share < 1.0) {
                 continue;
             }
-            let off = own.iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            (sum, count) = (sum + off, count + 1);
-            if off > worst {
-                (worst, at) = (off, index as u32);
+            let difference = own.iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            (sum, count) = (sum + difference, count + 1);
+            if difference > worst {
+                (worst, at) = (difference, index as u32);
             }
         }
         let name = if *samples == 1 { "1 sample".into() } else { format!("{samples} samples") };
@@ -110,7 +110,7 @@ fn cryptomatte(moment: &Moment) -> Result<Choice, String> {
     let case = |(_, plan): &(u32, Plan)| {
         let cell = &cell;
         let plan = plan.clone();
-        Case::new(1, move || drop(drawn(&mut *cell.borrow_mut(), &plan)))
+        Case::new(1, move || drop(draw_float_frame(&mut *cell.borrow_mut(), &plan)))
     };
     let nanos =
         interleaved(Clock::Process, 4.0 * BUDGET_SECS, &mut plans.iter().map(case).collect::<Vec<_>>());
@@ -124,7 +124,7 @@ fn cryptomatte(moment: &Moment) -> Result<Choice, String> {
 }
 
 /// Encodes the frame as a file with these options.
-fn encoded(
+fn encode_exr(
     registry: &Registry,
     frame: &FloatFrame,
     passes: &str,
@@ -151,7 +151,7 @@ fn encoded(
 }
 
 /// Channels R, G and B of a file, concatenated.
-fn colors(file: &[u8]) -> Result<Vec<f32>, String> {
+fn decode_color_channels(file: &[u8]) -> Result<Vec<f32>, String> {
     let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
     let image = read.first_valid_layer().all_attributes().from_buffered(Cursor::new(file));
     let image = image.map_err(|e| e.to_string())?;
@@ -163,11 +163,11 @@ fn colors(file: &[u8]) -> Result<Vec<f32>, String> {
     Ok(out)
 }
 
-fn pixels(moment: &Moment, registry: &Registry) -> Result<Choice, String> {
+fn compare_exr_pixel_types(moment: &Moment, registry: &Registry) -> Result<Choice, String> {
     let mut renderer = CpuRenderer::new(&moment.effects);
     renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
     let color = Passes { color: true, ..Passes::default() };
-    let frame = drawn(&mut renderer, &plan(moment, SIZE, color))?;
+    let frame = draw_float_frame(&mut renderer, &plan(moment, SIZE, color))?;
     let truth: Vec<f32> =
         (0..3).flat_map(|channel| frame.color.iter().map(move |color| color[channel])).collect();
     let mut choice = Choice::new("exr_pixels", "In which format does an OpenEXR file store light?");
@@ -175,26 +175,28 @@ fn pixels(moment: &Moment, registry: &Registry) -> Result<Choice, String> {
     choice.reference =
         "the renderer's own 32-bit floats, of values above 0.0001, read again from the file".into();
     choice.per = format!("file of {}×{}, color alone", SIZE[0], SIZE[1]);
-    let ways: Vec<[&str; 2]> = ["half", "float"]
+    let methods: Vec<[&str; 2]> = ["half", "float"]
         .into_iter()
         .flat_map(|pixels| ["none", "zips", "zip"].map(|c| [pixels, c]))
         .collect();
-    for way in &ways {
-        let file = encoded(registry, &frame, "color", *way)?;
+    for method in &methods {
+        let file = encode_exr(registry, &frame, "color", *method)?;
         let (mut worst, mut sum, mut count) = (0.0f64, 0.0, 0u32);
-        for (own, truth) in colors(&file)?.iter().zip(&truth).filter(|(_, truth)| **truth > 1e-4) {
-            let off = 100.0 * f64::from((own - truth).abs() / truth);
-            (worst, sum, count) = (worst.max(off), sum + off, count + 1);
+        for (own, truth) in
+            decode_color_channels(&file)?.iter().zip(&truth).filter(|(_, truth)| **truth > 1e-4)
+        {
+            let difference = 100.0 * f64::from((own - truth).abs() / truth);
+            (worst, sum, count) = (worst.max(difference), sum + difference, count + 1);
         }
-        let row = Row::new(way.join(", ")).error(worst, sum / f64::from(count.max(1)));
+        let row = Row::new(method.join(", ")).error(worst, sum / f64::from(count.max(1)));
         choice.rows.push(row.bytes(file.len() as f64));
     }
-    let case = |way: &[&'static str; 2]| {
-        let (frame, way) = (&frame, *way);
-        Case::new(1, move || drop(encoded(registry, frame, "color", way)))
+    let case = |method: &[&'static str; 2]| {
+        let (frame, method) = (&frame, *method);
+        Case::new(1, move || drop(encode_exr(registry, frame, "color", method)))
     };
     let nanos =
-        interleaved(Clock::Process, 2.0 * BUDGET_SECS, &mut ways.iter().map(case).collect::<Vec<_>>());
+        interleaved(Clock::Process, 2.0 * BUDGET_SECS, &mut methods.iter().map(case).collect::<Vec<_>>());
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
         "half, zip",
@@ -204,7 +206,7 @@ fn pixels(moment: &Moment, registry: &Registry) -> Result<Choice, String> {
 }
 
 /// Cost of a frame with each pass in addition to color, on each device, and the bytes that the pass adds to the file.
-fn costs(moment: &Moment, registry: &Registry) -> Result<Table, String> {
+fn measure_pass_costs(moment: &Moment, registry: &Registry) -> Result<Table, String> {
     let columns = [
         ("passes", "passes"),
         (">CPU renderer, ms", "cpu"),
@@ -233,14 +235,14 @@ fn costs(moment: &Moment, registry: &Registry) -> Result<Table, String> {
             .collect::<Result<_, String>>()?;
         if *name == "CPU renderer" {
             for (plan, list) in plans.iter().zip(lists) {
-                let frame = drawn(&mut **renderer, plan)?;
-                files.push(encoded(registry, &frame, list, ["half", "zip"])?.len() as f64);
+                let frame = draw_float_frame(&mut **renderer, plan)?;
+                files.push(encode_exr(registry, &frame, list, ["half", "zip"])?.len() as f64);
             }
         }
         let cell = RefCell::new(renderer);
         let case = |plan: &Plan| {
             let (cell, plan) = (&cell, plan.clone());
-            Case::new(1, move || drop(drawn(&mut ***cell.borrow_mut(), &plan)))
+            Case::new(1, move || drop(draw_float_frame(&mut ***cell.borrow_mut(), &plan)))
         };
         let nanos =
             interleaved(Clock::Process, 6.0 * BUDGET_SECS, &mut plans.iter().map(case).collect::<Vec<_>>());
@@ -259,15 +261,15 @@ fn costs(moment: &Moment, registry: &Registry) -> Result<Table, String> {
 
 pub fn section() -> Result<Section, String> {
     let registry = choreo::registry();
-    let moment = moment(&registry)?;
+    let moment = test_moment(&registry)?;
     Ok(Section {
         title: "Passes for compositors",
         text: "Passes that nobody requests are not drawn. Depth, normals and motion vectors come from one \
                pass with one sample, so the second of them is nearly free; albedo is the frame drawn again \
                without light; ids are drawn once for each of their samples (decision 64)."
             .into(),
-        choices: vec![cryptomatte(&moment)?, pixels(&moment, &registry)?],
-        tables: vec![costs(&moment, &registry)?],
+        choices: vec![compare_id_samples(&moment)?, compare_exr_pixel_types(&moment, &registry)?],
+        tables: vec![measure_pass_costs(&moment, &registry)?],
         off_front: vec![(
             "exr_pixels",
             "compression takes time that an uncompressed file saves; but frames are compressed on threads \

@@ -1,6 +1,6 @@
 //! Forward against deferred shading, by number of lights per surface and by overdraw.
 
-use crate::images::{drawn, stage, times};
+use crate::images::{draw_frame, measure_times, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Table, ratio, time};
 use choreo_bench::timing::Clock;
@@ -12,8 +12,8 @@ use choreo_stage::{Pipeline, Stage};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [1280, 720];
-const LIGHTS: [usize; 4] = [1, 8, 64, 256];
-const OVERDRAW: [usize; 3] = [1, 3, 8];
+const LIGHT_COUNTS: [usize; 4] = [1, 8, 64, 256];
+const OVERDRAW_LAYERS: [usize; 3] = [1, 3, 8];
 
 pub fn section() -> Result<Section, String> {
     Ok(Section {
@@ -31,14 +31,14 @@ pub fn section() -> Result<Section, String> {
                shows."
             .into(),
         choices: Vec::new(),
-        tables: vec![table()?],
+        tables: vec![measure_pipelines()?],
         off_front: Vec::new(),
     })
 }
 
 /// `layers` walls of slanted tiles, one behind the other, in eight materials. Materials are drawn one after another, regardless of depth.
 /// Lamps with a range of 2 m are spread along all walls.
-fn scene(lights: usize, layers: usize) -> Result<Arc<Stage>, String> {
+fn walls_scene(lights: usize, layers: usize) -> Result<Arc<Stage>, String> {
     let text = format!(
         r##"
         stage(#{{ samples: 1, background: "black", ambient: 0.1 }});
@@ -72,7 +72,7 @@ fn plan(stage: &Arc<Stage>, resources: &SceneResources, pipeline: Pipeline) -> R
 }
 
 /// Estimates on which the plan based its choice.
-fn numbers(plan: &Plan) -> String {
+fn plan_estimates(plan: &Plan) -> String {
     if let Some(DeferredCause::Pays { lights, surfaces, wasted }) = plan.deferred.as_ref().map(|d| d.cause) {
         return format!("{lights:.1} lights per surface, {surfaces:.1} surfaces, {wasted:.1} wasted");
     }
@@ -81,7 +81,7 @@ fn numbers(plan: &Plan) -> String {
     why.split(", and a G-buffer").next().unwrap_or_default().to_string()
 }
 
-fn table() -> Result<Table, String> {
+fn measure_pipelines() -> Result<Table, String> {
     let columns = [
         (">lights", "lights"),
         (">walls", "walls"),
@@ -96,17 +96,17 @@ fn table() -> Result<Table, String> {
     let title = format!("Time of an image of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
     let mut table = Table::new(title, &columns);
     let mut gpu = VulkanRenderer::new(GpuOptions::default()).map_err(|e| e.to_string())?;
-    for layers in OVERDRAW {
-        for lights in LIGHTS {
-            let stage = scene(lights, layers)?;
+    for layers in OVERDRAW_LAYERS {
+        for lights in LIGHT_COUNTS {
+            let stage = walls_scene(lights, layers)?;
             let resources = Arc::new(SceneResources::new(&stage));
             gpu.load(resources.clone()).map_err(|e| e.to_string())?;
             let [forward, deferred, auto] =
                 [Pipeline::Forward, Pipeline::Deferred, Pipeline::Auto].map(|p| plan(&stage, &resources, p));
             let (forward, deferred, auto) = (forward?, deferred?, auto?);
-            let [there, here] = [drawn(&mut gpu, &forward)?, drawn(&mut gpu, &deferred)?];
-            let off = compare(&there, &here, 2).map_err(|e| e.to_string())?;
-            let took = times(&mut gpu, &[&forward, &deferred], 2.0 * BUDGET_SECS);
+            let [there, here] = [draw_frame(&mut gpu, &forward)?, draw_frame(&mut gpu, &deferred)?];
+            let difference = compare(&there, &here, 2).map_err(|e| e.to_string())?;
+            let took = measure_times(&mut gpu, &[&forward, &deferred], 2.0 * BUDGET_SECS);
             let number = |v: f64, digits: usize| Cell::number(format!("{v:.digits$}"), v);
             let chosen = if auto.deferred.is_some() { "deferred" } else { "forward" };
             table.rows.push(vec![
@@ -115,10 +115,10 @@ fn table() -> Result<Table, String> {
                 time(took[0]),
                 time(took[1]),
                 ratio(&took[0], &took[1]),
-                number(off.mean, 3),
-                Cell::count(usize::from(off.worst)),
+                number(difference.mean, 3),
+                Cell::count(usize::from(difference.worst)),
                 Cell::text(chosen),
-                Cell::text(numbers(&auto)),
+                Cell::text(plan_estimates(&auto)),
             ]);
         }
     }

@@ -1,6 +1,6 @@
 //! Levels of detail: geometric error in the image, and the time that it saves.
 
-use crate::images::{drawn, rows, stage};
+use crate::images::{draw_frame, error_and_cost_rows, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::Choice;
 use choreo_bench::timing::Clock;
@@ -35,13 +35,13 @@ pub fn section() -> Result<Section, String> {
                fourteen sides, have the same colors. A copy is drawn with the coarsest version for which \
                both sizes are at most the tolerance, measured where the copy is nearest to the camera."
             .into(),
-        choices: vec![tolerance()?],
+        choices: vec![compare_tolerances()?],
         tables: Vec::new(),
         off_front: Vec::new(),
     })
 }
 
-fn tolerance() -> Result<Choice, String> {
+fn compare_tolerances() -> Result<Choice, String> {
     let mut choice =
         Choice::new("detail", "How far may a coarser version be off in the image? (200 walkers)");
     choice.error_unit = "steps of 255";
@@ -70,10 +70,10 @@ fn tolerance() -> Result<Choice, String> {
         1.0 => "1 pixel".into(),
         more => format!("{more} pixels"),
     };
-    let ways: Vec<(String, Plan)> = TOLERANCES.iter().map(|t| (name(*t), plan(*t))).collect();
-    let truth = drawn(&mut renderer, &ways[0].1)?;
-    choice.rows = rows(&mut renderer, &ways, &truth, 4.0 * BUDGET_SECS)?;
-    for (row, (_, plan)) in choice.rows.iter_mut().zip(&ways) {
+    let methods: Vec<(String, Plan)> = TOLERANCES.iter().map(|t| (name(*t), plan(*t))).collect();
+    let truth = draw_frame(&mut renderer, &methods[0].1)?;
+    choice.rows = error_and_cost_rows(&mut renderer, &methods, &truth, 4.0 * BUDGET_SECS)?;
+    for (row, (_, plan)) in choice.rows.iter_mut().zip(&methods) {
         row.note = format!("{} triangles, {}", triangles(plan), row.note);
     }
     choice.choose(

@@ -1,7 +1,7 @@
 //! Dithering: quantization of a gradient to 8 bits.
 
 use crate::Section;
-use crate::images::{drawn, stage};
+use crate::images::{draw_frame, stage};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Table, quantity};
 use choreo_motion::Time;
@@ -10,12 +10,12 @@ use choreo_render::{CpuRenderer, Renderer};
 /// 8-bit codes of gray at the top and at the bottom.
 const GRADIENT_CODES: [f64; 2] = [40.0, 52.0];
 const SIZE: [usize; 2] = [128, 256];
-const BLOCK: usize = 16;
+const BLOCK_SIDE: usize = 16;
 const METHODS: [&str; 4] =
     ["→ ranks of blue noise (the renderer's image)", "rounded", "ranks of Bayer, 8 × 8", "white noise"];
 
 pub fn section() -> Result<Section, String> {
-    let exact = exact();
+    let exact = reference_gradient();
     let mut table = Table::new(
         format!(
             "A gradient over {} codes in {} pixels: codes of 255",
@@ -30,9 +30,9 @@ pub fn section() -> Result<Section, String> {
             (">longest run of one code in a column", "run"),
         ],
     );
-    for (way, name) in METHODS.iter().enumerate() {
-        let codes = codes(way, &exact)?;
-        let (worst, mean) = worst_and_mean_error(&codes, &exact, BLOCK);
+    for (method, name) in METHODS.iter().enumerate() {
+        let codes = quantize(method, &exact)?;
+        let (worst, mean) = worst_and_mean_error(&codes, &exact, BLOCK_SIDE);
         let (small, _) = worst_and_mean_error(&codes, &exact, 4);
         let cell = |v: f64| Cell::number(quantity(v), v);
         table.rows.push(vec![
@@ -59,7 +59,7 @@ pub fn section() -> Result<Section, String> {
 }
 
 /// The exact gradient in codes, row by row: equal steps of linear light from the top of the image to the bottom.
-fn exact() -> Vec<f64> {
+fn reference_gradient() -> Vec<f64> {
     let light = GRADIENT_CODES.map(|code| choreo_asset::linear_from_srgb(code / 255.0));
     let row = |y: usize| {
         let share = (y as f64 + 0.5) / SIZE[1] as f64;
@@ -68,9 +68,9 @@ fn exact() -> Vec<f64> {
     (0..SIZE[1]).map(row).collect()
 }
 
-fn codes(way: usize, exact: &[f64]) -> Result<Vec<f64>, String> {
-    if way == 0 {
-        return rendered();
+fn quantize(method: usize, exact: &[f64]) -> Result<Vec<f64>, String> {
+    if method == 0 {
+        return render_gradient();
     }
     let mut random = crate::Random(5);
     let bayer = |x: usize, y: usize| {
@@ -79,7 +79,7 @@ fn codes(way: usize, exact: &[f64]) -> Result<Vec<f64>, String> {
     };
     let mut code = |i: usize| {
         let (x, y) = (i % SIZE[0], i / SIZE[0]);
-        let threshold = match way {
+        let threshold = match method {
             1 => 0.5,
             2 => bayer(x, y),
             _ => random.unit(),
@@ -89,7 +89,7 @@ fn codes(way: usize, exact: &[f64]) -> Result<Vec<f64>, String> {
     Ok((0..SIZE[0] * SIZE[1]).map(&mut code).collect())
 }
 
-fn rendered() -> Result<Vec<f64>, String> {
+fn render_gradient() -> Result<Vec<f64>, String> {
     let registry = choreo::registry();
     let hex = GRADIENT_CODES.map(|code| format!("#{0:02x}{0:02x}{0:02x}", code as u8));
     let [width, height] = SIZE;
@@ -103,7 +103,7 @@ fn rendered() -> Result<Vec<f64>, String> {
     let moment = Moment::new(&stage, Time::ZERO, registry.effects()).map_err(|e| e.to_string())?;
     let mut renderer = CpuRenderer::new(registry.effects());
     renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
-    let frame = drawn(&mut renderer, &moment.plan(SIZE.map(|n| n as u32), 1))?;
+    let frame = draw_frame(&mut renderer, &moment.plan(SIZE.map(|n| n as u32), 1))?;
     Ok(frame.rgba.chunks_exact(4).map(|p| f64::from(p[0])).collect())
 }
 
@@ -114,9 +114,9 @@ fn worst_and_mean_error(codes: &[f64], exact: &[f64], block: usize) -> (f64, f64
         let truth = exact[y..y + block].iter().sum::<f64>() / block as f64;
         for x in (0..SIZE[0]).step_by(block) {
             let pixels = (0..block * block).map(|i| codes[(y + i / block) * SIZE[0] + x + i % block]);
-            let off = (pixels.sum::<f64>() / (block * block) as f64 - truth).abs();
-            worst = worst.max(off);
-            sum += off;
+            let difference = (pixels.sum::<f64>() / (block * block) as f64 - truth).abs();
+            worst = worst.max(difference);
+            sum += difference;
             count += 1.0;
         }
     }

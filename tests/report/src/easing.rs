@@ -6,9 +6,9 @@ use choreo_bench::reference::ErrorStats;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Ease;
 
-const OURS: &str = "bisection, 60 steps (Ease::at)";
+const CHOSEN_METHOD: &str = "bisection, 60 steps (Ease::at)";
 const METHODS: [&str; 5] = [
-    OURS,
+    CHOSEN_METHOD,
     "bisection, 20 steps",
     "Newton, 4 steps",
     "table of 11 and Newton, 4 steps",
@@ -16,12 +16,12 @@ const METHODS: [&str; 5] = [
 ];
 
 /// One coordinate of the cubic Bézier curve with control values 0, a, b, 1.
-fn cubic(a: f64, b: f64, s: f64) -> f64 {
+fn bezier_coordinate(a: f64, b: f64, s: f64) -> f64 {
     let r = 1.0 - s;
     3.0 * r * r * s * a + 3.0 * r * s * s * b + s * s * s
 }
 
-fn slope(a: f64, b: f64, s: f64) -> f64 {
+fn bezier_slope(a: f64, b: f64, s: f64) -> f64 {
     let r = 1.0 - s;
     3.0 * r * r * a + 6.0 * r * s * (b - a) + 3.0 * s * s * (1.0 - b)
 }
@@ -30,52 +30,52 @@ fn slope(a: f64, b: f64, s: f64) -> f64 {
 struct Curve {
     points: [f64; 4],
     /// Values of x at parameters 0, 0.1, … 1.
-    starts: [f64; 11],
+    x_samples: [f64; 11],
     /// Values of y at x = 0, 1/255, … 1.
-    weights: Vec<f64>,
+    y_samples: Vec<f64>,
 }
 
 impl Curve {
     fn new(points: [f64; 4]) -> Curve {
-        let starts = std::array::from_fn(|i| cubic(points[0], points[2], i as f64 / 10.0));
-        let weights = (0..256).map(|i| Ease::Bezier(points).at(f64::from(i) / 255.0)).collect();
-        Curve { points, starts, weights }
+        let x_samples = std::array::from_fn(|i| bezier_coordinate(points[0], points[2], i as f64 / 10.0));
+        let y_samples = (0..256).map(|i| Ease::Bezier(points).at(f64::from(i) / 255.0)).collect();
+        Curve { points, x_samples, y_samples }
     }
 
-    fn newton(&self, mut s: f64, x: f64) -> f64 {
+    fn solve_by_newton(&self, mut s: f64, x: f64) -> f64 {
         let [x1, y1, x2, y2] = self.points;
         for _ in 0..4 {
-            let slope = slope(x1, x2, s);
+            let slope = bezier_slope(x1, x2, s);
             if slope.abs() > 1e-9 {
-                s = (s - (cubic(x1, x2, s) - x) / slope).clamp(0.0, 1.0);
+                s = (s - (bezier_coordinate(x1, x2, s) - x) / slope).clamp(0.0, 1.0);
             }
         }
-        cubic(y1, y2, s)
+        bezier_coordinate(y1, y2, s)
     }
 
-    fn at(&self, way: usize, x: f64) -> f64 {
+    fn ease(&self, method: usize, x: f64) -> f64 {
         let [x1, y1, x2, y2] = self.points;
-        match way {
+        match method {
             0 => Ease::Bezier(self.points).at(x),
             1 => {
                 let (mut low, mut high) = (0.0, 1.0);
                 for _ in 0..20 {
                     let middle = 0.5 * (low + high);
-                    if cubic(x1, x2, middle) < x { low = middle } else { high = middle }
+                    if bezier_coordinate(x1, x2, middle) < x { low = middle } else { high = middle }
                 }
-                cubic(y1, y2, 0.5 * (low + high))
+                bezier_coordinate(y1, y2, 0.5 * (low + high))
             }
-            2 => self.newton(x, x),
+            2 => self.solve_by_newton(x, x),
             3 => {
-                let at = self.starts[1..10].partition_point(|start| *start <= x);
-                let (from, to) = (self.starts[at], self.starts[at + 1]);
+                let at = self.x_samples[1..10].partition_point(|start| *start <= x);
+                let (from, to) = (self.x_samples[at], self.x_samples[at + 1]);
                 let share = if to > from { (x - from) / (to - from) } else { 0.0 };
-                self.newton((at as f64 + share) / 10.0, x)
+                self.solve_by_newton((at as f64 + share) / 10.0, x)
             }
             _ => {
                 let place = x * 255.0;
                 let at = (place as usize).min(254);
-                self.weights[at] + (self.weights[at + 1] - self.weights[at]) * (place - at as f64)
+                self.y_samples[at] + (self.y_samples[at + 1] - self.y_samples[at]) * (place - at as f64)
             }
         }
     }
@@ -99,9 +99,9 @@ pub fn section() -> Result<Section, String> {
         for i in 1..400 {
             // The parameter is known, so the exact time and weight are polynomials of it.
             let s = f64::from(i) / 400.0;
-            let (x, y) = (cubic(x1, x2, s), cubic(y1, y2, s));
-            for (way, (error, place)) in errors.iter_mut().enumerate() {
-                if error.add((curve.at(way, x) - y).abs()) {
+            let (x, y) = (bezier_coordinate(x1, x2, s), bezier_coordinate(y1, y2, s));
+            for (method, (error, place)) in errors.iter_mut().enumerate() {
+                if error.add((curve.ease(method, x) - y).abs()) {
                     *place = format!("Bézier [{x1:.2}, {y1:.2}, {x2:.2}, {y2:.2}] at {x:.3}");
                 }
             }
@@ -115,21 +115,21 @@ pub fn section() -> Result<Section, String> {
     choice.per = "weight".into();
     let times: Vec<f64> = (1..100).map(|i| f64::from(i) / 100.0).collect();
     let (curves, times) = (&curves[..20], &times);
-    let case = |way: usize| {
+    let case = |method: usize| {
         Case::new(curves.len() * times.len(), move || {
             for (curve, x) in curves.iter().flat_map(|curve| times.iter().map(move |x| (curve, x))) {
-                std::hint::black_box(curve.at(way, std::hint::black_box(*x)));
+                std::hint::black_box(curve.ease(method, std::hint::black_box(*x)));
             }
         })
     };
     let nanos =
         interleaved(Clock::Thread, BUDGET_SECS, &mut (0..METHODS.len()).map(case).collect::<Vec<_>>());
-    for (way, (error, place)) in errors.into_iter().enumerate() {
-        let row = Row::new(METHODS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
+    for (method, (error, place)) in errors.into_iter().enumerate() {
+        let row = Row::new(METHODS[method]).error(error.worst, error.mean()).nanos(nanos[method]).at(place);
         choice.rows.push(row);
     }
     choice.choose(
-        OURS,
+        CHOSEN_METHOD,
         "exact to the last bit of the time for every curve, even a vertical one; a frame needs few weights",
     );
     Ok(Section {

@@ -1,6 +1,6 @@
 //! Effects: cost per frame, number of sub-frames for motion blur, antialiasing with and without multisampling.
 
-use crate::images::{drawn, renderers, rows, stage};
+use crate::images::{draw_frame, error_and_cost_rows, renderers, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Table, difference, ratio, time};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [1280, 720];
 /// Image size of the comparisons; the references are drawn at four times this size.
-const SMALL: [u32; 2] = [480, 272];
+const COMPARISON_SIZE: [u32; 2] = [480, 272];
 /// Number of rounds; in each round all effects take turns.
 const ROUNDS: usize = 5;
 
@@ -32,8 +32,8 @@ pub fn section() -> Result<Section, String> {
                compared with tone mapping written by hand in Rust, in loops over eight pixels. FXAA detects \
                edges in the finished image, while multisampling knows them."
             .into(),
-        choices: vec![blur(&registry)?, edges(&registry)?],
-        tables: vec![costs(&registry)?, evaluation(&registry)?],
+        choices: vec![compare_motion_blur_samples(&registry)?, compare_edge_effects(&registry)?],
+        tables: vec![measure_costs(&registry)?, measure_evaluation(&registry)?],
         off_front: vec![(
             "edges",
             "FXAA is an effect that a script must add: it also softens sharp details within a texture, \
@@ -53,11 +53,11 @@ const SCENE: &str = r##"
     camera("front").fov(30).at(0.6, 1.2, 4.6).look_at([0.0, 0.9, 0.0]);
 "##;
 
-fn with(effect: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
+fn stage_with_effect(effect: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     stage(&format!("{SCENE}{effect}"), registry)
 }
 
-fn planned(stage: &Arc<Stage>, effects: &[Effect], size: [u32; 2], samples: u32) -> Result<Plan, String> {
+fn plan_frame(stage: &Arc<Stage>, effects: &[Effect], size: [u32; 2], samples: u32) -> Result<Plan, String> {
     let options = PlanOptions { effects, ..PlanOptions::new(size, samples) };
     let at = Time::from_secs(0.4);
     let resources = SceneResources::new(stage);
@@ -89,7 +89,7 @@ const EFFECTS: [(&str, &str); 21] = [
     ("shadow_catcher", r#"effect("shadow_catcher").on(floor);"#),
 ];
 
-fn costs(registry: &Registry) -> Result<Table, String> {
+fn measure_costs(registry: &Registry) -> Result<Table, String> {
     let effects = registry.effects();
     for effect in effects.iter().filter(|e| e.hook() != Hook::Shutter) {
         let name = &effect.manifest().name;
@@ -111,10 +111,11 @@ fn costs(registry: &Registry) -> Result<Table, String> {
         (">beyond none", "vulkan_beyond"),
     ];
     let mut table = Table::new(title, &columns);
-    let stages = EFFECTS.iter().map(|(_, text)| with(text, registry)).collect::<Result<Vec<_>, _>>()?;
+    let stages =
+        EFFECTS.iter().map(|(_, text)| stage_with_effect(text, registry)).collect::<Result<Vec<_>, _>>()?;
     // All stages have the same assets.
     let resources = Arc::new(SceneResources::new(&stages[0]));
-    let plans: Result<Vec<_>, _> = stages.iter().map(|s| planned(s, effects, SIZE, 1)).collect();
+    let plans: Result<Vec<_>, _> = stages.iter().map(|s| plan_frame(s, effects, SIZE, 1)).collect();
     let plans = plans?;
     let timed = |renderer: &mut dyn Renderer| -> Result<Vec<Nanos>, String> {
         renderer.load(resources.clone()).map_err(|e| e.to_string())?;
@@ -122,10 +123,10 @@ fn costs(registry: &Registry) -> Result<Table, String> {
         for _ in 0..ROUNDS {
             for (plan, times) in plans.iter().zip(&mut times) {
                 // Changing the effect creates new targets and pipelines, which a video does only once.
-                drawn(renderer, plan)?;
+                draw_frame(renderer, plan)?;
                 for _ in 0..3 {
                     let start = Clock::Process.now();
-                    drawn(renderer, plan)?;
+                    draw_frame(renderer, plan)?;
                     times.push(Clock::Process.now() - start);
                 }
             }
@@ -150,18 +151,18 @@ fn costs(registry: &Registry) -> Result<Table, String> {
 }
 
 /// Size of the image, and of the grid of surface points, on which functions are evaluated.
-const EVALUATED: [u32; 2] = [256, 144];
+const EVALUATION_SIZE: [u32; 2] = [256, 144];
 
 /// Time of each effect's function on the CPU, compared with tone mapping written by hand in Rust for eight pixels at once.
-fn evaluation(registry: &Registry) -> Result<Table, String> {
+fn measure_evaluation(registry: &Registry) -> Result<Table, String> {
     let effects: Vec<_> = registry.effects().iter().filter(|e| e.shader().is_some()).cloned().collect();
-    let image = discs();
+    let image = disc_image();
     let results = RefCell::new(vec![Vec::new(); effects.len()]);
     let by_hand = RefCell::new(Vec::new());
     let mut cases: Vec<Case> = Vec::new();
     for (i, effect) in effects.iter().enumerate() {
         let (image, results) = (&image, &results);
-        cases.push(Case::new(image.len(), move || results.borrow_mut()[i] = evaluated(effect, image)));
+        cases.push(Case::new(image.len(), move || results.borrow_mut()[i] = evaluate_effect(effect, image)));
     }
     cases.push(Case::new(image.len(), || {
         *by_hand.borrow_mut() = choreo_bench::scene::tones::effect_of_eights(&image);
@@ -170,8 +171,8 @@ fn evaluation(registry: &Registry) -> Result<Table, String> {
     drop(cases);
     let title = format!(
         "Evaluation of each effect's function on the CPU, default parameters, all passes of an image of {}×{}, {}",
-        EVALUATED[0],
-        EVALUATED[1],
+        EVALUATION_SIZE[0],
+        EVALUATION_SIZE[1],
         Clock::Thread.words()
     );
     let columns = [
@@ -203,8 +204,8 @@ fn evaluation(registry: &Registry) -> Result<Table, String> {
 }
 
 /// Test image: discs with sharp edges over a gradient, some brighter than white; linear.
-fn discs() -> Vec<Vec4> {
-    let [width, height] = EVALUATED;
+fn disc_image() -> Vec<Vec4> {
+    let [width, height] = EVALUATION_SIZE;
     let pixel = |i: u32| {
         let (x, y) = (i % width, i / width);
         let (dx, dy) = ((x % 48) as f32 - 24.0, (y % 48) as f32 - 24.0);
@@ -216,8 +217,8 @@ fn discs() -> Vec<Vec4> {
 }
 
 /// Result of an effect's function for an image, or for surfaces of these colors.
-fn evaluated(effect: &Effect, image: &[Vec4]) -> Vec<Vec4> {
-    let (size, width) = (EVALUATED, EVALUATED[0] as usize);
+fn evaluate_effect(effect: &Effect, image: &[Vec4]) -> Vec<Vec4> {
+    let (size, width) = (EVALUATION_SIZE, EVALUATION_SIZE[0] as usize);
     let parameters = effect_parameters(effect, &[]);
     let mut colors = image.to_vec();
     match effect {
@@ -264,17 +265,18 @@ fn evaluated(effect: &Effect, image: &[Vec4]) -> Vec<Vec4> {
     colors
 }
 
-fn blur(registry: &Registry) -> Result<Choice, String> {
+fn compare_motion_blur_samples(registry: &Registry) -> Result<Choice, String> {
     let effects = registry.effects();
     let mut choice =
         Choice::new("blur", "How many images make one image with motion blur? (a run, shutter of 180°)");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = "512 times; mean over all channels of all pixels".into();
-    choice.per = format!("image of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
-    let plain = with("", registry)?;
+    choice.per =
+        format!("image of {}×{}, {}", COMPARISON_SIZE[0], COMPARISON_SIZE[1], Clock::Process.words());
+    let plain = stage_with_effect("", registry)?;
     let (resources, at) = (Arc::new(SceneResources::new(&plain)), Time::from_secs(0.4));
-    let options = PlanOptions { effects, ..PlanOptions::new(SMALL, 4) };
+    let options = PlanOptions { effects, ..PlanOptions::new(COMPARISON_SIZE, 4) };
     let one = |time| {
         Ok::<_, String>(Plan::new(&resources, &plain, &plain.at(time).map_err(|e| e.to_string())?, &options))
     };
@@ -290,40 +292,43 @@ fn blur(registry: &Registry) -> Result<Choice, String> {
     };
     let mut renderer = CpuRenderer::new(effects);
     renderer.load(resources.clone()).map_err(|e| e.to_string())?;
-    let truth = drawn(&mut renderer, &plan(512)?)?;
+    let truth = draw_frame(&mut renderer, &plan(512)?)?;
     let counts = [1, 2, 4, 8, 16, 32, 64];
     let name = |count| if count == 1 { "none".to_string() } else { format!("{count} times") };
-    let ways = counts.iter().map(|n| Ok((name(*n), plan(*n)?))).collect::<Result<Vec<_>, String>>()?;
-    choice.rows = rows(&mut renderer, &ways, &truth, 4.0 * BUDGET_SECS)?;
+    let methods = counts.iter().map(|n| Ok((name(*n), plan(*n)?))).collect::<Result<Vec<_>, String>>()?;
+    choice.rows = error_and_cost_rows(&mut renderer, &methods, &truth, 4.0 * BUDGET_SECS)?;
     choice.choose("16 times", "steps of a limb that crosses sixteen pixels are as wide as a pixel");
     Ok(choice)
 }
 
-fn edges(registry: &Registry) -> Result<Choice, String> {
+fn compare_edge_effects(registry: &Registry) -> Result<Choice, String> {
     let effects = registry.effects();
     let mut choice = Choice::new("edges", "Smooth edges by samples, or by FXAA over the finished image?");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = "64 samples a pixel, textures included; mean over all channels of all pixels".into();
-    choice.per = format!("image of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
+    choice.per =
+        format!("image of {}×{}, {}", COMPARISON_SIZE[0], COMPARISON_SIZE[1], Clock::Process.words());
     let at = Time::from_secs(0.4);
-    let plain = with("", registry)?;
+    let plain = stage_with_effect("", registry)?;
     let moment = Moment::new(&plain, at, effects).map_err(|e| e.to_string())?;
-    let truth = moment.supersampled(SMALL).map_err(|e| e.to_string())?;
-    let smooth = with("effect(\"fxaa\");", registry)?;
+    let truth = moment.supersampled(COMPARISON_SIZE).map_err(|e| e.to_string())?;
+    let smooth = stage_with_effect("effect(\"fxaa\");", registry)?;
     let mut renderer = CpuRenderer::new(effects);
     renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
-    let ways = [
+    let methods = [
         ("1 sample", &plain, 1),
         ("1 sample, FXAA", &smooth, 1),
         ("4 samples", &plain, 4),
         ("4 samples, FXAA", &smooth, 4),
     ];
-    let planned = ways
+    let planned = methods
         .iter()
-        .map(|(name, stage, samples)| Ok((name.to_string(), planned(stage, effects, SMALL, *samples)?)))
+        .map(|(name, stage, samples)| {
+            Ok((name.to_string(), plan_frame(stage, effects, COMPARISON_SIZE, *samples)?))
+        })
         .collect::<Result<Vec<_>, String>>()?;
-    choice.rows = rows(&mut renderer, &planned, &truth, 3.0 * BUDGET_SECS)?;
+    choice.rows = error_and_cost_rows(&mut renderer, &planned, &truth, 3.0 * BUDGET_SECS)?;
     choice.choose("4 samples", "the default: exact edges, and nothing else changes");
     Ok(choice)
 }

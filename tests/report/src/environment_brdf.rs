@@ -1,6 +1,6 @@
 //! Environment BRDF, the second factor of the split-sum approximation: reflection of uniform light by a rough surface.
 
-use crate::images::{drawn, srgb, stage};
+use crate::images::{draw_frame, srgb_from_linear, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Choice, Row};
@@ -9,26 +9,26 @@ use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 
-const OURS: &str = "Karis's fit (2014)";
+const CHOSEN_METHOD: &str = "Karis's fit (2014)";
 const METHODS: [&str; 4] =
-    [OURS, "table of 16 × 16, linear", "table of 64 × 64, linear", "Schlick's term alone"];
-const F0: [f64; 3] = [0.04, 0.5, 1.0];
+    [CHOSEN_METHOD, "table of 16 × 16, linear", "table of 64 × 64, linear", "Schlick's term alone"];
+const REFLECTANCES: [f64; 3] = [0.04, 0.5, 1.0];
 /// Number of steps in which roughness and angle are sampled.
-const STEPS: u32 = 24;
+const STEPS_PER_DIMENSION: u32 = 24;
 /// Number of directions of the reference in each of two dimensions.
-const DIRECTIONS: u32 = 96;
+const DIRECTIONS_PER_DIMENSION: u32 = 96;
 /// Lower bound of the roughness in the renderer.
-const SMOOTHEST: f64 = 0.045;
+const MIN_ROUGHNESS: f64 = 0.045;
 
 /// Scale and bias applied to F0. B. Karis, "Physically Based Shading on Mobile", 2014: the formula of brdf.wgsl.
-fn karis(roughness: f32, nv: f32) -> [f32; 2] {
+fn karis_fit(roughness: f32, nv: f32) -> [f32; 2] {
     let x = 1.0 - roughness;
     let (y, z, w) = (roughness * -0.0275 + 0.0425, roughness * -0.572 + 1.04, roughness * 0.022 - 0.04);
     let a = (x * x).min(libm::exp2f(nv * -9.28)) * x + y;
     [a * -1.04 + z, a * 1.04 + w]
 }
 
-fn schlick(nv: f32) -> [f32; 2] {
+fn schlick_fresnel(nv: f32) -> [f32; 2] {
     let x = 1.0 - nv;
     let fresnel = x * x * x * x * x;
     [1.0 - fresnel, fresnel]
@@ -36,16 +36,16 @@ fn schlick(nv: f32) -> [f32; 2] {
 
 /// Reference: GGX (α = roughness²) with Smith's height-correlated visibility and Schlick's Fresnel term, integrated over all light
 /// directions by importance-sampled half vectors (Karis, "Real Shading in Unreal Engine 4", 2013).
-fn integral(roughness: f64, nv: f64) -> [f64; 2] {
+fn reference_integral(roughness: f64, nv: f64) -> [f64; 2] {
     let a2 = roughness.powi(4);
     let view = [(1.0 - nv * nv).max(0.0).sqrt(), nv];
     let mut sums = [0.0; 2];
-    for i in 0..DIRECTIONS {
-        let u = (f64::from(i) + 0.5) / f64::from(DIRECTIONS);
+    for i in 0..DIRECTIONS_PER_DIMENSION {
+        let u = (f64::from(i) + 0.5) / f64::from(DIRECTIONS_PER_DIMENSION);
         let nh = ((1.0 - u) / (1.0 + (a2 - 1.0) * u)).sqrt();
         let across = (1.0 - nh * nh).max(0.0).sqrt();
-        for j in 0..DIRECTIONS {
-            let angle = std::f64::consts::TAU * (f64::from(j) + 0.5) / f64::from(DIRECTIONS);
+        for j in 0..DIRECTIONS_PER_DIMENSION {
+            let angle = std::f64::consts::TAU * (f64::from(j) + 0.5) / f64::from(DIRECTIONS_PER_DIMENSION);
             let vh = view[0] * across * libm::cos(angle) + view[1] * nh;
             let nl = 2.0 * vh * nh - nv;
             if nl <= 0.0 || vh <= 0.0 {
@@ -58,7 +58,7 @@ fn integral(roughness: f64, nv: f64) -> [f64; 2] {
             sums[1] += fresnel * weight;
         }
     }
-    sums.map(|sum| sum / f64::from(DIRECTIONS * DIRECTIONS))
+    sums.map(|sum| sum / f64::from(DIRECTIONS_PER_DIMENSION * DIRECTIONS_PER_DIMENSION))
 }
 
 /// Table of the integral at equal steps of roughness and angle, ends included.
@@ -70,7 +70,8 @@ struct IntegralTable {
 impl IntegralTable {
     fn new(side: usize) -> IntegralTable {
         let at = |i: usize| (i as f64 / (side - 1) as f64).max(1e-3);
-        let value = |i: usize| integral(at(i / side).max(SMOOTHEST), at(i % side)).map(|v| v as f32);
+        let value =
+            |i: usize| reference_integral(at(i / side).max(MIN_ROUGHNESS), at(i % side)).map(|v| v as f32);
         IntegralTable { side, values: (0..side * side).map(value).collect() }
     }
 
@@ -89,19 +90,21 @@ impl IntegralTable {
 pub fn section() -> Result<Section, String> {
     check_renderer()?;
     let tables = [IntegralTable::new(16), IntegralTable::new(64)];
-    let reflected = |way: usize, roughness: f32, nv: f32| match way {
-        0 => karis(roughness, nv),
-        1 | 2 => tables[way - 1].at(roughness, nv),
-        _ => schlick(nv),
+    let reflected = |method: usize, roughness: f32, nv: f32| match method {
+        0 => karis_fit(roughness, nv),
+        1 | 2 => tables[method - 1].at(roughness, nv),
+        _ => schlick_fresnel(nv),
     };
     let mut errors = [(); METHODS.len()].map(|()| (ErrorStats::default(), String::new()));
-    let step = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
-    for (roughness, nv) in (0..STEPS).flat_map(|r| (0..STEPS).map(move |n| (step(r), step(n)))) {
-        let roughness = roughness.max(SMOOTHEST);
-        let [scale, bias] = integral(roughness, nv);
-        for (way, (error, place)) in errors.iter_mut().enumerate() {
-            let [own_scale, own_bias] = reflected(way, roughness as f32, nv as f32).map(f64::from);
-            for f0 in F0 {
+    let step = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS_PER_DIMENSION);
+    for (roughness, nv) in
+        (0..STEPS_PER_DIMENSION).flat_map(|r| (0..STEPS_PER_DIMENSION).map(move |n| (step(r), step(n))))
+    {
+        let roughness = roughness.max(MIN_ROUGHNESS);
+        let [scale, bias] = reference_integral(roughness, nv);
+        for (method, (error, place)) in errors.iter_mut().enumerate() {
+            let [own_scale, own_bias] = reflected(method, roughness as f32, nv as f32).map(f64::from);
+            for f0 in REFLECTANCES {
                 if error.add((f0 * own_scale + own_bias - f0 * scale - bias).abs()) {
                     let degrees = libm::acos(nv).to_degrees();
                     *place = format!("F0 {f0}, roughness {roughness:.2}, {degrees:.0}° from the normal");
@@ -113,26 +116,27 @@ pub fn section() -> Result<Section, String> {
         Choice::new("environment_brdf", "How much of an even environment does a rough surface reflect?");
     choice.error_unit = "of the light";
     choice.reference = format!(
-        "the integral over {DIRECTIONS}² directions in f64, of GGX, Smith's visibility and Schlick's term; F0 of 0.04, 0.5 and 1"
+        "the integral over {DIRECTIONS_PER_DIMENSION}² directions in f64, of GGX, Smith's visibility and Schlick's term; F0 of 0.04, 0.5 and 1"
     );
     choice.per = "evaluation".into();
-    let places: Vec<[f32; 2]> =
-        (0..STEPS * STEPS).map(|i| [step(i / STEPS), step(i % STEPS)].map(|v| v as f32)).collect();
+    let places: Vec<[f32; 2]> = (0..STEPS_PER_DIMENSION * STEPS_PER_DIMENSION)
+        .map(|i| [step(i / STEPS_PER_DIMENSION), step(i % STEPS_PER_DIMENSION)].map(|v| v as f32))
+        .collect();
     let (places, reflected) = (&places, &reflected);
-    let case = |way: usize| {
+    let case = |method: usize| {
         Case::new(places.len(), move || {
             for [roughness, nv] in places {
-                std::hint::black_box(reflected(way, std::hint::black_box(*roughness), *nv));
+                std::hint::black_box(reflected(method, std::hint::black_box(*roughness), *nv));
             }
         })
     };
     let nanos =
         interleaved(Clock::Thread, BUDGET_SECS, &mut (0..METHODS.len()).map(case).collect::<Vec<_>>());
-    for (way, (error, place)) in errors.into_iter().enumerate() {
-        let row = Row::new(METHODS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
+    for (method, (error, place)) in errors.into_iter().enumerate() {
+        let row = Row::new(METHODS[method]).error(error.worst, error.mean()).nanos(nanos[method]).at(place);
         choice.rows.push(row);
     }
-    choice.choose(OURS, "no texture needed, and the same formula in the shaders and on the CPU");
+    choice.choose(CHOSEN_METHOD, "no texture needed, and the same formula in the shaders and on the CPU");
     Ok(Section {
         title: "Reflections of rough surfaces",
         text: "Image-based light is the mean of the environment around the mirrored direction times the \
@@ -166,11 +170,11 @@ fn check_renderer() -> Result<(), String> {
         let moment = Moment::new(&stage, Time::ZERO, registry.effects()).map_err(|e| e.to_string())?;
         let mut renderer = CpuRenderer::new(registry.effects());
         renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
-        let frame = drawn(&mut renderer, &moment.plan([16, 16], 1))?;
+        let frame = draw_frame(&mut renderer, &moment.plan([16, 16], 1))?;
         let got = f64::from(frame.rgba[4 * (8 * 16 + 8)]);
         let nv = libm::cos(f64::to_radians(degrees)) as f32;
-        let fit: f32 = karis(roughness as f32, nv).iter().sum();
-        let expected = 255.0 * srgb(f64::from(fit).clamp(0.0, 1.0));
+        let fit: f32 = karis_fit(roughness as f32, nv).iter().sum();
+        let expected = 255.0 * srgb_from_linear(f64::from(fit).clamp(0.0, 1.0));
         if (got - expected).abs() > 1.0 {
             return Err(format!(
                 "roughness {roughness}, {degrees}°: the renderer shows {got}, the fit says {expected}"
@@ -187,10 +191,10 @@ mod tests {
     #[test]
     fn a_mirror_follows_schlick_and_reflectance_is_at_most_one() {
         for nv in [0.2, 0.5, 0.9] {
-            let [scale, bias] = integral(SMOOTHEST, nv);
-            let [mirror_scale, mirror_bias] = schlick(nv as f32).map(f64::from);
+            let [scale, bias] = reference_integral(MIN_ROUGHNESS, nv);
+            let [mirror_scale, mirror_bias] = schlick_fresnel(nv as f32).map(f64::from);
             assert!((scale - mirror_scale).abs() < 0.01 && (bias - mirror_bias).abs() < 0.01, "{nv}");
-            let [scale, bias] = integral(1.0, nv);
+            let [scale, bias] = reference_integral(1.0, nv);
             assert!(scale + bias < 1.0 && scale + bias > 0.3, "{nv}: {scale} {bias}");
         }
     }

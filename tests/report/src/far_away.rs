@@ -14,31 +14,33 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 const DISTANCES: [(f64, &str); 5] =
     [(1.0, "1 m"), (1e3, "1 km"), (1e5, "100 km"), (1e7, "10 000 km"), (4e8, "400 000 km")];
 const TYPICAL_DISTANCE: usize = 1;
-const POINTS: usize = 256;
-const HEIGHT: f64 = 720.0;
+const POINT_COUNT: usize = 256;
+const IMAGE_HEIGHT: f64 = 720.0;
 const YFOV: f64 = 0.7;
-const OURS: &str = "f64 world, camera-relative f32";
+const CHOSEN_METHOD: &str = "f64 world, camera-relative f32";
 const METHODS: [&str; 4] =
-    ["f64 throughout", OURS, "f32 world and view", "f32 world, f32 subtracted from the camera"];
+    ["f64 throughout", CHOSEN_METHOD, "f32 world and view", "f32 world, f32 subtracted from the camera"];
 
 pub fn section() -> Result<Section, String> {
     let mut by_distance = vec![vec![ErrorStats::default(); DISTANCES.len()]; METHODS.len()];
     let mut nanos = vec![Nanos::default(); METHODS.len()];
     for (at, (distance, _)) in DISTANCES.iter().enumerate() {
         let shot = Shot::new(*distance);
-        let exact = shot.draw(0);
-        for (way, errors) in by_distance.iter_mut().enumerate() {
-            let got = shot.draw(way);
-            for point in 0..POINTS {
+        let exact = shot.project_points(0);
+        for (method, errors) in by_distance.iter_mut().enumerate() {
+            let got = shot.project_points(method);
+            for point in 0..POINT_COUNT {
                 // If f32 cannot represent the position, the error counts as the height of the image.
-                let off = [0, 1].map(|i| got[i][point] - exact[i][point]);
-                let off = libm::hypot(off[0], off[1]);
-                errors[at].add(if off.is_finite() { off } else { HEIGHT });
+                let difference = [0, 1].map(|i| got[i][point] - exact[i][point]);
+                let difference = libm::hypot(difference[0], difference[1]);
+                errors[at].add(if difference.is_finite() { difference } else { IMAGE_HEIGHT });
             }
         }
         if at == TYPICAL_DISTANCE {
             let shot = &shot;
-            let case = |way: usize| Case::new(POINTS, move || drop(std::hint::black_box(shot.draw(way))));
+            let case = |method: usize| {
+                Case::new(POINT_COUNT, move || drop(std::hint::black_box(shot.project_points(method))))
+            };
             let mut cases: Vec<Case> = (0..METHODS.len()).map(case).collect();
             nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
         }
@@ -50,11 +52,11 @@ pub fn section() -> Result<Section, String> {
         DISTANCES[TYPICAL_DISTANCE].1
     );
     choice.per = "point of 256, coordinates apart, in vector instructions of the type's width".into();
-    for (way, name) in METHODS.iter().enumerate() {
-        let error = &by_distance[way][TYPICAL_DISTANCE];
-        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
+    for (method, name) in METHODS.iter().enumerate() {
+        let error = &by_distance[method][TYPICAL_DISTANCE];
+        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[method]));
     }
-    choice.choose(OURS, "as exact everywhere as at the origin, and the GPU part is f32");
+    choice.choose(CHOSEN_METHOD, "as exact everywhere as at the origin, and the GPU part is f32");
     let titles: Vec<String> = DISTANCES.iter().map(|d| format!(">{}", d.1)).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in pixels, from the origin", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "distance")));
@@ -90,7 +92,7 @@ struct Shot {
 }
 
 /// Image coordinates of all points in pixels: all x, then all y.
-type Places = [Vec<f64>; 2];
+type ImagePoints = [Vec<f64>; 2];
 
 /// Defines a function that transforms points by several matrices in turn, in loops that the compiler vectorizes for this number type.
 macro_rules! on_image {
@@ -100,7 +102,7 @@ macro_rules! on_image {
             points: &[Vec<$number>; 3],
             steps: &[([[$number; 4]; 3], [$number; 3])],
             clip: &[[$number; 4]; 3],
-        ) -> Places {
+        ) -> ImagePoints {
             let row =
                 |m: &[$number; 4], x: $number, y: $number, z: $number| m[0] * x + m[1] * y + m[2] * z + m[3];
             let mut at = points.clone();
@@ -112,7 +114,7 @@ macro_rules! on_image {
                 }
             }
             let [mut right, mut up] = [vec![0.0; points[0].len()], vec![0.0; points[0].len()]];
-            let half = (HEIGHT * 0.5) as $number;
+            let half = (IMAGE_HEIGHT * 0.5) as $number;
             let all = at[0].iter().zip(&at[1]).zip(&at[2]).zip(&mut right).zip(&mut up);
             for ((((x, y), z), right), up) in all {
                 let scale = half / row(&clip[2], *x, *y, *z);
@@ -149,7 +151,7 @@ impl Shot {
         let origin = DVec3::new(0.48, 0.6, 0.64) * distance + DVec3::new(0.123, 0.0, 0.456);
         let world_from_model = DAffine3::from_rotation_translation(DQuat::from_rotation_y(0.4), origin);
         let mut points = [Vec::new(), Vec::new(), Vec::new()];
-        for _ in 0..POINTS {
+        for _ in 0..POINT_COUNT {
             points[0].push(random.signed() * 0.5);
             points[1].push(random.unit() * 1.8);
             points[2].push(random.signed() * 0.3);
@@ -159,15 +161,15 @@ impl Shot {
         let world_from_view = DAffine3::from_rotation_translation(DQuat::from_rotation_y(0.06), position);
         let projection = Projection::Perspective { yfov: YFOV as f32, near: 0.05, far: None };
         let camera = CameraState { camera: None, world_from_view, projection };
-        let view = View::new(&camera, [1280, HEIGHT as u32]);
+        let view = View::new(&camera, [1280, IMAGE_HEIGHT as u32]);
         let clip_from_world = view.clip_from_view.as_dmat4() * DMat4::from(world_from_view.inverse());
         Shot { world_from_model, points, points32, view, clip_from_world, world_from_view }
     }
 
-    fn draw(&self, way: usize) -> Places {
+    fn project_points(&self, method: usize) -> ImagePoints {
         let world = affine_rows(&self.world_from_model);
         let relative_clip = clip_rows(&self.view.clip_from_relative.as_dmat4());
-        match way {
+        match method {
             0 => on_image64(&self.points, &[(world, [0.0; 3])], &clip_rows(&self.clip_from_world)),
             1 => {
                 // Same computation as in the planner and the vertex shader.

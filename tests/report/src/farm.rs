@@ -5,7 +5,7 @@ use crate::farm_model::{Farm, Join};
 use choreo_bench::plots::{Cell, Lines, Table};
 
 /// The film in the plots: ten minutes in 4K with motion blur at 30 frames per second, 9 s per frame, as an MP4.
-const FILM: Farm = Farm {
+const EXAMPLE_FARM: Farm = Farm {
     workers: 1,
     frames: 18_000,
     chunk: 60,
@@ -23,27 +23,27 @@ const FILM: Farm = Farm {
     join: Join::One { bytes_per_second: 200e6, fixed: 1.0 },
 };
 
-const WORKERS: [usize; 5] = [1, 10, 100, 1000, 10_000];
-const CHUNKS: [u64; 11] = [1, 2, 4, 8, 15, 30, 60, 120, 240, 600, 1800];
+const WORKER_COUNTS: [usize; 5] = [1, 10, 100, 1000, 10_000];
+const CHUNK_FRAMES: [u64; 11] = [1, 2, 4, 8, 15, 30, 60, 120, 240, 600, 1800];
 
 include!("farm_measured.rs");
 
 /// Cluster of `cargo xtask farm`: three nodes on one machine, 24 chunks.
-const MEASURED: Farm = Farm {
+const MEASURED_FARM: Farm = Farm {
     workers: 3,
     frames: 576,
     chunk: 24,
-    start: START,
-    frame: FRAME,
-    gap: GAP,
+    start: START_SECS,
+    frame: FRAME_SECS,
+    gap: GAP_SECS,
     // The join job waits for Slurm like a render task.
-    join: Join::One { bytes_per_second: 1e9, fixed: JOIN + GAP },
-    ..Farm::PLAIN
+    join: Join::One { bytes_per_second: 1e9, fixed: JOIN_SECS + GAP_SECS },
+    ..Farm::ONE_MACHINE
 };
 
 /// The film on machines whose storage bandwidth grows with their number, as for object storage: 20 MB/s per machine, at least 1 GB/s.
-fn wide(workers: usize, chunk: u64) -> Farm {
-    Farm { workers, chunk, storage: (20e6 * workers as f64).max(FILM.storage), ..FILM }
+fn farm_with_scaled_storage(workers: usize, chunk: u64) -> Farm {
+    Farm { workers, chunk, storage: (20e6 * workers as f64).max(EXAMPLE_FARM.storage), ..EXAMPLE_FARM }
 }
 
 pub fn section() -> Result<Section, String> {
@@ -51,12 +51,12 @@ pub fn section() -> Result<Section, String> {
         title: "Efficiency of a farm against the length of its chunks".into(),
         x: "frames of a chunk".into(),
         y: "efficiency".into(),
-        lines: WORKERS
+        lines: WORKER_COUNTS
             .map(|workers| {
-                let at = |chunk| (chunk as f64, wide(workers, chunk).run().efficiency);
+                let at = |chunk| (chunk as f64, farm_with_scaled_storage(workers, chunk).run().efficiency);
                 (
                     if workers == 1 { "one machine".into() } else { format!("{workers} machines") },
-                    CHUNKS.map(at).to_vec(),
+                    CHUNK_FRAMES.map(at).to_vec(),
                 )
             })
             .to_vec(),
@@ -66,10 +66,10 @@ pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Render farms",
         text: TEXT
-            .replace("{predicted}", &format!("{:.1}", MEASURED.run().joined))
-            .replace("{measured}", &format!("{SECONDS:.1}")),
+            .replace("{predicted}", &format!("{:.1}", MEASURED_FARM.run().joined))
+            .replace("{measured}", &format!("{TOTAL_SECS:.1}")),
         choices: Vec::new(),
-        tables: vec![best(), limits()],
+        tables: vec![best_chunk_table(), limits_table()],
         off_front: Vec::new(),
     })
 }
@@ -94,7 +94,7 @@ reads every segment twice). A tree of joins does not help, because its last join
 their files (multipart copies of object storages), which MP4 and y4m allow, because their pieces are copied.";
 
 /// Best chunk size for each number of machines.
-fn best() -> Table {
+fn best_chunk_table() -> Table {
     let columns = [
         (">machines", "machines"),
         (">best chunk", "chunk"),
@@ -103,10 +103,10 @@ fn best() -> Table {
         (">failures", "failures"),
     ];
     let mut table = Table::new("The best length of chunks, and its efficiency", &columns);
-    for workers in WORKERS {
-        let of = |chunk| (chunk, wide(workers, chunk).run());
+    for workers in WORKER_COUNTS {
+        let of = |chunk| (chunk, farm_with_scaled_storage(workers, chunk).run());
         let Some((chunk, outcome)) =
-            CHUNKS.map(of).into_iter().min_by(|a, b| a.1.rendered.total_cmp(&b.1.rendered))
+            CHUNK_FRAMES.map(of).into_iter().min_by(|a, b| a.1.rendered.total_cmp(&b.1.rendered))
         else {
             continue;
         };
@@ -122,7 +122,7 @@ fn best() -> Table {
 }
 
 /// Limits with ten thousand machines, and ways to remove them.
-fn limits() -> Table {
+fn limits_table() -> Table {
     let columns = [
         ("with 10,000 machines, chunks of 2 frames", "what"),
         (">rendered, s", "rendered"),
@@ -130,7 +130,7 @@ fn limits() -> Table {
         (">efficiency", "efficiency"),
     ];
     let mut table = Table::new("Limits, and how to remove them", &columns);
-    let one = Farm { workers: 10_000, chunk: 2, ..FILM };
+    let one = Farm { workers: 10_000, chunk: 2, ..EXAMPLE_FARM };
     let objects = Farm { storage: 200e9, ..one };
     let calm = Farm { failures: 0.0, stragglers: 0.0, ..objects };
     let tree = Join::Tree { bytes_per_second: 200e6, fixed: 1.0, group: 64 };
@@ -168,7 +168,7 @@ mod tests {
     /// The model must predict the measured time of the cluster from the costs measured at the same time.
     #[test]
     fn the_measured_cluster_is_predicted_within_15_percent() {
-        let predicted = MEASURED.run().joined;
-        assert!((predicted / SECONDS - 1.0).abs() < 0.15, "{predicted} and {SECONDS}");
+        let predicted = MEASURED_FARM.run().joined;
+        assert!((predicted / TOTAL_SECS - 1.0).abs() < 0.15, "{predicted} and {TOTAL_SECS}");
     }
 }

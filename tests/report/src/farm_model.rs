@@ -104,14 +104,14 @@ struct Run<'a> {
     storage_free: f64,
     scheduler_free: f64,
     /// Machines without work.
-    resting: Vec<usize>,
-    last: f64,
+    idle_workers: Vec<usize>,
+    last_written_secs: f64,
     failures: u64,
 }
 
 impl Farm {
     /// A farm with one machine that draws one frame per second and waits for nothing.
-    pub const PLAIN: Farm = Farm {
+    pub const ONE_MACHINE: Farm = Farm {
         workers: 1,
         frames: 100,
         chunk: 10,
@@ -140,17 +140,22 @@ impl Farm {
             chunks: (0..count).map(length).collect(),
             storage_free: 0.0,
             scheduler_free: 0.0,
-            resting: Vec::new(),
-            last: 0.0,
+            idle_workers: Vec::new(),
+            last_written_secs: 0.0,
             failures: 0,
         };
         (0..self.workers).for_each(|worker| run.add(0.0, worker, Event::Idle));
         while let Some(Timed { at, worker, event, .. }) = run.events.pop() {
-            run.event(at, worker, event);
+            run.handle_event(at, worker, event);
         }
         let ideal = self.frames as f64 * self.frame / self.workers as f64;
-        let joined = run.last + self.join(count as f64);
-        Outcome { rendered: run.last, joined, efficiency: ideal / run.last, failures: run.failures }
+        let joined = run.last_written_secs + self.join(count as f64);
+        Outcome {
+            rendered: run.last_written_secs,
+            joined,
+            efficiency: ideal / run.last_written_secs,
+            failures: run.failures,
+        }
     }
 
     fn join(&self, segments: f64) -> f64 {
@@ -181,11 +186,11 @@ impl Run<'_> {
         self.events.push(Timed { at, order: self.events_added, worker, event });
     }
 
-    fn event(&mut self, at: f64, worker: usize, event: Event) {
+    fn handle_event(&mut self, at: f64, worker: usize, event: Event) {
         let farm = *self.farm;
         match event {
             Event::Idle => match self.chunks.pop_front() {
-                None => self.resting.push(worker),
+                None => self.idle_workers.push(worker),
                 Some(frames) => {
                     let begun = completion_time(&mut self.scheduler_free, at, farm.dispatch) + farm.gap;
                     let loaded =
@@ -218,12 +223,12 @@ impl Run<'_> {
                     at,
                     done as f64 * farm.frame_bytes / farm.storage,
                 );
-                self.last = self.last.max(written);
+                self.last_written_secs = self.last_written_secs.max(written);
                 let mut back = written;
                 if left > 0 {
                     back += farm.recovery;
                     self.chunks.push_front(left);
-                    if let Some(other) = self.resting.pop() {
+                    if let Some(other) = self.idle_workers.pop() {
                         self.add(back, other, Event::Idle);
                     }
                 }
@@ -252,44 +257,44 @@ fn completion_time(free: &mut f64, at: f64, seconds: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const PLAIN: Farm = Farm::PLAIN;
+    const ONE_MACHINE: Farm = Farm::ONE_MACHINE;
 
-    fn near(a: f64, b: f64) {
+    fn assert_near(a: f64, b: f64) {
         assert!((a - b).abs() <= 1e-9 * b.abs(), "{a} and {b}");
     }
 
     /// Closed forms: chunks in rounds, and a storage or scheduler as the bottleneck.
     #[test]
     fn simple_farms_take_the_time_of_the_closed_form() {
-        near(PLAIN.run().rendered, 10.0 * 12.0);
-        near(PLAIN.run().efficiency, 100.0 / 120.0);
-        near(Farm { workers: 3, ..PLAIN }.run().rendered, 4.0 * 12.0);
-        near(Farm { workers: 1000, ..PLAIN }.run().rendered, 12.0);
-        near(Farm { gap: 0.5, ..PLAIN }.run().rendered, 125.0);
+        assert_near(ONE_MACHINE.run().rendered, 10.0 * 12.0);
+        assert_near(ONE_MACHINE.run().efficiency, 100.0 / 120.0);
+        assert_near(Farm { workers: 3, ..ONE_MACHINE }.run().rendered, 4.0 * 12.0);
+        assert_near(Farm { workers: 1000, ..ONE_MACHINE }.run().rendered, 12.0);
+        assert_near(Farm { gap: 0.5, ..ONE_MACHINE }.run().rendered, 125.0);
         // The last frame waits for all others to be written.
-        let storage = Farm { workers: 10, frame_bytes: 1e9, start: 0.0, ..PLAIN };
-        near(storage.run().rendered, 10.0 + 100.0);
-        let scene = Farm { workers: 10, scene_bytes: 5e9, ..PLAIN };
-        near(scene.run().rendered, 50.0 + 12.0);
-        near(Farm { workers: 10, dispatch: 3.0, ..PLAIN }.run().rendered, 30.0 + 12.0);
+        let storage = Farm { workers: 10, frame_bytes: 1e9, start: 0.0, ..ONE_MACHINE };
+        assert_near(storage.run().rendered, 10.0 + 100.0);
+        let scene = Farm { workers: 10, scene_bytes: 5e9, ..ONE_MACHINE };
+        assert_near(scene.run().rendered, 50.0 + 12.0);
+        assert_near(Farm { workers: 10, dispatch: 3.0, ..ONE_MACHINE }.run().rendered, 30.0 + 12.0);
         // One machine of two is three times slower: it makes 3 chunks while the other makes 7 (84 s), the third ends at 108 s.
-        near(Farm { workers: 2, stragglers: 0.5, slowness: 3.0, ..PLAIN }.run().rendered, 108.0);
-        let join = Farm { frame_bytes: 1e6, storage: 1e12, ..PLAIN }.run();
-        near(join.joined - join.rendered, 3.0);
+        assert_near(Farm { workers: 2, stragglers: 0.5, slowness: 3.0, ..ONE_MACHINE }.run().rendered, 108.0);
+        let join = Farm { frame_bytes: 1e6, storage: 1e12, ..ONE_MACHINE }.run();
+        assert_near(join.joined - join.rendered, 3.0);
         let tree = Join::Tree { bytes_per_second: 1e8, fixed: 0.1, group: 4 };
-        let tree = Farm { frame_bytes: 1e6, storage: 1e12, join: tree, ..PLAIN }.run();
+        let tree = Farm { frame_bytes: 1e6, storage: 1e12, join: tree, ..ONE_MACHINE }.run();
         // 10 segments become 3, and these 1.
-        near(tree.joined - tree.rendered, 0.1 + 1.0 + 0.1 + 3.0);
+        assert_near(tree.joined - tree.rendered, 0.1 + 1.0 + 0.1 + 3.0);
         let composed = Join::Composed { bytes_per_second: 1e8, fixed: 0.1, group: 4 };
-        let composed = Farm { frame_bytes: 1e6, storage: 1e12, join: composed, ..PLAIN }.run();
-        near(composed.joined - composed.rendered, 0.1 + 1.0 + 0.1);
+        let composed = Farm { frame_bytes: 1e6, storage: 1e12, join: composed, ..ONE_MACHINE }.run();
+        assert_near(composed.joined - composed.rendered, 0.1 + 1.0 + 0.1);
     }
 
     /// Failures cost only the work that is thrown away, and no frame is lost. With resumed chunks, each failure costs a start, the
     /// recovery, and half a frame on average.
     #[test]
     fn each_failure_costs_one_restart() {
-        let farm = Farm { frames: 200_000, chunk: 100, failures: 6.0, recovery: 30.0, ..PLAIN };
+        let farm = Farm { frames: 200_000, chunk: 100, failures: 6.0, recovery: 30.0, ..ONE_MACHINE };
         let outcome = farm.run();
         let calm = 2000.0 * 102.0;
         let expected = calm + outcome.failures as f64 * (2.0 + 30.0 + 0.5);

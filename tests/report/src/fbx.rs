@@ -1,7 +1,7 @@
 //! FBX import: error of baked keyframes against the Euler curves of the file.
 
 use crate::Section;
-use crate::scenes::import;
+use crate::scenes::import_file;
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::reference::{ErrorStats, angle_between, pose};
 use choreo_motion::Time;
@@ -10,28 +10,28 @@ use glam::DQuat;
 
 /// Tolerances in degrees.
 const TOLERANCES: [f64; 5] = [0.5, 0.1, 0.05, 0.01, 0.001];
-const DEFAULT: f64 = 0.05;
+const DEFAULT_TOLERANCE: f64 = 0.05;
 /// Ticks per second in FBX.
-const SECOND: i64 = 46_186_158_000;
+const TICKS_PER_SECOND: i64 = 46_186_158_000;
 /// Degrees about x, y and z at whole seconds, linearly interpolated.
 const ANGLES: [[f64; 4]; 3] =
     [[0.0, 170.0, 40.0, -60.0], [0.0, 70.0, -50.0, 20.0], [0.0, -120.0, 90.0, 150.0]];
-const TIMES: u32 = 997;
+const TIME_COUNT: u32 = 997;
 
-fn curve(axis: usize) -> String {
+fn curve_text(axis: usize) -> String {
     let numbers = |of: &dyn Fn(usize) -> String| (0..4).map(of).collect::<Vec<_>>().join(",");
     format!(
         "AnimationCurve: {}, \"AnimCurve::\", \"\" {{\nDefault: 0\nKeyVer: 4008\nKeyTime: *4 {{\na: {}\n}}\nKeyValueFloat: *4 {{\na: {}\n}}\n\
          KeyAttrFlags: *1 {{\na: 24836\n}}\nKeyAttrDataFloat: *4 {{\na: 0,0,218434821,0\n}}\nKeyAttrRefCount: *1 {{\na: 4\n}}\n}}\n",
         10 + axis,
-        numbers(&|i| (i as i64 * SECOND).to_string()),
+        numbers(&|i| (i as i64 * TICKS_PER_SECOND).to_string()),
         numbers(&|i| ANGLES[axis][i].to_string()),
     )
 }
 
 /// FBX text file of a limb whose rotation has three curves.
 fn limb_fbx() -> String {
-    let curves: String = (0..3).map(curve).collect();
+    let curves: String = (0..3).map(curve_text).collect();
     let links: String =
         (0..3).map(|i| format!("C: \"OP\",{},4, \"d|{}\"\n", 10 + i, ["X", "Y", "Z"][i])).collect();
     format!(
@@ -42,12 +42,12 @@ fn limb_fbx() -> String {
          AnimationLayer: 3, \"AnimLayer::base\", \"\" {{\n}}\n\
          AnimationCurveNode: 4, \"AnimCurveNode::R\", \"\" {{\nProperties70: {{\n}}\n}}\n{curves}}}\nConnections: {{\n\
          C: \"OO\",1,0\nC: \"OO\",3,2\nC: \"OO\",4,3\nC: \"OP\",4,1, \"Lcl Rotation\"\n{links}}}\n",
-        3 * SECOND,
+        3 * TICKS_PER_SECOND,
     )
 }
 
 /// Reference rotation: about x first, then y, then z, in the parent's axes.
-fn exact(secs: f64) -> DQuat {
+fn reference_rotation(secs: f64) -> DQuat {
     let [x, y, z] = ANGLES.map(|angles| {
         let key = (secs as usize).min(2);
         (angles[key] + (angles[key + 1] - angles[key]) * (secs - key as f64)).to_radians()
@@ -61,19 +61,19 @@ pub fn section() -> Result<Section, String> {
         Choice::new("fbx_tolerance", "How far may rotations of an FBX file be off between keys?");
     choice.error_unit = "°";
     choice.reference = format!(
-        "the product of three rotations in f64 at {TIMES} times of 3 s; Euler angles up to 210° a second"
+        "the product of three rotations in f64 at {TIME_COUNT} times of 3 s; Euler angles up to 210° a second"
     );
     for degrees in TOLERANCES {
         let options = [("tolerance", OptionValue::Number(degrees))];
-        let asset = import(&registry, "limb.fbx", limb_fbx().into_bytes(), &options)?;
+        let asset = import_file(&registry, "limb.fbx", limb_fbx().into_bytes(), &options)?;
         let clip = asset.clips.first().ok_or("the file has no clip")?;
         let joint = asset.skeleton.find("limb").ok_or("the file has no limb")?;
         let mut error = ErrorStats::default();
         let mut place = String::new();
-        for i in 0..TIMES {
-            let secs = 3.0 * (f64::from(i) + 0.37) / f64::from(TIMES);
+        for i in 0..TIME_COUNT {
+            let secs = 3.0 * (f64::from(i) + 0.37) / f64::from(TIME_COUNT);
             let found = pose(clip, &asset.skeleton, Time::from_secs(secs))[joint].rotation;
-            if error.add(angle_between(found, exact(secs)).to_degrees()) {
+            if error.add(angle_between(found, reference_rotation(secs)).to_degrees()) {
                 place = format!("{secs:.2} s");
             }
         }
@@ -88,7 +88,7 @@ pub fn section() -> Result<Section, String> {
         );
     }
     choice.choose(
-        &format!("{DEFAULT}°"),
+        &format!("{DEFAULT_TOLERANCE}°"),
         "half a millimetre at the end of an arm, and few added keys for ordinary angles",
     );
     Ok(Section {

@@ -1,6 +1,6 @@
 //! Thin-film interference: number of terms of Airy's series, spectral reference, and cost of films in an image.
 
-use crate::images::{renderers, stage, times};
+use crate::images::{measure_times, renderers, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Row, Table, difference, time};
@@ -26,8 +26,8 @@ pub fn section() -> Result<Section, String> {
                visible difference: the worst errors are at grazing angles. Three wavelengths for three \
                colors, with Fresnel's equations, are more exact."
             .into(),
-        choices: vec![orders()],
-        tables: vec![costs()?],
+        choices: vec![compare_term_counts()],
+        tables: vec![measure_costs()?],
         off_front: vec![(
             "film",
             "glTF's extension for films (KHR_materials_iridescence) specifies it, so a model looks as it \
@@ -41,7 +41,7 @@ pub fn section() -> Result<Section, String> {
 type Film = (f64, f64, f64, f64);
 
 /// Computes the reflectance of a film in linear sRGB.
-type Way = fn(Film) -> [f64; 3];
+type ReflectanceMethod = fn(Film) -> [f64; 3];
 
 fn films() -> Vec<Film> {
     let mut films = Vec::new();
@@ -57,7 +57,7 @@ fn films() -> Vec<Film> {
 
 /// CIE XYZ of a wavelength in nanometres (Wyman, Sloan & Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions",
 /// 2013).
-fn receptors(nm: f64) -> [f64; 3] {
+fn cie_xyz(nm: f64) -> [f64; 3] {
     let lobe = |height: f64, at: f64, below: f64, above: f64| {
         let t = (nm - at) * if nm < at { below } else { above };
         height * libm::exp(-0.5 * t * t)
@@ -72,7 +72,7 @@ fn receptors(nm: f64) -> [f64; 3] {
 }
 
 /// Converts XYZ to linear sRGB (IEC 61966-2-1).
-fn rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
+fn rgb_from_xyz([x, y, z]: [f64; 3]) -> [f64; 3] {
     [
         3.2404542 * x - 1.5371385 * y - 0.4985314 * z,
         -0.9692660 * x + 1.8760108 * y + 0.0415560 * z,
@@ -96,62 +96,62 @@ fn fresnel_and_phase((ior, nanometres, cosine, f0): Film) -> ([[f64; 2]; 2], f64
 }
 
 /// Airy's reflectance of a film, with all internal reflections.
-fn airy([a, b]: [f64; 2], cosine_of_phase: f64) -> f64 {
+fn airy_reflectance([a, b]: [f64; 2], cosine_of_phase: f64) -> f64 {
     let cross = 2.0 * a * b * cosine_of_phase;
     (a * a + b * b + cross) / (1.0 + a * a * b * b + cross)
 }
 
 /// Reflectance of a film, averaged over all phases.
-fn mean([a, b]: [f64; 2]) -> f64 {
+fn mean_reflectance([a, b]: [f64; 2]) -> f64 {
     let (a2, b2) = (a * a, b * b);
     (a2 + b2 - 2.0 * a2 * b2) / (1.0 - a2 * b2)
 }
 
-/// Mean reflectance plus the spectral deviation from it, weighted by `receptors`: every `step` nanometres from the wavelength `from` on.
-fn by_spectrum(film: Film, from: u32, step: usize, receptors: impl Fn(f64) -> [f64; 3]) -> [f64; 3] {
+/// Mean reflectance plus the spectral deviation from it, weighted by `color_matching`: every `step` nanometres from the wavelength `from` on.
+fn by_spectrum(film: Film, from: u32, step: usize, color_matching: impl Fn(f64) -> [f64; 3]) -> [f64; 3] {
     let (amplitudes, path) = fresnel_and_phase(film);
-    let middle = amplitudes.iter().map(|a| mean(*a)).sum::<f64>() * 0.5;
+    let middle = amplitudes.iter().map(|a| mean_reflectance(*a)).sum::<f64>() * 0.5;
     let (mut xyz, mut whole) = ([0.0; 3], 0.0);
     for nm in (from..=830).step_by(step).map(f64::from) {
         let phase = libm::cos(path / nm);
-        let off = amplitudes.iter().map(|a| airy(*a, phase)).sum::<f64>() * 0.5 - middle;
-        let weights = receptors(nm);
-        xyz.iter_mut().zip(weights).for_each(|(sum, w)| *sum += off * w);
+        let deviation = amplitudes.iter().map(|a| airy_reflectance(*a, phase)).sum::<f64>() * 0.5 - middle;
+        let weights = color_matching(nm);
+        xyz.iter_mut().zip(weights).for_each(|(sum, w)| *sum += deviation * w);
         whole += weights[1];
     }
-    rgb(xyz.map(|v| v / whole)).map(|v| (middle + v).max(0.0))
+    rgb_from_xyz(xyz.map(|v| v / whole)).map(|v| (middle + v).max(0.0))
 }
 
 /// Reflectance at three wavelengths only, one for each color.
-fn three(film: Film) -> [f64; 3] {
+fn reflectance_at_three_wavelengths(film: Film) -> [f64; 3] {
     let (amplitudes, path) = fresnel_and_phase(film);
     [611.0, 549.0, 465.0].map(|nm| {
         let phase = libm::cos(path / nm);
-        amplitudes.iter().map(|a| airy(*a, phase)).sum::<f64>() * 0.5
+        amplitudes.iter().map(|a| airy_reflectance(*a, phase)).sum::<f64>() * 0.5
     })
 }
 
-fn terms<const COUNT: u32>((ior, nanometres, cosine, f0): Film) -> [f64; 3] {
+fn reflectance_by_terms<const COUNT: u32>((ior, nanometres, cosine, f0): Film) -> [f64; 3] {
     reflectance::<COUNT>(ior as f32, nanometres as f32, cosine as f32, Vec3::splat(f0 as f32))
         .to_array()
         .map(f64::from)
 }
 
-fn without((_, _, cosine, f0): Film) -> [f64; 3] {
+fn reflectance_without_film((_, _, cosine, f0): Film) -> [f64; 3] {
     [f0 + (1.0 - f0) * libm::pow(1.0 - cosine, 5.0); 3]
 }
 
-fn orders() -> Choice {
+fn compare_term_counts() -> Choice {
     let films = films();
-    let truth: Vec<[f64; 3]> = films.iter().map(|f| by_spectrum(*f, 360, 1, receptors)).collect();
-    let ways: [(String, Way); 7] = [
-        ("no film".into(), without),
-        ("three wavelengths".into(), three),
-        ("1 term".into(), terms::<1>),
-        (format!("{AIRY_TERMS} terms"), terms::<AIRY_TERMS>),
-        ("3 terms".into(), terms::<3>),
-        ("6 terms".into(), terms::<6>),
-        ("24 wavelengths".into(), |film| by_spectrum(film, 370, 20, receptors)),
+    let truth: Vec<[f64; 3]> = films.iter().map(|f| by_spectrum(*f, 360, 1, cie_xyz)).collect();
+    let methods: [(String, ReflectanceMethod); 7] = [
+        ("no film".into(), reflectance_without_film),
+        ("three wavelengths".into(), reflectance_at_three_wavelengths),
+        ("1 term".into(), reflectance_by_terms::<1>),
+        (format!("{AIRY_TERMS} terms"), reflectance_by_terms::<AIRY_TERMS>),
+        ("3 terms".into(), reflectance_by_terms::<3>),
+        ("6 terms".into(), reflectance_by_terms::<6>),
+        ("24 wavelengths".into(), |film| by_spectrum(film, 370, 20, cie_xyz)),
     ];
     let mut choice = Choice::new("film", "What color does a thin film have?");
     choice.error_unit = "of the light";
@@ -162,11 +162,11 @@ fn orders() -> Choice {
         films.len()
     );
     let mut cases = Vec::new();
-    for (name, way) in &ways {
+    for (name, method) in &methods {
         let mut error = ErrorStats::default();
         let mut at = String::new();
         for (film, exact) in films.iter().zip(&truth) {
-            for (got, exact) in way(*film).iter().zip(exact) {
+            for (got, exact) in method(*film).iter().zip(exact) {
                 if error.add((got - exact).abs()) {
                     let (ior, nanometres, cosine, f0) = film;
                     at = format!("{nanometres} nm of {ior} on {f0}, cosine {cosine}");
@@ -177,7 +177,7 @@ fn orders() -> Choice {
         let films = &films;
         cases.push(Case::new(films.len(), move || {
             for film in films {
-                black_box(way(black_box(*film)));
+                black_box(method(black_box(*film)));
             }
         }));
     }
@@ -192,7 +192,7 @@ fn orders() -> Choice {
 }
 
 /// Cost of spheres that fill much of an image, with and without a film.
-fn costs() -> Result<Table, String> {
+fn measure_costs() -> Result<Table, String> {
     let registry: Registry = choreo::registry();
     let planned = |look: &str| {
         let text = format!(
@@ -224,8 +224,8 @@ fn costs() -> Result<Table, String> {
         let mut nanos = Vec::new();
         for (moment, plan) in &scenes {
             renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
-            crate::images::drawn(&mut *renderer, plan)?;
-            nanos.extend(times(&mut *renderer, &[plan], BUDGET_SECS));
+            crate::images::draw_frame(&mut *renderer, plan)?;
+            nanos.extend(measure_times(&mut *renderer, &[plan], BUDGET_SECS));
         }
         table.rows.push(vec![
             Cell::text(name),

@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use std::time::Instant;
 
-const RATE: f64 = 240.0;
+const SAMPLES_PER_SEC: f64 = 240.0;
 /// Height in metres above the ground below which a foot touches it, and speed in metres per second below which it has come down.
 const MAX_CONTACT_HEIGHT: f64 = 0.01;
 const MAX_CONTACT_SPEED: f64 = 0.3;
@@ -18,7 +18,7 @@ const MAX_CONTACT_SPEED: f64 = 0.3;
 const WALK_SECS: (f64, f64) = (0.5, 4.0);
 const STANDING_SECS: f64 = 2.5;
 /// Times of stops in seconds, at different phases of the step.
-const STOPS: [f64; 4] = [2.0, 2.17, 2.41, 2.63];
+const STOP_SECS: [f64; 4] = [2.0, 2.17, 2.41, 2.63];
 const METHODS: [(&str, &str); 3] = [
     ("as the clips have it", "anna.plant_feet(#{ weight: 0 });"),
     ("by default: steps in a stop", ""),
@@ -46,7 +46,7 @@ pub fn section() -> Result<Section, String> {
         ("feet_of_a_stop", "How far do feet slide where a walk fades into a stand?"),
     ];
     let looks =
-        [vec![(String::new(), WALK_SECS)], STOPS.map(|at| (stop(at), (at, at + STANDING_SECS))).into()];
+        [vec![(String::new(), WALK_SECS)], STOP_SECS.map(|at| (stop(at), (at, at + STANDING_SECS))).into()];
     let mut choices = Vec::new();
     for ((key, question), looks) in questions.into_iter().zip(looks) {
         let mut choice = Choice::new(key, question);
@@ -58,7 +58,7 @@ pub fn section() -> Result<Section, String> {
             let (mut worst, mut place) = (0.0, String::new());
             for (cues, span) in &looks {
                 let stage = script(planted, cues, 1)?;
-                let (metres, at) = slide(&stage, *span)?;
+                let (metres, at) = largest_slide(&stage, *span)?;
                 if metres >= worst {
                     (worst, place) = (metres, format!("{at:.2} s"));
                 }
@@ -117,12 +117,13 @@ fn cases(stages: &[Arc<Stage>], (from, to): (f64, f64)) -> Vec<Case<'static>> {
 
 /// Largest sliding distance of a foot in metres, and its time in seconds. A contact begins when the foot is low and slow, and ends when it
 /// rises above its lowest height since then.
-fn slide(stage: &Arc<Stage>, (from, to): (f64, f64)) -> Result<(f64, f64), String> {
+fn largest_slide(stage: &Arc<Stage>, (from, to): (f64, f64)) -> Result<(f64, f64), String> {
     let legs = find_legs(&stage.actors[0].asset.skeleton);
     let mut evaluator = Evaluator::new(stage.clone());
     let mut feet: Vec<Vec<DVec3>> = vec![Vec::new(); legs.len()];
-    for i in 0..=((to - from) * RATE) as i64 {
-        let snapshot = evaluator.at(Time::from_secs(from + i as f64 / RATE)).map_err(|e| e.to_string())?;
+    for i in 0..=((to - from) * SAMPLES_PER_SEC) as i64 {
+        let snapshot =
+            evaluator.at(Time::from_secs(from + i as f64 / SAMPLES_PER_SEC)).map_err(|e| e.to_string())?;
         let state = &snapshot.actors[0];
         for (leg, places) in legs.iter().zip(&mut feet) {
             let joint = &state.model_from_joint[leg.toe.unwrap_or(leg.foot) as usize];
@@ -137,12 +138,12 @@ fn slide(stage: &Arc<Stage>, (from, to): (f64, f64)) -> Result<(f64, f64), Strin
         let mut stands: Option<(DVec3, f64)> = None;
         for (i, pair) in places.windows(2).enumerate() {
             let now = pair[1];
-            let slow = (now - pair[0]).with_y(0.0).length() * RATE < MAX_CONTACT_SPEED;
+            let slow = (now - pair[0]).with_y(0.0).length() * SAMPLES_PER_SEC < MAX_CONTACT_SPEED;
             stands = match stands {
                 Some((first, lowest)) if now.y - lowest < MAX_CONTACT_HEIGHT => {
-                    let off = (now - first).with_y(0.0).length();
-                    if off > worst {
-                        (worst, at) = (off, from + (i + 1) as f64 / RATE);
+                    let difference = (now - first).with_y(0.0).length();
+                    if difference > worst {
+                        (worst, at) = (difference, from + (i + 1) as f64 / SAMPLES_PER_SEC);
                     }
                     Some((first, lowest.min(now.y)))
                 }

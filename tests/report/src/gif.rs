@@ -13,11 +13,11 @@ use choreo_render::{CpuRenderer, Renderer};
 const METHODS: [(u32, f64); 8] =
     [(16, 1.0), (32, 1.0), (64, 1.0), (128, 1.0), (255, 0.0), (255, 0.5), (255, 2.0), (255, 1.0)];
 /// Side in pixels of the blocks whose averages are compared: the eye averages the dots of dithering.
-const BLOCK: usize = 4;
+const BLOCK_SIDE: usize = 4;
 
 pub fn section() -> Result<Section, String> {
     let registry = choreo::registry();
-    let stage = scenes::script("01_first_dance.rhai", &registry)?;
+    let stage = scenes::stage_of_script("01_first_dance.rhai", &registry)?;
     let moment = Moment::new(&stage, Time::from_secs(5.0), registry.effects()).map_err(|e| e.to_string())?;
     let mut renderer = CpuRenderer::new(registry.effects());
     renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
@@ -29,13 +29,13 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = format!(
-        "the frame before it was encoded; means of {BLOCK} × {BLOCK} pixels, the file read by a decoder"
+        "the frame before it was encoded; means of {BLOCK_SIDE} × {BLOCK_SIDE} pixels, the file read by a decoder"
     );
     for (colors, dither) in METHODS {
-        let file = encoded(&frame, colors, dither)?;
-        let back = decoded(&file)?;
+        let file = encode_gif(&frame, colors, dither)?;
+        let back = decode_gif(&file)?;
         let (worst, mean) = worst_and_mean_error(&frame, &back);
-        let plain = off_by(&frame, &back, 1);
+        let plain = block_errors(&frame, &back, 1);
         let seen = flip(&back, &frame).map_err(|e| e.to_string())?;
         let note = format!("single pixels: mean {}; ꟻLIP mean {}", quantity(plain.1), quantity(seen.mean));
         choice
@@ -67,10 +67,10 @@ fn name(colors: u32, dither: f64) -> String {
 
 /// Worst and mean error of a channel's average over blocks.
 fn worst_and_mean_error(frame: &Frame, back: &Frame) -> (f64, f64) {
-    off_by(frame, back, BLOCK)
+    block_errors(frame, back, BLOCK_SIDE)
 }
 
-fn off_by(frame: &Frame, back: &Frame, block: usize) -> (f64, f64) {
+fn block_errors(frame: &Frame, back: &Frame, block: usize) -> (f64, f64) {
     let (width, height) = (frame.width as usize, frame.height as usize);
     let mean = |of: &Frame, x: usize, y: usize, channel: usize| {
         let pixels = (0..block * block).map(|i| (y + i / block) * width + x + i % block);
@@ -80,9 +80,9 @@ fn off_by(frame: &Frame, back: &Frame, block: usize) -> (f64, f64) {
     for y in (0..height / block * block).step_by(block) {
         for x in (0..width / block * block).step_by(block) {
             for channel in 0..3 {
-                let off = (mean(frame, x, y, channel) - mean(back, x, y, channel)).abs();
-                worst = worst.max(off);
-                sum += off;
+                let difference = (mean(frame, x, y, channel) - mean(back, x, y, channel)).abs();
+                worst = worst.max(difference);
+                sum += difference;
                 count += 1.0;
             }
         }
@@ -90,7 +90,7 @@ fn off_by(frame: &Frame, back: &Frame, block: usize) -> (f64, f64) {
     (worst, sum / count)
 }
 
-fn encoded(frame: &Frame, colors: u32, dither: f64) -> Result<Vec<u8>, String> {
+fn encode_gif(frame: &Frame, colors: u32, dither: f64) -> Result<Vec<u8>, String> {
     let mut info = VideoInfo {
         width: frame.width,
         height: frame.height,
@@ -109,7 +109,7 @@ fn encoded(frame: &Frame, colors: u32, dither: f64) -> Result<Vec<u8>, String> {
     Ok([head, bytes.bytes()].concat())
 }
 
-fn decoded(file: &[u8]) -> Result<Frame, String> {
+fn decode_gif(file: &[u8]) -> Result<Frame, String> {
     let mut options = gif::DecodeOptions::new();
     options.set_color_output(gif::ColorOutput::RGBA);
     let mut decoder = options.read_info(file).map_err(|e| e.to_string())?;

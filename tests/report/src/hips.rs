@@ -11,16 +11,16 @@ use std::hint::black_box;
 
 const CLIPS: [&str; 4] = ["Walk", "Run", "Jump", "Dance_Groove"];
 /// Times per second at which errors are measured, and at which the required height is sampled.
-const RATE: f64 = 240.0;
-const ASKED_RATE: f64 = 120.0;
+const ERROR_SAMPLES_PER_SEC: f64 = 240.0;
+const HEIGHT_SAMPLES_PER_SEC: f64 = 120.0;
 /// Number of error samples in 1/60 s.
-const FRAME: usize = 4;
+const SAMPLES_PER_FRAME: usize = 4;
 /// Height of an ankle above its rest height, as a fraction of the leg, up to which its sole is planted.
-const FLAT: f64 = 0.01;
+const PLANTED_HEIGHT: f64 = 0.01;
 /// Lengths of the other character's shins and feet, as factors of the source's.
-const SHIN: f32 = 0.9;
-const FOOT: f32 = 0.6;
-const SMOOTH: &str = "smoothing spline over the clip, 120 Hz (default)";
+const SHIN_SCALE: f32 = 0.9;
+const FOOT_SCALE: f32 = 0.6;
+const DEFAULT_METHOD: &str = "smoothing spline over the clip, 120 Hz (default)";
 
 /// The mannequin with other shins and feet; its hips are lowered accordingly.
 fn target_skeleton(source: &Skeleton) -> Result<Skeleton, String> {
@@ -28,8 +28,8 @@ fn target_skeleton(source: &Skeleton) -> Result<Skeleton, String> {
     let joint = |name: &str| human.joint(name).ok_or(format!("the mannequin has no {name}"));
     let mut locals: Vec<Transform> = source.rest().to_vec();
     for side in ["left", "right"] {
-        locals[joint(&format!("{side} foot"))? as usize].translation *= SHIN;
-        locals[joint(&format!("{side} toebase"))? as usize].translation *= FOOT;
+        locals[joint(&format!("{side} foot"))? as usize].translation *= SHIN_SCALE;
+        locals[joint(&format!("{side} toebase"))? as usize].translation *= FOOT_SCALE;
     }
     let made = |locals: Vec<Transform>| {
         Skeleton::new(source.names().to_vec(), source.parents().to_vec(), locals).map_err(|e| e.to_string())
@@ -91,7 +91,7 @@ impl FootHeights<'_> {
     }
 
     /// Lowest height of a foot joint above its rest height.
-    fn lowest(&mut self, clip: &Clip, time: Time) -> f64 {
+    fn lowest_foot_height(&mut self, clip: &Clip, time: Time) -> f64 {
         let skeleton = self.feet.skeleton;
         self.pose.copy_from(&self.rest);
         Sample { clip, time, pose: &mut self.pose }.run();
@@ -103,10 +103,10 @@ impl FootHeights<'_> {
 /// Height in metres by which the hips must be raised for the feet, sampled at 120 Hz, and averaged over `mean` samples on both sides.
 fn hip_raises([own, theirs]: [&Feet; 2], scale: f64, [clip, on]: [&Clip; 2], mean: usize) -> Vec<f64> {
     let (mut source, mut target) = (FootHeights::of(own), FootHeights::of(theirs));
-    let count = (clip.duration.as_secs() * ASKED_RATE).ceil() as usize;
+    let count = (clip.duration.as_secs() * HEIGHT_SAMPLES_PER_SEC).ceil() as usize;
     let mut at = |i: usize| {
-        let time = Time::from_secs(i as f64 / ASKED_RATE).min(clip.duration);
-        source.lowest(clip, time) * scale - target.lowest(on, time)
+        let time = Time::from_secs(i as f64 / HEIGHT_SAMPLES_PER_SEC).min(clip.duration);
+        source.lowest_foot_height(clip, time) * scale - target.lowest_foot_height(on, time)
     };
     let all: Vec<f64> = (0..=count).map(&mut at).collect();
     let mean_at = |i: usize| {
@@ -118,7 +118,7 @@ fn hip_raises([own, theirs]: [&Feet; 2], scale: f64, [clip, on]: [&Clip; 2], mea
 
 /// Linear interpolation of the raised heights at a time.
 fn height_at(raised: &[f64], secs: f64) -> f64 {
-    let place = secs * ASKED_RATE;
+    let place = secs * HEIGHT_SAMPLES_PER_SEC;
     let i = (place as usize).min(raised.len() - 1);
     let next = (i + 1).min(raised.len() - 1);
     raised[i] + (raised[next] - raised[i]) * (place - i as f64)
@@ -132,8 +132,8 @@ fn add_errors(
     raised: &[f64],
 ) {
     let (mut beyond, mut feet) = (Vec::new(), Vec::new());
-    for i in 0..=(clip.duration.as_secs() * RATE) as usize {
-        let secs = i as f64 / RATE;
+    for i in 0..=(clip.duration.as_secs() * ERROR_SAMPLES_PER_SEC) as usize {
+        let secs = i as f64 / ERROR_SAMPLES_PER_SEC;
         let time = Time::from_secs(secs);
         let model = |of: &Feet, clip: &Clip| -> Vec<DAffine3> {
             model_from_joint(of.skeleton, &pose(clip, of.skeleton, time))
@@ -145,14 +145,16 @@ fn add_errors(
         let wanted = Feet::lowest_above_rest(&own.all, |j| source[j].translation.y) * scale;
         feet.push((ankle, Feet::lowest_above_rest(&theirs.all, |j| target[j].translation.y) + more - wanted));
     }
-    for all in beyond.windows(2 * FRAME + 1) {
-        steps.add((all[0] - 2.0 * all[FRAME] + all[2 * FRAME]).abs() * 1e3);
+    for all in beyond.windows(2 * SAMPLES_PER_FRAME + 1) {
+        steps.add((all[0] - 2.0 * all[SAMPLES_PER_FRAME] + all[2 * SAMPLES_PER_FRAME]).abs() * 1e3);
     }
     let lowest = feet.iter().map(|foot| foot.0).fold(f64::MAX, f64::min).max(0.0);
-    feet.iter().filter(|foot| foot.0 - lowest < FLAT).for_each(|foot| _ = soles.add(foot.1.abs() * 1e3));
+    feet.iter()
+        .filter(|foot| foot.0 - lowest < PLANTED_HEIGHT)
+        .for_each(|foot| _ = soles.add(foot.1.abs() * 1e3));
 }
 
-pub fn choice() -> Result<Choice, String> {
+pub fn compare_hip_methods() -> Result<Choice, String> {
     let asset = scenes::mannequin()?;
     let source = &*asset.skeleton;
     let body = target_skeleton(source)?;
@@ -169,18 +171,18 @@ pub fn choice() -> Result<Choice, String> {
     choice.reference = format!(
         "in f64 at 240 Hz: where a sole of the source is on the ground the lowest foot is as high as it, \
          and the hips change speed like the source's (by the change of their step of 1/60 s); {} on a \
-         character with shins of {SHIN} and feet of {FOOT} times the length",
+         character with shins of {SHIN_SCALE} and feet of {FOOT_SCALE} times the length",
         CLIPS.join(", ")
     );
     choice.per = format!("clip, mean of {}", clips.len());
     // Method, whether the clip already includes the height, and number of required heights averaged on each side.
-    let ways = [
+    let methods = [
         ("as the source's, by the scale of the legs", false, None),
         ("as the lowest foot asks at each time, 120 Hz", false, Some(0)),
         ("the mean of that over 0.1 s", false, Some(6)),
-        (SMOOTH, true, None),
+        (DEFAULT_METHOD, true, None),
     ];
-    for (name, smooth, mean) in ways {
+    for (name, smooth, mean) in methods {
         let mut errors = [ErrorStats::default(); 2];
         for clip in &clips {
             let on = if smooth { kept.clip(clip).0 } else { free.clip(clip).0 };
@@ -197,7 +199,7 @@ pub fn choice() -> Result<Choice, String> {
         choice.rows.push(row.note(note));
     }
     let mut cases: Vec<Case> = Vec::new();
-    for (_, smooth, mean) in ways {
+    for (_, smooth, mean) in methods {
         let (clips, retarget) = (&clips, if smooth { &kept } else { &free });
         cases.push(Case::new(clips.len(), move || {
             for clip in clips {
@@ -210,7 +212,7 @@ pub fn choice() -> Result<Choice, String> {
     drop(cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
-        SMOOTH,
+        DEFAULT_METHOD,
         "the smallest error of both, computed once for each clip when the scene is \
                            loaded; other characters jolt by up to 62 mm without it (decision 91)",
     );

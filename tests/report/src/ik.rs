@@ -8,32 +8,36 @@ use choreo_motion::ik::{Chain, ChainBone, Limit, Solver};
 use choreo_stage::SolverSettings;
 use glam::{DQuat, DVec3};
 
-const BONES: usize = 6;
-const CASES: usize = 100;
+const BONE_COUNT: usize = 6;
+const CASE_COUNT: usize = 100;
 const ITERATIONS: [usize; 5] = [4, 8, 16, 24, 64];
 const SOLVERS: [(Solver, &str); 3] =
     [(Solver::Ccd, "CCD"), (Solver::Fabrik, "FABRIK"), (Solver::LeastSquares, "damped least squares")];
-const CONE: Limit = Limit::SwingTwist { axis: DVec3::Y, swing: 0.6, twist: (-0.3, 0.3) };
+const CONE_LIMIT: Limit = Limit::SwingTwist { axis: DVec3::Y, swing: 0.6, twist: (-0.3, 0.3) };
 
 /// Limit of a knee, which rotates about one axis.
-const HINGE: Limit = Limit::Hinge { axis: DVec3::X, angle: (-0.6, 0.6) };
+const HINGE_LIMIT: Limit = Limit::Hinge { axis: DVec3::X, angle: (-0.6, 0.6) };
 
 pub fn section() -> Result<Section, String> {
-    let mut free = by_iterations("ik", "How does a chain of joints reach its target?", Limit::Free);
+    let mut free = compare_iterations("ik", "How does a chain of joints reach its target?", Limit::Free);
     free.reference = format!(
-        "forward kinematics: distance of the end from a target in reach; chains of {BONES} bones, about 1.2 \
+        "forward kinematics: distance of the end from a target in reach; chains of {BONE_COUNT} bones, about 1.2 \
          m long"
     );
-    free.choose(&chosen(), "converges quadratically near the target, and shares the bend among all joints");
-    let mut limited = by_iterations(
+    free.choose(
+        &default_method_name(),
+        "converges quadratically near the target, and shares the bend among all joints",
+    );
+    let mut limited = compare_iterations(
         "ik_limits",
         "How does a chain of joints with cone limits of 34° reach its target?",
-        CONE,
+        CONE_LIMIT,
     );
     limited.reference =
         "forward kinematics: distance of the end from its place in another pose within the limits"
             .to_string();
-    limited.choose(&chosen(), "the way without limits, then joint by joint where limits stop it");
+    limited
+        .choose(&default_method_name(), "the way without limits, then joint by joint where limits stop it");
     Ok(Section {
         title: "Chains that reach",
         text: "Arms and legs of two bones have a closed form. Longer chains are solved step by step, until the end is within a hundredth of a \
@@ -44,7 +48,7 @@ pub fn section() -> Result<Section, String> {
                joint ever exceeds its limit."
             .into(),
         choices: vec![free, limited],
-        tables: vec![limits(), difficult_targets()],
+        tables: vec![limits_table(), difficult_targets_table()],
         off_front: Vec::new(),
     })
 }
@@ -60,21 +64,22 @@ fn default_settings() -> SolverSettings {
     SolverSettings::default()
 }
 
-fn chosen() -> String {
+fn default_method_name() -> String {
     let chosen = |(solver, n, _): &(Solver, usize, String)| {
         (*solver, *n) == (default_settings().chain_solver, default_settings().chain_iterations)
     };
     solvers_and_iterations().into_iter().find(chosen).map(|(.., name)| name).unwrap_or_default()
 }
 
-fn by_iterations(name: &'static str, question: &'static str, limit: Limit) -> Choice {
-    let ways = solvers_and_iterations();
-    let problems: Vec<(Chain, DVec3)> = (0..CASES as u64).map(|seed| reachable(seed, BONES, limit)).collect();
+fn compare_iterations(name: &'static str, question: &'static str, limit: Limit) -> Choice {
+    let methods = solvers_and_iterations();
+    let problems: Vec<(Chain, DVec3)> =
+        (0..CASE_COUNT as u64).map(|seed| random_chain_and_target(seed, BONE_COUNT, limit)).collect();
     let problems = &problems;
-    let mut cases: Vec<Case> = ways
+    let mut cases: Vec<Case> = methods
         .iter()
         .map(|(solver, iterations, _)| {
-            Case::new(CASES, move || {
+            Case::new(CASE_COUNT, move || {
                 for (chain, target) in problems {
                     let mut chain = chain.clone();
                     std::hint::black_box(chain.solve(
@@ -91,11 +96,11 @@ fn by_iterations(name: &'static str, question: &'static str, limit: Limit) -> Ch
     let mut choice = Choice::new(name, question);
     choice.error_unit = "mm";
     choice.by_mean = true;
-    choice.per = format!("solution of {BONES} bones");
-    for ((solver, iterations, name), nanos) in ways.iter().zip(nanos) {
+    choice.per = format!("solution of {BONE_COUNT} bones");
+    for ((solver, iterations, name), nanos) in methods.iter().zip(nanos) {
         let mut errors = ErrorStats::default();
         for (chain, target) in problems {
-            errors.add(distance(chain, *target, *solver, *iterations).0);
+            errors.add(solve_error(chain, *target, *solver, *iterations).0);
         }
         choice.rows.push(Row::new(name.clone()).error(errors.worst, errors.mean()).nanos(nanos));
     }
@@ -103,7 +108,7 @@ fn by_iterations(name: &'static str, question: &'static str, limit: Limit) -> Ch
 }
 
 /// Distance from the target, and angle beyond the joint limits, by number of iterations.
-fn limits() -> Table {
+fn limits_table() -> Table {
     let columns: [(&str, &'static str); 7] = [
         ("limited joints, after iterations", "way"),
         (">cones of 34°: worst, mm", "in reach within the limits"),
@@ -117,11 +122,11 @@ fn limits() -> Table {
         Table::new("Iterations against the distance from the goal and from joint limits", &columns);
     for (solver, iterations, name) in solvers_and_iterations() {
         let mut cells = vec![Cell::text(name)];
-        for limit in [CONE, HINGE] {
+        for limit in [CONE_LIMIT, HINGE_LIMIT] {
             let (mut off, mut worst_beyond) = (ErrorStats::default(), 0.0f64);
-            for seed in 0..CASES as u64 {
-                let (chain, target) = reachable(seed, BONES, limit);
-                let (distance, beyond) = distance(&chain, target, solver, iterations);
+            for seed in 0..CASE_COUNT as u64 {
+                let (chain, target) = random_chain_and_target(seed, BONE_COUNT, limit);
+                let (distance, beyond) = solve_error(&chain, target, solver, iterations);
                 off.add(distance);
                 worst_beyond = worst_beyond.max(beyond);
             }
@@ -134,7 +139,7 @@ fn limits() -> Table {
 }
 
 /// Distance to the target in millimetres, and degrees beyond a limit.
-fn distance(chain: &Chain, target: DVec3, solver: Solver, iterations: usize) -> (f64, f64) {
+fn solve_error(chain: &Chain, target: DVec3, solver: Solver, iterations: usize) -> (f64, f64) {
     let mut chain = chain.clone();
     chain.solve(target, solver, iterations, default_settings().chain_tolerance);
     let beyond =
@@ -143,7 +148,7 @@ fn distance(chain: &Chain, target: DVec3, solver: Solver, iterations: usize) -> 
 }
 
 /// A chain, and the position of its end in another random pose within its limits.
-fn reachable(seed: u64, bones: usize, limit: Limit) -> (Chain, DVec3) {
+fn random_chain_and_target(seed: u64, bones: usize, limit: Limit) -> (Chain, DVec3) {
     let mut random = Random(seed * 31 + 7);
     let mut chain = Chain { origin: DVec3::ZERO, parent: DQuat::IDENTITY, bones: Vec::new() };
     for _ in 0..bones {
@@ -159,7 +164,7 @@ fn reachable(seed: u64, bones: usize, limit: Limit) -> (Chain, DVec3) {
     (chain, other.end())
 }
 
-fn straight(bones: usize) -> Chain {
+fn straight_chain(bones: usize) -> Chain {
     let bone = ChainBone {
         rotation: DQuat::IDENTITY,
         rest: DQuat::IDENTITY,
@@ -169,7 +174,7 @@ fn straight(bones: usize) -> Chain {
     Chain { origin: DVec3::ZERO, parent: DQuat::IDENTITY, bones: vec![bone; bones] }
 }
 
-fn difficult_targets() -> Table {
+fn difficult_targets_table() -> Table {
     let columns: [(&str, &'static str); 7] = [
         ("worst distance in mm after 24 iterations", "way"),
         (">3 bones", "in reach"),
@@ -183,8 +188,8 @@ fn difficult_targets() -> Table {
     for (solver, name) in SOLVERS {
         let worst = |bones: usize, limit: Limit| {
             let off = |seed| {
-                let (chain, target) = reachable(seed, bones, limit);
-                let (off, beyond) = distance(&chain, target, solver, default_settings().chain_iterations);
+                let (chain, target) = random_chain_and_target(seed, bones, limit);
+                let (off, beyond) = solve_error(&chain, target, solver, default_settings().chain_iterations);
                 assert!(beyond < 1e-3, "a limit is broken by {beyond}°");
                 off
             };
@@ -192,18 +197,24 @@ fn difficult_targets() -> Table {
         };
         let far = (0..30)
             .map(|seed| {
-                let (chain, _) = reachable(seed, BONES, Limit::Free);
+                let (chain, _) = random_chain_and_target(seed, BONE_COUNT, Limit::Free);
                 let target = Random(seed).direction() * 3.0 * chain.reach();
-                distance(&chain, target, solver, default_settings().chain_iterations).0
+                solve_error(&chain, target, solver, default_settings().chain_iterations).0
                     - 2.0e3 * chain.reach()
             })
             .fold(0.0, f64::max);
-        let line = distance(&straight(BONES), DVec3::Y * 0.6, solver, default_settings().chain_iterations).0;
+        let line = solve_error(
+            &straight_chain(BONE_COUNT),
+            DVec3::Y * 0.6,
+            solver,
+            default_settings().chain_iterations,
+        )
+        .0;
         let numbers = [
             worst(3, Limit::Free),
             worst(20, Limit::Free),
             worst(100, Limit::Free),
-            worst(BONES, CONE),
+            worst(BONE_COUNT, CONE_LIMIT),
             far,
             line,
         ];

@@ -22,7 +22,7 @@ pub fn stage(text: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     Ok(Arc::new(script.stage))
 }
 
-pub fn drawn(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> {
+pub fn draw_frame(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> {
     renderer.submit(plan.clone()).map_err(|e| e.to_string())?;
     renderer.collect(None).map_err(|e| e.to_string())
 }
@@ -39,7 +39,7 @@ pub fn renderers(registry: &Registry) -> Vec<(&'static str, Box<dyn Renderer>)> 
 }
 
 /// Error of an image against the reference: channel differences and ꟻLIP.
-pub fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
+pub fn error_row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
     let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
     let seen = flip(frame, truth).map_err(|e| e.to_string())?;
     let note = format!(
@@ -55,34 +55,34 @@ pub fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
 }
 
 /// Rows with the error and the cost of each image of one scene; for timing, all images are drawn in turns. The scene must be loaded.
-pub fn rows(
+pub fn error_and_cost_rows(
     renderer: &mut dyn Renderer,
-    ways: &[(String, Plan)],
+    methods: &[(String, Plan)],
     truth: &Frame,
     secs: f64,
 ) -> Result<Vec<Row>, String> {
     let mut rows = Vec::new();
-    for (name, plan) in ways {
-        rows.push(row(name.clone(), &drawn(renderer, plan)?, truth)?);
+    for (name, plan) in methods {
+        rows.push(error_row(name.clone(), &draw_frame(renderer, plan)?, truth)?);
     }
-    let plans: Vec<&Plan> = ways.iter().map(|(_, plan)| plan).collect();
-    for (row, nanos) in rows.iter_mut().zip(times(renderer, &plans, secs)) {
+    let plans: Vec<&Plan> = methods.iter().map(|(_, plan)| plan).collect();
+    for (row, nanos) in rows.iter_mut().zip(measure_times(renderer, &plans, secs)) {
         row.nanos = Some(nanos);
     }
     Ok(rows)
 }
 
 /// Process time in nanoseconds for each plan, drawn in turns for `secs` seconds. All plans must be drawable.
-pub fn times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<Nanos> {
+pub fn measure_times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<Nanos> {
     let cell = RefCell::new(renderer);
     let case = |plan: &&Plan| {
         let (cell, plan) = (&cell, (*plan).clone());
-        Case::new(1, move || drop(drawn(&mut **cell.borrow_mut(), &plan)))
+        Case::new(1, move || drop(draw_frame(&mut **cell.borrow_mut(), &plan)))
     };
     interleaved(Clock::Process, secs, &mut plans.iter().map(case).collect::<Vec<_>>())
 }
 
 /// Encodes linear light from 0 to 1 as sRGB (IEC 61966-2-1).
-pub fn srgb(linear: f64) -> f64 {
+pub fn srgb_from_linear(linear: f64) -> f64 {
     choreo_asset::srgb_from_linear(linear)
 }

@@ -8,18 +8,18 @@ use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::{Ease, Interpolation, Time};
 use choreo_stage::{Channel, Property};
 
-/// Numbers of parts of a span; the script API uses `OURS`.
-const PARTS: [u32; 5] = [4, 8, 16, 32, 64];
-const OURS: u32 = 32;
-const EXACT: &str = "the Bézier curve itself, bisection";
+/// Numbers of parts of a span; the script API uses `API_PARTS`.
+const PART_COUNTS: [u32; 5] = [4, 8, 16, 32, 64];
+const API_PARTS: u32 = 32;
+const BEZIER_METHOD: &str = "the Bézier curve itself, bisection";
 /// Lengths of both handles, as fractions of the span.
-const WEIGHTS: [[f64; 2]; 5] = [[0.3, 0.4], [0.8, 0.8], [0.0, 0.6], [1.0, 0.0], [1.0, 1.0]];
+const HANDLE_LENGTHS: [[f64; 2]; 5] = [[0.3, 0.4], [0.8, 0.8], [0.0, 0.6], [1.0, 0.0], [1.0, 1.0]];
 /// Slopes per second at both ends of a span of one second, over which the value changes by 1.
 const TANGENTS: [f64; 2] = [2.0, -1.0];
-const STEPS: u32 = 4000;
+const STEP_COUNT: u32 = 4000;
 
 /// Bézier control points of time and value.
-fn points([start, end]: [f64; 2]) -> [[f64; 4]; 2] {
+fn control_points([start, end]: [f64; 2]) -> [[f64; 4]; 2] {
     [[0.0, start, 1.0 - end, 1.0], [0.0, start * TANGENTS[0], 1.0 - end * TANGENTS[1], 1.0]]
 }
 
@@ -33,8 +33,8 @@ fn casteljau(points: [f64; 4], u: f64) -> f64 {
 }
 
 /// Converts a Bézier span into a channel with Hermite parts at equal steps of the parameter.
-fn in_parts(weights: [f64; 2], parts: u32) -> Channel {
-    let [time, value] = points(weights);
+fn channel_in_parts(weights: [f64; 2], parts: u32) -> Channel {
+    let [time, value] = control_points(weights);
     let change = |p: [f64; 4], u: f64| {
         let [a, b, c] = [p[1] - p[0], p[2] - p[1], p[3] - p[2]];
         (1.0 - u) * (1.0 - u) * a + 2.0 * (1.0 - u) * u * b + u * u * c
@@ -64,7 +64,7 @@ fn in_parts(weights: [f64; 2], parts: u32) -> Channel {
 }
 
 /// Channel that the script API creates from such keyframes.
-fn from_script([start, end]: [f64; 2]) -> Result<Channel, String> {
+fn channel_from_script([start, end]: [f64; 2]) -> Result<Channel, String> {
     let [out, into] = TANGENTS;
     let text = format!(
         "stage(#{{ length: 2.0 }});
@@ -83,10 +83,10 @@ fn from_script([start, end]: [f64; 2]) -> Result<Channel, String> {
 
 /// Largest and mean error over the span, and the place of the largest.
 fn errors(channel: &Channel, weights: [f64; 2]) -> Result<(ErrorStats, f64), String> {
-    let [time, value] = points(weights);
+    let [time, value] = control_points(weights);
     let (mut error, mut place) = (ErrorStats::default(), 0.0);
-    for i in 0..=STEPS {
-        let u = f64::from(i) / f64::from(STEPS);
+    for i in 0..=STEP_COUNT {
+        let u = f64::from(i) / f64::from(STEP_COUNT);
         let at = Time::from_secs(casteljau(time, u));
         let found = channel.at(at).ok_or("a channel without values")?[0];
         if error.add((found - casteljau(value, u)).abs()) {
@@ -96,34 +96,37 @@ fn errors(channel: &Channel, weights: [f64; 2]) -> Result<(ErrorStats, f64), Str
     Ok((error, place))
 }
 
-pub fn measured() -> Result<(Choice, Table), String> {
+pub fn measure_part_counts() -> Result<(Choice, Table), String> {
     let mut choice = Choice::new("key_weights", "In how many parts is a span with weighted tangents stored?");
     choice.error_unit = "of the change";
     choice.reference = format!(
-        "points of the Bézier curve by de Casteljau's construction, f64, at {STEPS} parameters; weights of \
+        "points of the Bézier curve by de Casteljau's construction, f64, at {STEP_COUNT} parameters; weights of \
          the table below except the last, whose curve is vertical in the middle"
     );
     choice.per = "sample".into();
-    let titles = WEIGHTS.map(|[a, b]| format!(">{a} and {b}"));
+    let titles = HANDLE_LENGTHS.map(|[a, b]| format!(">{a} and {b}"));
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error, weights", "way")];
     columns.extend(titles.iter().map(|title| (title.as_str(), "of the change")));
     let mut table = Table::new("By the weights", &columns);
     let mut timed = Vec::new();
-    for parts in PARTS {
-        let channels: Vec<Channel> = match parts == OURS {
-            true => WEIGHTS.iter().map(|weights| from_script(*weights)).collect::<Result<_, _>>()?,
-            false => WEIGHTS.iter().map(|weights| in_parts(*weights, parts)).collect(),
+    for parts in PART_COUNTS {
+        let channels: Vec<Channel> = match parts == API_PARTS {
+            true => HANDLE_LENGTHS
+                .iter()
+                .map(|weights| channel_from_script(*weights))
+                .collect::<Result<_, _>>()?,
+            false => HANDLE_LENGTHS.iter().map(|weights| channel_in_parts(*weights, parts)).collect(),
         };
-        let name = name(parts);
+        let name = parts_name(parts);
         let (mut all, mut worst, mut place) = (0.0, 0.0f64, String::new());
         let mut cells = vec![Cell::text(name.clone())];
-        for (i, (channel, weights)) in channels.iter().zip(WEIGHTS).enumerate() {
+        for (i, (channel, weights)) in channels.iter().zip(HANDLE_LENGTHS).enumerate() {
             let (error, at) = errors(channel, weights)?;
             cells.push(Cell::number(quantity(error.worst), error.worst));
-            if i + 1 == WEIGHTS.len() {
+            if i + 1 == HANDLE_LENGTHS.len() {
                 continue;
             }
-            all += error.mean() / (WEIGHTS.len() - 1) as f64;
+            all += error.mean() / (HANDLE_LENGTHS.len() - 1) as f64;
             if error.worst > worst {
                 (worst, place) =
                     (error.worst, format!("weights {} and {}, {at:.3} s", weights[0], weights[1]));
@@ -132,7 +135,7 @@ pub fn measured() -> Result<(Choice, Table), String> {
         table.rows.push(cells);
         let bytes = channels[0].times.len() * (8 + 3 * 8);
         choice.rows.push(Row::new(name).error(worst, all).at(place).bytes(bytes as f64));
-        timed.push(in_parts(WEIGHTS[0], parts));
+        timed.push(channel_in_parts(HANDLE_LENGTHS[0], parts));
     }
     let times: Vec<Time> = (1..100).map(|i| Time::from_secs(f64::from(i) / 100.0)).collect();
     let times = &times;
@@ -146,7 +149,7 @@ pub fn measured() -> Result<(Choice, Table), String> {
             })
         })
         .collect();
-    let [along, value] = points(WEIGHTS[0]);
+    let [along, value] = control_points(HANDLE_LENGTHS[0]);
     let ease = Ease::Bezier([along[1], 1.0 / 3.0, along[2], 2.0 / 3.0]);
     cases.push(Case::new(times.len(), move || {
         for time in times {
@@ -154,18 +157,18 @@ pub fn measured() -> Result<(Choice, Table), String> {
             std::hint::black_box(casteljau(value, u));
         }
     }));
-    choice.rows.push(Row::new(EXACT).error(0.0, 0.0).bytes(64.0));
+    choice.rows.push(Row::new(BEZIER_METHOD).error(0.0, 0.0).bytes(64.0));
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
     drop(cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
-        &name(OURS),
+        &parts_name(API_PARTS),
         "at weights up to 0.8 an error of 0.01 mm in a metre, as fast as any other keys; only weighted \
          spans need it",
     );
     Ok((choice, table))
 }
 
-fn name(parts: u32) -> String {
-    format!("{parts} Hermite parts{}", if parts == OURS { " (script API)" } else { "" })
+fn parts_name(parts: u32) -> String {
+    format!("{parts} Hermite parts{}", if parts == API_PARTS { " (script API)" } else { "" })
 }

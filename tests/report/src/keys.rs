@@ -8,20 +8,22 @@ use choreo_motion::Time;
 use choreo_stage::Tangents;
 use std::f64::consts::TAU;
 
-const OURS: &str = "\"cubic\": limited by the changes beside the key, positions as vectors";
+const CHOSEN_METHOD: &str = "\"cubic\": limited by the changes beside the key, positions as vectors";
 const CATMULL_ROM: &str = "\"catmull_rom\": the parabola through the neighbors";
-const METHODS: [(&str, Way); 4] = [
-    (OURS, |times, values| one(Tangents::Limited.of(times, values, true))),
-    (CATMULL_ROM, |times, values| one(Tangents::CatmullRom.of(times, values, true))),
-    ("Fritsch–Carlson, each component", |times, values| one(fritsch_carlson(times, values))),
-    ("centripetal Catmull–Rom", centripetal),
+const METHODS: [(&str, TangentMethod); 4] = [
+    (CHOSEN_METHOD, |times, values| same_tangent_on_both_sides(Tangents::Limited.of(times, values, true))),
+    (CATMULL_ROM, |times, values| same_tangent_on_both_sides(Tangents::CatmullRom.of(times, values, true))),
+    ("Fritsch–Carlson, each component", |times, values| {
+        same_tangent_on_both_sides(fritsch_carlson_tangents(times, values))
+    }),
+    ("centripetal Catmull–Rom", centripetal_tangents),
 ];
 /// Number of steps in which a curve between two keyframes is sampled.
-const STEPS: u32 = 64;
+const STEPS_PER_SPAN: u32 = 64;
 
 type Values = Vec<Vec<f64>>;
 /// Computes tangents per second, incoming and outgoing, for each keyframe.
-type Way = fn(&[Time], &[Vec<f64>]) -> [Values; 2];
+type TangentMethod = fn(&[Time], &[Vec<f64>]) -> [Values; 2];
 
 /// Reference motion in metres, and the times of its keyframes in seconds.
 struct Reference {
@@ -37,16 +39,16 @@ pub fn section() -> Result<Section, String> {
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in mm", "way")];
     columns.extend(references.iter().map(|r| (r.name, "mm")));
     let mut by_motion = Table::new("By the motion", &columns);
-    for (way, (name, tangents)) in METHODS.iter().enumerate() {
+    for (method, (name, tangents)) in METHODS.iter().enumerate() {
         let mut cells = vec![Cell::text(*name)];
         for reference in &references {
             let mut own = ErrorStats::default();
-            for (secs, value) in curve(*tangents, reference) {
+            for (secs, value) in sample_curve(*tangents, reference) {
                 let exact = (reference.at)(secs);
-                let off: f64 = value.iter().zip(exact).map(|(a, b)| (a - b) * (a - b)).sum();
-                own.add(off.sqrt() * 1e3);
-                if all[way].add(off.sqrt() * 1e3) {
-                    places[way] = format!("{}, {secs:.2} s", reference.name.trim_start_matches('>'));
+                let difference: f64 = value.iter().zip(exact).map(|(a, b)| (a - b) * (a - b)).sum();
+                own.add(difference.sqrt() * 1e3);
+                if all[method].add(difference.sqrt() * 1e3) {
+                    places[method] = format!("{}, {secs:.2} s", reference.name.trim_start_matches('>'));
                 }
             }
             cells.push(Cell::number(quantity(own.worst), own.worst));
@@ -59,12 +61,17 @@ pub fn section() -> Result<Section, String> {
         "a circle of 1 m radius in 4 s, a camera on a dolly with a crane, a swing that decays; closed forms"
             .into();
     choice.per = "key".into();
-    for (way, nanos) in times().into_iter().enumerate() {
-        let (worst, mean) = (all[way].worst, all[way].mean());
-        choice.rows.push(Row::new(METHODS[way].0).error(worst, mean).at(places[way].clone()).nanos(nanos));
+    for (method, nanos) in measure_times().into_iter().enumerate() {
+        let (worst, mean) = (all[method].worst, all[method].mean());
+        choice
+            .rows
+            .push(Row::new(METHODS[method].0).error(worst, mean).at(places[method].clone()).nanos(nanos));
     }
-    choice.choose(OURS, "follows smooth motions like the plain spline, and short gaps cause no overshoot");
-    let (weights, by_weights) = key_weights::measured()?;
+    choice.choose(
+        CHOSEN_METHOD,
+        "follows smooth motions like the plain spline, and short gaps cause no overshoot",
+    );
+    let (weights, by_weights) = key_weights::measure_part_counts()?;
     let reason = "it costs nanoseconds once for each key of a script, and is the only one without faults in either table";
     let longer = "more parts are sampled as fast, but take more memory, only to reduce an invisible error";
     Ok(Section {
@@ -78,7 +85,7 @@ pub fn section() -> Result<Section, String> {
                short Hermite spans."
             .into(),
         choices: vec![choice, weights],
-        tables: vec![by_motion, faults(), by_weights],
+        tables: vec![by_motion, faults_table(), by_weights],
         off_front: vec![("keys", reason), ("key_weights", longer)],
     })
 }
@@ -116,21 +123,23 @@ fn references() -> Vec<Reference> {
 }
 
 /// Times and values of a curve through the keyframes of a motion. Two spans at each end are left out, because curves come to rest there.
-fn curve(way: Way, reference: &Reference) -> Vec<(f64, Vec<f64>)> {
+fn sample_curve(method: TangentMethod, reference: &Reference) -> Vec<(f64, Vec<f64>)> {
     let times: Vec<Time> = reference.times.iter().map(|t| Time::from_secs(*t)).collect();
     let values: Values = reference.times.iter().map(|t| (reference.at)(*t)).collect();
-    let tangents = way(&times, &values);
+    let tangents = method(&times, &values);
     let spans = 3..times.len() - 2;
-    let steps = spans.flat_map(|key| (0..STEPS).map(move |step| (key, f64::from(step) / f64::from(STEPS))));
+    let steps = spans.flat_map(|key| {
+        (0..STEPS_PER_SPAN).map(move |step| (key, f64::from(step) / f64::from(STEPS_PER_SPAN)))
+    });
     let at = |(key, s): (usize, f64)| {
         let secs = reference.times[key - 1] + s * (reference.times[key] - reference.times[key - 1]);
-        (secs, between(&times, &values, &tangents, key, s))
+        (secs, hermite(&times, &values, &tangents, key, s))
     };
     steps.map(at).collect()
 }
 
 /// Cubic Hermite interpolation at the fraction `s` of the span that ends at `key`.
-fn between(times: &[Time], values: &[Vec<f64>], [into, out]: &[Values; 2], key: usize, s: f64) -> Vec<f64> {
+fn hermite(times: &[Time], values: &[Vec<f64>], [into, out]: &[Values; 2], key: usize, s: f64) -> Vec<f64> {
     let span = (times[key] - times[key - 1]).as_secs();
     let (s2, s3) = (s * s, s * s * s);
     let component = |n: usize| {
@@ -143,19 +152,20 @@ fn between(times: &[Time], values: &[Vec<f64>], [into, out]: &[Values; 2], key: 
 }
 
 /// Effects of a short gap between keyframes: overshoot beyond their range, and change of speed at a keyframe.
-fn faults() -> Table {
+fn faults_table() -> Table {
     const GAPS: [(f64, &str); 3] = [(0.1, ">gap of 0.1 s"), (1e-3, ">gap of 1 ms"), (1e-6, ">gap of 1 µs")];
     let mut columns: Vec<(&str, &'static str)> = vec![("overshoot of 0, 1, 2, 3 m", "way")];
     columns.extend(GAPS.iter().map(|(_, title)| (*title, "m")));
     columns.extend([(">corner in 1 ms", "m"), (">jump of speed, uneven circle", "m/s")]);
     let mut table = Table::new("Effect of short and uneven gaps", &columns);
-    for (name, way) in METHODS {
-        let mut numbers: Vec<f64> = GAPS.iter().map(|(gap, _)| overshoot(way, *gap, line)).collect();
-        numbers.push(overshoot(way, 1e-3, |i| vec![[0.0, 1.0, 1.0, 2.0][i], [0.0, 0.0, 1.0, 1.0][i]]));
+    for (name, method) in METHODS {
+        let mut numbers: Vec<f64> =
+            GAPS.iter().map(|(gap, _)| overshoot(method, *gap, value_on_line)).collect();
+        numbers.push(overshoot(method, 1e-3, |i| vec![[0.0, 1.0, 1.0, 2.0][i], [0.0, 0.0, 1.0, 1.0][i]]));
         let uneven = &references()[1];
         let times: Vec<Time> = uneven.times.iter().map(|t| Time::from_secs(*t)).collect();
         let values: Values = uneven.times.iter().map(|t| (uneven.at)(*t)).collect();
-        let [into, out] = way(&times, &values);
+        let [into, out] = method(&times, &values);
         let jumps = into.iter().zip(&out).map(|(i, o)| (i[0] - o[0]).hypot(i[1] - o[1]));
         numbers.push(jumps.fold(0.0, f64::max));
         let cells = numbers.into_iter().map(|n| Cell::number(quantity(n), n));
@@ -164,20 +174,20 @@ fn faults() -> Table {
     table
 }
 
-fn line(key: usize) -> Vec<f64> {
+fn value_on_line(key: usize) -> Vec<f64> {
     vec![key as f64]
 }
 
 /// Largest overshoot of a component beyond the range of its two keyframes; keyframes are one second apart, except for the gap in the
 /// middle.
-fn overshoot(way: Way, gap: f64, value: fn(usize) -> Vec<f64>) -> f64 {
+fn overshoot(method: TangentMethod, gap: f64, value: fn(usize) -> Vec<f64>) -> f64 {
     let times = [0.0, 1.0, 1.0 + gap, 2.0 + gap].map(Time::from_secs);
     let values: Values = (0..4).map(value).collect();
-    let tangents = way(&times, &values);
+    let tangents = method(&times, &values);
     let mut worst: f64 = 0.0;
     for key in 1..4 {
-        for step in 0..=STEPS {
-            let at = between(&times, &values, &tangents, key, f64::from(step) / f64::from(STEPS));
+        for step in 0..=STEPS_PER_SPAN {
+            let at = hermite(&times, &values, &tangents, key, f64::from(step) / f64::from(STEPS_PER_SPAN));
             for (n, value) in at.into_iter().enumerate() {
                 let (a, b) = (values[key - 1][n], values[key][n]);
                 worst = worst.max(a.min(b) - value).max(value - a.max(b));
@@ -187,12 +197,12 @@ fn overshoot(way: Way, gap: f64, value: fn(usize) -> Vec<f64>) -> f64 {
     worst
 }
 
-fn one(tangents: Values) -> [Values; 2] {
+fn same_tangent_on_both_sides(tangents: Values) -> [Values; 2] {
     [tangents.clone(), tangents]
 }
 
 /// Fritsch and Carlson 1980, "Monotone piecewise cubic interpolation", §3 and §4, starting from the tangents of the parabola.
-fn fritsch_carlson(times: &[Time], values: &[Vec<f64>]) -> Values {
+fn fritsch_carlson_tangents(times: &[Time], values: &[Vec<f64>]) -> Values {
     let mut tangents = Tangents::CatmullRom.of(times, values, false);
     let width = values.first().map_or(0, Vec::len);
     for n in 0..width {
@@ -216,13 +226,13 @@ fn fritsch_carlson(times: &[Time], values: &[Vec<f64>]) -> Values {
 
 /// Centripetal parametrization: knot distances are the square roots of the distances of keyframes (Yuksel, Schaefer and Keyser 2011),
 /// mapped to the given times.
-fn centripetal(times: &[Time], values: &[Vec<f64>]) -> [Values; 2] {
+fn centripetal_tangents(times: &[Time], values: &[Vec<f64>]) -> [Values; 2] {
     let knots = |key: usize| {
         let squares = values[key].iter().zip(&values[key + 1]).map(|(a, b)| (b - a) * (b - a));
         squares.sum::<f64>().sqrt().sqrt().max(1e-9)
     };
     let span = |key: usize| (times[key + 1] - times[key]).as_secs();
-    let mut both = one(values.iter().map(|v| vec![0.0; v.len()]).collect());
+    let mut both = same_tangent_on_both_sides(values.iter().map(|v| vec![0.0; v.len()]).collect());
     for key in 1..times.len() - 1 {
         let (left, right) = (knots(key - 1), knots(key));
         for n in 0..values[key].len() {
@@ -237,15 +247,15 @@ fn centripetal(times: &[Time], values: &[Vec<f64>]) -> [Values; 2] {
 }
 
 /// Nanoseconds per keyframe for the tangents of 64 keyframes of a position. The curve between them costs the same for all methods.
-fn times() -> Vec<Nanos> {
+fn measure_times() -> Vec<Nanos> {
     const KEYS: usize = 64;
     let mut random = Random(9);
     let times: Vec<Time> = (0..KEYS).map(|i| Time::from_secs(i as f64)).collect();
     let values: Values = (0..KEYS).map(|_| (0..3).map(|_| random.unit()).collect()).collect();
-    let case = |(_, way): (&str, Way)| {
+    let case = |(_, method): (&str, TangentMethod)| {
         let (times, values) = (&times, &values);
         Case::new(KEYS, move || {
-            std::hint::black_box(way(times, values));
+            std::hint::black_box(method(times, values));
         })
     };
     interleaved(Clock::Thread, BUDGET_SECS, &mut METHODS.map(case))

@@ -160,7 +160,7 @@ fn report(wanted: &[String]) -> Result<(), String> {
         }
         eprintln!("{name} …");
         let section = section().map_err(|e| format!("{name}: {e}"))?;
-        complaints.extend(off_front(&section));
+        complaints.extend(unexplained_defaults(&section));
         write_section(&mut text, &section, &plots)?;
         if !wanted.is_empty() {
             section.choices.iter().for_each(|c| println!("{}", c.table().text()));
@@ -170,7 +170,7 @@ fn report(wanted: &[String]) -> Result<(), String> {
     let path = folder().join("README.md");
     if !wanted.is_empty() {
         let page = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-        text = with_sections(&page, &text);
+        text = merge_sections(&page, &text);
     }
     std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
     match complaints.is_empty() {
@@ -180,7 +180,7 @@ fn report(wanted: &[String]) -> Result<(), String> {
 }
 
 /// The page with regenerated sections; sections that it lacked are added at the end.
-fn with_sections(page: &str, made: &str) -> String {
+fn merge_sections(page: &str, made: &str) -> String {
     let mut page = page.to_string();
     for section in made.split("\n## ").skip(1) {
         let title = section.lines().next().unwrap_or_default();
@@ -209,11 +209,11 @@ reason, the command fails.
 ";
 
 /// Added where a section was regenerated without `cargo xtask report`.
-const DEVELOPMENT: &str = "\nTimes of this section come from a development build with checked arithmetic: \
+const DEVELOPMENT_BUILD_NOTE: &str = "\nTimes of this section come from a development build with checked arithmetic: \
                            compare them only with each other.\n";
 
 /// Messages about defaults that are not on the Pareto front and have no explanation.
-fn off_front(section: &Section) -> Vec<String> {
+fn unexplained_defaults(section: &Section) -> Vec<String> {
     let unexplained = |c: &&Choice| {
         c.chosen.is_some()
             && !c.chosen_is_on_front()
@@ -237,14 +237,15 @@ fn write_section(text: &mut String, section: &Section, plots: &Path) -> Result<(
         }
         let _ = writeln!(text, "{}", choice.table().markdown().trim_end());
         // Methods of nearly the same cost change places between runs.
-        let off = |(key, _): &&(&str, &str)| *key == choice.key && !choice.chosen_is_on_front();
-        for (_, why) in section.off_front.iter().filter(off) {
+        let is_explained_off_front =
+            |(key, _): &&(&str, &str)| *key == choice.key && !choice.chosen_is_on_front();
+        for (_, why) in section.off_front.iter().filter(is_explained_off_front) {
             let _ = writeln!(text, "\nNot on the front: {why}");
         }
     }
     let timed = section.choices.iter().flat_map(|choice| &choice.rows).any(|row| row.nanos.is_some());
     if timed && cfg!(debug_assertions) {
-        text.push_str(DEVELOPMENT);
+        text.push_str(DEVELOPMENT_BUILD_NOTE);
     }
     for table in &section.tables {
         let _ = writeln!(text, "\n**{}**\n\n{}", table.title, table.markdown().trim_end());
@@ -305,17 +306,17 @@ mod tests {
             tables: Vec::new(),
             off_front: Vec::new(),
         };
-        assert_eq!(off_front(&section), ["c: bad is not on the front, and no reason is given"]);
+        assert_eq!(unexplained_defaults(&section), ["c: bad is not on the front, and no reason is given"]);
         section.off_front.push(("c", "it is the only one that works"));
-        assert!(off_front(&section).is_empty());
+        assert!(unexplained_defaults(&section).is_empty());
     }
 
     #[test]
     fn a_new_section_replaces_its_old_text() {
         let page = "# A\n\n## one\n\n1\n\n## two\n\n2\n";
-        assert_eq!(with_sections(page, "# A\n\n## one\n\n11\n"), "# A\n\n## one\n\n11\n\n## two\n\n2\n");
-        assert_eq!(with_sections(page, "# A\n\n## two\n\n22\n"), "# A\n\n## one\n\n1\n\n## two\n\n22\n");
-        assert_eq!(with_sections(page, "# A\n\n## new\n\n3\n"), format!("{page}\n## new\n\n3\n"));
+        assert_eq!(merge_sections(page, "# A\n\n## one\n\n11\n"), "# A\n\n## one\n\n11\n\n## two\n\n2\n");
+        assert_eq!(merge_sections(page, "# A\n\n## two\n\n22\n"), "# A\n\n## one\n\n1\n\n## two\n\n22\n");
+        assert_eq!(merge_sections(page, "# A\n\n## new\n\n3\n"), format!("{page}\n## new\n\n3\n"));
     }
 
     /// The committed page must contain exactly the existing sections.

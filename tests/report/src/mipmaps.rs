@@ -8,10 +8,10 @@ use choreo_bench::scene::mips::mips;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use std::f64::consts::TAU;
 
-const SIDE: usize = 256;
+const TEXTURE_SIDE: usize = 256;
 
 pub fn section() -> Result<Section, String> {
-    let mut light = mips(&image(), BUDGET_SECS);
+    let mut light = mips(&test_image(), BUDGET_SECS);
     light.key = "mip_light".into();
     light.choose("linear light, unrounded levels", "exact to the rounding of the last step");
     Ok(Section {
@@ -21,7 +21,7 @@ pub fn section() -> Result<Section, String> {
                near the limit and lets some beyond it alias; long filters do better but ring around edges, \
                the ideal one most of all."
             .into(),
-        choices: vec![light, filters()],
+        choices: vec![light, compare_filters()],
         tables: Vec::new(),
         off_front: vec![(
             "mip_light",
@@ -32,12 +32,12 @@ pub fn section() -> Result<Section, String> {
 }
 
 /// Test image with smooth waves, hard edges and noise, in three bands.
-fn image() -> Image {
+fn test_image() -> Image {
     let mut random = Random(9);
-    let mut rgba = Vec::with_capacity(SIDE * SIDE * 4);
-    for y in 0..SIDE {
-        for x in 0..SIDE {
-            let v = match y * 3 / SIDE {
+    let mut rgba = Vec::with_capacity(TEXTURE_SIDE * TEXTURE_SIDE * 4);
+    for y in 0..TEXTURE_SIDE {
+        for x in 0..TEXTURE_SIDE {
+            let v = match y * 3 / TEXTURE_SIDE {
                 0 => 127.5 + 127.5 * libm::sin(TAU * (x * x) as f64 / 700.0),
                 1 => [20.0, 235.0][(x / 5 + y / 5) % 2],
                 _ => random.unit() * 255.0,
@@ -47,8 +47,8 @@ fn image() -> Image {
     }
     Image {
         name: "waves, checks and noise".into(),
-        width: SIDE as u32,
-        height: SIDE as u32,
+        width: TEXTURE_SIDE as u32,
+        height: TEXTURE_SIDE as u32,
         rgba,
         file: None,
     }
@@ -71,7 +71,7 @@ struct Filter {
 const FILTERS: [Filter; 4] = [
     Filter { name: "box (default)", radius: 0.5, weight: |_| 1.0 },
     Filter { name: "triangle", radius: 1.0, weight: |x| 1.0 - x },
-    Filter { name: "Kaiser, radius 2", radius: 2.0, weight: |x| sinc(x) * kaiser(x / 2.0) },
+    Filter { name: "Kaiser, radius 2", radius: 2.0, weight: |x| sinc(x) * kaiser_window(x / 2.0) },
     Filter { name: "Lanczos, radius 3", radius: 3.0, weight: |x| sinc(x) * sinc(x / 3.0) },
 ];
 
@@ -81,7 +81,7 @@ fn sinc(x: f64) -> f64 {
 }
 
 /// Kaiser window with β = 4.
-fn kaiser(x: f64) -> f64 {
+fn kaiser_window(x: f64) -> f64 {
     let bessel = |v: f64| {
         let (mut term, mut sum) = (1.0, 1.0);
         for k in 1..24 {
@@ -93,7 +93,7 @@ fn kaiser(x: f64) -> f64 {
     if x >= 1.0 { 0.0 } else { bessel(4.0 * (1.0 - x * x).sqrt()) / bessel(4.0) }
 }
 
-fn filters() -> Choice {
+fn compare_filters() -> Choice {
     let mut choice = Choice::new("mip_filter", "With what filter is a level halved?");
     choice.error_unit = "of the range";
     choice.reference = "waves of known length in linear light: the ideal filter keeps those that the level can hold as they are, and drops \
@@ -117,23 +117,28 @@ fn filters() -> Choice {
         0.5 + 0.5 * waves.iter().filter(|w| keeps(w)).map(at).sum::<f64>() / sum
     };
     let center = |i: usize, side: usize| (i as f64 + 0.5) / side as f64;
-    let source: Vec<f64> =
-        (0..SIDE * SIDE).map(|i| value(center(i % SIDE, SIDE), center(i / SIDE, SIDE), &|_| true)).collect();
-    let half = SIDE / 2;
+    let source: Vec<f64> = (0..TEXTURE_SIDE * TEXTURE_SIDE)
+        .map(|i| {
+            value(center(i % TEXTURE_SIDE, TEXTURE_SIDE), center(i / TEXTURE_SIDE, TEXTURE_SIDE), &|_| true)
+        })
+        .collect();
+    let half = TEXTURE_SIDE / 2;
     let limit = half as f64 / 2.0;
     let held = |w: &Wave| w.cycles.iter().all(|c| c.abs() < limit);
     let exact: Vec<f64> =
         (0..half * half).map(|i| value(center(i % half, half), center(i / half, half), &held)).collect();
     let mut cases: Vec<Case> = Vec::new();
     for filter in &FILTERS {
-        let small = halved(&source, filter);
+        let small = halve_image(&source, filter);
         let mut error = ErrorStats::default();
         for (got, exact) in small.iter().zip(&exact) {
             error.add((got - exact).abs());
         }
         choice.rows.push(Row::new(filter.name).error(error.worst, error.mean()));
         let source = &source;
-        cases.push(Case::new(SIDE * SIDE, move || drop(std::hint::black_box(halved(source, filter)))));
+        cases.push(Case::new(TEXTURE_SIDE * TEXTURE_SIDE, move || {
+            drop(std::hint::black_box(halve_image(source, filter)))
+        }));
     }
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
@@ -146,8 +151,8 @@ fn filters() -> Choice {
 }
 
 /// Halves an image horizontally, then vertically; the image is periodic.
-fn halved(source: &[f64], filter: &Filter) -> Vec<f64> {
-    let half = SIDE / 2;
+fn halve_image(source: &[f64], filter: &Filter) -> Vec<f64> {
+    let half = TEXTURE_SIDE / 2;
     // Distances of source pixels from the center of a new texel, in new texels: ±¼, ±¾, …
     let reach = (filter.radius * 2.0).ceil() as i64;
     let taps: Vec<(i64, f64)> = (-reach..reach)
@@ -156,13 +161,13 @@ fn halved(source: &[f64], filter: &Filter) -> Vec<f64> {
         .map(|(i, x)| (i, (filter.weight)(x.abs())))
         .collect();
     let sum: f64 = taps.iter().map(|t| t.1).sum();
-    let side = SIDE as i64;
-    let mut across = vec![0.0; SIDE * half];
-    for y in 0..SIDE {
+    let side = TEXTURE_SIDE as i64;
+    let mut across = vec![0.0; TEXTURE_SIDE * half];
+    for y in 0..TEXTURE_SIDE {
         for x in 0..half {
-            let taps = taps
-                .iter()
-                .map(|(i, w)| w * source[y * SIDE + (2 * x as i64 + 1 + i).rem_euclid(side) as usize]);
+            let taps = taps.iter().map(|(i, w)| {
+                w * source[y * TEXTURE_SIDE + (2 * x as i64 + 1 + i).rem_euclid(side) as usize]
+            });
             across[y * half + x] = taps.sum::<f64>() / sum;
         }
     }

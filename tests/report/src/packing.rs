@@ -6,7 +6,7 @@ use choreo_bench::reference::ErrorStats;
 use choreo_bench::vertex::{NORMALS, WEIGHTS, degrees_between};
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
-const VERTICES: usize = 20_000;
+const VERTEX_COUNT: usize = 20_000;
 
 pub fn section() -> Result<Section, String> {
     Ok(Section {
@@ -16,7 +16,7 @@ pub fn section() -> Result<Section, String> {
                vertices: with 8 bits by millimetres where a joint bends far, which flickers from frame to \
                frame."
             .into(),
-        choices: vec![normals(), tangents(), weights()],
+        choices: vec![compare_normal_packings(), compare_tangent_packings(), compare_weight_packings()],
         tables: Vec::new(),
         off_front: vec![
             (
@@ -39,12 +39,12 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-fn normals() -> Choice {
+fn compare_normal_packings() -> Choice {
     let mut choice = Choice::new("normals", "How are normals packed?");
     choice.error_unit = "°";
-    choice.reference = format!("{VERTICES} directions evenly over the sphere, the angle in f64");
+    choice.reference = format!("{VERTEX_COUNT} directions evenly over the sphere, the angle in f64");
     let mut random = Random(1);
-    let directions: Vec<Vec3> = (0..VERTICES).map(|_| random.direction().as_vec3()).collect();
+    let directions: Vec<Vec3> = (0..VERTEX_COUNT).map(|_| random.direction().as_vec3()).collect();
     for (name, bytes, pack) in NORMALS {
         let mut error = ErrorStats::default();
         for n in &directions {
@@ -60,14 +60,14 @@ fn normals() -> Choice {
 }
 
 /// Normal and tangent are packed in the same way; the measured error is that of a normal from a normal map.
-fn tangents() -> Choice {
+fn compare_tangent_packings() -> Choice {
     let mut choice = Choice::new("tangents", "How are tangents packed? (with their normals)");
     choice.error_unit = "°";
     choice.reference = format!(
-        "normals of a map, tilted by up to 60°, in {VERTICES} frames evenly over all directions; in f64 with the frames as they are"
+        "normals of a map, tilted by up to 60°, in {VERTEX_COUNT} frames evenly over all directions; in f64 with the frames as they are"
     );
     let mut random = Random(3);
-    let frames: Vec<[Vec3; 3]> = (0..VERTICES)
+    let frames: Vec<[Vec3; 3]> = (0..VERTEX_COUNT)
         .map(|_| {
             let normal = random.direction();
             let tangent = normal.cross(random.direction()).normalize();
@@ -109,14 +109,14 @@ fn tangents() -> Choice {
 }
 
 /// Skin weights of vertices up to 1 m from joints that are turned by up to 120°: the largest differences that weights must blend.
-fn weights() -> Choice {
+fn compare_weight_packings() -> Choice {
     let mut choice = Choice::new("weights", "How are skin weights packed?");
     choice.error_unit = "mm";
     choice.reference =
         "vertices up to 1 m from four joints turned by up to 120°, in f64 with the weights as given".into();
     let mut random = Random(2);
     let mut errors = [ErrorStats::default(); WEIGHTS.len()];
-    for _ in 0..VERTICES {
+    for _ in 0..VERTEX_COUNT {
         let given: [f64; 4] = std::array::from_fn(|_| random.unit());
         let sum: f64 = given.iter().sum();
         let given = given.map(|w| (w / sum) as f32);

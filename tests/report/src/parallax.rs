@@ -19,7 +19,7 @@ pub fn section() -> Result<Section, String> {
                of them at bumps, half at bricks. Eight pixels are stepped together, as in renderers; the \
                search ends when the last of them has hit the heights."
             .into(),
-        choices: vec![steps()],
+        choices: vec![compare_step_counts()],
         tables: Vec::new(),
         off_front: vec![(
             "parallax",
@@ -28,41 +28,43 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-const DEPTH: f64 = 0.05;
-const SIDE: usize = 256;
+const MAP_DEPTH: f64 = 0.05;
+const MAP_SIDE: usize = 256;
 const LANES: usize = 8;
 
 /// Height map with values from 0 to 1, and the z of its normals: 8-bit, bilinear, periodic.
-struct Map {
+struct HeightMap {
     texels: Vec<[f32; 2]>,
 }
 
-impl Map {
-    fn new(height: impl Fn(f64, f64) -> f64) -> Map {
+impl HeightMap {
+    fn new(height: impl Fn(f64, f64) -> f64) -> HeightMap {
         let at = |x: usize, y: usize| {
-            let h = height((x % SIDE) as f64 / SIDE as f64, (y % SIDE) as f64 / SIDE as f64);
+            let h = height((x % MAP_SIDE) as f64 / MAP_SIDE as f64, (y % MAP_SIDE) as f64 / MAP_SIDE as f64);
             (h * 255.0).round() / 255.0
         };
-        let mut texels = Vec::with_capacity(SIDE * SIDE);
-        for y in 0..SIDE {
-            for x in 0..SIDE {
-                let slope = |a: f64, b: f64| (a - b) * 0.5 * SIDE as f64 * DEPTH;
-                let (dx, dy) =
-                    (slope(at(x + 1, y), at(x + SIDE - 1, y)), slope(at(x, y + 1), at(x, y + SIDE - 1)));
+        let mut texels = Vec::with_capacity(MAP_SIDE * MAP_SIDE);
+        for y in 0..MAP_SIDE {
+            for x in 0..MAP_SIDE {
+                let slope = |a: f64, b: f64| (a - b) * 0.5 * MAP_SIDE as f64 * MAP_DEPTH;
+                let (dx, dy) = (
+                    slope(at(x + 1, y), at(x + MAP_SIDE - 1, y)),
+                    slope(at(x, y + 1), at(x, y + MAP_SIDE - 1)),
+                );
                 let z = 1.0 / (1.0 + dx * dx + dy * dy).sqrt();
                 texels.push([at(x, y) as f32, ((z * 127.5 + 127.5).round() / 127.5 - 1.0) as f32]);
             }
         }
-        Map { texels }
+        HeightMap { texels }
     }
 
     fn sample(&self, uv: Vec2) -> [f32; 2] {
-        let p = (uv - uv.floor()) * SIDE as f32;
+        let p = (uv - uv.floor()) * MAP_SIDE as f32;
         let low = p.floor();
         let f = p - low;
         let texel = |x: f32, y: f32| {
-            let (x, y) = ((low.x + x) as usize % SIDE, (low.y + y) as usize % SIDE);
-            self.texels[y * SIDE + x]
+            let (x, y) = ((low.x + x) as usize % MAP_SIDE, (low.y + y) as usize % MAP_SIDE);
+            self.texels[y * MAP_SIDE + x]
         };
         let (a, b, c, d) = (texel(0.0, 0.0), texel(1.0, 0.0), texel(0.0, 1.0), texel(1.0, 1.0));
         let mix = |n: usize| {
@@ -72,30 +74,30 @@ impl Map {
     }
 
     /// Depth of the surface relative to its highest level, at most 0.
-    fn below(&self, uv: Vec2) -> f32 {
-        (self.sample(uv)[0] - 1.0) * DEPTH as f32
+    fn surface_depth(&self, uv: Vec2) -> f32 {
+        (self.sample(uv)[0] - 1.0) * MAP_DEPTH as f32
     }
 
-    /// Depth of the surface as in [`Map::below`], in f64.
-    fn below_exactly(&self, uv: DVec2) -> f64 {
-        let p = (uv - uv.floor()) * SIDE as f64;
+    /// Depth of the surface as in [`HeightMap::surface_depth`], in f64.
+    fn reference_surface_depth(&self, uv: DVec2) -> f64 {
+        let p = (uv - uv.floor()) * MAP_SIDE as f64;
         let low = p.floor();
         let f = p - low;
         let texel = |x: f64, y: f64| {
-            let (x, y) = ((low.x + x) as usize % SIDE, (low.y + y) as usize % SIDE);
-            f64::from(self.texels[y * SIDE + x][0])
+            let (x, y) = ((low.x + x) as usize % MAP_SIDE, (low.y + y) as usize % MAP_SIDE);
+            f64::from(self.texels[y * MAP_SIDE + x][0])
         };
         let top = texel(0.0, 0.0) * (1.0 - f.x) + texel(1.0, 0.0) * f.x;
         let bottom = texel(0.0, 1.0) * (1.0 - f.x) + texel(1.0, 1.0) * f.x;
-        (top * (1.0 - f.y) + bottom * f.y - 1.0) * DEPTH
+        (top * (1.0 - f.y) + bottom * f.y - 1.0) * MAP_DEPTH
     }
 }
 
 /// Depth of the first intersection of a view ray with the heights.
-fn truth(map: &Map, at: DVec2, direction: DVec2) -> f64 {
-    let above = |d: f64| d - map.below_exactly(at + direction * d);
+fn reference_depth(map: &HeightMap, at: DVec2, direction: DVec2) -> f64 {
+    let above = |d: f64| d - map.reference_surface_depth(at + direction * d);
     let count = 4096;
-    let depth = |i: u32| -DEPTH * f64::from(i) / f64::from(count);
+    let depth = |i: u32| -MAP_DEPTH * f64::from(i) / f64::from(count);
     let first = (1..=count).find(|i| above(depth(*i)) <= 0.0).unwrap_or(count);
     let (mut high, mut low) = (depth(first - 1), depth(first));
     for _ in 0..40 {
@@ -106,7 +108,7 @@ fn truth(map: &Map, at: DVec2, direction: DVec2) -> f64 {
 }
 
 /// View rays of neighboring pixels, which renderers and GPUs trace in lockstep.
-struct Group {
+struct RayGroup {
     map: usize,
     at: [Vec2; LANES],
     direction: [Vec2; LANES],
@@ -115,12 +117,12 @@ struct Group {
 type Depths = [f32; LANES];
 
 /// Search along slopes, as in `read_parallax` of scene.wgsl.
-fn by_slopes(map: &Map, group: &Group, steps: usize) -> Depths {
+fn search_by_slopes(map: &HeightMap, group: &RayGroup, steps: usize) -> Depths {
     let mut depth = [0.0; LANES];
     for _ in 0..steps {
         for (lane, depth) in depth.iter_mut().enumerate() {
             let [height, z] = map.sample(group.at[lane] + group.direction[lane] * *depth);
-            let below = (height - 1.0) * DEPTH as f32;
+            let below = (height - 1.0) * MAP_DEPTH as f32;
             *depth += (below - *depth) * z.clamp(0.0, 1.0);
         }
     }
@@ -128,15 +130,15 @@ fn by_slopes(map: &Map, group: &Group, steps: usize) -> Depths {
 }
 
 /// Linear search in equal layers from the top until all rays have hit, then the secant between the last two layers.
-fn by_layers(map: &Map, group: &Group, layers: usize) -> Depths {
-    let step = -(DEPTH as f32) / layers as f32;
-    let mut found = [-(DEPTH as f32); LANES];
+fn search_by_layers(map: &HeightMap, group: &RayGroup, layers: usize) -> Depths {
+    let step = -(MAP_DEPTH as f32) / layers as f32;
+    let mut found = [-(MAP_DEPTH as f32); LANES];
     let mut left = [true; LANES];
-    let mut before: Depths = from_fn(|lane| -map.below(group.at[lane]));
+    let mut before: Depths = from_fn(|lane| -map.surface_depth(group.at[lane]));
     for i in 1..=layers {
         let d = step * i as f32;
         for lane in 0..LANES {
-            let above = d - map.below(group.at[lane] + group.direction[lane] * d);
+            let above = d - map.surface_depth(group.at[lane] + group.direction[lane] * d);
             let share = before[lane] / (before[lane] - above).max(1e-9);
             let meets = left[lane] & (above <= 0.0);
             found[lane] = if meets { d - step * (1.0 - share) } else { found[lane] };
@@ -150,7 +152,7 @@ fn by_layers(map: &Map, group: &Group, layers: usize) -> Depths {
     found
 }
 
-fn steps() -> Choice {
+fn compare_step_counts() -> Choice {
     let mut choice = Choice::new("parallax", "How does a view ray find the height map?");
     choice.error_unit = "of the image's width";
     choice.by_mean = true;
@@ -164,9 +166,9 @@ fn steps() -> Choice {
         let from_edge = (edge(x - libm::floor(x)) * 2.0).min(edge(y - libm::floor(y)));
         ((from_edge - 0.05) / 0.08).clamp(0.0, 1.0)
     };
-    let maps = [Map::new(bumps), Map::new(bricks)];
+    let maps = [HeightMap::new(bumps), HeightMap::new(bricks)];
     let mut random = Random(61);
-    let groups: Vec<(Group, [f64; LANES])> = (0..500)
+    let groups: Vec<(RayGroup, [f64; LANES])> = (0..500)
         .map(|i| {
             let v = loop {
                 let v = random.direction();
@@ -176,33 +178,38 @@ fn steps() -> Choice {
             };
             let (at, map) = (random.direction(), i % 2);
             // Two rows of four pixels, one texel apart.
-            let pixel = |lane: usize| DVec2::new((lane % 4) as f64, (lane / 4) as f64) / SIDE as f64;
+            let pixel = |lane: usize| DVec2::new((lane % 4) as f64, (lane / 4) as f64) / MAP_SIDE as f64;
             let at = |lane: usize| DVec2::new(at.x, at.y) * 7.0 + pixel(lane);
             let direction = DVec2::new(v.x, v.y) / v.z;
-            let group = Group {
+            let group = RayGroup {
                 map,
                 at: from_fn(|lane| at(lane).as_vec2()),
                 direction: [direction.as_vec2(); LANES],
             };
-            (group, from_fn(|lane| truth(&maps[map], at(lane), direction)))
+            (group, from_fn(|lane| reference_depth(&maps[map], at(lane), direction)))
         })
         .collect();
-    type Find = fn(&Map, &Group, usize) -> Depths;
-    let mut ways: Vec<(String, usize, Find)> = vec![("none: textures lie flat".into(), 0, by_slopes)];
+    type Find = fn(&HeightMap, &RayGroup, usize) -> Depths;
+    let mut methods: Vec<(String, usize, Find)> =
+        vec![("none: textures lie flat".into(), 0, search_by_slopes)];
     for steps in [1, 2, 4, 8, 16] {
-        ways.push((format!("{steps} step{} by slopes", if steps == 1 { "" } else { "s" }), steps, by_slopes));
+        methods.push((
+            format!("{steps} step{} by slopes", if steps == 1 { "" } else { "s" }),
+            steps,
+            search_by_slopes,
+        ));
     }
     for layers in [4, 8, 16, 32, 64] {
-        ways.push((format!("{layers} layers and a chord"), layers, by_layers));
+        methods.push((format!("{layers} layers and a chord"), layers, search_by_layers));
     }
     let mut cases: Vec<Case> = Vec::new();
-    for (name, count, find) in &ways {
+    for (name, count, find) in &methods {
         let mut error = ErrorStats::default();
         for (group, depths) in &groups {
             let got = find(&maps[group.map], group, *count);
             for lane in 0..LANES {
-                let off = (f64::from(got[lane]) - depths[lane]).abs();
-                error.add(group.direction[lane].as_dvec2().length() * off);
+                let difference = (f64::from(got[lane]) - depths[lane]).abs();
+                error.add(group.direction[lane].as_dvec2().length() * difference);
             }
         }
         choice.rows.push(Row::new(name.as_str()).error(error.worst, error.mean()));

@@ -1,6 +1,6 @@
 //! Skinning: characters pre-skinned once per frame, or skinned in every pass that draws them.
 
-use crate::images::{renderers, stage, times};
+use crate::images::{measure_times, renderers, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Table, ratio, time};
@@ -11,8 +11,8 @@ use choreo_stage::PreSkinning;
 
 const SIZE: [u32; 2] = [1280, 720];
 /// Largest number of passes: the image, and a shadow map for each lamp.
-const MOST_PASSES: usize = 8;
-const CROWDS: [usize; 2] = [1, 25];
+const MAX_PASSES: usize = 8;
+const CROWD_SIZES: [usize; 2] = [1, 25];
 
 pub fn section() -> Result<Section, String> {
     Ok(Section {
@@ -24,7 +24,7 @@ pub fn section() -> Result<Section, String> {
                frame; both ways are drawn in turns."
             .into(),
         choices: Vec::new(),
-        tables: tables()?,
+        tables: measure_pass_counts()?,
         off_front: Vec::new(),
     })
 }
@@ -49,7 +49,7 @@ fn moment(crowd: usize, lamps: usize, registry: &Registry) -> Result<Moment, Str
     Moment::new(&stage, Time::from_secs(0.7), registry.effects()).map_err(|e| e.to_string())
 }
 
-fn tables() -> Result<Vec<Table>, String> {
+fn measure_pass_counts() -> Result<Vec<Table>, String> {
     let registry = choreo::registry();
     let mut out = Vec::new();
     for (name, mut renderer) in renderers(&registry) {
@@ -67,14 +67,14 @@ fn tables() -> Result<Vec<Table>, String> {
             (">ratio ", "25 figures"),
         ];
         let mut table = Table::new(format!("Pre-skinned once, or by every pass: {name}"), &columns);
-        for lamps in 0..MOST_PASSES {
+        for lamps in 0..MAX_PASSES {
             let mut cells = vec![Cell::text((lamps + 1).to_string())];
-            for crowd in CROWDS {
+            for crowd in CROWD_SIZES {
                 let moment = moment(crowd, lamps, &registry)?;
                 renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
                 let plan = |pre_skinning| Plan { pre_skinning, ..moment.plan(SIZE, 1) };
                 let plans = [plan(PreSkinning::Never), plan(PreSkinning::Always)];
-                let nanos = times(&mut *renderer, &plans.each_ref(), 2.0 * BUDGET_SECS);
+                let nanos = measure_times(&mut *renderer, &plans.each_ref(), 2.0 * BUDGET_SECS);
                 cells.extend(nanos.iter().copied().map(time));
                 cells.push(ratio(&nanos[0], &nanos[1]));
             }

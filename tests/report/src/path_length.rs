@@ -7,9 +7,9 @@ use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_stage::Path;
 use glam::DVec3;
 
-const OURS: &str = "Gauss–Legendre of 3 points, 32 pieces (Path)";
+const CHOSEN_METHOD: &str = "Gauss–Legendre of 3 points, 32 pieces (Path)";
 const METHODS: [&str; 5] = [
-    OURS,
+    CHOSEN_METHOD,
     "Gauss–Legendre of 3 points, 8 pieces",
     "Gauss–Legendre of 5 points, whole stretch",
     "Simpson, 32 pieces",
@@ -30,10 +30,10 @@ const GAUSS_5: &[(f64, f64)] = &[
 /// A span of a centripetal Catmull–Rom spline between the inner two of four points, evaluated by Barry and Goldman's pyramid ("A recursive
 /// evaluation algorithm for a class of Catmull-Rom splines", SIGGRAPH 1988), which differs from the form in the program.
 #[derive(Clone, Copy)]
-struct Stretch([DVec3; 4]);
+struct SplineSpan([DVec3; 4]);
 
-impl Stretch {
-    fn place(&self, u: f64) -> DVec3 {
+impl SplineSpan {
+    fn position(&self, u: f64) -> DVec3 {
         let p = self.0;
         let mut t = [0.0; 4];
         for i in 1..4 {
@@ -50,7 +50,7 @@ impl Stretch {
 
     /// Coefficients of the span's cubic polynomial, from four of its points.
     fn polynomial(&self) -> [DVec3; 4] {
-        let [p0, p1, p2, p3] = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|u| self.place(u));
+        let [p0, p1, p2, p3] = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|u| self.position(u));
         let c1 = (p0 * -11.0 + p1 * 18.0 - p2 * 9.0 + p3 * 2.0) / 2.0;
         let c2 = (p0 * 18.0 - p1 * 45.0 + p2 * 36.0 - p3 * 9.0) / 2.0;
         let c3 = (p0 * -9.0 + p1 * 27.0 - p2 * 27.0 + p3 * 9.0) / 2.0;
@@ -62,18 +62,18 @@ fn speed([_, c1, c2, c3]: &[DVec3; 4], u: f64) -> f64 {
     (*c1 + *c2 * (2.0 * u) + *c3 * (3.0 * u * u)).length()
 }
 
-fn gauss(c: &[DVec3; 4], nodes: &[(f64, f64)], pieces: u32) -> f64 {
+fn gauss_length(c: &[DVec3; 4], nodes: &[(f64, f64)], pieces: u32) -> f64 {
     let half = 0.5 / f64::from(pieces);
     let piece =
         |i: u32| nodes.iter().map(|(x, w)| w * speed(c, half * (f64::from(2 * i + 1) + x))).sum::<f64>();
     half * (0..pieces).map(piece).sum::<f64>()
 }
 
-fn length(way: usize, stretch: &Stretch, c: &[DVec3; 4]) -> f64 {
-    match way {
-        0 => gauss(c, GAUSS_3, 32),
-        1 => gauss(c, GAUSS_3, 8),
-        2 => gauss(c, GAUSS_5, 1),
+fn span_length(method: usize, stretch: &SplineSpan, c: &[DVec3; 4]) -> f64 {
+    match method {
+        0 => gauss_length(c, GAUSS_3, 32),
+        1 => gauss_length(c, GAUSS_3, 8),
+        2 => gauss_length(c, GAUSS_5, 1),
         3 => {
             let step = 1.0 / 32.0;
             let piece = |i: u32| {
@@ -83,26 +83,28 @@ fn length(way: usize, stretch: &Stretch, c: &[DVec3; 4]) -> f64 {
             (0..32).map(piece).sum::<f64>() * step / 6.0
         }
         _ => (0..100)
-            .map(|i| stretch.place(f64::from(i) / 100.0).distance(stretch.place(f64::from(i + 1) / 100.0)))
+            .map(|i| {
+                stretch.position(f64::from(i) / 100.0).distance(stretch.position(f64::from(i + 1) / 100.0))
+            })
             .sum(),
     }
 }
 
 pub fn section() -> Result<Section, String> {
     let mut random = Random(0xA11);
-    let mut stretches: Vec<Stretch> =
-        (0..100).map(|_| Stretch(std::array::from_fn(|_| random.direction() * 3.0))).collect();
+    let mut stretches: Vec<SplineSpan> =
+        (0..100).map(|_| SplineSpan(std::array::from_fn(|_| random.direction() * 3.0))).collect();
     // A sharp turn, in which the speed falls to nearly zero.
     let sharp = [[-4.0, 0.0], [0.0, 0.0], [0.02, 0.01], [-4.0, 0.1]].map(|[x, z]| DVec3::new(x, 0.0, z));
-    stretches.push(Stretch(sharp));
+    stretches.push(SplineSpan(sharp));
     let mut errors = [(); METHODS.len()].map(|()| (ErrorStats::default(), String::new()));
     let mut of_program = ErrorStats::default();
     for (number, stretch) in stretches.iter().enumerate() {
         let c = stretch.polynomial();
         // Reference with 512 pieces of 5 points, whose error is only rounding.
-        let exact = gauss(&c, GAUSS_5, 512);
-        for (way, (error, place)) in errors.iter_mut().enumerate() {
-            if error.add((length(way, stretch, &c) / exact - 1.0).abs()) {
+        let exact = gauss_length(&c, GAUSS_5, 512);
+        for (method, (error, place)) in errors.iter_mut().enumerate() {
+            if error.add((span_length(method, stretch, &c) / exact - 1.0).abs()) {
                 *place = if number == 100 { "a sharp turn".into() } else { format!("stretch {number}") };
             }
         }
@@ -111,8 +113,8 @@ pub fn section() -> Result<Section, String> {
         let whole = path(&stretch.0).map_err(|e| e.to_string())?;
         let mirrored = |a: DVec3, b: DVec3| a * 2.0 - b;
         let [a, b, cc, d] = stretch.0;
-        let ends = [Stretch([mirrored(a, b), a, b, cc]), Stretch([b, cc, d, mirrored(d, cc)])];
-        let ends: f64 = ends.iter().map(|end| gauss(&end.polynomial(), GAUSS_5, 512)).sum();
+        let ends = [SplineSpan([mirrored(a, b), a, b, cc]), SplineSpan([b, cc, d, mirrored(d, cc)])];
+        let ends: f64 = ends.iter().map(|end| gauss_length(&end.polynomial(), GAUSS_5, 512)).sum();
         of_program.add((whole / (exact + ends) - 1.0).abs());
     }
     if of_program.worst > 1e-4 {
@@ -123,20 +125,22 @@ pub fn section() -> Result<Section, String> {
     choice.reference =
         "512 pieces of 5-point Gauss–Legendre of the same spline in another form, f64; 100 random stretches and a sharp turn".into();
     choice.per = "stretch".into();
-    let prepared: Vec<(Stretch, [DVec3; 4])> = stretches.iter().map(|s| (*s, s.polynomial())).collect();
+    let prepared: Vec<(SplineSpan, [DVec3; 4])> = stretches.iter().map(|s| (*s, s.polynomial())).collect();
     let prepared = &prepared;
-    let case = |way: usize| {
+    let case = |method: usize| {
         Case::new(prepared.len(), move || {
-            prepared.iter().for_each(|(s, c)| _ = std::hint::black_box(length(way, s, c)))
+            prepared.iter().for_each(|(s, c)| _ = std::hint::black_box(span_length(method, s, c)))
         })
     };
     let nanos =
         interleaved(Clock::Thread, BUDGET_SECS, &mut (0..METHODS.len()).map(case).collect::<Vec<_>>());
-    for (way, (error, place)) in errors.into_iter().enumerate() {
-        choice.rows.push(Row::new(METHODS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place));
+    for (method, (error, place)) in errors.into_iter().enumerate() {
+        choice
+            .rows
+            .push(Row::new(METHODS[method]).error(error.worst, error.mean()).nanos(nanos[method]).at(place));
     }
     choice.choose(
-        OURS,
+        CHOSEN_METHOD,
         "its error makes no foot slide on any path, even in sharp turns; it is computed once, when the \
          stage is built",
     );

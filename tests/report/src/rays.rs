@@ -45,7 +45,7 @@ impl Shapes {
     }
 
     /// First hit of a ray. `direction`: unit vector.
-    pub fn first(&self, from: DVec3, direction: DVec3) -> Option<Hit> {
+    pub fn first_hit(&self, from: DVec3, direction: DVec3) -> Option<Hit> {
         let mut nearest = f64::INFINITY;
         let mut found = None;
         for shape in self.0.iter().filter(|s| s.crosses_bounds(from, direction)) {
@@ -64,7 +64,7 @@ impl Shapes {
     }
 
     /// Whether anything is hit along the ray.
-    pub fn blocked(&self, from: DVec3, direction: DVec3) -> bool {
+    pub fn is_blocked(&self, from: DVec3, direction: DVec3) -> bool {
         let near = self.0.iter().filter(|s| s.crosses_bounds(from, direction));
         near.flat_map(|s| &s.triangles).any(|t| ray_triangle_distance(t, from, direction).is_some())
     }

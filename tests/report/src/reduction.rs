@@ -16,19 +16,19 @@ pub fn section() -> Result<Section, String> {
     let dance =
         asset.clips.iter().find(|c| c.name == "Dance_Groove").ok_or("the mannequin has no Dance_Groove")?;
     let (dense, _) = dance.baked(FrameRate { num: 30, den: 1 }).map_err(|e| e.to_string())?;
-    let mut ways: Vec<(String, Clip, usize)> = Vec::new();
+    let mut methods: Vec<(String, Clip, usize)> = Vec::new();
     for (keep, name) in [(KeptTimes::Fewest, "fewest bytes"), (KeptTimes::Shared, "shared keys")] {
         for mm in TOLERANCES {
             let (clip, report) = dense.reduced(skeleton, mm * 1e-3, keep).map_err(|e| e.to_string())?;
-            if ways.is_empty() {
-                ways.push(("all keys, 30 Hz".into(), dense.clone(), report.bytes[0]));
+            if methods.is_empty() {
+                methods.push(("all keys, 30 Hz".into(), dense.clone(), report.bytes[0]));
             }
-            ways.push((format!("{name}, {mm} mm"), clip, report.bytes[1]));
+            methods.push((format!("{name}, {mm} mm"), clip, report.bytes[1]));
         }
     }
     for mm in [0.01, 0.1, 0.5, 1.0, 2.0, 5.0] {
         let (clip, report) = dense.compressed(skeleton, mm * 1e-3).map_err(|e| e.to_string())?;
-        ways.push((format!("compressed, {mm} mm"), clip, report.bytes[1]));
+        methods.push((format!("compressed, {mm} mm"), clip, report.bytes[1]));
     }
     let floats = skeleton.len() * 40 * 30;
     let mut choice = Choice::new("reduction", "In how few bytes is motion sampled at 30 Hz stored?");
@@ -36,12 +36,12 @@ pub fn section() -> Result<Section, String> {
     choice.reference = "f64 slerp on all keys, position of any joint in the model, at 400 times".into();
     choice.per = format!("sample of {} joints at any time", skeleton.len());
     let nanos = {
-        let mut cases: Vec<Case> = ways.iter().map(|(_, clip, _)| timed(clip)).collect();
+        let mut cases: Vec<Case> = methods.iter().map(|(_, clip, _)| sampling_case(clip)).collect();
         interleaved(Clock::Thread, BUDGET_SECS, &mut cases)
     };
     let secs = dense.duration.as_secs();
-    for ((name, clip, bytes), nanos) in ways.iter().zip(nanos) {
-        let errors = errors(skeleton, &dense, clip);
+    for ((name, clip, bytes), nanos) in methods.iter().zip(nanos) {
+        let errors = joint_errors(skeleton, &dense, clip);
         let mut row =
             Row::new(name).error(errors.worst, errors.mean()).nanos(nanos).bytes(*bytes as f64 / secs);
         let ratio = floats as f64 / (*bytes as f64 / secs);
@@ -76,7 +76,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-fn errors(skeleton: &Skeleton, dense: &Clip, clip: &Clip) -> ErrorStats {
+fn joint_errors(skeleton: &Skeleton, dense: &Clip, clip: &Clip) -> ErrorStats {
     let mut errors = ErrorStats::default();
     for i in 0..400 {
         let at = Time((dense.duration.0 as f64 * ((f64::from(i) * 0.618_033_988_75) % 1.0)) as i64);
@@ -88,12 +88,13 @@ fn errors(skeleton: &Skeleton, dense: &Clip, clip: &Clip) -> ErrorStats {
     errors
 }
 
-fn timed(clip: &Clip) -> Case<'_> {
-    const TIMES: usize = 64;
+fn sampling_case(clip: &Clip) -> Case<'_> {
+    const TIME_COUNT: usize = 64;
     let mut pose = Pose::identity(clip.joint_count());
-    Case::new(TIMES, move || {
-        for i in 0..TIMES {
-            let time = Time(clip.duration.0 / TIMES as i64 * ((i * 29 + 11) % TIMES) as i64 + 12_345);
+    Case::new(TIME_COUNT, move || {
+        for i in 0..TIME_COUNT {
+            let time =
+                Time(clip.duration.0 / TIME_COUNT as i64 * ((i * 29 + 11) % TIME_COUNT) as i64 + 12_345);
             Sample { clip, time, pose: &mut pose }.run();
             std::hint::black_box(&pose);
         }

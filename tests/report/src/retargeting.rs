@@ -11,11 +11,11 @@ use glam::{DAffine3, DQuat};
 
 /// Largest error of sampled rotations in radians.
 const TOLERANCES: [f64; 5] = [1.0, 1e-2, 1e-3, 1e-4, 1e-5];
-const DEFAULT: f64 = 1e-3;
+const DEFAULT_TOLERANCE: f64 = 1e-3;
 /// Joint that the other character lacks; the joint below it takes over its rotation.
 const MISSING_JOINT: &str = "mixamorig:Spine1";
 const CLIPS: [&str; 2] = ["Walk", "Dance_Groove"];
-const TIMES: u32 = 211;
+const TIME_COUNT: u32 = 211;
 
 /// Another skeleton with the same joint positions at rest, other joint axes, and one joint fewer.
 struct TargetSkeleton {
@@ -58,10 +58,15 @@ fn target_without_spine1(source: &Skeleton) -> Result<TargetSkeleton, String> {
 }
 
 /// Angles in degrees between joints and the joints that they follow, and the place of the worst.
-fn errors(source: &Skeleton, clip: &Clip, body: &TargetSkeleton, found: &Clip) -> (ErrorStats, String) {
+fn joint_angle_errors(
+    source: &Skeleton,
+    clip: &Clip,
+    body: &TargetSkeleton,
+    found: &Clip,
+) -> (ErrorStats, String) {
     let (mut error, mut place) = (ErrorStats::default(), String::new());
-    for i in 0..TIMES {
-        let time = Time::from_secs(clip.duration.as_secs() * (f64::from(i) + 0.37) / f64::from(TIMES));
+    for i in 0..TIME_COUNT {
+        let time = Time::from_secs(clip.duration.as_secs() * (f64::from(i) + 0.37) / f64::from(TIME_COUNT));
         let truth = model_from_joint(source, &pose(clip, source, time));
         let model = model_from_joint(&body.skeleton, &pose(found, &body.skeleton, time));
         for (joint, (follows, axes)) in body.follows.iter().enumerate() {
@@ -76,7 +81,7 @@ fn errors(source: &Skeleton, clip: &Clip, body: &TargetSkeleton, found: &Clip) -
 }
 
 /// Clip with keyframes like those set by hand: each joint rotates by up to 35° from rest, every 0.3 to 0.6 s, at its own times.
-fn by_hand(skeleton: &Skeleton) -> Result<Clip, String> {
+fn hand_keyed_clip(skeleton: &Skeleton) -> Result<Clip, String> {
     let mut random = Random(5);
     let curve = |joint: usize| {
         let apart = 0.3 + 0.05 * (joint % 7) as f64;
@@ -98,7 +103,7 @@ fn by_hand(skeleton: &Skeleton) -> Result<Clip, String> {
     Clip::new("keys by hand".into(), skeleton.len(), curves).map_err(|e| e.to_string())
 }
 
-fn name(radians: f64) -> String {
+fn tolerance_name(radians: f64) -> String {
     format!("within {}°", quantity(radians.to_degrees()))
 }
 
@@ -106,7 +111,7 @@ pub fn section() -> Result<Section, String> {
     let asset = scenes::mannequin()?;
     let source = &*asset.skeleton;
     let body = target_without_spine1(source)?;
-    let hand = by_hand(source)?;
+    let hand = hand_keyed_clip(source)?;
     let clips: Vec<&Clip> = asset
         .clips
         .iter()
@@ -125,7 +130,7 @@ pub fn section() -> Result<Section, String> {
         Choice::new("retargeting", "How close are sampled keys of a retargeted clip to the motion?");
     choice.error_unit = "°";
     choice.reference = format!(
-        "rotations of the source joints in model space, in f64 at {TIMES} times of {} and of keys by hand; \
+        "rotations of the source joints in model space, in f64 at {TIME_COUNT} times of {} and of keys by hand; \
          the target character has the same rest positions, random axes and no {MISSING_JOINT}",
         CLIPS.join(", ")
     );
@@ -134,7 +139,7 @@ pub fn section() -> Result<Section, String> {
         let (mut mean, mut worst, mut place, mut bytes, mut secs) = (0.0, -1.0f64, String::new(), 0, 0.0);
         for clip in &clips {
             let found = of(clip);
-            let (error, at) = errors(source, clip, &body, &found);
+            let (error, at) = joint_angle_errors(source, clip, &body, &found);
             if error.worst > worst {
                 (worst, place) = (error.worst, at);
             }
@@ -148,7 +153,7 @@ pub fn section() -> Result<Section, String> {
     };
     add("curves as they are, by name".into(), &|clip| bind_by_name(clip, source, &body.skeleton).0);
     for (retarget, radians) in retargets.iter().zip(TOLERANCES) {
-        add(name(radians), &|clip| retarget.clip(clip).0);
+        add(tolerance_name(radians), &|clip| retarget.clip(clip).0);
     }
     let (clips, skeleton) = (&clips, &body.skeleton);
     let mut cases = vec![Case::new(clips.len(), move || {
@@ -162,7 +167,7 @@ pub fn section() -> Result<Section, String> {
     let nanos = interleaved(Clock::Thread, 2.0 * BUDGET_SECS, &mut cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
-        &name(DEFAULT),
+        &tolerance_name(DEFAULT_TOLERANCE),
         "an invisible 1 mm at a distance of 1 m, for few more keys than the source has",
     );
     Ok(Section {
@@ -175,7 +180,7 @@ pub fn section() -> Result<Section, String> {
                soles are on the ground (decision 91); the spline itself takes less than a hundredth of its \
                row's time, and measuring the feet in every pose, in f64, nearly all the rest."
             .into(),
-        choices: vec![choice, hips::choice()?],
+        choices: vec![choice, hips::compare_hip_methods()?],
         tables: Vec::new(),
         off_front: Vec::new(),
     })

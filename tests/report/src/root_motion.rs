@@ -6,31 +6,32 @@ use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Planar;
 use glam::{DVec2, DVec3, Vec2};
 
-const OURS: &str = "power in closed form, f64 (Planar::power)";
-const METHODS: [&str; 4] = [OURS, "a step each loop, f64", "a step each frame, f64", "a step each loop, f32"];
+const CHOSEN_METHOD: &str = "power in closed form, f64 (Planar::power)";
+const METHODS: [&str; 4] =
+    [CHOSEN_METHOD, "a step each loop, f64", "a step each frame, f64", "a step each loop, f32"];
 /// Numbers of loops of one second, and their total time.
-const LOOPS: [(i64, &str); 4] = [(60, "1 min"), (3600, "1 h"), (36_000, "10 h"), (360_000, "100 h")];
-const FRAMES: i64 = 30;
+const LOOP_COUNTS: [(i64, &str); 4] = [(60, "1 min"), (3600, "1 h"), (36_000, "10 h"), (360_000, "100 h")];
+const FRAMES_PER_LOOP: i64 = 30;
 /// Rotation per loop as a fraction of a turn, and metres forward per loop: a walk along a circle, nearly straight ahead, and almost on the
 /// spot.
 const WALKS: [((i64, i64), f64); 3] = [((1, 997), 1.4), ((1, 100_003), 1.4), ((17, 64), 0.9)];
 
-fn angle((turns, parts): (i64, i64)) -> f64 {
+fn angle_of_fraction((turns, parts): (i64, i64)) -> f64 {
     std::f64::consts::TAU * turns as f64 / parts as f64
 }
 
-fn turned(v: DVec2, angle: f64) -> DVec2 {
+fn rotated(v: DVec2, angle: f64) -> DVec2 {
     let (sin, cos) = angle.sin_cos();
     DVec2::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x)
 }
 
 /// Reference position. Complete cycles of directions sum to zero, so only the steps of the last, incomplete cycle are added, with angles
 /// reduced in integers and Kahan's compensated summation.
-fn exact((turns, parts): (i64, i64), metres: f64, loops: i64) -> DVec2 {
+fn reference_position((turns, parts): (i64, i64), metres: f64, loops: i64) -> DVec2 {
     let (mut sum, mut lost) = (DVec2::ZERO, DVec2::ZERO);
     for step in 0..loops % parts {
-        let direction = angle(((step * turns) % parts, parts));
-        let add = turned(DVec2::new(0.0, metres), direction) - lost;
+        let direction = angle_of_fraction(((step * turns) % parts, parts));
+        let add = rotated(DVec2::new(0.0, metres), direction) - lost;
         let next = sum + add;
         lost = (next - sum) - add;
         sum = next;
@@ -38,8 +39,8 @@ fn exact((turns, parts): (i64, i64), metres: f64, loops: i64) -> DVec2 {
     sum
 }
 
-fn accumulated(way: usize, turn: f64, metres: f64, loops: i64) -> DVec2 {
-    match way {
+fn accumulated_position(method: usize, turn: f64, metres: f64, loops: i64) -> DVec2 {
+    match method {
         0 => {
             let step = Planar { translation: DVec3::new(0.0, 0.0, metres), yaw: turn };
             let place = step.power(loops).translation;
@@ -48,19 +49,19 @@ fn accumulated(way: usize, turn: f64, metres: f64, loops: i64) -> DVec2 {
         1 => {
             let (mut place, mut yaw) = (DVec2::ZERO, 0.0);
             for _ in 0..loops {
-                place += turned(DVec2::new(0.0, metres), yaw);
+                place += rotated(DVec2::new(0.0, metres), yaw);
                 yaw += turn;
             }
             place
         }
         2 => {
             // The loop is split into equal parts whose positions lie on the same circle.
-            let part = turn / FRAMES as f64;
+            let part = turn / FRAMES_PER_LOOP as f64;
             let chord = metres * (part / 2.0).sin() / (turn / 2.0).sin();
-            let step = turned(DVec2::new(0.0, chord), -(turn - part) / 2.0);
+            let step = rotated(DVec2::new(0.0, chord), -(turn - part) / 2.0);
             let (mut place, mut yaw) = (DVec2::ZERO, 0.0);
-            for _ in 0..loops * FRAMES {
-                place += turned(step, yaw);
+            for _ in 0..loops * FRAMES_PER_LOOP {
+                place += rotated(step, yaw);
                 yaw += part;
             }
             place
@@ -78,13 +79,16 @@ fn accumulated(way: usize, turn: f64, metres: f64, loops: i64) -> DVec2 {
 }
 
 pub fn section() -> Result<Section, String> {
-    let mut errors = [[0.0f64; LOOPS.len()]; METHODS.len()];
+    let mut errors = [[0.0f64; LOOP_COUNTS.len()]; METHODS.len()];
     for (fraction, metres) in WALKS {
-        for (at, (loops, _)) in LOOPS.iter().enumerate() {
-            let truth = exact(fraction, metres, *loops);
-            for (way, errors) in errors.iter_mut().enumerate() {
-                let off = (accumulated(way, angle(fraction), metres, *loops) - truth).length() * 1e3;
-                errors[at] = errors[at].max(off);
+        for (at, (loops, _)) in LOOP_COUNTS.iter().enumerate() {
+            let truth = reference_position(fraction, metres, *loops);
+            for (method, errors) in errors.iter_mut().enumerate() {
+                let difference = (accumulated_position(method, angle_of_fraction(fraction), metres, *loops)
+                    - truth)
+                    .length()
+                    * 1e3;
+                errors[at] = errors[at].max(difference);
             }
         }
     }
@@ -93,23 +97,23 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "mm";
     choice.reference = format!(
         "{} into walks of a step a second along circles of {} steps: sums of the last circle's steps, angles reduced in whole numbers",
-        LOOPS[1].1, WALKS[0].0.1
+        LOOP_COUNTS[1].1, WALKS[0].0.1
     );
-    choice.per = format!("place after {}, without knowing an earlier frame", LOOPS[1].1);
+    choice.per = format!("place after {}, without knowing an earlier frame", LOOP_COUNTS[1].1);
     let (fraction, metres) = WALKS[0];
-    let case = |way: usize| {
+    let case = |method: usize| {
         Case::new(1, move || {
-            let turn = std::hint::black_box(angle(fraction));
-            std::hint::black_box(accumulated(way, turn, metres, LOOPS[1].0));
+            let turn = std::hint::black_box(angle_of_fraction(fraction));
+            std::hint::black_box(accumulated_position(method, turn, metres, LOOP_COUNTS[1].0));
         })
     };
     let nanos =
         interleaved(Clock::Thread, BUDGET_SECS, &mut (0..METHODS.len()).map(case).collect::<Vec<_>>());
-    for (way, name) in METHODS.into_iter().enumerate() {
-        choice.rows.push(Row::new(name).error(errors[way][1], f64::NAN).nanos(nanos[way]));
+    for (method, name) in METHODS.into_iter().enumerate() {
+        choice.rows.push(Row::new(name).error(errors[method][1], f64::NAN).nanos(nanos[method]));
     }
-    choice.choose(OURS, "any frame directly, at the same cost, and rounding does not accumulate");
-    let titles: Vec<String> = LOOPS.iter().map(|l| format!(">after {}", l.1)).collect();
+    choice.choose(CHOSEN_METHOD, "any frame directly, at the same cost, and rounding does not accumulate");
+    let titles: Vec<String> = LOOP_COUNTS.iter().map(|l| format!(">after {}", l.1)).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in mm", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "loops")));
     let mut table = Table::new("By the time on the timeline", &columns);

@@ -9,35 +9,35 @@ use choreo_motion::{Clip, Curve, Interpolation, Level, Path, Pose, Sample, Time}
 use glam::{DQuat, DVec3, Quat};
 use std::sync::Arc;
 
-const DEGREES: [f64; 8] = [1.0, 5.0, 10.0, 20.0, 45.0, 90.0, 135.0, 179.0];
-const STEPS: usize = 64;
-const AXES: usize = 12;
-const OURS: &str = "Sample (power series, as many terms as the keys need)";
-const SPLINE: &str = "cubic spline with the true tangents";
+const DEGREES_BETWEEN_KEYS: [f64; 8] = [1.0, 5.0, 10.0, 20.0, 45.0, 90.0, 135.0, 179.0];
+const STEPS_PER_SPAN: usize = 64;
+const AXIS_COUNT: usize = 12;
+const CHOSEN_METHOD: &str = "Sample (power series, as many terms as the keys need)";
+const SPLINE_METHOD: &str = "cubic spline with the true tangents";
 
 pub fn section() -> Result<Section, String> {
-    let names: Vec<&str> = METHODS.iter().map(|w| w.0).chain([SPLINE, OURS]).collect();
-    let mut by_degrees = vec![vec![ErrorStats::default(); DEGREES.len()]; names.len()];
+    let names: Vec<&str> = METHODS.iter().map(|w| w.0).chain([SPLINE_METHOD, CHOSEN_METHOD]).collect();
+    let mut by_degrees = vec![vec![ErrorStats::default(); DEGREES_BETWEEN_KEYS.len()]; names.len()];
     let mut all = vec![ErrorStats::default(); names.len()];
     let mut places = vec![String::new(); names.len()];
-    for (d, degrees) in DEGREES.iter().enumerate() {
+    for (d, degrees) in DEGREES_BETWEEN_KEYS.iter().enumerate() {
         let mut random = Random(7);
-        for _ in 0..AXES {
-            let turn = Turn { start: random.rotation(), axis: random.direction(), degrees: *degrees };
+        for _ in 0..AXIS_COUNT {
+            let turn = TestRotation { start: random.rotation(), axis: random.direction(), degrees: *degrees };
             let ours = turn.clip()?;
-            for step in 1..STEPS {
-                let t = step as f64 / STEPS as f64;
+            for step in 1..STEPS_PER_SPAN {
+                let t = step as f64 / STEPS_PER_SPAN as f64;
                 let exact = turn.at(t);
-                for way in 0..names.len() {
-                    let got = match METHODS.get(way) {
-                        Some((_, way)) => turn.between(*way, t),
-                        None if names[way] == SPLINE => turn.spline(t),
-                        None => sampled(&ours, t),
+                for method in 0..names.len() {
+                    let got = match METHODS.get(method) {
+                        Some((_, method)) => turn.between(*method, t),
+                        None if names[method] == SPLINE_METHOD => turn.spline(t),
+                        None => sample_clip(&ours, t),
                     };
                     let error = angle_between(got.as_dquat(), exact).to_degrees();
-                    by_degrees[way][d].add(error);
-                    if all[way].add(error) {
-                        places[way] = format!("keys {degrees}° apart, {t:.2} of the way");
+                    by_degrees[method][d].add(error);
+                    if all[method].add(error) {
+                        places[method] = format!("keys {degrees}° apart, {t:.2} of the way");
                     }
                 }
             }
@@ -51,15 +51,15 @@ pub fn section() -> Result<Section, String> {
         "rotation, keys 30° apart; each way computes eight at once for one time, in the same portable \
          instructions"
             .into();
-    let (nanos, best) = times(&names)?;
+    let (nanos, best) = measure_times(&names)?;
     for (((name, error), place), nanos) in names.iter().zip(&all).zip(places).zip(nanos) {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos));
     }
     choice.choose(
-        OURS,
+        CHOSEN_METHOD,
         "as exact as f32 allows at any distance; joints that share key times share its coefficients",
     );
-    let titles: Vec<String> = DEGREES.iter().map(|d| format!(">{d}°")).collect();
+    let titles: Vec<String> = DEGREES_BETWEEN_KEYS.iter().map(|d| format!(">{d}°")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in degrees, keys apart by", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "degrees")));
     let mut table = Table::new("By the distance of the keys", &columns);
@@ -92,13 +92,13 @@ pub fn section() -> Result<Section, String> {
 }
 
 /// A rotation with constant angular velocity within one second.
-struct Turn {
+struct TestRotation {
     start: DQuat,
     axis: DVec3,
     degrees: f64,
 }
 
-impl Turn {
+impl TestRotation {
     fn at(&self, t: f64) -> DQuat {
         DQuat::from_axis_angle(self.axis, self.degrees.to_radians() * t) * self.start
     }
@@ -116,9 +116,9 @@ impl Turn {
         [0.0, 1.0].map(|t| (omega * self.at(t)).as_quat())
     }
 
-    fn between(&self, way: Interpolate, t: f64) -> Quat {
+    fn between(&self, method: Interpolate, t: f64) -> Quat {
         let [a, b] = self.ends().map(|q| rows(&[q; 8]));
-        lane(&way(&a, &b, t as f32), 0)
+        lane(&method(&a, &b, t as f32), 0)
     }
 
     fn spline(&self, t: f64) -> Quat {
@@ -143,7 +143,7 @@ impl Turn {
     }
 }
 
-fn sampled(clip: &Clip, t: f64) -> Quat {
+fn sample_clip(clip: &Clip, t: f64) -> Quat {
     let mut pose = Pose::identity(8);
     Sample { clip, time: Time::from_secs(t), pose: &mut pose }.run();
     pose.get(0).rotation
@@ -162,17 +162,18 @@ fn spline([a, m0, b, m1]: &[Rotations; 4], t: f32) -> Rotations {
     unit(&std::array::from_fn(row))
 }
 
-/// Time of each method for keyframes 30° apart, as in fast parts of a clip with twelve poses per second; and time of [`OURS`] with the
+/// Time of each method for keyframes 30° apart, as in fast parts of a clip with twelve poses per second; and time of [`CHOSEN_METHOD`] with the
 /// widest registers.
-fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
+fn measure_times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
     const PAIRS: usize = 256;
     const AT: f32 = 0.37;
     let mut random = Random(3);
-    let turns: Vec<Turn> = (0..PAIRS)
-        .map(|_| Turn { start: random.rotation(), axis: random.direction(), degrees: 30.0 })
+    let turns: Vec<TestRotation> = (0..PAIRS)
+        .map(|_| TestRotation { start: random.rotation(), axis: random.direction(), degrees: 30.0 })
         .collect();
     let eights = turns.as_chunks::<8>().0;
-    let rows_of = |eight: &[Turn; 8], of: &dyn Fn(&Turn) -> Quat| rows(&eight.each_ref().map(of));
+    let rows_of =
+        |eight: &[TestRotation; 8], of: &dyn Fn(&TestRotation) -> Quat| rows(&eight.each_ref().map(of));
     let keys: Vec<[Rotations; 2]> =
         eights.iter().map(|eight| [0, 1].map(|end| rows_of(eight, &|turn| turn.ends()[end]))).collect();
     let splines: Vec<[Rotations; 4]> = eights
@@ -188,12 +189,12 @@ fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
         .collect();
     let clip = clip_of_turns(&turns)?;
     let mut cases: Vec<Case> = Vec::new();
-    for (_, way) in METHODS {
+    for (_, method) in METHODS {
         let keys = &keys;
         let mut out = vec![[[0.0; 8]; 4]; keys.len()];
         cases.push(Case::new(PAIRS, move || {
             for ([a, b], out) in keys.iter().zip(&mut out) {
-                *out = way(a, b, AT);
+                *out = method(a, b, AT);
             }
             std::hint::black_box(&out);
         }));
@@ -220,9 +221,9 @@ fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
 }
 
 /// A clip with one joint for each rotation.
-fn clip_of_turns(turns: &[Turn]) -> Result<Clip, String> {
+fn clip_of_turns(turns: &[TestRotation]) -> Result<Clip, String> {
     let times: Arc<[Time]> = [Time::ZERO, Time::from_secs(1.0)].into();
-    let curve = |(joint, turn): (usize, &Turn)| Curve {
+    let curve = |(joint, turn): (usize, &TestRotation)| Curve {
         joint: joint as u32,
         path: Path::Rotation,
         interpolation: Interpolation::Linear,

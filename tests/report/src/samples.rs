@@ -10,7 +10,7 @@ use choreo_render::{CpuRenderer, DeviceKind, GpuOptions, Renderer, VulkanRendere
 
 pub fn section() -> Result<Section, String> {
     let registry = choreo::registry();
-    let stage = scenes::script("01_first_dance.rhai", &registry)?;
+    let stage = scenes::stage_of_script("01_first_dance.rhai", &registry)?;
     let at = Time::from_secs(5.0);
     let moment = Moment::new(&stage, at, registry.effects()).map_err(|e| e.to_string())?;
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
@@ -45,7 +45,7 @@ pub fn section() -> Result<Section, String> {
                light within a pixel, which is shaded once. Without a GPU, the CPU renderer is the default."
             .into(),
         choices,
-        tables: vec![edges()],
+        tables: vec![coverage_table()],
         off_front: vec![(
             "samples",
             "a Vulkan driver that draws on the CPU, too, is not used even where it is as fast for one \
@@ -56,7 +56,7 @@ pub fn section() -> Result<Section, String> {
 }
 
 /// Error of coverage for a straight edge through a pixel: fraction of samples inside, against the exact area.
-fn edges() -> Table {
+fn coverage_table() -> Table {
     let mut table = Table::new(
         "A straight edge: error of a pixel's covered part, exact by clipping the pixel in f64",
         &[
@@ -67,10 +67,10 @@ fn edges() -> Table {
         ],
     );
     for (name, samples) in [
-        ("1, the middle", CENTER.to_vec()),
-        ("4, Vulkan's standard places", STANDARD_4.to_vec()),
-        ("16, even grid", grid(4)),
-        ("64, even grid", grid(8)),
+        ("1, the middle", CENTER_SAMPLE.to_vec()),
+        ("4, Vulkan's standard places", STANDARD_4_SAMPLES.to_vec()),
+        ("16, even grid", grid_samples(4)),
+        ("64, even grid", grid_samples(8)),
     ] {
         let (mut worst, mut sum, mut upright, mut count) = (0.0f64, 0.0, 0.0f64, 0);
         for a in 0..720 {
@@ -99,11 +99,11 @@ fn edges() -> Table {
     table
 }
 
-const CENTER: [[f64; 2]; 1] = [[0.5, 0.5]];
+const CENTER_SAMPLE: [[f64; 2]; 1] = [[0.5, 0.5]];
 /// Vulkan 1.3 specification, table "Standard Sample Locations".
-const STANDARD_4: [[f64; 2]; 4] = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]];
+const STANDARD_4_SAMPLES: [[f64; 2]; 4] = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]];
 
-fn grid(side: usize) -> Vec<[f64; 2]> {
+fn grid_samples(side: usize) -> Vec<[f64; 2]> {
     let at = |i: usize| (i as f64 + 0.5) / side as f64;
     (0..side * side).map(|i| [at(i % side), at(i / side)]).collect()
 }

@@ -1,7 +1,7 @@
 //! Scene export to glTF and USD: error of exported keyframes, file size and time by tolerance.
 
 use crate::images::stage;
-use crate::scenes::import;
+use crate::scenes::import_file;
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::reference::{ErrorStats, model_from_joint, pose};
@@ -13,9 +13,9 @@ use std::sync::Arc;
 
 /// Tolerances in metres.
 const TOLERANCES: [f64; 6] = [1e-5, 1e-4, 5e-4, 1e-3, 5e-3, 2e-2];
-const DEFAULT: f64 = 1e-4;
+const DEFAULT_TOLERANCE: f64 = 1e-4;
 /// Number of times, also between frames, at which joints are compared.
-const TIMES: u32 = 211;
+const TIME_COUNT: u32 = 211;
 
 /// A walk with root motion that fades into a dance, with foot locking, a hand moved by a callback, and a head that looks at it.
 const SCENE: &str = r#"
@@ -31,11 +31,11 @@ const SCENE: &str = r#"
     anna.reach("RightHand", spot);
 "#;
 
-fn name(metres: f64) -> String {
+fn tolerance_name(metres: f64) -> String {
     format!("{} mm", metres * 1e3)
 }
 
-fn exported(registry: &Registry, scene: &Arc<Stage>, file: &str, metres: f64) -> Result<Vec<u8>, String> {
+fn export_scene(registry: &Registry, scene: &Arc<Stage>, file: &str, metres: f64) -> Result<Vec<u8>, String> {
     let exporter = registry.scene_exporter_for(file).ok_or(format!("no exporter writes {file}"))?;
     let mut scene = ExportedScene::new("scene.rhai", scene.clone());
     scene.extension = file.rsplit('.').next().unwrap_or_default().into();
@@ -47,12 +47,12 @@ fn exported(registry: &Registry, scene: &Arc<Stage>, file: &str, metres: f64) ->
 }
 
 /// Errors of joint positions in metres, and the place of the worst.
-fn errors(
+fn joint_errors(
     scene: &Arc<Stage>,
     registry: &Registry,
     (file, bytes): (&str, Vec<u8>),
 ) -> Result<(ErrorStats, String), String> {
-    let again = import(registry, file, bytes, &[])?;
+    let again = import_file(registry, file, bytes, &[])?;
     let clip = again.clips.first().ok_or("the file has no animation")?;
     let names = scene.actors[0].asset.skeleton.names();
     let joints: Vec<usize> = names
@@ -61,8 +61,8 @@ fn errors(
         .collect::<Result<_, _>>()?;
     let (mut evaluator, mut error, mut place) =
         (Evaluator::new(scene.clone()), ErrorStats::default(), String::new());
-    for i in 0..TIMES {
-        let time = Time::from_secs(5.99 * (f64::from(i) + 0.377) / f64::from(TIMES));
+    for i in 0..TIME_COUNT {
+        let time = Time::from_secs(5.99 * (f64::from(i) + 0.377) / f64::from(TIME_COUNT));
         let snapshot = evaluator.at(time).map_err(|e| e.to_string())?;
         let model = model_from_joint(&again.skeleton, &pose(clip, &again.skeleton, time));
         for (joint, other) in joints.iter().enumerate() {
@@ -76,7 +76,7 @@ fn errors(
 }
 
 /// Rows for the tolerances of one format.
-fn choice(
+fn compare_tolerances(
     registry: &Registry,
     scene: &Arc<Stage>,
     (file, key, format): (&str, &str, &str),
@@ -84,20 +84,23 @@ fn choice(
     let mut choice = Choice::new(key, format!("How far may joints of a scene exported as {format} be off?"));
     choice.error_unit = "mm";
     choice.reference = format!(
-        "the scene itself at {TIMES} times between its frames; the file's keys, read again, with slerp in f64"
+        "the scene itself at {TIME_COUNT} times between its frames; the file's keys, read again, with slerp in f64"
     );
     choice.per = "export of 6 s of one character".into();
     for metres in TOLERANCES {
-        let written = exported(registry, scene, file, metres)?;
+        let written = export_scene(registry, scene, file, metres)?;
         let bytes = written.len() as f64;
-        let (error, place) = errors(scene, registry, (file, written))?;
-        choice
-            .rows
-            .push(Row::new(name(metres)).error(error.worst * 1e3, error.mean() * 1e3).at(place).bytes(bytes));
+        let (error, place) = joint_errors(scene, registry, (file, written))?;
+        choice.rows.push(
+            Row::new(tolerance_name(metres))
+                .error(error.worst * 1e3, error.mean() * 1e3)
+                .at(place)
+                .bytes(bytes),
+        );
     }
     let case = |metres: &f64| {
         let metres = *metres;
-        Case::new(1, move || drop(std::hint::black_box(exported(registry, scene, file, metres))))
+        Case::new(1, move || drop(std::hint::black_box(export_scene(registry, scene, file, metres))))
     };
     let nanos =
         interleaved(Clock::Process, 4.0 * BUDGET_SECS, &mut TOLERANCES.iter().map(case).collect::<Vec<_>>());
@@ -108,13 +111,16 @@ fn choice(
 pub fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let scene = stage(SCENE, &registry)?;
-    let mut gltf = choice(&registry, &scene, ("out.glb", "gltf_export", "glTF"))?;
+    let mut gltf = compare_tolerances(&registry, &scene, ("out.glb", "gltf_export", "glTF"))?;
     gltf.choose(
-        &name(DEFAULT),
+        &tolerance_name(DEFAULT_TOLERANCE),
         "an error that no player shows, for a file that is a third larger than with 1 mm",
     );
-    let mut usd = choice(&registry, &scene, ("out.usdc", "usd_export", "USD"))?;
-    usd.choose(&name(DEFAULT), "the same as for glTF, so that a scene is as exact in all programs");
+    let mut usd = compare_tolerances(&registry, &scene, ("out.usdc", "usd_export", "USD"))?;
+    usd.choose(
+        &tolerance_name(DEFAULT_TOLERANCE),
+        "the same as for glTF, so that a scene is as exact in all programs",
+    );
     Ok(Section {
         title: "Exported animation",
         text: "Keys of a glTF file have straight lines and slerp between them, but a callback, a locked \

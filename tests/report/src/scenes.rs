@@ -24,7 +24,7 @@ pub fn mannequin() -> Result<Asset, String> {
 }
 
 /// Stage of a script in the repository's folder `scripts`.
-pub fn script(name: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
+pub fn stage_of_script(name: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(name);
     let script = run_file(&path, registry, &ScriptOptions::default())
         .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
@@ -32,7 +32,7 @@ pub fn script(name: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
 }
 
 /// Imports a single file with the importer that claims it.
-pub fn import(
+pub fn import_file(
     registry: &Registry,
     name: &str,
     bytes: Vec<u8>,

@@ -22,7 +22,7 @@ const SIZE: [u32; 2] = [640, 360];
 /// Width in metres over which a shadow's edge is softened.
 const SOFTNESS: f64 = 0.01;
 /// Number of rays along a side of the softened area.
-const RAYS: usize = 6;
+const RAYS_PER_SIDE: usize = 6;
 
 pub fn section() -> Result<Section, String> {
     Ok(Section {
@@ -32,8 +32,8 @@ pub fn section() -> Result<Section, String> {
                them where an edge is soft. A map that is too coarse blurs: bars melt together, and shadows \
                detach from the objects that cast them."
             .into(),
-        choices: vec![sizes()?, kernels()?],
-        tables: vec![extents()?],
+        choices: vec![compare_map_sizes()?, compare_kernels()?],
+        tables: vec![extents_table()?],
         off_front: vec![(
             "shadow_kernel",
             "kernels of one or four comparisons are cheaper, but show texels as stairs at the requested \
@@ -73,7 +73,7 @@ fn moment_on(
     Moment::new(&stage, Time::ZERO, registry.effects()).map_err(|e| e.to_string())
 }
 
-fn drawn(moment: &Moment, renderer: &mut dyn Renderer) -> Result<Frame, String> {
+fn draw_moment(moment: &Moment, renderer: &mut dyn Renderer) -> Result<Frame, String> {
     renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
     moment.draw(renderer, SIZE, 1).map_err(|e| e.to_string())
 }
@@ -84,25 +84,25 @@ fn to_sun() -> DVec3 {
 }
 
 /// Lit fraction of a square of the surface that is `width` wide as seen from the sun, by rays from `side` × `side` points.
-fn lit(shapes: &Shapes, hit: &Hit, width: f64, side: usize) -> f64 {
+fn lit_fraction(shapes: &Shapes, hit: &Hit, width: f64, side: usize) -> f64 {
     let l = to_sun();
     let nl = hit.normal.dot(l);
     if nl <= 0.0 {
         return 0.0;
     }
-    let (across, up) = axes(l);
+    let (across, up) = perpendicular_axes(l);
     let mut sum = 0.0;
     for i in 0..side * side {
         let part = |i: usize| ((i as f64 + 0.5) / side as f64 - 0.5) * width;
         let off = across * part(i % side) + up * part(i / side);
         // Project along the light direction onto the plane of the surface.
         let at = hit.point + off - l * (off.dot(hit.normal) / nl);
-        sum += f64::from(u8::from(!shapes.blocked(at + hit.normal * 1e-5, l)));
+        sum += f64::from(u8::from(!shapes.is_blocked(at + hit.normal * 1e-5, l)));
     }
     sum / (side * side) as f64
 }
 
-fn axes(l: DVec3) -> (DVec3, DVec3) {
+fn perpendicular_axes(l: DVec3) -> (DVec3, DVec3) {
     let across = l.cross(DVec3::Y).normalize();
     (across, across.cross(l))
 }
@@ -115,30 +115,30 @@ fn visible_hits(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
     let tan = libm::tan(f64::from(yfov) * 0.5);
     let at = |i: usize| {
         let (x, y) = ((i % SIZE[0] as usize) as f64 + 0.5, (i / SIZE[0] as usize) as f64 + 0.5);
-        let way = DVec3::new((x * 2.0 - width) / height * tan, (1.0 - y * 2.0 / height) * tan, -1.0);
-        let way = camera.world_from_view.transform_vector3(way).normalize();
-        shapes.first(camera.world_from_view.translation, way)
+        let direction = DVec3::new((x * 2.0 - width) / height * tan, (1.0 - y * 2.0 / height) * tan, -1.0);
+        let direction = camera.world_from_view.transform_vector3(direction).normalize();
+        shapes.first_hit(camera.world_from_view.translation, direction)
     };
     (0..(SIZE[0] * SIZE[1]) as usize).map(at).collect()
 }
 
 /// Reference image, computed with rays.
-struct Truth {
+struct ReferenceImage {
     hits: Vec<Option<Hit>>,
     rgba: Vec<u8>,
 }
 
-impl Truth {
+impl ReferenceImage {
     /// `share`: computes the fraction of the sun's light that reaches a hit.
     fn of(
         registry: &Registry,
         cpu: &mut CpuRenderer,
         share: impl Fn(&Shapes, &Hit) -> f64,
-    ) -> Result<Truth, String> {
+    ) -> Result<ReferenceImage, String> {
         let dark = moment("false", 0.0, registry)?;
         let shapes = Shapes::of(&dark.stage, &dark.snapshot);
-        let unlit = drawn(&dark, cpu)?;
-        let bright = drawn(&moment("false", 2.0 * PI, registry)?, cpu)?;
+        let unlit = draw_moment(&dark, cpu)?;
+        let bright = draw_moment(&moment("false", 2.0 * PI, registry)?, cpu)?;
         let linear = srgb_to_linear_table();
         let hits = visible_hits(&dark, &shapes);
         let shares: Vec<f64> = hits.iter().map(|h| h.as_ref().map_or(0.0, |h| share(&shapes, h))).collect();
@@ -149,12 +149,12 @@ impl Truth {
                 if i % 4 == 3 { 255 } else { linear_to_srgb8((a + (b - a) * shares[i / 4]) as f32) }
             })
             .collect();
-        Ok(Truth { hits, rgba })
+        Ok(ReferenceImage { hits, rgba })
     }
 }
 
 /// Sizes of a frame's shadow maps.
-fn maps(moment: &Moment) -> String {
+fn shadow_map_sizes(moment: &Moment) -> String {
     let plan = moment.plan(SIZE, 1);
     let views = plan.shadow_maps.iter().flat_map(|s| &s.views);
     let sizes = views.map(|v| format!("{}×{} of {:.1} mm", v.size[0], v.size[1], v.texel * 1e3));
@@ -162,28 +162,29 @@ fn maps(moment: &Moment) -> String {
 }
 
 /// Fraction of the sun's disc that is visible from a point, by rays to those cells of a grid that lie in the disc.
-fn lit_by_disc(shapes: &Shapes, hit: &Hit) -> f64 {
+fn lit_fraction_by_disc(shapes: &Shapes, hit: &Hit) -> f64 {
     let l = to_sun();
     if hit.normal.dot(l) <= 0.0 {
         return 0.0;
     }
-    let (across, up) = axes(l);
-    let part = |i: usize| ((i as f64 + 0.5) / RAYS as f64 - 0.5) * 2.0;
-    let cells = (0..RAYS * RAYS).map(|i| DVec2::new(part(i % RAYS), part(i / RAYS)));
+    let (across, up) = perpendicular_axes(l);
+    let part = |i: usize| ((i as f64 + 0.5) / RAYS_PER_SIDE as f64 - 0.5) * 2.0;
+    let cells = (0..RAYS_PER_SIDE * RAYS_PER_SIDE)
+        .map(|i| DVec2::new(part(i % RAYS_PER_SIDE), part(i / RAYS_PER_SIDE)));
     let (mut lit, mut all) = (0.0, 0.0);
     for cell in cells.filter(|c| c.length() <= 1.0) {
-        let way = l + (across * cell.x + up * cell.y) * libm::tan(0.5 * f64::from(SUN_ANGLE));
+        let direction = l + (across * cell.x + up * cell.y) * libm::tan(0.5 * f64::from(SUN_ANGLE));
         all += 1.0;
-        lit += f64::from(u8::from(!shapes.blocked(hit.point + hit.normal * 1e-5, way.normalize())));
+        lit += f64::from(u8::from(!shapes.is_blocked(hit.point + hit.normal * 1e-5, direction.normalize())));
     }
     lit / all
 }
 
 /// The default shadow by extent of the scene.
-fn extents() -> Result<Table, String> {
+fn extents_table() -> Result<Table, String> {
     let registry = choreo::registry();
     let mut cpu = CpuRenderer::new(registry.effects());
-    let truth = Truth::of(&registry, &mut cpu, lit_by_disc)?;
+    let truth = ReferenceImage::of(&registry, &mut cpu, lit_fraction_by_disc)?;
     // Only the area that the smallest ground covers is compared.
     let near = |pixel: usize| truth.hits[pixel].as_ref().is_some_and(|hit| hit.point.length() < 4.0);
     let mut table = Table::new(
@@ -200,7 +201,7 @@ fn extents() -> Result<Table, String> {
         ("100 km, and a box of 0.5 m 5 km away", 1e5, far_box),
     ] {
         let moment = moment_on(ground, more, "true", 2.0 * PI, &registry)?;
-        let image = drawn(&moment, &mut cpu)?;
+        let image = draw_moment(&moment, &mut cpu)?;
         let mut error = ErrorStats::default();
         for (i, (got, exact)) in image.rgba.iter().zip(&truth.rgba).enumerate() {
             if i % 4 != 3 && near(i / 4) {
@@ -211,23 +212,26 @@ fn extents() -> Result<Table, String> {
             Cell::text(name),
             Cell::number(quantity(error.worst), error.worst),
             Cell::number(quantity(error.mean()), error.mean()),
-            Cell::text(maps(&moment)),
+            Cell::text(shadow_map_sizes(&moment)),
         ]);
     }
     Ok(table)
 }
 
-fn sizes() -> Result<Choice, String> {
+fn compare_map_sizes() -> Result<Choice, String> {
     let registry = choreo::registry();
     let mut cpu = CpuRenderer::new(registry.effects());
-    let truth = Truth::of(&registry, &mut cpu, |shapes, hit| lit(shapes, hit, SOFTNESS, RAYS))?.rgba;
+    let truth = ReferenceImage::of(&registry, &mut cpu, |shapes, hit| {
+        lit_fraction(shapes, hit, SOFTNESS, RAYS_PER_SIDE)
+    })?
+    .rgba;
     let mut choice = Choice::new("shadow_size", "How many texels may each side of a sun's shadow map have?");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = format!(
         "the same image with the lit part of each pixel by {} rays, {}×{}; edges as wide as requested, \
          {:.0} mm",
-        RAYS * RAYS,
+        RAYS_PER_SIDE * RAYS_PER_SIDE,
         SIZE[0],
         SIZE[1],
         SOFTNESS * 1e3
@@ -243,7 +247,7 @@ fn sizes() -> Result<Choice, String> {
         ("4096", with_size(4096)),
     ] {
         let moment = moment(&shadow, 2.0 * PI, &registry)?;
-        let picture = drawn(&moment, &mut cpu)?;
+        let picture = draw_moment(&moment, &mut cpu)?;
         let mut error = ErrorStats::default();
         for (got, exact) in
             picture.rgba.iter().zip(&truth).enumerate().filter(|(i, _)| i % 4 != 3).map(|p| p.1)
@@ -255,7 +259,7 @@ fn sizes() -> Result<Choice, String> {
             Row::new(name)
                 .error(error.worst, error.mean())
                 .at(format!("pixel {}, {}", pixel % SIZE[0] as usize, pixel / SIZE[0] as usize))
-                .note(maps(&moment)),
+                .note(shadow_map_sizes(&moment)),
         );
         moments.push(moment);
     }
@@ -266,7 +270,7 @@ fn sizes() -> Result<Choice, String> {
     for moment in &moments {
         let renderer = &renderer;
         cases.push(Case::new(1, move || {
-            let _ = black_box(drawn(moment, renderer.borrow_mut().as_mut()));
+            let _ = black_box(draw_moment(moment, renderer.borrow_mut().as_mut()));
         }));
     }
     let nanos = interleaved(Clock::Process, 6.0 * BUDGET_SECS, &mut cases);
@@ -281,7 +285,7 @@ fn sizes() -> Result<Choice, String> {
 }
 
 /// Depth map along the direction of the sun: depth of the first hit in each texel; greater is nearer to the sun.
-struct Map {
+struct DepthMap {
     origin: DVec2,
     texel: f64,
     side: usize,
@@ -290,17 +294,17 @@ struct Map {
     moments: Vec<[f32; 2]>,
 }
 
-impl Map {
-    fn of(shapes: &Shapes, middle: DVec3, width: f64, texel: f64) -> Map {
+impl DepthMap {
+    fn of(shapes: &Shapes, middle: DVec3, width: f64, texel: f64) -> DepthMap {
         let l = to_sun();
-        let (across, up) = axes(l);
+        let (across, up) = perpendicular_axes(l);
         let side = (width / texel).ceil() as usize;
         let origin = DVec2::new(across.dot(middle), up.dot(middle)) - width * 0.5;
         const START_DISTANCE: f64 = 20.0;
         let at = |i: usize| {
             let p = origin + (DVec2::new((i % side) as f64, (i / side) as f64) + 0.5) * texel;
             let start = across * p.x + up * p.y + l * START_DISTANCE;
-            shapes.first(start, -l).map_or(-1e3, |hit| hit.point.dot(l) as f32)
+            shapes.first_hit(start, -l).map_or(-1e3, |hit| hit.point.dot(l) as f32)
         };
         let depth: Vec<f32> = (0..side * side).map(at).collect();
         let mean = |i: usize| {
@@ -314,13 +318,13 @@ impl Map {
             sum
         };
         let moments = (0..side * side).map(mean).collect();
-        Map { origin, texel, side, depth, moments }
+        DepthMap { origin, texel, side, depth, moments }
     }
 
     /// Texel position and depth of a hit, offset from the surface as in the renderer.
     fn place(&self, hit: &Hit) -> [f32; 3] {
         let l = to_sun();
-        let (across, up) = axes(l);
+        let (across, up) = perpendicular_axes(l);
         let nl = hit.normal.dot(l).clamp(0.0, 1.0);
         let moved =
             hit.point + hit.normal * (3.0 * (1.0 - nl * nl).sqrt() * self.texel) + l * (0.25 * self.texel);
@@ -328,7 +332,7 @@ impl Map {
         [p.x as f32, p.y as f32, moved.dot(l) as f32]
     }
 
-    fn lit(&self, x: usize, y: usize, depth: f32) -> f32 {
+    fn lit_at_texel(&self, x: usize, y: usize, depth: f32) -> f32 {
         f32::from(u8::from(depth >= self.depth[y * self.side + x]))
     }
 
@@ -355,7 +359,7 @@ impl Map {
                 } else {
                     1.0
                 };
-                row += wx * self.lit(left as usize + i, top as usize + j, depth);
+                row += wx * self.lit_at_texel(left as usize + i, top as usize + j, depth);
             }
             sum += wy * row;
         }
@@ -381,7 +385,7 @@ impl Map {
     }
 }
 
-fn kernels() -> Result<Choice, String> {
+fn compare_kernels() -> Result<Choice, String> {
     let registry = choreo::registry();
     let scene = moment("false", 2.0 * PI, &registry)?;
     let shapes = Shapes::of(&scene.stage, &scene.snapshot);
@@ -392,20 +396,22 @@ fn kernels() -> Result<Choice, String> {
     while places.len() < 6000 {
         let from = middle + DVec3::new(random.signed() * reach, 3.0, random.signed() * reach);
         // Only points near a shadow's edge are used: elsewhere all kernels agree.
-        if let Some(hit) = shapes.first(from, DVec3::NEG_Y) {
-            let part = lit(&shapes, &hit, 3.0 * SOFTNESS, 4);
+        if let Some(hit) = shapes.first_hit(from, DVec3::NEG_Y) {
+            let part = lit_fraction(&shapes, &hit, 3.0 * SOFTNESS, 4);
             if part > 0.0 && part < 1.0 {
-                places.push((lit(&shapes, &hit, SOFTNESS, 16), hit));
+                places.push((lit_fraction(&shapes, &hit, SOFTNESS, 16), hit));
             }
         }
     }
     let width = 3.2;
-    let third = Map::of(&shapes, middle, width, SOFTNESS / 3.0);
-    let fifth = Map::of(&shapes, middle, width, SOFTNESS / 5.0);
-    let whole = Map::of(&shapes, middle, width, SOFTNESS);
-    type Kernel = fn(&Map, [f32; 3]) -> f32;
-    let ways: [(&str, &Map, Kernel); 6] = [
-        ("1 texel, a third of the edge wide", &third, |m, p| m.lit(p[0] as usize, p[1] as usize, p[2])),
+    let third = DepthMap::of(&shapes, middle, width, SOFTNESS / 3.0);
+    let fifth = DepthMap::of(&shapes, middle, width, SOFTNESS / 5.0);
+    let whole = DepthMap::of(&shapes, middle, width, SOFTNESS);
+    type Kernel = fn(&DepthMap, [f32; 3]) -> f32;
+    let methods: [(&str, &DepthMap, Kernel); 6] = [
+        ("1 texel, a third of the edge wide", &third, |m, p| {
+            m.lit_at_texel(p[0] as usize, p[1] as usize, p[2])
+        }),
         ("2 × 2, texels as wide as the edge", &whole, |m, p| m.lit_by_pcf::<1>(p)),
         ("3 × 3, a third of the edge wide", &third, |m, p| m.lit_by_pcf::<2>(p)),
         ("4 × 4, a third of the edge wide", &third, |m, p| m.lit_by_pcf::<3>(p)),
@@ -420,7 +426,7 @@ fn kernels() -> Result<Choice, String> {
                         edge by 256 rays; maps whose depths are computed by rays, too"
         .into();
     let mut cases = Vec::new();
-    for (name, map, kernel) in ways {
+    for (name, map, kernel) in methods {
         let at: Vec<[f32; 3]> = places.iter().map(|(_, hit)| map.place(hit)).collect();
         let mut error = ErrorStats::default();
         for ((exact, _), at) in places.iter().zip(&at) {

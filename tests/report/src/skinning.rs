@@ -9,13 +9,13 @@ use choreo_motion::{
 };
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3A, Vec3, Vec3A};
 
-const VERTICES: usize = 4_000;
+const VERTEX_COUNT: usize = 4_000;
 /// Radius of the limb in metres.
-const RADIUS: f64 = 0.04;
+const LIMB_RADIUS: f64 = 0.04;
 const ANGLES: [f64; 6] = [10.0, 45.0, 90.0, 120.0, 150.0, 175.0];
 
 pub fn section() -> Result<Section, String> {
-    let (twist, table) = twisted();
+    let (twist, table) = compare_methods();
     Ok(Section {
         title: "Skins",
         text: "With blended matrices, a vertex between two joints lies on the straight line between the two \
@@ -25,7 +25,7 @@ pub fn section() -> Result<Section, String> {
                files stay linear, as in glTF, unless a script asks. Scales and shears are blended before \
                the motions and cost a second sum."
             .into(),
-        choices: vec![twist, influences(), positions()],
+        choices: vec![twist, compare_influence_counts(), compare_position_formats()],
         tables: vec![table],
         off_front: vec![
             (
@@ -58,28 +58,28 @@ struct Mesh {
 }
 
 #[derive(Clone, Copy)]
-enum Way {
+enum SkinningMethod {
     Linear,
     Dual,
     Stretched,
 }
 
 impl Mesh {
-    fn skinned(&self, way: Way, maps: &[DAffine3], out: &mut [Vec3], normals: &mut [Vec3]) {
+    fn skin(&self, method: SkinningMethod, maps: &[DAffine3], out: &mut [Vec3], normals: &mut [Vec3]) {
         let Mesh { influences, joints, weights, positions } = self;
         let carriers: Vec<StretchedDualQuaternion> =
             maps.iter().map(|m| StretchedDualQuaternion::of(*m)).collect();
         let matrices: Vec<Affine3A> = maps.iter().map(affine_to_f32).collect();
         let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
-        let stretches: Vec<Affine3A> = match way {
-            Way::Stretched => carriers.iter().map(stretch_matrix).collect(),
+        let stretches: Vec<Affine3A> = match method {
+            SkinningMethod::Stretched => carriers.iter().map(stretch_matrix).collect(),
             _ => Vec::new(),
         };
         let (joint_indices, joint_weights, influences) = (joints, weights, *influences);
         // Positions are used as normals, because the cost is the same.
         let source: &[Vec3] = if normals.is_empty() { &[] } else { positions };
-        match way {
-            Way::Linear => LinearSkinning {
+        match method {
+            SkinningMethod::Linear => LinearSkinning {
                 matrices: &matrices,
                 influences,
                 joint_indices,
@@ -105,13 +105,13 @@ impl Mesh {
         }
     }
 
-    fn nanos(&self, ways: &[Way], maps: &[DAffine3]) -> Vec<Nanos> {
-        let mut cases: Vec<Case> = ways
+    fn time_methods(&self, methods: &[SkinningMethod], maps: &[DAffine3]) -> Vec<Nanos> {
+        let mut cases: Vec<Case> = methods
             .iter()
-            .map(|way| {
+            .map(|method| {
                 let (mut out, mut normals) = (self.positions.clone(), self.positions.clone());
-                Case::new(VERTICES, move || {
-                    self.skinned(*way, maps, &mut out, &mut normals);
+                Case::new(VERTEX_COUNT, move || {
+                    self.skin(*method, maps, &mut out, &mut normals);
                     std::hint::black_box((&mut out, &mut normals));
                 })
             })
@@ -124,9 +124,9 @@ impl Mesh {
 fn limb() -> Mesh {
     let mut random = Random(3);
     let mut mesh = Mesh { influences: 4, joints: Vec::new(), weights: Vec::new(), positions: Vec::new() };
-    for _ in 0..VERTICES {
+    for _ in 0..VERTEX_COUNT {
         let (along, angle) = (random.unit(), random.unit() * std::f64::consts::TAU);
-        let at = DVec3::new(along * 0.25, libm::cos(angle) * RADIUS, libm::sin(angle) * RADIUS);
+        let at = DVec3::new(along * 0.25, libm::cos(angle) * LIMB_RADIUS, libm::sin(angle) * LIMB_RADIUS);
         mesh.positions.push(at.as_vec3());
         mesh.joints.extend([0, 1, 0, 0]);
         mesh.weights.extend([1.0 - along as f32, along as f32, 0.0, 0.0]);
@@ -134,12 +134,12 @@ fn limb() -> Mesh {
     mesh
 }
 
-fn twisted() -> (Choice, Table) {
+fn compare_methods() -> (Choice, Table) {
     let mesh = limb();
-    let ways = [
-        ("linear blending", Way::Linear),
-        ("dual quaternions", Way::Dual),
-        ("dual quaternions after stretches", Way::Stretched),
+    let methods = [
+        ("linear blending", SkinningMethod::Linear),
+        ("dual quaternions", SkinningMethod::Dual),
+        ("dual quaternions after stretches", SkinningMethod::Stretched),
     ];
     let mut choice = Choice::new("skinning", "How do vertices follow several joints?");
     choice.error_unit = "mm";
@@ -151,14 +151,14 @@ fn twisted() -> (Choice, Table) {
         .chain(titles.iter().map(|t| (t.as_str(), "from one end to the other")))
         .collect();
     let mut table = Table::new("By the angle of the twist", &columns);
-    let nanos = mesh.nanos(&ways.map(|w| w.1), &turned(120.0));
+    let nanos = mesh.time_methods(&methods.map(|w| w.1), &twisted_joint_maps(120.0));
     let mut out = mesh.positions.clone();
-    for ((name, way), nanos) in ways.into_iter().zip(nanos) {
+    for ((name, method), nanos) in methods.into_iter().zip(nanos) {
         let mut all = ErrorStats::default();
         let mut place = String::new();
         let mut cells = vec![Cell::text(name)];
         for angle in ANGLES {
-            mesh.skinned(way, &turned(angle), &mut out, &mut []);
+            mesh.skin(method, &twisted_joint_maps(angle), &mut out, &mut []);
             let mut errors = ErrorStats::default();
             for ((at, weights), got) in mesh.positions.iter().zip(mesh.weights.chunks(4)).zip(&out) {
                 let share = f64::from(weights[1]);
@@ -181,13 +181,13 @@ fn twisted() -> (Choice, Table) {
     (choice, table)
 }
 
-fn turned(degrees: f64) -> Vec<DAffine3> {
+fn twisted_joint_maps(degrees: f64) -> Vec<DAffine3> {
     vec![DAffine3::IDENTITY, DAffine3::from_rotation_x(degrees.to_radians())]
 }
 
 /// Error by number of influences: a bent back of 16 joints 10 cm apart, with each vertex on the nearest eight; only the largest weights are
 /// kept.
-fn influences() -> Choice {
+fn compare_influence_counts() -> Choice {
     const MAX_INFLUENCES: usize = 8;
     let mut choice = Choice::new("influences", "How many joints move a vertex?");
     choice.error_unit = "mm";
@@ -203,7 +203,7 @@ fn influences() -> Choice {
     }
     let mut random = Random(5);
     let mut all: Vec<(Vec3, Vec<(u16, f64)>)> = Vec::new();
-    for _ in 0..VERTICES {
+    for _ in 0..VERTEX_COUNT {
         let at = DVec3::new(random.unit() * 1.5, random.signed() * 0.12, random.signed() * 0.1);
         let far = |joint: usize| (at.x - 0.1 * joint as f64 - 0.05) / 0.12;
         let mut weights: Vec<(u16, f64)> =
@@ -235,13 +235,13 @@ fn influences() -> Choice {
     for n in 1..=MAX_INFLUENCES {
         let mesh = kept(n);
         let mut out = mesh.positions.clone();
-        mesh.skinned(Way::Linear, &maps, &mut out, &mut []);
+        mesh.skin(SkinningMethod::Linear, &maps, &mut out, &mut []);
         let mut errors = ErrorStats::default();
         exact
             .iter()
             .zip(&out)
             .for_each(|(want, got)| _ = errors.add((got.as_dvec3() - *want).length() * 1e3));
-        let nanos = mesh.nanos(&[Way::Linear], &maps)[0];
+        let nanos = mesh.time_methods(&[SkinningMethod::Linear], &maps)[0];
         let row = Row::new(format!("{n}, the heaviest")).error(errors.worst, errors.mean()).nanos(nanos);
         choice.rows.push(row.bytes((n * 4) as f64));
     }
@@ -253,7 +253,7 @@ fn influences() -> Choice {
 }
 
 /// Error of a character's positions in smaller number formats.
-fn positions() -> Choice {
+fn compare_position_formats() -> Choice {
     let mut choice = Choice::new("positions", "In which number format are positions stored?");
     choice.error_unit = "mm";
     choice.reference =
@@ -261,12 +261,12 @@ fn positions() -> Choice {
     let mut random = Random(6);
     let half_size = DVec3::new(0.5, 0.9, 0.3);
     type Pack = fn(f64, f64) -> f64;
-    let ways: [(&str, usize, Pack); 4] = [
+    let methods: [(&str, usize, Pack); 4] = [
         ("f32 × 3", 12, |v, _| v),
         ("16-bit signed × 4, in the mesh's box", 8, |v, half| {
             libm::round(v / half * 32767.0) / 32767.0 * half
         }),
-        ("half float × 4", 8, |v, _| half_float(v)),
+        ("half float × 4", 8, |v, _| round_to_half_float(v)),
         ("10-bit signed × 3, in the mesh's box", 4, |v, half| libm::round(v / half * 511.0) / 511.0 * half),
     ];
     let mut errors = [ErrorStats::default(); 4];
@@ -274,13 +274,13 @@ fn positions() -> Choice {
         let at = DVec3::new(random.signed(), random.signed(), random.signed()) * half_size;
         let at = at.as_vec3().as_dvec3();
         let turn = DQuat::from_axis_angle(random.direction(), random.unit() * 120f64.to_radians());
-        for ((_, _, pack), error) in ways.iter().zip(&mut errors) {
+        for ((_, _, pack), error) in methods.iter().zip(&mut errors) {
             let packed =
                 DVec3::new(pack(at.x, half_size.x), pack(at.y, half_size.y), pack(at.z, half_size.z));
             error.add((turn * packed - turn * at).length() * 1e3);
         }
     }
-    for ((name, bytes, _), error) in ways.iter().zip(errors) {
+    for ((name, bytes, _), error) in methods.iter().zip(errors) {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).bytes(*bytes as f64));
     }
     choice.choose("f32 × 3", "exact at any size of a mesh, without a box that shaders must know");
@@ -288,7 +288,7 @@ fn positions() -> Choice {
 }
 
 /// Rounds to the 11 significant bits of IEEE 754 binary16.
-fn half_float(v: f64) -> f64 {
+fn round_to_half_float(v: f64) -> f64 {
     let (_, exponent) = libm::frexp(v);
     let step = libm::ldexp(1.0, exponent.max(-13) - 11);
     libm::round(v / step) * step

@@ -12,7 +12,7 @@ use choreo_motion::{Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
 use std::f64::consts::PI;
 
-const OURS: &str = "closed form (SpringBone)";
+const CHOSEN_METHOD: &str = "closed form (SpringBone)";
 /// Name, steps per frame, method.
 const METHODS: [(&str, u32, Method); 9] = [
     ("explicit Euler", 1, Method::Explicit),
@@ -23,15 +23,15 @@ const METHODS: [(&str, u32, Method); 9] = [
     ("implicit Euler, 64 steps a frame", 64, Method::Implicit),
     ("RK4", 1, Method::Rk4),
     ("RK4, 8 steps a frame", 8, Method::Rk4),
-    (OURS, 1, Method::Closed),
+    (CHOSEN_METHOD, 1, Method::ClosedForm),
 ];
 const FREQUENCIES: [f64; 5] = [0.1, 1.0, 10.0, 100.0, 1000.0];
-const RATIOS: [f64; 6] = [0.0, 0.1, 0.5, 1.0, 3.0, 10.0];
-const RATES: [u32; 6] = [12, 24, 30, 60, 120, 240];
+const DAMPING_RATIOS: [f64; 6] = [0.0, 0.1, 0.5, 1.0, 3.0, 10.0];
+const FRAME_RATES: [u32; 6] = [12, 24, 30, 60, 120, 240];
 /// Duration of a swing in seconds.
-const LENGTH: f64 = 2.0;
+const SWING_SECS: f64 = 2.0;
 /// Initial angle in radians.
-const START: f64 = 1.0;
+const START_ANGLE: f64 = 1.0;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Method {
@@ -39,27 +39,27 @@ enum Method {
     SemiImplicit,
     Implicit,
     Rk4,
-    Closed,
+    ClosedForm,
 }
 
 pub fn section() -> Result<Section, String> {
     let mut free = vec![ErrorStats::default(); METHODS.len()];
     let mut worst_at = vec![(0.0, String::new()); METHODS.len()];
-    let mut by_rate = vec![vec![ErrorStats::default(); RATES.len()]; METHODS.len()];
+    let mut by_rate = vec![vec![ErrorStats::default(); FRAME_RATES.len()]; METHODS.len()];
     let mut by_frequency = vec![vec![ErrorStats::default(); FREQUENCIES.len()]; METHODS.len()];
-    let mut by_ratio = vec![vec![ErrorStats::default(); RATIOS.len()]; METHODS.len()];
-    for (way, (_, steps, method)) in METHODS.iter().enumerate() {
+    let mut by_ratio = vec![vec![ErrorStats::default(); DAMPING_RATIOS.len()]; METHODS.len()];
+    for (method_index, (_, steps, method)) in METHODS.iter().enumerate() {
         for (f, frequency) in FREQUENCIES.iter().enumerate() {
-            for (z, ratio) in RATIOS.iter().enumerate() {
-                for (r, rate) in RATES.iter().enumerate() {
-                    let (off, time) = free_swing(*method, *steps, *frequency, *ratio, *rate);
-                    by_frequency[way][f].add(off);
-                    by_ratio[way][z].add(off);
-                    by_rate[way][r].add(off);
-                    free[way].add(off);
-                    if off > worst_at[way].0 {
-                        worst_at[way] =
-                            (off, format!("{frequency} Hz, ratio {ratio}, {rate} fps, {time:.2} s"));
+            for (z, ratio) in DAMPING_RATIOS.iter().enumerate() {
+                for (r, rate) in FRAME_RATES.iter().enumerate() {
+                    let (difference, time) = free_swing(*method, *steps, *frequency, *ratio, *rate);
+                    by_frequency[method_index][f].add(difference);
+                    by_ratio[method_index][z].add(difference);
+                    by_rate[method_index][r].add(difference);
+                    free[method_index].add(difference);
+                    if difference > worst_at[method_index].0 {
+                        worst_at[method_index] =
+                            (difference, format!("{frequency} Hz, ratio {ratio}, {rate} fps, {time:.2} s"));
                     }
                 }
             }
@@ -70,8 +70,8 @@ pub fn section() -> Result<Section, String> {
     let mut cases: Vec<Case> = METHODS
         .iter()
         .map(|(_, steps, method)| {
-            let mut state = at(START, &drive);
-            Case::new(1, move || frame(*method, *steps, &bone, &mut state, &drive, 1.0 / 60.0))
+            let mut state = state_at_angle(START_ANGLE, &drive);
+            Case::new(1, move || advance_frame(*method, *steps, &bone, &mut state, &drive, 1.0 / 60.0))
         })
         .collect();
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
@@ -82,11 +82,16 @@ pub fn section() -> Result<Section, String> {
                         frames a second; π where it diverges"
             .into();
     choice.per = "frame of one bone".into();
-    for (way, (name, ..)) in METHODS.iter().enumerate() {
-        let row = Row::new(*name).error(free[way].worst, free[way].mean()).nanos(nanos[way]);
-        choice.rows.push(row.at(worst_at[way].1.clone()));
+    for (method_index, (name, ..)) in METHODS.iter().enumerate() {
+        let row = Row::new(*name)
+            .error(free[method_index].worst, free[method_index].mean())
+            .nanos(nanos[method_index]);
+        choice.rows.push(row.at(worst_at[method_index].1.clone()));
     }
-    choice.choose(OURS, "exact at any frequency, damping and rate, and as cheap as one step of any other");
+    choice.choose(
+        CHOSEN_METHOD,
+        "exact at any frequency, damping and rate, and as cheap as one step of any other",
+    );
     let table = |title: &str, what: &str, titles: Vec<String>, errors: &[Vec<ErrorStats>]| {
         let titles: Vec<String> = titles.iter().map(|t| format!(">{t}")).collect();
         let mut columns: Vec<(&str, &'static str)> = vec![(what, "way")];
@@ -110,16 +115,26 @@ pub fn section() -> Result<Section, String> {
             .into(),
         choices: vec![choice],
         tables: vec![
-            table("By the frame rate", worst, RATES.iter().map(|r| format!("{r} fps")).collect(), &by_rate),
+            table(
+                "By the frame rate",
+                worst,
+                FRAME_RATES.iter().map(|r| format!("{r} fps")).collect(),
+                &by_rate,
+            ),
             table(
                 "By the frequency",
                 worst,
                 FREQUENCIES.iter().map(|f| format!("{f} Hz")).collect(),
                 &by_frequency,
             ),
-            table("By the damping ratio", worst, RATIOS.iter().map(|z| format!("{z}")).collect(), &by_ratio),
-            moving(),
-            chains()?,
+            table(
+                "By the damping ratio",
+                worst,
+                DAMPING_RATIOS.iter().map(|z| format!("{z}")).collect(),
+                &by_ratio,
+            ),
+            moving_target_table(),
+            chains_table()?,
         ],
         off_front: Vec::new(),
     })
@@ -138,7 +153,7 @@ fn drive_at_rest() -> Drive {
     }
 }
 
-fn at(angle: f64, drive: &Drive) -> BoneState {
+fn state_at_angle(angle: f64, drive: &Drive) -> BoneState {
     let direction = DVec3::new(libm::sin(angle), -libm::cos(angle), 0.0);
     BoneState {
         direction,
@@ -150,8 +165,15 @@ fn at(angle: f64, drive: &Drive) -> BoneState {
 }
 
 /// One frame: every method integrates the same equation in the tangent plane, and moves along the same sphere.
-fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, drive: &Drive, seconds: f64) {
-    if method == Method::Closed {
+fn advance_frame(
+    method: Method,
+    steps: u32,
+    bone: &SpringBone,
+    state: &mut BoneState,
+    drive: &Drive,
+    seconds: f64,
+) {
+    if method == Method::ClosedForm {
         bone.step(state, drive, seconds);
         return;
     }
@@ -164,7 +186,7 @@ fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, d
         let bent = log(state.direction, target);
         let v = state.velocity;
         let rate = |u: DVec3, w: DVec3| (bent - u) * k - w * c;
-        let (way, after) = match method {
+        let (displacement, after) = match method {
             Method::Explicit => (v * h, v + rate(DVec3::ZERO, v) * h),
             Method::SemiImplicit => {
                 let after = v + rate(DVec3::ZERO, v) * h;
@@ -183,8 +205,8 @@ fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, d
             }
         };
         // A diverged spring is clamped to stay finite; its error counts as π.
-        let way = way.clamp_length_max(1e6);
-        (state.direction, state.velocity) = exp(state.direction, way, after.clamp_length_max(1e12));
+        let displacement = displacement.clamp_length_max(1e6);
+        (state.direction, state.velocity) = exp(state.direction, displacement, after.clamp_length_max(1e12));
     }
     (state.head, state.target) = (drive.head, drive.target);
 }
@@ -192,70 +214,71 @@ fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, d
 /// Worst error of a free swing in radians, and its time in seconds.
 fn free_swing(method: Method, steps: u32, frequency: f64, ratio: f64, rate: u32) -> (f64, f64) {
     let (bone, drive) = (SpringBone::new(frequency, ratio), drive_at_rest());
-    let mut state = at(START, &drive);
+    let mut state = state_at_angle(START_ANGLE, &drive);
     let mut worst = (0.0, 0.0);
-    for i in 1..=(LENGTH * f64::from(rate)) as u32 {
-        frame(method, steps, &bone, &mut state, &drive, 1.0 / f64::from(rate));
+    for i in 1..=(SWING_SECS * f64::from(rate)) as u32 {
+        advance_frame(method, steps, &bone, &mut state, &drive, 1.0 / f64::from(rate));
         let t = f64::from(i) / f64::from(rate);
         let angle = libm::atan2(state.direction.x, -state.direction.y);
-        let off = (angle - swing(frequency, ratio, t)).abs();
-        let off = if off.is_finite() && state.velocity.length() < 1e9 { off.min(PI) } else { PI };
-        if off > worst.0 {
-            worst = (off, t);
+        let difference = (angle - reference_angle(frequency, ratio, t)).abs();
+        let difference =
+            if difference.is_finite() && state.velocity.length() < 1e9 { difference.min(PI) } else { PI };
+        if difference > worst.0 {
+            worst = (difference, t);
         }
     }
     worst
 }
 
 /// Closed-form angle of a damped oscillator released from rest.
-fn swing(frequency: f64, ratio: f64, t: f64) -> f64 {
+fn reference_angle(frequency: f64, ratio: f64, t: f64) -> f64 {
     let w = 2.0 * PI * frequency;
     let fall = libm::exp(-ratio * w * t);
     if ratio < 1.0 {
         let wd = w * (1.0 - ratio * ratio).sqrt();
-        START * fall * (libm::cos(wd * t) + ratio * w / wd * libm::sin(wd * t))
+        START_ANGLE * fall * (libm::cos(wd * t) + ratio * w / wd * libm::sin(wd * t))
     } else if ratio == 1.0 {
-        START * fall * (1.0 + w * t)
+        START_ANGLE * fall * (1.0 + w * t)
     } else {
         let root = (ratio * ratio - 1.0).sqrt();
         let (a, b) = (-w / (ratio + root), -w * (ratio + root));
-        START * (b * libm::exp(a * t) - a * libm::exp(b * t)) / (b - a)
+        START_ANGLE * (b * libm::exp(a * t) - a * libm::exp(b * t)) / (b - a)
     }
 }
 
 /// A moving target that is sampled at frames only; the reference uses a thousand times as many samples.
-fn moving() -> Table {
+fn moving_target_table() -> Table {
     let target = |t: f64| {
         DQuat::from_rotation_z(0.6 * libm::sin(8.0 * t))
             * DQuat::from_rotation_x(0.4 * libm::cos(5.0 * t))
             * DVec3::NEG_Y
     };
     let run = |method: Method, steps: u32, bone: &SpringBone, rate: u32, every: u32| {
-        let mut state = at(0.0, &Drive { target: target(0.0), ..drive_at_rest() });
+        let mut state = state_at_angle(0.0, &Drive { target: target(0.0), ..drive_at_rest() });
         let mut seen = Vec::new();
         for i in 1..=rate * 2 {
             let drive = Drive { target: target(f64::from(i) / f64::from(rate)), ..drive_at_rest() };
-            frame(method, steps, bone, &mut state, &drive, 1.0 / f64::from(rate));
+            advance_frame(method, steps, bone, &mut state, &drive, 1.0 / f64::from(rate));
             if i.is_multiple_of(every) {
                 seen.push(state.direction);
             }
         }
         seen
     };
-    let titles: Vec<String> = RATES.iter().map(|r| format!(">{r} fps")).collect();
+    let titles: Vec<String> = FRAME_RATES.iter().map(|r| format!(">{r} fps")).collect();
     let mut columns: Vec<(&str, &'static str)> = vec![("worst error in radians, 3 Hz, ratio 0.2", "way")];
     columns.extend(titles.iter().map(|t| (t.as_str(), "rate")));
     let mut table = Table::new("A moving character", &columns);
     let bone = SpringBone::new(3.0, 0.2);
     let truths: Vec<Vec<DVec3>> =
-        RATES.iter().map(|r| run(Method::Closed, 1, &bone, r * 1000, 1000)).collect();
+        FRAME_RATES.iter().map(|r| run(Method::ClosedForm, 1, &bone, r * 1000, 1000)).collect();
     for (name, steps, method) in METHODS {
         let mut cells = vec![Cell::text(name)];
-        for (rate, truth) in RATES.iter().zip(&truths) {
+        for (rate, truth) in FRAME_RATES.iter().zip(&truths) {
             let got = run(method, steps, &bone, *rate, 1);
-            let off = got.iter().zip(truth).map(|(a, b)| log(*a, *b).length()).fold(0.0, f64::max);
-            let off = if off.is_finite() { off } else { PI };
-            cells.push(Cell::number(quantity(off), off));
+            let difference = got.iter().zip(truth).map(|(a, b)| log(*a, *b).length()).fold(0.0, f64::max);
+            let difference = if difference.is_finite() { difference } else { PI };
+            cells.push(Cell::number(quantity(difference), difference));
         }
         table.rows.push(cells);
     }
@@ -263,7 +286,7 @@ fn moving() -> Table {
 }
 
 /// A tail with a shaking root: 60 and more steps per second, against 60,000.
-fn chains() -> Result<Table, String> {
+fn chains_table() -> Result<Table, String> {
     const LENGTHS: [usize; 4] = [1, 4, 20, 100];
     const STEPS: [u32; 4] = [60, 120, 240, 480];
     let titles: Vec<String> = LENGTHS.iter().map(|n| format!(">{n} bones")).collect();
@@ -323,9 +346,9 @@ fn chains() -> Result<Table, String> {
         let truth = tips(count, 60_000)?;
         for (row, steps) in rows.iter_mut().zip(STEPS) {
             let got = tips(count, steps)?;
-            let off =
+            let difference =
                 got.iter().zip(&truth).map(|(a, b)| f64::from((*a - *b).length()) * 1e3).fold(0.0, f64::max);
-            row.push(Cell::number(quantity(off), off));
+            row.push(Cell::number(quantity(difference), difference));
         }
     }
     table.rows = rows;

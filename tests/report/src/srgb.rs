@@ -16,18 +16,18 @@ const ENCODE_METHODS: [&str; 5] = [
 ];
 
 /// Reference decoding of an 8-bit code by IEC 61966-2-1, in f64.
-fn decoded(code: f64) -> f64 {
+fn reference_decode(code: f64) -> f64 {
     let v = code / 255.0;
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-fn encoded(light: f64) -> f64 {
+fn reference_encode(light: f64) -> f64 {
     255.0 * if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }
 
-fn decode(way: usize, code: u8) -> f32 {
+fn decode(method: usize, code: u8) -> f32 {
     let v = f32::from(code) / 255.0;
-    match way {
+    match method {
         0 => srgb_to_linear_table()[usize::from(code)],
         1 if v <= 0.04045 => v / 12.92,
         1 => ((v + 0.055) / 1.055).powf(2.4),
@@ -37,8 +37,8 @@ fn decode(way: usize, code: u8) -> f32 {
     }
 }
 
-fn encode(way: usize, light: f32, table: &[u8]) -> u8 {
-    let code = match way {
+fn encode(method: usize, light: f32, table: &[u8]) -> u8 {
+    let code = match method {
         0 => return linear_to_srgb8(light),
         1 if light <= 0.003_130_8 => light * 12.92,
         1 => 1.055 * light.powf(1.0 / 2.4) - 0.055,
@@ -63,41 +63,42 @@ pub fn section() -> Result<Section, String> {
                curve; for encoding, the distance from the exact value, at most half a code if rounding is \
                correct."
             .into(),
-        choices: vec![decoding(), encoding()],
+        choices: vec![compare_decoding(), compare_encoding()],
         tables: Vec::new(),
         off_front: Vec::new(),
     })
 }
 
-fn decoding() -> Choice {
+fn compare_decoding() -> Choice {
     let mut choice = Choice::new("srgb_decode", "How is an sRGB code decoded to light?");
     choice.error_unit = "codes";
     choice.reference = "the formula of IEC 61966-2-1 in f64, all 256 codes".into();
     choice.per = "channel".into();
-    let case = |way: usize| {
+    let case = |method: usize| {
         Case::new(256, move || {
-            (0..=255u8).for_each(|code| _ = std::hint::black_box(decode(way, std::hint::black_box(code))))
+            (0..=255u8).for_each(|code| _ = std::hint::black_box(decode(method, std::hint::black_box(code))))
         })
     };
     let nanos =
         interleaved(Clock::Thread, BUDGET_SECS, &mut (0..DECODE_METHODS.len()).map(case).collect::<Vec<_>>());
-    for (way, name) in DECODE_METHODS.into_iter().enumerate() {
+    for (method, name) in DECODE_METHODS.into_iter().enumerate() {
         let (mut error, mut place) = (ErrorStats::default(), String::new());
         for code in 0..=255u8 {
             // Error in codes: the value is encoded exactly, without rounding.
-            let off = (encoded(f64::from(decode(way, code)).max(0.0)) - f64::from(code)).abs();
-            if error.add(off) {
-                place = format!("code {code}, {:.2e}", decoded(f64::from(code)));
+            let difference =
+                (reference_encode(f64::from(decode(method, code)).max(0.0)) - f64::from(code)).abs();
+            if error.add(difference) {
+                place = format!("code {code}, {:.2e}", reference_decode(f64::from(code)));
             }
         }
-        choice.rows.push(Row::new(name).error(error.worst, error.mean()).nanos(nanos[way]).at(place));
+        choice.rows.push(Row::new(name).error(error.worst, error.mean()).nanos(nanos[method]).at(place));
     }
     choice.choose(DECODE_METHODS[0], "exact to f32; the only cheaper way is 5 codes off");
     choice
 }
 
-fn encoding() -> Choice {
-    let table: Vec<u8> = (0..4096).map(|i| encoded(f64::from(i) / 4095.0).round() as u8).collect();
+fn compare_encoding() -> Choice {
+    let table: Vec<u8> = (0..4096).map(|i| reference_encode(f64::from(i) / 4095.0).round() as u8).collect();
     let lights: Vec<f32> = (0..=20_000).map(|i| i as f32 / 20_000.0).collect();
     let mut choice = Choice::new("srgb_encode", "How is light encoded to 8 bits of sRGB?");
     choice.error_unit = "codes";
@@ -105,23 +106,25 @@ fn encoding() -> Choice {
         "the formula of IEC 61966-2-1 in f64, not rounded, at 20001 values; 0.5 is correct rounding".into();
     choice.per = "channel".into();
     let (some, table) = (&lights[..], &table[..]);
-    let case = |way: usize| {
+    let case = |method: usize| {
         Case::new(some.len(), move || {
-            some.iter()
-                .for_each(|light| _ = std::hint::black_box(encode(way, std::hint::black_box(*light), table)));
+            some.iter().for_each(|light| {
+                _ = std::hint::black_box(encode(method, std::hint::black_box(*light), table))
+            });
         })
     };
     let nanos =
         interleaved(Clock::Thread, BUDGET_SECS, &mut (0..ENCODE_METHODS.len()).map(case).collect::<Vec<_>>());
-    for (way, name) in ENCODE_METHODS.into_iter().enumerate() {
+    for (method, name) in ENCODE_METHODS.into_iter().enumerate() {
         let (mut error, mut place) = (ErrorStats::default(), String::new());
         for light in some {
-            let off = (f64::from(encode(way, *light, table)) - encoded(f64::from(*light))).abs();
-            if error.add(off) {
+            let difference =
+                (f64::from(encode(method, *light, table)) - reference_encode(f64::from(*light))).abs();
+            if error.add(difference) {
                 place = format!("light {light:.5}");
             }
         }
-        choice.rows.push(Row::new(name).error(error.worst, error.mean()).nanos(nanos[way]).at(place));
+        choice.rows.push(Row::new(name).error(error.worst, error.mean()).nanos(nanos[method]).at(place));
     }
     choice.choose(ENCODE_METHODS[0], "rounds every value correctly, for less than the power costs");
     choice

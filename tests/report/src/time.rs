@@ -10,9 +10,9 @@ const HOURS: [(f64, &str); 5] =
     [(1.0 / 3600.0, "1 s"), (1.0 / 60.0, "1 min"), (1.0, "1 h"), (100.0, "100 h"), (1000.0, "1000 h")];
 const TYPICAL_HOURS: usize = 2;
 const NTSC: FrameRate = FrameRate { num: 30_000, den: 1001 };
-const OURS: &str = "ticks of 1/705 600 000 s";
+const CHOSEN_METHOD: &str = "ticks of 1/705 600 000 s";
 const METHODS: [&str; 5] = [
-    OURS,
+    CHOSEN_METHOD,
     "f64 seconds",
     "f32 seconds",
     "f64, a frame's time added each frame",
@@ -42,15 +42,15 @@ pub fn section() -> Result<Section, String> {
                 added.0,
                 f64::from(added.1),
             ];
-            for (way, held) in held.into_iter().enumerate() {
-                by_length[way][at].add(match way {
+            for (method, held) in held.into_iter().enumerate() {
+                by_length[method][at].add(match method {
                     // Ticks are compared as integers: frame · 1001 / 30 000 s is a whole number of ticks.
                     0 => {
                         let exact = i128::from(frame) * 1001 * i128::from(Time::TICKS_PER_SECOND);
-                        let off = exact - i128::from(NTSC.time_of(frame).0) * 30_000;
-                        off.unsigned_abs() as f64 / 30_000.0 / Time::TICKS_PER_SECOND as f64 * 1e6
+                        let difference = exact - i128::from(NTSC.time_of(frame).0) * 30_000;
+                        difference.unsigned_abs() as f64 / 30_000.0 / Time::TICKS_PER_SECOND as f64 * 1e6
                     }
-                    _ => off_microseconds(held, frame),
+                    _ => error_in_microseconds(held, frame),
                 });
             }
         }
@@ -62,13 +62,13 @@ pub fn section() -> Result<Section, String> {
         HOURS[TYPICAL_HOURS].1
     );
     choice.per = "frame number turned into a time".into();
-    let nanos = times();
-    for (way, name) in METHODS.iter().enumerate() {
-        let error = &by_length[way][TYPICAL_HOURS];
-        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
+    let nanos = measure_times();
+    for (method, name) in METHODS.iter().enumerate() {
+        let error = &by_length[method][TYPICAL_HOURS];
+        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[method]));
     }
     choice.choose(
-        OURS,
+        CHOSEN_METHOD,
         "exact for every common frame rate, at any time; a time computed in two ways is the same",
     );
     let titles: Vec<String> = HOURS.iter().map(|h| format!(">after {}", h.1)).collect();
@@ -93,7 +93,7 @@ pub fn section() -> Result<Section, String> {
 }
 
 /// Error in microseconds of a time in f64. f64 holds its whole part and 1001 · frame exactly, so the difference is computed in integers.
-fn off_microseconds(held: f64, frame: i64) -> f64 {
+fn error_in_microseconds(held: f64, frame: i64) -> f64 {
     let whole = held.floor();
     // Remainder of frame · 1001 / 30 000 beyond the whole seconds, exact.
     let exact = i128::from(frame) * 1001;
@@ -102,7 +102,7 @@ fn off_microseconds(held: f64, frame: i64) -> f64 {
     ((left as f64 / 30_000.0) - (held - whole)).abs() * 1e6
 }
 
-fn times() -> Vec<Nanos> {
+fn measure_times() -> Vec<Nanos> {
     const FRAMES: i64 = 1000;
     let mut cases = vec![
         Case::new(FRAMES as usize, || {

@@ -4,11 +4,11 @@ use crate::{BUDGET_SECS, Section};
 use choreo_bench::scene::tones::{Light, aces, agx, effect};
 use glam::{Vec2, Vec3, Vec4};
 
-/// Description of the colors of [`lights`].
+/// Description of the colors of [`test_colors`].
 const COLORS_MEASURED: &str = "845 colors from −10 to +6 stops about middle gray";
 
 pub fn section() -> Result<Section, String> {
-    check()?;
+    check_formulas()?;
     Ok(Section {
         title: "Tone mapping",
         text: "Both transforms are chains of matrices, logarithms and curves; the renderer uses a fit of \
@@ -17,8 +17,8 @@ pub fn section() -> Result<Section, String> {
                codes there, one code in the mean."
             .into(),
         choices: vec![
-            aces(&lights(), COLORS_MEASURED, BUDGET_SECS),
-            agx(&lights(), COLORS_MEASURED, BUDGET_SECS),
+            aces(&test_colors(), COLORS_MEASURED, BUDGET_SECS),
+            agx(&test_colors(), COLORS_MEASURED, BUDGET_SECS),
         ],
         tables: Vec::new(),
         off_front: Vec::new(),
@@ -26,7 +26,7 @@ pub fn section() -> Result<Section, String> {
 }
 
 /// Linear sRGB: grays, and half and fully saturated colors, each from 10 stops below middle gray to 6 stops above.
-fn lights() -> Vec<Light> {
+fn test_colors() -> Vec<Light> {
     const HUES: [(&str, [f32; 3]); 13] = [
         ("gray", [1.0, 1.0, 1.0]),
         ("red", [1.0, 0.0, 0.0]),
@@ -53,9 +53,9 @@ fn lights() -> Vec<Light> {
 }
 
 /// Checks that the formulas are those of the effect.
-fn check() -> Result<(), String> {
+fn check_formulas() -> Result<(), String> {
     let tonemap = effects::named(&["tonemap"]).remove(0);
-    let lights = lights();
+    let lights = test_colors();
     for curve in [0.0, 1.0] {
         let mut colors: Vec<Vec4> = lights.iter().map(|(_, light)| light.extend(1.0)).collect();
         let p = [curve, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];

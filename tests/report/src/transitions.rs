@@ -10,10 +10,10 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// Time in seconds at which the second clip begins, and end of the evaluated span.
-const START: f64 = 1.3;
-const END: f64 = 2.1;
+const SECOND_CLIP_SECS: f64 = 1.3;
+const END_SECS: f64 = 2.1;
 /// Samples per second from which accelerations are computed.
-const RATE: f64 = 240.0;
+const SAMPLES_PER_SEC: f64 = 240.0;
 const OPTIONS: [(&str, &str); 6] = [
     ("at once", ""),
     ("crossfade of 0.2 s", ", #{ fade: 0.2 }"),
@@ -45,7 +45,7 @@ pub fn section() -> Result<Section, String> {
     choice.per = "frame in the transition".into();
     let mut stages = Vec::new();
     for (name, options) in OPTIONS {
-        let stage = script("Walk", &format!(".until({START}).then(m.clip(\"Run\"){options})"))?;
+        let stage = script("Walk", &format!(".until({SECOND_CLIP_SECS}).then(m.clip(\"Run\"){options})"))?;
         let (worst, at) = worst_acceleration(&stage)?;
         choice.rows.push(Row::new(name).error((worst - own).max(0.0), f64::NAN).at(at));
         stages.push(stage);
@@ -56,7 +56,7 @@ pub fn section() -> Result<Section, String> {
         let mut frame = 0;
         cases.push(Case::new(1, move || {
             frame = (frame + 1) % 20;
-            let time = Time::from_secs(START + 0.005 + f64::from(frame) * 0.009);
+            let time = Time::from_secs(SECOND_CLIP_SECS + 0.005 + f64::from(frame) * 0.009);
             let done = evaluator.at_into(time, &mut snapshot);
             std::hint::black_box((done.is_ok(), &snapshot));
         }));
@@ -82,8 +82,8 @@ pub fn section() -> Result<Section, String> {
 fn worst_acceleration(stage: &Arc<Stage>) -> Result<(f64, String), String> {
     let mut evaluator = Evaluator::new(stage.clone());
     let mut looks: Vec<Vec<DVec3>> = Vec::new();
-    for i in 0..=((END - START + 0.1) * RATE) as i64 {
-        let time = Time::from_secs(START - 0.1 + i as f64 / RATE);
+    for i in 0..=((END_SECS - SECOND_CLIP_SECS + 0.1) * SAMPLES_PER_SEC) as i64 {
+        let time = Time::from_secs(SECOND_CLIP_SECS - 0.1 + i as f64 / SAMPLES_PER_SEC);
         let snapshot = evaluator.at(time).map_err(|e| e.to_string())?;
         let joints = snapshot.actors[0].model_from_joint.iter();
         looks.push(joints.map(|m| Vec3::from(m.translation).as_dvec3()).collect());
@@ -91,9 +91,14 @@ fn worst_acceleration(stage: &Arc<Stage>) -> Result<(f64, String), String> {
     let (mut worst, mut at) = (0.0, String::new());
     for (i, three) in looks.windows(3).enumerate() {
         for (joint, name) in stage.actors[0].asset.skeleton.names().iter().enumerate() {
-            let off = (three[0][joint] - 2.0 * three[1][joint] + three[2][joint]).length() * RATE * RATE;
-            if off > worst {
-                (worst, at) = (off, format!("{name}, {:.2} s", START - 0.1 + (i + 1) as f64 / RATE));
+            let difference = (three[0][joint] - 2.0 * three[1][joint] + three[2][joint]).length()
+                * SAMPLES_PER_SEC
+                * SAMPLES_PER_SEC;
+            if difference > worst {
+                (worst, at) = (
+                    difference,
+                    format!("{name}, {:.2} s", SECOND_CLIP_SECS - 0.1 + (i + 1) as f64 / SAMPLES_PER_SEC),
+                );
             }
         }
     }

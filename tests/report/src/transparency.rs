@@ -1,6 +1,6 @@
 //! Cutouts by alpha test and by alpha to coverage; transparent surfaces sorted per object and peeled per pixel.
 
-use crate::images::{renderers, rows, srgb, stage};
+use crate::images::{error_and_cost_rows, renderers, srgb_from_linear, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::Choice;
@@ -23,24 +23,24 @@ pub fn section() -> Result<Section, String> {
                each layer draws its surfaces once to find them and once to blend them. The plan uses depth \
                peeling only where boxes show that sorting fails."
             .into(),
-        choices: vec![cutouts()?, panes()?],
+        choices: vec![compare_cutouts()?, compare_pane_transparency()?],
         tables: Vec::new(),
         off_front: Vec::new(),
     })
 }
 
 /// Adds rows for images of one scene, each compared with the reference and timed in turns.
-fn measured(
+fn add_measured_rows(
     choice: &mut Choice,
     resources: &Arc<SceneResources>,
-    ways: &[(&str, Plan)],
+    methods: &[(&str, Plan)],
     truth: &Frame,
 ) -> Result<(), String> {
     for (renderer_name, mut renderer) in renderers(&choreo::registry()) {
         renderer.load(resources.clone()).map_err(|e| e.to_string())?;
         let named = |(name, plan): &(&str, Plan)| (format!("{name}, {renderer_name}"), plan.clone());
-        let ways: Vec<(String, Plan)> = ways.iter().map(named).collect();
-        choice.rows.extend(rows(&mut *renderer, &ways, truth, 2.0 * BUDGET_SECS)?);
+        let methods: Vec<(String, Plan)> = methods.iter().map(named).collect();
+        choice.rows.extend(error_and_cost_rows(&mut *renderer, &methods, truth, 2.0 * BUDGET_SECS)?);
     }
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
@@ -49,7 +49,7 @@ fn measured(
 }
 
 /// The stage with other settings for cutouts and transparency.
-fn with(stage: &Arc<Stage>, cutouts: Cutouts, transparency: Transparency) -> Arc<Stage> {
+fn stage_with(stage: &Arc<Stage>, cutouts: Cutouts, transparency: Transparency) -> Arc<Stage> {
     let mut stage = Stage::clone(stage);
     stage.settings.cutouts = cutouts;
     stage.settings.transparency = transparency;
@@ -82,22 +82,22 @@ const LEAVES: &str = r##"
     camera("front").fov(30).at(0.0, 0.9, 4.6).look_at([0.0, 0.9, 0.0]);
 "##;
 
-fn cutouts() -> Result<Choice, String> {
+fn compare_cutouts() -> Result<Choice, String> {
     let key = "cutouts";
     let mut choice = Choice::new(key, "Which samples of a pixel does a cut-out keep? (60 leaves)");
     choice.reference =
         "64 samples a pixel, textures and cut included; mean over all channels of all pixels".into();
     let stage = stage(LEAVES, &choreo::registry())?;
-    let hard = with(&stage, Cutouts::Hard, Transparency::Auto);
+    let hard = stage_with(&stage, Cutouts::Hard, Transparency::Auto);
     let moment = Moment::new(&hard, Time::ZERO, &[]).map_err(|e| e.to_string())?;
     let truth = moment.supersampled(SIZE).map_err(|e| e.to_string())?;
     let resources = Arc::new(SceneResources::new(&stage));
-    let ways = [
+    let methods = [
         ("1 sample", plan(&hard, &resources, 1)?),
         ("4 samples, discard", plan(&hard, &resources, 4)?),
         ("4 samples, coverage", plan(&stage, &resources, 4)?),
     ];
-    measured(&mut choice, &resources, &ways, &truth)?;
+    add_measured_rows(&mut choice, &resources, &methods, &truth)?;
     choice.choose(
         "4 samples, coverage, Vulkan",
         "where there are several samples a pixel; discard where the device cannot set alpha to one",
@@ -114,18 +114,23 @@ const PANES: [(f64, [f64; 3], f64); 5] = [
     (161.0, [0.7, 0.2, 0.7], 0.6),
 ];
 /// Half width and height of a pane; distance, height and field of view (degrees) of the camera.
-const DOOR: [f64; 5] = [1.2, 1.8, 5.0, 0.9, 30.0];
+const DOOR_AND_CAMERA: [f64; 5] = [1.2, 1.8, 5.0, 0.9, 30.0];
 
-fn panes() -> Result<Choice, String> {
+fn compare_pane_transparency() -> Result<Choice, String> {
     let mut choice =
         Choice::new("transparency", "In which order are intersecting panes blended? (five through one line)");
     choice.reference =
         "rays in f64 that meet every pane, mixed by depth, 64 a pixel; mean over all channels of all pixels"
             .into();
-    let [half, tall, distance, eye, fov] = DOOR;
+    let [half, tall, distance, eye, fov] = DOOR_AND_CAMERA;
     let mut text = String::from("stage(#{ background: \"black\" });\n");
     for (i, (turn, [r, g, b], alpha)) in PANES.iter().enumerate() {
-        let color = format!("[{}, {}, {}, {alpha:?}]", srgb(*r), srgb(*g), srgb(*b));
+        let color = format!(
+            "[{}, {}, {}, {alpha:?}]",
+            srgb_from_linear(*r),
+            srgb_from_linear(*g),
+            srgb_from_linear(*b)
+        );
         text += &format!(
             "cast(\"pane {i}\", shape(\"quad\", #{{ size: [{:?}, {tall:?}], color: {color}, alpha: \"blend\", unlit: true, double_sided: true }})).turn({turn:?});\n",
             2.0 * half,
@@ -136,17 +141,17 @@ fn panes() -> Result<Choice, String> {
     );
     let stage = stage(&text, &choreo::registry())?;
     let resources = Arc::new(SceneResources::new(&stage));
-    let of = |how| plan(&with(&stage, Cutouts::Smooth, how), &resources, 4);
+    let of = |how| plan(&stage_with(&stage, Cutouts::Smooth, how), &resources, 4);
     let mut fewer = of(Transparency::Independent)?;
     if let Some(peel) = &mut fewer.depth_peeling {
         peel.layers = 2;
     }
-    let ways = [
+    let methods = [
         ("sorted", of(Transparency::Sorted)?),
         ("2 layers, the rest sorted", fewer),
         ("independent", of(Transparency::Independent)?),
     ];
-    measured(&mut choice, &resources, &ways, &reference_image())?;
+    add_measured_rows(&mut choice, &resources, &methods, &reference_image())?;
     choice.choose(
         "independent, Vulkan",
         "where boxes cross or stand in the wrong order; sorted everywhere else",
@@ -163,10 +168,10 @@ fn reference_image() -> Frame {
             let mut sum = [0.0; 3];
             for s in 0..64 {
                 let at = |pixel: usize, s: usize| pixel as f64 + (s as f64 + 0.5) / 8.0;
-                let mixed = ray(at(x, s % 8), at(y, s / 8));
+                let mixed = reference_light(at(x, s % 8), at(y, s / 8));
                 sum.iter_mut().zip(mixed).for_each(|(sum, c)| *sum += c / 64.0);
             }
-            rgba.extend(sum.map(|c| (srgb(c).clamp(0.0, 1.0) * 255.0).round() as u8));
+            rgba.extend(sum.map(|c| (srgb_from_linear(c).clamp(0.0, 1.0) * 255.0).round() as u8));
             rgba.push(255);
         }
     }
@@ -174,8 +179,8 @@ fn reference_image() -> Frame {
 }
 
 /// Reference linear light along the ray through a pixel position.
-fn ray(x: f64, y: f64) -> [f64; 3] {
-    let [half, tall, distance, eye, fov] = DOOR;
+fn reference_light(x: f64, y: f64) -> [f64; 3] {
+    let [half, tall, distance, eye, fov] = DOOR_AND_CAMERA;
     let [width, height] = SIZE.map(f64::from);
     let scale = libm::tan(fov.to_radians() * 0.5) * 2.0 / height;
     let (right, up) = ((x - width * 0.5) * scale, (height * 0.5 - y) * scale);

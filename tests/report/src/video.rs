@@ -8,7 +8,7 @@ use choreo_render::{CpuRenderer, Renderer};
 
 pub fn section() -> Result<Section, String> {
     let registry = choreo::registry();
-    let stage = scenes::script("01_first_dance.rhai", &registry)?;
+    let stage = scenes::stage_of_script("01_first_dance.rhai", &registry)?;
     let moment = Moment::new(&stage, Time::from_secs(5.0), registry.effects()).map_err(|e| e.to_string())?;
     let mut renderer = CpuRenderer::new(registry.effects());
     renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;

@@ -9,19 +9,19 @@ use std::ops::Add;
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 360;
-const OURS: &str = "1/2^15 fixed point, [1 2 1] across (default)";
+const CHOSEN_METHOD: &str = "1/2^15 fixed point, [1 2 1] across (default)";
 
 type Convert = fn(&[u8]) -> Planes;
 
 pub fn section() -> Result<Section, String> {
     let rgba = test_image();
-    let exact = exact(&rgba);
-    let ways: [(&str, Convert); 5] = [
+    let exact = reference_planes(&rgba);
+    let methods: [(&str, Convert); 5] = [
         ("f64, [1 2 1] across", in_f64),
         ("f32, [1 2 1] across", in_f32),
-        (OURS, ours),
-        ("1/2^8 fixed point, [1 2 1] across", in_8_bits),
-        ("1/2^15 fixed point, mean of 2 × 2", mean_of_four),
+        (CHOSEN_METHOD, project_conversion),
+        ("1/2^8 fixed point, [1 2 1] across", convert_in_8_bits),
+        ("1/2^15 fixed point, mean of 2 × 2", convert_mean_of_four),
     ];
     let mut choice = Choice::new("yuv", "How are images converted to Y′CbCr 4:2:0?");
     choice.error_unit = "steps of 255";
@@ -30,8 +30,8 @@ pub fn section() -> Result<Section, String> {
         "pixel; each way goes through rows of one color channel, in loops that the compiler turns into SIMD"
             .into();
     let mut cases: Vec<Case> = Vec::new();
-    for (name, way) in ways {
-        let got = way(&rgba);
+    for (name, method) in methods {
+        let got = method(&rgba);
         let mut error = ErrorStats::default();
         let mut worst = String::new();
         for (plane, (got, exact)) in ["Y", "Cb", "Cr"].iter().zip(got.iter().zip(&exact)) {
@@ -43,12 +43,12 @@ pub fn section() -> Result<Section, String> {
         }
         choice.rows.push(Row::new(name).error(error.worst, error.mean()).at(worst));
         let rgba = &rgba;
-        cases.push(Case::new(WIDTH * HEIGHT, move || drop(std::hint::black_box(way(rgba)))));
+        cases.push(Case::new(WIDTH * HEIGHT, move || drop(std::hint::black_box(method(rgba)))));
     }
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
     drop(cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    choice.choose(OURS, "as exact as bytes can hold, and the same bytes on every machine");
+    choice.choose(CHOSEN_METHOD, "as exact as bytes can hold, and the same bytes on every machine");
     Ok(Section {
         title: "Video colors",
         text: "Rounding the image and the result to bytes makes an error of nine tenths of a step at worst. \
@@ -69,33 +69,33 @@ pub fn section() -> Result<Section, String> {
 type Planes = [Vec<u8>; 3];
 
 /// Color at a position in pixels, 0..255.
-fn color(x: f64, y: f64) -> [f64; 3] {
+fn color_at(x: f64, y: f64) -> [f64; 3] {
     [0.031, 0.023, 0.017]
         .map(|k: f64| 127.5 + 120.0 * libm::sin(k * x + 0.7 * k * y) * libm::cos(0.4 * k * y))
 }
 
 fn test_image() -> Vec<u8> {
-    let at = |i: usize| color((i % WIDTH) as f64, (i / WIDTH) as f64);
+    let at = |i: usize| color_at((i % WIDTH) as f64, (i / WIDTH) as f64);
     (0..WIDTH * HEIGHT).flat_map(|i| at(i).map(|c| (c + 0.5) as u8).into_iter().chain([255])).collect()
 }
 
-fn ycc([r, g, b]: [f64; 3]) -> [f64; 3] {
+fn ycc_from_rgb([r, g, b]: [f64; 3]) -> [f64; 3] {
     let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
     let (cb, cr) = ((b - y) / 1.8556, (r - y) / 1.5748);
     [16.0 + 219.0 * y / 255.0, 128.0 + 224.0 * cb / 255.0, 128.0 + 224.0 * cr / 255.0]
 }
 
 /// Reference without rounding: luma of the 8-bit pixels, and chroma of the exact color between the two rows of each pair.
-fn exact(rgba: &[u8]) -> [Vec<f64>; 3] {
-    let luma = rgba.chunks_exact(4).map(|p| ycc([p[0], p[1], p[2]].map(f64::from))[0]).collect();
+fn reference_planes(rgba: &[u8]) -> [Vec<f64>; 3] {
+    let luma = rgba.chunks_exact(4).map(|p| ycc_from_rgb([p[0], p[1], p[2]].map(f64::from))[0]).collect();
     let chroma = |plane: usize| {
-        let at = |i: usize| color((i % (WIDTH / 2) * 2) as f64, (i / (WIDTH / 2) * 2) as f64 + 0.5);
-        (0..WIDTH * HEIGHT / 4).map(|i| ycc(at(i))[plane]).collect()
+        let at = |i: usize| color_at((i % (WIDTH / 2) * 2) as f64, (i / (WIDTH / 2) * 2) as f64 + 0.5);
+        (0..WIDTH * HEIGHT / 4).map(|i| ycc_from_rgb(at(i))[plane]).collect()
     };
     [luma, chroma(1), chroma(2)]
 }
 
-fn ours(rgba: &[u8]) -> Planes {
+fn project_conversion(rgba: &[u8]) -> Planes {
     let mut yuv = Yuv420::default();
     yuv.convert(rgba, WIDTH, HEIGHT, Matrix::Bt709, true);
     [yuv.y, yuv.u, yuv.v]
@@ -103,7 +103,7 @@ fn ours(rgba: &[u8]) -> Planes {
 
 /// Converts pairs of rows like [`Yuv420`], with separate channels, in a number type. `luma` writes a row. `halve` filters the sums of two
 /// rows to half as many columns, with a gain of 8. `chroma` writes a row of both planes.
-fn converted<T: Copy + Default + Add<Output = T>>(
+fn convert_row_pairs<T: Copy + Default + Add<Output = T>>(
     rgba: &[u8],
     of: impl Fn(i32) -> T,
     luma: impl Fn(&[Vec<T>; 3], &mut [u8]),
@@ -138,7 +138,7 @@ fn converted<T: Copy + Default + Add<Output = T>>(
 }
 
 /// Horizontal [1 2 1] filter; the edge column is repeated.
-fn tent<T: Copy + Add<Output = T>>(sums: &[T], out: &mut [T]) {
+fn tent_filter<T: Copy + Add<Output = T>>(sums: &[T], out: &mut [T]) {
     let pairs = sums.as_chunks::<2>().0;
     let [first, second] = pairs[0];
     out[0] = (first + first) + (first + second);
@@ -155,7 +155,7 @@ fn box_filter<T: Copy + Add<Output = T>>(sums: &[T], out: &mut [T]) {
 }
 
 /// Rounds by adding a large number and taking the low bits, which vector instructions can do; they have no saturating conversion to bytes.
-macro_rules! in_floats {
+macro_rules! define_float_conversion {
     ($name:ident, $number:ty, $carry:expr) => {
         fn $name(rgba: &[u8]) -> Planes {
             let rounded = |v: $number| (v + $carry).to_bits() as u8;
@@ -168,11 +168,11 @@ macro_rules! in_floats {
                     *out = rounded(r * w[0] + g * w[1] + b * w[2] + offset);
                 }
             };
-            converted(
+            convert_row_pairs(
                 rgba,
                 |byte| byte as $number,
                 |rows, out| row(rows, y, 16.0, out),
-                tent,
+                tent_filter,
                 |rows, of_u, of_v| {
                     row(rows, u, 128.0, of_u);
                     row(rows, v, 128.0, of_v);
@@ -181,11 +181,11 @@ macro_rules! in_floats {
         }
     };
 }
-in_floats!(in_f32, f32, 12_582_912.0);
-in_floats!(in_f64, f64, 6_755_399_441_055_744.0);
+define_float_conversion!(in_f32, f32, 12_582_912.0);
+define_float_conversion!(in_f64, f64, 6_755_399_441_055_744.0);
 
 /// The weights of [`Yuv420`] in 1/2^15, applied to the plain mean of four pixels.
-fn mean_of_four(rgba: &[u8]) -> Planes {
+fn convert_mean_of_four(rgba: &[u8]) -> Planes {
     let row = |[r, g, b]: &[Vec<i16>; 3], w: [i16; 3], shift: u32, offset: i32, out: &mut [u8]| {
         let half = (offset << shift) + (1 << (shift - 1));
         let [wr, wg, wb] = w.map(i32::from);
@@ -194,7 +194,7 @@ fn mean_of_four(rgba: &[u8]) -> Planes {
             *out = ((sum + half) >> shift) as u8;
         }
     };
-    converted(
+    convert_row_pairs(
         rgba,
         |byte| byte as i16,
         |rows, out| row(rows, [5983, 20127, 2032], 15, 16, out),
@@ -207,7 +207,7 @@ fn mean_of_four(rgba: &[u8]) -> Planes {
 }
 
 /// Common integer weights: 47 157 16, −26 −87 112 + 1 (so that gray stays gray), 112 −102 −10, in 1/256. All sums fit into 16 bits.
-fn in_8_bits(rgba: &[u8]) -> Planes {
+fn convert_in_8_bits(rgba: &[u8]) -> Planes {
     let chroma = |[r, g, b]: &[Vec<u16>; 3], w: [i16; 3], out: &mut [u8]| {
         for (((r, g), b), out) in r.iter().zip(g).zip(b).zip(out) {
             // The mean is taken first, since eight times its value would not fit.
@@ -216,7 +216,7 @@ fn in_8_bits(rgba: &[u8]) -> Planes {
             *out = (((sum + 128) >> 8) + 128) as u8;
         }
     };
-    converted(
+    convert_row_pairs(
         rgba,
         |byte| byte as u16,
         |[r, g, b], out| {
@@ -224,7 +224,7 @@ fn in_8_bits(rgba: &[u8]) -> Planes {
                 *out = (((r * 47 + g * 157 + b * 16 + 128) >> 8) + 16) as u8;
             }
         },
-        tent,
+        tent_filter,
         |rows, u, v| {
             chroma(rows, [-26, -86, 112], u);
             chroma(rows, [112, -102, -10], v);

@@ -159,7 +159,7 @@ impl Costs {
             gap,
             // The job that joins waits for Slurm as a task does.
             join: Join::One { bytes_per_second: 1e9, fixed: join + gap },
-            ..Farm::PLAIN
+            ..Farm::ONE_MACHINE
         }
     }
 
@@ -169,11 +169,11 @@ impl Costs {
         let Costs { start, frame, gap, join } = self;
         let text = format!(
             "// Written by `cargo xtask farm`: what it measured on its three nodes, and how long the job took.
-const START: f64 = {start:.3};
-const FRAME: f64 = {frame:.4};
-const GAP: f64 = {gap:.3};
-const JOIN: f64 = {join:.3};
-const SECONDS: f64 = {seconds:.2};
+const START_SECS: f64 = {start:.3};
+const FRAME_SECS: f64 = {frame:.4};
+const GAP_SECS: f64 = {gap:.3};
+const JOIN_SECS: f64 = {join:.3};
+const TOTAL_SECS: f64 = {seconds:.2};
 "
         );
         fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))

@@ -4,7 +4,7 @@ use choreo_command_line::{SceneToSurvey, survey_scene};
 use choreo_session::{Problem, Scene, SceneSource};
 
 /// Checks frames over the whole length of the scene, and runs the statements of its tests. `None` if `goes_on` returned `false`.
-pub fn messages(
+pub fn check_scene(
     scene: &Scene,
     source: &SceneSource,
     goes_on: &(dyn Fn() -> bool + Sync),

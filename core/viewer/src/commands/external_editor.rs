@@ -22,7 +22,7 @@ pub enum EditorError {
 }
 
 /// Command line that opens a file at a line: `$VISUAL`, else `$EDITOR`, else Visual Studio Code.
-fn command(editor: Option<&str>, terminal: Option<&str>, file: &str, line: usize) -> Vec<String> {
+fn editor_command(editor: Option<&str>, terminal: Option<&str>, file: &str, line: usize) -> Vec<String> {
     let words: Vec<String> = editor.unwrap_or("code").split_whitespace().map(str::to_string).collect();
     let words = if words.is_empty() { vec!["code".to_string()] } else { words };
     let program =
@@ -60,7 +60,8 @@ impl Editor {
     /// # Errors
     /// The editor is missing or cannot be started; the text says which variable to set.
     pub fn open(&self, file: &Path, line: usize) -> Result<(), EditorError> {
-        let all = command(self.command.as_deref(), self.terminal.as_deref(), &file.to_string_lossy(), line);
+        let all =
+            editor_command(self.command.as_deref(), self.terminal.as_deref(), &file.to_string_lossy(), line);
         // If the editor is missing, a terminal would only open for a moment, so the editor is checked, too.
         let in_terminal = all.get(2).filter(|_| all[1] == "-e");
         for (program, variable) in in_terminal
@@ -68,7 +69,7 @@ impl Editor {
             .into_iter()
             .chain([(&all[0], if in_terminal.is_some() { "TERMINAL" } else { "VISUAL" })])
         {
-            if !is_there(program) {
+            if !is_installed(program) {
                 return Err(EditorError::Missing { program: program.clone(), variable });
             }
         }
@@ -86,7 +87,7 @@ impl Editor {
 }
 
 /// Whether a program exists in the search path. On Windows that is left to the system.
-fn is_there(program: &str) -> bool {
+fn is_installed(program: &str) -> bool {
     if cfg!(windows) {
         return true;
     }
@@ -99,11 +100,11 @@ fn is_there(program: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::command;
+    use super::editor_command;
 
     #[test]
     fn each_editor_gets_the_line_in_its_own_syntax() {
-        let report = |editor: Option<&str>| command(editor, None, "a b.rhai", 7).join("|");
+        let report = |editor: Option<&str>| editor_command(editor, None, "a b.rhai", 7).join("|");
         assert_eq!(report(None), "code|-g|a b.rhai:7");
         assert_eq!(report(Some("/usr/bin/codium --wait")), "/usr/bin/codium|--wait|-g|a b.rhai:7");
         assert_eq!(report(Some("nvim")), "x-terminal-emulator|-e|nvim|+7|a b.rhai");

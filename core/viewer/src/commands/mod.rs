@@ -13,7 +13,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// First argument that makes the viewer act as the program `choreo`.
-pub const AS_PROGRAM: &str = "--run-command";
+pub const RUN_COMMAND_FLAG: &str = "--run-command";
 
 /// Command lines of the commands.
 #[derive(Clone, Debug, Default)]
@@ -22,9 +22,9 @@ pub struct Commands {
     pub program: Vec<OsString>,
     pub input: PathBuf,
     /// Options of the scene, as given to the viewer.
-    pub scene: Vec<OsString>,
+    pub scene_options: Vec<OsString>,
     /// Options that `test` accepts.
-    pub test: Vec<OsString>,
+    pub test_options: Vec<OsString>,
     pub formats: Vec<Format>,
 }
 
@@ -63,22 +63,22 @@ impl Commands {
     }
 
     /// Changes to another file, without the parameters and the clip of the command line, which belong to the former file.
-    pub fn take_file(&mut self, file: &Path) {
+    pub fn set_input(&mut self, file: &Path) {
         if file != self.input {
             self.input = file.to_path_buf();
-            self.scene = self.test.clone();
+            self.scene_options = self.test_options.clone();
         }
     }
 
     /// Changes to the open script, if there is one.
-    pub fn follow(&mut self, script: Option<&Path>) {
+    pub fn set_script(&mut self, script: Option<&Path>) {
         if let Some(script) = script.filter(|script| *script != self.input) {
             self.input = script.to_path_buf();
         }
     }
 
     /// Command line of a command, beginning with the program.
-    fn words(&self, command: &str, rest: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    fn command_line(&self, command: &str, rest: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
         self.program.iter().cloned().chain([command.into()]).chain(rest).collect()
     }
 }

@@ -32,14 +32,14 @@ impl Process {
         Ok(Process(Arc::new(Mutex::new(ChildState { child: command.spawn()?, interrupted: false }))))
     }
 
-    fn locked(&self) -> MutexGuard<'_, ChildState> {
+    fn lock_state(&self) -> MutexGuard<'_, ChildState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits for the end. `line`: called with each line of standard error; lines for which it returns `true` are not kept.
-    pub fn finish(&self, mut line: impl FnMut(&str) -> bool) -> io::Result<CommandOutput> {
+    pub fn wait_for_end(&self, mut line: impl FnMut(&str) -> bool) -> io::Result<CommandOutput> {
         let (stdout, stderr) = {
-            let child = &mut self.locked().child;
+            let child = &mut self.lock_state().child;
             (child.stdout.take(), child.stderr.take())
         };
         let reader = std::thread::Builder::new().name("output of a command".into()).spawn(move || {
@@ -62,14 +62,14 @@ impl Process {
             }
         }
         let stdout = reader.join().unwrap_or_default();
-        let mut started = self.locked();
+        let mut started = self.lock_state();
         started.child.wait()?;
         Ok(CommandOutput { stdout, stderr: kept, interrupted: started.interrupted })
     }
 
     /// Interrupts the process like Ctrl-C, so that it removes incomplete files; the second call kills it.
     pub fn interrupt(&self) {
-        let mut started = self.locked();
+        let mut started = self.lock_state();
         let again = std::mem::replace(&mut started.interrupted, true);
         #[cfg(unix)]
         if !again {

@@ -34,7 +34,7 @@ pub struct Job {
 
 impl Job {
     /// Whether the job is not finished and writes to `output`, a file or numbered images.
-    pub fn is_to_write(&self, output: &Path) -> bool {
+    pub fn is_unfinished_writer_of(&self, output: &Path) -> bool {
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
         matches!(self.state, JobState::Waiting | JobState::Running { .. })
             && absolute(&self.output) == absolute(output)
@@ -55,36 +55,37 @@ pub struct Request {
 #[derive(Default)]
 struct Jobs {
     all: Vec<Job>,
-    last: u64,
+    last_number: u64,
     running: Option<(u64, Process)>,
     /// Whether a worker thread is running.
     has_worker: bool,
     /// Whether the window was closed, so that no job is started.
-    ended: bool,
+    is_closed: bool,
 }
 
 /// The queue. The display uses clones of the list, while jobs continue.
 #[derive(Default)]
 pub struct RenderQueue(Arc<Mutex<Jobs>>);
 
-fn locked(jobs: &Mutex<Jobs>) -> MutexGuard<'_, Jobs> {
+fn lock_jobs(jobs: &Mutex<Jobs>) -> MutexGuard<'_, Jobs> {
     jobs.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl RenderQueue {
     pub fn jobs(&self) -> Vec<Job> {
-        locked(&self.0).all.clone()
+        lock_jobs(&self.0).all.clone()
     }
 
     /// Adds a job. `changed`: called whenever the list changes.
-    pub fn add(&self, commands: &Commands, asked: Request, changed: impl Fn() + Send + 'static) {
-        let scene = [commands.input.clone().into_os_string()].into_iter().chain(commands.scene.clone());
-        let output = ["-o".into(), asked.output.clone().into_os_string(), "--json".into()];
-        let words = commands.words(asked.command, scene.chain(output).chain(asked.options));
-        let mut jobs = locked(&self.0);
-        jobs.last += 1;
-        let number = jobs.last;
-        let Request { command, output, about, .. } = asked;
+    pub fn add(&self, commands: &Commands, request: Request, changed: impl Fn() + Send + 'static) {
+        let scene =
+            [commands.input.clone().into_os_string()].into_iter().chain(commands.scene_options.clone());
+        let output = ["-o".into(), request.output.clone().into_os_string(), "--json".into()];
+        let words = commands.command_line(request.command, scene.chain(output).chain(request.options));
+        let mut jobs = lock_jobs(&self.0);
+        jobs.last_number += 1;
+        let number = jobs.last_number;
+        let Request { command, output, about, .. } = request;
         jobs.all.push(Job { number, command, output, about, words, state: JobState::Waiting });
         if std::mem::replace(&mut jobs.has_worker, true) {
             return;
@@ -99,7 +100,7 @@ impl RenderQueue {
 
     /// Cancels a running job, or removes another one from the list.
     pub fn cancel(&self, number: u64) {
-        let mut jobs = locked(&self.0);
+        let mut jobs = lock_jobs(&self.0);
         if let Some((running, process)) = &jobs.running
             && *running == number
         {
@@ -112,8 +113,8 @@ impl RenderQueue {
 /// Closing the window interrupts the running job, which removes its incomplete files.
 impl Drop for RenderQueue {
     fn drop(&mut self) {
-        let mut jobs = locked(&self.0);
-        jobs.ended = true;
+        let mut jobs = lock_jobs(&self.0);
+        jobs.is_closed = true;
         if let Some((_, process)) = &jobs.running {
             process.interrupt();
         }
@@ -130,9 +131,9 @@ fn set_state(jobs: &mut Jobs, number: u64, state: JobState) {
 fn run_jobs(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
     loop {
         let (number, process) = {
-            let mut jobs = locked(shared);
+            let mut jobs = lock_jobs(shared);
             let jobs = &mut *jobs;
-            let next = jobs.all.iter_mut().find(|job| job.state == JobState::Waiting && !jobs.ended);
+            let next = jobs.all.iter_mut().find(|job| job.state == JobState::Waiting && !jobs.is_closed);
             let Some(job) = next else {
                 jobs.has_worker = false;
                 return;
@@ -151,18 +152,18 @@ fn run_jobs(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
             }
         };
         changed();
-        let ended = process.finish(|line| {
-            let Some((done, frames)) = progress(line) else { return false };
-            set_state(&mut locked(shared), number, JobState::Running { done, frames });
+        let ended = process.wait_for_end(|line| {
+            let Some((done, frames)) = parse_progress(line) else { return false };
+            set_state(&mut lock_jobs(shared), number, JobState::Running { done, frames });
             changed();
             true
         });
         let state = match ended {
             Ok(ended) if ended.interrupted => JobState::Canceled,
-            Ok(ended) => outcome(&ended.stdout, &ended.stderr),
+            Ok(ended) => final_state(&ended.stdout, &ended.stderr),
             Err(error) => JobState::Failed(error.to_string()),
         };
-        let mut jobs = locked(shared);
+        let mut jobs = lock_jobs(shared);
         jobs.running = None;
         set_state(&mut jobs, number, state);
         drop(jobs);
@@ -171,13 +172,13 @@ fn run_jobs(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
 }
 
 /// Parses a progress line: `{"done":3,"frames":90}`.
-fn progress(line: &str) -> Option<(u64, u64)> {
+fn parse_progress(line: &str) -> Option<(u64, u64)> {
     let value: Value = serde_json::from_str(line).ok()?;
     Some((value["done"].as_u64()?, value["frames"].as_u64()?))
 }
 
 /// State of a job by its JSON report, with a text for display. `messages`: standard error, used if there is no report.
-fn outcome(report: &str, messages: &str) -> JobState {
+fn final_state(report: &str, messages: &str) -> JobState {
     let Ok(report) = serde_json::from_str::<Value>(report) else {
         let text = messages.trim();
         return JobState::Failed(if text.is_empty() {
@@ -187,7 +188,7 @@ fn outcome(report: &str, messages: &str) -> JobState {
         });
     };
     if report["ok"] != true {
-        return JobState::Failed(errors(&report));
+        return JobState::Failed(errors_text(&report));
     }
     let secs = report["seconds"].as_f64().unwrap_or(0.0);
     let frames = report["frames"].as_u64().unwrap_or(0);
@@ -200,7 +201,7 @@ fn outcome(report: &str, messages: &str) -> JobState {
 }
 
 /// Errors of a report with their lines.
-pub(super) fn errors(report: &Value) -> String {
+pub(super) fn errors_text(report: &Value) -> String {
     let one = |error: &Value| {
         let place = error["line"].as_u64().map(|line| format!("line {line}: ")).unwrap_or_default();
         let hint = error["hint"].as_str().map(|hint| format!("\nhint: {hint}")).unwrap_or_default();

@@ -20,7 +20,7 @@ pub struct Section {
     pub line: usize,
     pub status: Status,
     /// Reason of an error or of a skipped section.
-    pub text: String,
+    pub reason: String,
     pub checks: Vec<Check>,
     pub seconds: f64,
     /// Whether the result of an earlier run was reused, since nothing has changed.
@@ -34,9 +34,9 @@ pub struct Check {
     pub title: String,
     pub passed: bool,
     pub expected: String,
-    pub got: String,
+    pub actual: String,
     /// Difference of expected and actual value, with its unit.
-    pub by: String,
+    pub difference_text: String,
     pub hint: String,
     pub images: Option<Images>,
 }
@@ -46,10 +46,10 @@ pub struct Check {
 pub struct Images {
     pub name: String,
     /// The golden image of the project.
-    pub stored: PathBuf,
+    pub golden: PathBuf,
     /// `None` for a new image.
     pub expected: Option<PathBuf>,
-    pub got: Option<PathBuf>,
+    pub actual: Option<PathBuf>,
     pub difference: Option<PathBuf>,
 }
 
@@ -67,11 +67,11 @@ impl Section {
             _ => Status::Error,
         };
         Section {
-            file: text(&value["file"]),
-            name: text(&value["section"]),
+            file: text_of(&value["file"]),
+            name: text_of(&value["section"]),
             line: value["line"].as_u64().unwrap_or(0) as usize,
             status,
-            text: text(&value["text"]),
+            reason: text_of(&value["text"]),
             checks: value["checks"].as_array().into_iter().flatten().map(Check::new).collect(),
             seconds: value["seconds"].as_f64().unwrap_or(0.0),
             reused: value["reused"].as_bool().unwrap_or(false),
@@ -84,7 +84,7 @@ impl Section {
     }
 
     /// Whether the section has failed or could not be run.
-    pub fn is_bad(&self) -> bool {
+    pub fn has_problem(&self) -> bool {
         matches!(self.status, Status::Failed | Status::Error)
     }
 }
@@ -95,26 +95,26 @@ impl Check {
         let file = |name: &str| picture[name].as_str().map(PathBuf::from);
         let images = picture["name"].as_str().map(|name| Images {
             name: name.to_string(),
-            stored: file("stored").unwrap_or_default(),
+            golden: file("stored").unwrap_or_default(),
             expected: file("expected"),
-            got: file("got"),
+            actual: file("got"),
             difference: file("difference"),
         });
         Check {
             line: value["place"]["line"].as_u64().unwrap_or(0) as usize,
-            title: text(&value["title"]),
+            title: text_of(&value["title"]),
             passed: value["passed"].as_bool().unwrap_or(false),
-            expected: text(&value["expected"]),
-            got: text(&value["got"]),
-            by: text(&value["by"]),
-            hint: text(&value["hint"]),
+            expected: text_of(&value["expected"]),
+            actual: text_of(&value["got"]),
+            difference_text: text_of(&value["by"]),
+            hint: text_of(&value["hint"]),
             images,
         }
     }
 }
 
 /// A string, or another value as JSON; empty for a missing one.
-fn text(value: &Value) -> String {
+fn text_of(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
         Value::String(text) => text.clone(),

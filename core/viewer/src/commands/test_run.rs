@@ -2,7 +2,7 @@
 
 use super::Commands;
 use super::process::Process;
-use super::queue::errors;
+use super::queue::errors_text;
 use super::test_report::Section;
 use serde_json::Value;
 use std::ffi::OsString;
@@ -26,7 +26,7 @@ pub struct TestRun(Arc<Mutex<Results>>);
 
 /// The part of a test script to run.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Choice {
+pub enum TestSelection {
     All,
     /// One section.
     Section(Section),
@@ -34,30 +34,30 @@ pub enum Choice {
     Accept(Section, String),
 }
 
-fn locked(results: &Mutex<Results>) -> MutexGuard<'_, Results> {
+fn lock_results(results: &Mutex<Results>) -> MutexGuard<'_, Results> {
     results.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl TestRun {
     pub fn sections(&self) -> Vec<Section> {
-        locked(&self.0).sections.clone()
+        lock_results(&self.0).sections.clone()
     }
 
     pub(crate) fn is_running(&self) -> bool {
-        locked(&self.0).running.is_some()
+        lock_results(&self.0).running.is_some()
     }
 
     pub fn failure(&self) -> Option<String> {
-        locked(&self.0).failure.clone()
+        lock_results(&self.0).failure.clone()
     }
 
     /// Number of results so far, which changes with each result.
     pub fn runs(&self) -> u64 {
-        locked(&self.0).runs
+        lock_results(&self.0).runs
     }
 
     pub fn stop(&self) {
-        if let Some(process) = &locked(&self.0).running {
+        if let Some(process) = &lock_results(&self.0).running {
             process.interrupt();
         }
     }
@@ -67,28 +67,28 @@ impl TestRun {
         &self,
         commands: &Commands,
         path: &Path,
-        choice: &Choice,
+        choice: &TestSelection,
         changed: impl Fn() + Send + 'static,
     ) {
         let mut words: Vec<OsString> = vec![path.into(), "--json".into()];
-        words.extend(commands.test.iter().cloned());
-        if let Choice::Section(section) | Choice::Accept(section, _) = choice {
+        words.extend(commands.test_options.iter().cloned());
+        if let TestSelection::Section(section) | TestSelection::Accept(section, _) = choice {
             words.extend(["--filter".into(), section.filter().into()]);
         }
-        if let Choice::Accept(_, name) = choice {
+        if let TestSelection::Accept(_, name) = choice {
             words.push(format!("--accept={name}").into());
         }
-        let mut results = locked(&self.0);
+        let mut results = lock_results(&self.0);
         if results.running.is_some() {
             return;
         }
-        let all = *choice == Choice::All;
-        let started = Process::start(&commands.words("test", words)).and_then(|process| {
+        let all = *choice == TestSelection::All;
+        let started = Process::start(&commands.command_line("test", words)).and_then(|process| {
             let (shared, of_thread) = (self.0.clone(), process.clone());
             let thread = std::thread::Builder::new().name("tests".into());
             thread.spawn(move || {
                 let ended = read_results(&of_thread);
-                locked(&shared).take(ended, all);
+                lock_results(&shared).store(ended, all);
                 changed();
             })?;
             Ok(process)
@@ -122,7 +122,7 @@ enum NoResults {
 
 /// Waits for a run and parses its sections.
 fn read_results(process: &Process) -> Result<Vec<Section>, NoResults> {
-    let ended = process.finish(|_| false).map_err(NoResults::Process)?;
+    let ended = process.wait_for_end(|_| false).map_err(NoResults::Process)?;
     if ended.interrupted {
         return Err(NoResults::Stopped);
     }
@@ -130,13 +130,13 @@ fn read_results(process: &Process) -> Result<Vec<Section>, NoResults> {
         .map_err(|_| NoResults::Refused(ended.stderr.trim().to_string()))?;
     match report["sections"].is_array() {
         true => Ok(Section::of_report(&report)),
-        false => Err(NoResults::Refused(errors(&report))),
+        false => Err(NoResults::Refused(errors_text(&report))),
     }
 }
 
 impl Results {
     /// Stores the results of a run. `all`: they replace all earlier ones; else each replaces that of the same section.
-    fn take(&mut self, ended: Result<Vec<Section>, NoResults>, all: bool) {
+    fn store(&mut self, ended: Result<Vec<Section>, NoResults>, all: bool) {
         self.running = None;
         self.runs += 1;
         match ended {

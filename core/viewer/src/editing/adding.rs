@@ -75,7 +75,7 @@ impl Viewer {
         let (place, _) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::ObjectGone)?;
         if Time::from_secs(secs) >= self.timeline.length {
             let [begins, ends] =
-                [Time::from_secs(secs), self.timeline.length].map(|time| self.shown_time(time));
+                [Time::from_secs(secs), self.timeline.length].map(|time| self.time_text(time));
             let why = format!(
                 "{clip} would follow the last clip at {begins}, and the scene ends at {ends}: move the playhead to where the \
                  clip should begin, or make the stage longer"
@@ -227,7 +227,7 @@ impl Viewer {
         let state = snapshot.as_ref().and_then(|snapshot| snapshot.actors.get(index));
         let own = &stage.actors[index];
         let posed = state.and_then(|state| picking::bounds(&own.asset, state));
-        let rest = || picking::height(&own.asset) * own.transform.scale.abs().max_element();
+        let rest = || picking::largest_extent(&own.asset) * own.transform.scale.abs().max_element();
         let radius = posed.map_or_else(rest, |(low, high)| (high - low).length()) / 2.0;
         // The bounding sphere fits into the smaller field of view, with a margin.
         let [width, height] = stage.settings.size.map(f64::from);
@@ -250,7 +250,7 @@ impl Viewer {
     /// The edit is refused, with a text for the user; the script does not change.
     pub fn add_camera_of_view(&mut self) -> Result<(), EditError> {
         let near = self.point_of_interest().unwrap_or(DVec3::ZERO);
-        let view = self.views.get(self.active).ok_or(EditError::NothingShown)?;
+        let view = self.views.get(self.active_view).ok_or(EditError::NothingShown)?;
         let orbit = match (&view.camera, &view.shown) {
             (ViewCamera::Free(orbit) | ViewCamera::Follow { orbit, .. }, _) => *orbit,
             (_, Some(shown)) => Orbit::from_camera(&shown.snapshot.camera, near),
@@ -358,7 +358,7 @@ impl Viewer {
         let scene = self
             .scene
             .clone()
-            .filter(|_| !self.faulty)
+            .filter(|_| !self.is_faulty)
             .ok_or_else(|| EditError::refused("the dropped files cannot be read"))?;
         let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
         let mut selects = None;

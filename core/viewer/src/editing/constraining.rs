@@ -80,7 +80,8 @@ impl Viewer {
         let found = &scene.stage.actors[index];
         let (place, siblings) = self.place_of(&Selected::Actor(name.clone())).ok_or(EditError::ObjectGone)?;
         let default_joint = HumanoidJoints::of(&found.asset.skeleton).joint(new.call.default_bone());
-        let selected = self.joint.as_ref().filter(|joint| joint.actor == name).map(|joint| joint.joint);
+        let selected =
+            self.selected_joint.as_ref().filter(|joint| joint.actor == name).map(|joint| joint.joint);
         let joint = selected.or(default_joint.map(|joint| joint as usize)).ok_or_else(|| {
             let why =
                 format!("{name} has no {}; click on a joint of its skeleton first", new.call.default_bone());
@@ -123,7 +124,7 @@ fn point_in_front_of(found: &Actor, state: &ActorState, joint: usize, offset: [f
     let at = state.world_from_joint(joint).unwrap_or(state.world_from_model).translation;
     let front = state.world_from_model.transform_vector3(found.asset.front().direction());
     let up = state.world_from_model.transform_vector3(DVec3::Y);
-    let [forwards, upwards] = offset.map(|part| part * up.length() * picking::height(&found.asset));
+    let [forwards, upwards] = offset.map(|part| part * up.length() * picking::largest_extent(&found.asset));
     let point = at + front.normalize_or(DVec3::Z) * forwards + up.normalize_or(DVec3::Y) * upwards;
     point.map(|v| (v * 100.0).round() / 100.0)
 }

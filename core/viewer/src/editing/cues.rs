@@ -37,7 +37,7 @@ impl Viewer {
         if begins < length {
             return Ok(());
         }
-        let (begins, ends) = (self.shown_time(begins), self.shown_time(length));
+        let (begins, ends) = (self.time_text(begins), self.time_text(length));
         let why =
             format!("{label} would begin at {begins}, and the scene ends at {ends}: make the stage longer");
         Err(EditError::refused_at(place, &why))
@@ -55,7 +55,7 @@ impl Viewer {
     /// `all`, which move, too.
     pub(crate) fn moved_end_note(&self, what: &Selected, all: &[Selected], by: f64) -> Option<String> {
         let before = self.followed_bar(what).filter(|before| !all.contains(&before.what))?;
-        let ends = self.shown_time(self.find_bar(what).ok()?.start + Time::from_secs(by));
+        let ends = self.time_text(self.find_bar(what).ok()?.start + Time::from_secs(by));
         Some(format!("{}, the clip before it, now ends at {ends}", before.label))
     }
 
@@ -70,7 +70,7 @@ impl Viewer {
         let length = self.timeline.length;
         let is_out = |bar: &&Bar| bar.start < length && bar.start + Time::from_secs(by) >= length;
         let labels: Vec<&str> = later.iter().filter(is_out).map(|bar| bar.label.as_str()).collect();
-        let ends = self.shown_time(length);
+        let ends = self.time_text(length);
         let begin = if labels.len() == 1 { "begins" } else { "begin" };
         (!labels.is_empty()).then(|| {
             format!(
@@ -116,7 +116,7 @@ impl Viewer {
                 layers.insert(self.layer_bars(what).into_iter().map(|bar| bar.what).collect());
                 continue;
             }
-            for (part, time) in [(CueTime::Start, bar.start), (CueTime::End, bar.until)] {
+            for (part, time) in [(CueTime::Start, bar.start), (CueTime::End, bar.draggable_end)] {
                 // A cue without an end stays without one.
                 if part == CueTime::Start || time < self.timeline.length {
                     steps.push(self.object_time_step(&bar, part, time.as_secs() + by));
@@ -156,7 +156,7 @@ impl Viewer {
                 None => steps.push(self.bar_time_step(bar, CueTime::Start, shifted_secs(bar.start))),
             }
             if has_end(&known, line, column) {
-                steps.push(self.bar_time_step(bar, CueTime::End, shifted_secs(bar.until)));
+                steps.push(self.bar_time_step(bar, CueTime::End, shifted_secs(bar.draggable_end)));
             }
             if bar.strip.is_some_and(|strip| strip.is_keyed) {
                 let by = EditTime { secs: by, ..self.edit_time(0.0) };

@@ -32,7 +32,8 @@ impl Viewer {
 
     /// The bar that was clicked to select its camera, found in the present timeline.
     pub(crate) fn selected_shot(&self) -> Option<&Bar> {
-        let shot = self.shot.as_ref().filter(|shot| self.selection.as_ref() == Some(&shot.what))?;
+        let shot =
+            self.clicked_camera_bar.as_ref().filter(|shot| self.selection.as_ref() == Some(&shot.what))?;
         let all = || self.bars().filter(|bar| bar.what == shot.what);
         let is_there = |bar: &&Bar| bar.place == shot.place;
         let starts_at_same_time = |bar: &&Bar| bar.start == shot.start;
@@ -75,7 +76,7 @@ impl Viewer {
         };
         self.check_start(&next.place, &next.label, secs)?;
         if secs <= bar.start.as_secs() {
-            let shown = |secs: f64| self.shown_time(Time::from_secs(secs));
+            let shown = |secs: f64| self.time_text(Time::from_secs(secs));
             let (end, start) = (shown(secs), shown(bar.start.as_secs()));
             let why = format!("the shot would end at {end}, but it begins at {start}");
             return Err(EditError::refused_at(&bar.place, &why));

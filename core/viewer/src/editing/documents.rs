@@ -18,15 +18,15 @@ impl Viewer {
             Purpose::Lesson(index) => self.copy_lesson(index, file)?,
             Purpose::SaveAs => self.save_as(file)?,
         }
-        self.documents.open = Some(file.to_path_buf());
-        self.documents.missing = None;
+        self.documents.file_to_open = Some(file.to_path_buf());
+        self.documents.missing_script = None;
         Ok(())
     }
 
     /// Writes the script to another file.
     fn save_as(&mut self, to: &Path) -> Result<(), EditError> {
         let path = self.path.as_ref().ok_or(EditError::NoScript)?;
-        copy_script(path, &self.documents.read, to)?;
+        copy_script(path, &self.documents.read_files, to)?;
         self.documents.keep_tempo(to, self.tempo);
         Ok(())
     }

@@ -132,7 +132,7 @@ impl Viewer {
     /// Deletes the selected clips and keys, as one edit. Objects that lose only keys stay selected.
     pub(crate) fn delete_selected(&mut self) -> Result<(), EditError> {
         let mut steps = self.key_delete_steps(self.selected_keys())?;
-        let bars = self.bars_beside_keys();
+        let bars = self.explicitly_selected_bars();
         steps.extend(self.cue_delete_steps(&bars)?);
         self.apply_steps(steps)?;
         self.select_keys(Vec::new());
@@ -162,7 +162,7 @@ impl Viewer {
         for key in keys {
             let keyed = self.keyed_property(&key.what, &key.property)?;
             let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::ObjectGone)?;
-            let shape = keyed.shape_of_choice(index, choice).ok_or_else(|| {
+            let shape = keyed.shape_after_choice(index, choice).ok_or_else(|| {
                 let why = format!("keys of the property {} cannot have tangents", keyed.name);
                 let place = self.place_of(&key.what).map(|(place, _)| place).unwrap_or_default();
                 EditError::refused_at(&place, &why)

@@ -19,7 +19,7 @@ impl Viewer {
         let (place, siblings) = self.place_of(what).filter(|_| is_layer_call(name))?;
         self.check_place(&place, siblings).ok().filter(|()| self.written_value(what, name).is_none())?;
         let (known, path) = (self.displayed_text()?, self.path.clone()?);
-        let text = read_script(&path).ok().filter(|text| **text == *known && !self.faulty)?;
+        let text = read_script(&path).ok().filter(|text| **text == *known && !self.is_faulty)?;
         let layer = self.layer_bars(what);
         let before = self.previous_in_chain(&layer);
         let first = |at| std::iter::successors(Some(at), |at| before[*at]).last();
@@ -61,7 +61,7 @@ impl Viewer {
         text: &str,
     ) -> Option<Edit> {
         let (actor, siblings) = self.place_of(&Selected::Actor(bar.what.actor()?.to_string()))?;
-        let [from, until] = [bar.start, bar.until].map(|time| self.edit_time(time.as_secs()));
+        let [from, until] = [bar.start, bar.draggable_end].map(|time| self.edit_time(time.as_secs()));
         let is_stated = has_end(text, bar.place.line, bar.place.column);
         let mut copied = self.clip_text(bar).ok()?;
         if next.is_some() && !is_stated {

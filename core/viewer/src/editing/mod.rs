@@ -194,7 +194,7 @@ impl Viewer {
         let text = read_script(&path)?;
         let known = places.sources.get(&places.main).cloned().unwrap_or_default();
         let made = make(&known);
-        if *known != *text || self.faulty {
+        if *known != *text || self.is_faulty {
             // The edit was made for the displayed text, and the file has changed since.
             let carried = made.ok().and_then(|edit| edit.carried_over(&known, &text));
             if let Some(edit) = carried {
@@ -204,7 +204,7 @@ impl Viewer {
                 let label = "Write both".into();
                 self.offer = Some(Offer { why, label, difference, edit, text, ..Offer::default() });
             }
-            return Err(if self.faulty { EditError::FaultyScript } else { EditError::ChangedOnDisk });
+            return Err(if self.is_faulty { EditError::FaultyScript } else { EditError::ChangedOnDisk });
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
@@ -336,7 +336,7 @@ impl Viewer {
 
     /// Undoes the newest edit if the script no longer loads because of it, and reports why. Returns whether it did.
     pub(crate) fn undo_faulty_edit(&mut self, problems: &[Problem]) -> bool {
-        let is_loaded = self.scene.is_some() && !self.faulty;
+        let is_loaded = self.scene.is_some() && !self.is_faulty;
         let Some(text) = self.history.pending_text.take().filter(|_| is_loaded) else { return false };
         let is_newest = self.history.done.last().is_some_and(|done| done.text == text);
         let is_there =

@@ -72,7 +72,7 @@ impl Viewer {
         if layer > 0 {
             parts.push(format!("{clip} has no mask, unlike row +{layer}: it plays on all joints of {name}"));
         }
-        let time = |time: Time| self.shown_time(time);
+        let time = |time: Time| self.time_text(time);
         match (overridden, next) {
             (Some(overridden), next) => {
                 let until = next.map(|next| format!(" until {} at {}", next.clip.name, time(next.start)));

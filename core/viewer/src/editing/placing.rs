@@ -157,7 +157,7 @@ impl Viewer {
             let keyed = self.keyed_property(&Selected::Actor(name.to_string()), property)?;
             let value = match change {
                 Change::Move(_) => keyed.text(time, &at.to_array()),
-                Change::Turn(_) => ValueText::Turn(rotation),
+                Change::Turn(_) => ValueText::Rotation(rotation),
                 Change::Scale(_) => ValueText::Scale(to.scale),
             };
             let step = self.text_step(&keyed, time, value)?;

@@ -36,7 +36,7 @@ impl Viewer {
         let objects = *objects;
         let (Some(known), Some(path)) = (self.displayed_text(), self.path.clone()) else { return error };
         // Positions refer to the displayed text.
-        let Some(text) = read_script(&path).ok().filter(|text| **text == *known && !self.faulty) else {
+        let Some(text) = read_script(&path).ok().filter(|text| **text == *known && !self.is_faulty) else {
             return error;
         };
         let all = made.and_then(Result::ok).filter(|edit| edit.apply(&text) != *text);
@@ -85,7 +85,7 @@ impl Viewer {
         change: impl Fn(&ScriptObject, &str) -> Result<Edit, EditRefused>,
     ) -> Option<EditError> {
         let (known, path, actor) = (self.displayed_text()?, self.path.clone()?, what.actor()?);
-        let text = read_script(&path).ok().filter(|text| **text == *known && !self.faulty)?;
+        let text = read_script(&path).ok().filter(|text| **text == *known && !self.is_faulty)?;
         let object = ScriptObject::at(&text, place.line, place.column).ok()?;
         let (variable, actors) = object.asset_variable().filter(|(_, actors)| *actors > 1)?;
         let all = change(&object, &text).ok()?;

@@ -23,7 +23,8 @@ impl Viewer {
         let mut steps = Vec::new();
         for what in all {
             let (bar, strip) = self.find_strip(what)?;
-            if at <= bar.start.as_secs() + MIN_CLIP_SECS || at >= bar.until.as_secs() - MIN_CLIP_SECS {
+            if at <= bar.start.as_secs() + MIN_CLIP_SECS || at >= bar.draggable_end.as_secs() - MIN_CLIP_SECS
+            {
                 return Err(EditError::refused_at(&bar.place, "the playhead is not within this clip"));
             }
             let rest = match second_half(&bar, &strip, at)? {
@@ -52,14 +53,15 @@ impl Viewer {
             return Err(EditError::refused_at(&bar.place, why));
         }
         let length = match has_stated_end {
-            true => (bar.until - bar.start).as_secs(),
-            false => strip.length(),
+            true => (bar.draggable_end - bar.start).as_secs(),
+            false => strip.round_secs(),
         };
         let layer = self.layer_bars(what);
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::ObjectGone)?;
-        let copy_start = if has_stated_end { bar.until.as_secs() } else { bar.start.as_secs() + length };
+        let copy_start =
+            if has_stated_end { bar.draggable_end.as_secs() } else { bar.start.as_secs() + length };
         self.check_start(&bar.place, &bar.label, copy_start)?;
-        let until = has_stated_end.then(|| self.edit_time(bar.until.as_secs() + length));
+        let until = has_stated_end.then(|| self.edit_time(bar.draggable_end.as_secs() + length));
         let by = self.edit_time(length);
         let mut steps =
             vec![self.bar_step(&bar, move |text, line, column| duplicate_cue(text, line, column, by, until))];
@@ -125,7 +127,7 @@ impl Viewer {
     pub(super) fn clip_text(&self, bar: &Bar) -> Result<String, EditError> {
         let known = self.displayed_text().ok_or(EditError::NothingShown)?;
         let (line, column) = (bar.place.line, bar.place.column);
-        let until = has_end(&known, line, column).then(|| self.edit_time(bar.until.as_secs()));
+        let until = has_end(&known, line, column).then(|| self.edit_time(bar.draggable_end.as_secs()));
         copy_cue(&known, line, column, self.edit_time(bar.start.as_secs()), until)
             .map_err(|refused| EditError::Refused { why: refused.why, line: refused.line })
     }

@@ -57,7 +57,7 @@ impl Viewer {
             at.and_then(|at| layer.get(at + 1).filter(|_| self.followed_bars(&layer)[at + 1] != Some(at)));
         let next = next.filter(|next| bar.meets(next) && secs > next.start.as_secs());
         if let Some(next) = next {
-            let (label, start) = (&next.label, self.shown_time(next.start));
+            let (label, start) = (&next.label, self.time_text(next.start));
             let why = format!(
                 "{label} takes over from it at {start}: move that start instead, with Alt where the bars meet"
             );
@@ -68,7 +68,7 @@ impl Viewer {
 
     /// Fails if one of the clips at a moved boundary would have no length.
     pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
-        let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));
+        let shown = |secs: f64| self.time_text(choreo_motion::Time::from_secs(secs));
         let has_stated_end =
             self.displayed_text().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
         if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + MIN_CLIP_SECS) {
@@ -76,12 +76,12 @@ impl Viewer {
             let why = format!("{label}, the clip before it, begins at {start} and would have no length");
             return Err(EditError::refused_at(&bar.place, &why));
         }
-        if has_stated_end && secs >= bar.until.as_secs() - MIN_CLIP_SECS {
+        if has_stated_end && secs >= bar.draggable_end.as_secs() - MIN_CLIP_SECS {
             let why = format!(
                 "{} would begin at {}, but it ends at {}",
                 bar.label,
                 shown(secs),
-                shown(bar.until.as_secs())
+                shown(bar.draggable_end.as_secs())
             );
             return Err(EditError::refused_at(&bar.place, &why));
         }
@@ -116,8 +116,8 @@ fn trim_for_start(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditE
         false => from += played,
         true => to -= played,
     }
-    if from < -MIN_CLIP_SECS || to > strip.clip + MIN_CLIP_SECS || to - from < MIN_CLIP_SECS {
-        let why = format!("the clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
+    if from < -MIN_CLIP_SECS || to > strip.clip_secs + MIN_CLIP_SECS || to - from < MIN_CLIP_SECS {
+        let why = format!("the clip has nothing there: it runs from 0 s to {:.3} s", strip.clip_secs);
         return Err(EditError::refused_at(&bar.place, &why));
     }
     Ok([from, to])
@@ -129,7 +129,7 @@ fn slipped_trim(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     let length = to - from;
     // A repeating clip must not start again before the next clip has faded in.
     let (visible_secs, fits) = match strip.repeat {
-        Repeat::Once => ((bar.until - bar.start).as_secs() * strip.speed.abs(), true),
+        Repeat::Once => ((bar.draggable_end - bar.start).as_secs() * strip.speed.abs(), true),
         _ => {
             let visible_secs = (bar.end - bar.start).as_secs() * strip.speed.abs();
             (visible_secs, visible_secs <= length + MIN_CLIP_SECS)
@@ -137,22 +137,23 @@ fn slipped_trim(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     };
     // Keys decide the visible part of a keyed clip, and a repeating clip shows all of it, so the trim moves as a whole.
     if strip.is_keyed || !fits {
-        let by = (by * strip.speed.signum()).clamp(-from, strip.clip - to);
+        let by = (by * strip.speed.signum()).clamp(-from, strip.clip_secs - to);
         return (by.abs() > MIN_CLIP_SECS).then_some([from + by, to + by]);
     }
     // Only the visible part must stay within the clip.
-    let (before, after) = (strip.before(), strip.clip - length - strip.before());
-    let slipped = (before + by).clamp(0.0, (strip.clip - visible_secs.min(length)).max(0.0));
+    let (before, after) = (strip.secs_before_trim(), strip.clip_secs - length - strip.secs_before_trim());
+    let slipped = (before + by).clamp(0.0, (strip.clip_secs - visible_secs.min(length)).max(0.0));
     let rest = if after < MIN_CLIP_SECS { 0.0 } else { (after + before - slipped).max(0.0) };
-    let part = if strip.speed < 0.0 { [rest, strip.clip - slipped] } else { [slipped, strip.clip - rest] };
+    let part =
+        if strip.speed < 0.0 { [rest, strip.clip_secs - slipped] } else { [slipped, strip.clip_secs - rest] };
     ((slipped - before).abs() > MIN_CLIP_SECS).then_some(part)
 }
 
 /// A trim that also lies within the clip after it is rounded to 3 decimal places, unless it ends on a frame.
 pub(super) fn clamp_trim(strip: &Strip, [from, to]: [f64; 2], fps: f64) -> [f64; 2] {
     let is_frame = ((to * fps).round() - to * fps).abs() < 1e-4;
-    let is_beyond = !is_frame && (to * 1e3).round() / 1e3 > strip.clip;
-    [from.max(0.0), if is_beyond { (strip.clip * 1e3).floor() / 1e3 } else { to }]
+    let is_beyond = !is_frame && (to * 1e3).round() / 1e3 > strip.clip_secs;
+    [from.max(0.0), if is_beyond { (strip.clip_secs * 1e3).floor() / 1e3 } else { to }]
 }
 
 #[cfg(test)]
@@ -168,7 +169,7 @@ mod tests {
             what: Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 },
             start: Time::from_secs(1.0),
             end,
-            until: end,
+            draggable_end: end,
             fade_in: Time::ZERO,
             fade_out: Time::ZERO,
             holds_from: None,
@@ -180,7 +181,7 @@ mod tests {
     }
 
     fn strip(trim: [f64; 2], speed: f64, repeat: Repeat) -> Strip {
-        Strip { trim, clip: 3.0, speed, repeat, weight: 1.0, is_keyed: false }
+        Strip { trim, clip_secs: 3.0, speed, repeat, weight: 1.0, is_keyed: false }
     }
 
     /// The visible part stays within the clip, and the content follows the pointer.
@@ -210,7 +211,7 @@ mod tests {
 
     #[test]
     fn a_trim_ends_within_the_clip_when_it_is_written() {
-        let odd = Strip { clip: 2.0 / 3.0, ..strip([0.0, 2.0 / 3.0], 1.0, Repeat::Once) };
+        let odd = Strip { clip_secs: 2.0 / 3.0, ..strip([0.0, 2.0 / 3.0], 1.0, Repeat::Once) };
         assert_eq!(clamp_trim(&odd, [0.25, 2.0 / 3.0], 25.0), [0.25, 0.666]);
         assert_eq!(clamp_trim(&odd, [0.25, 2.0 / 3.0], 30.0), [0.25, 2.0 / 3.0]);
         assert_eq!(clamp_trim(&odd, [0.0, 0.5], 25.0), [0.0, 0.5]);

@@ -124,12 +124,12 @@ impl Drag {
         };
         match (self.tool, self.handle) {
             (Tool::Move, Handle::Axis(axis)) => {
-                let along = |at| distance_along_axis(projection.ray(at), center, AXES[axis]);
+                let along = |at| distance_along_axis(projection.ray_through(at), center, AXES[axis]);
                 let by = along(to).zip(along(self.from)).map_or(0.0, |(to, from)| to - from);
                 Change::Move(AXES[axis] * round(by, DRAG_STEPS.1, metres))
             }
             (Tool::Move, Handle::Middle) => {
-                let on_ground = |at| ray_plane_intersection(projection.ray(at), center, DVec3::Y);
+                let on_ground = |at| ray_plane_intersection(projection.ray_through(at), center, DVec3::Y);
                 let by = on_ground(to).zip(on_ground(self.from)).map_or(DVec3::ZERO, |(to, from)| to - from);
                 let round = |by| round(by, DRAG_STEPS.1, metres);
                 Change::Move(DVec3::new(round(by.x), 0.0, round(by.z)))
@@ -138,7 +138,8 @@ impl Drag {
                 // Angles are measured on the screen, so that a ring seen edge-on works as well as one seen along its axis.
                 let middle = projection.project_point(center).unwrap_or(self.from);
                 let angle = |at: DVec2| libm::atan2(middle.y - at.y, at.x - middle.x);
-                let towards = if projection.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
+                let towards =
+                    if projection.direction_to_camera(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
                 let degrees = ((angle(to) - angle(self.from)) * towards).to_degrees();
                 let pixel = (1.0 / (to - middle).length().max(1.0)).to_degrees();
                 let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, DRAG_STEPS.0, pixel);
@@ -150,7 +151,7 @@ impl Drag {
                 let (factor, pixel) = match handle {
                     Handle::Axis(axis) => {
                         let arm = arm_direction(Tool::Scale, axis, &self.world_from_model);
-                        let along = |at| distance_along_axis(projection.ray(at), center, arm);
+                        let along = |at| distance_along_axis(projection.ray_through(at), center, arm);
                         let (from, to) = (along(self.from).unwrap_or(1.0), along(to).unwrap_or(1.0));
                         let factor = if from.abs() < 1e-9 { 1.0 } else { to / from };
                         (factor, metres / from.abs().max(1e-9))

@@ -21,7 +21,7 @@ pub fn pick_actor(
         }
         let reach = best.map_or(f64::INFINITY, |(t, _)| t);
         if let Some((low, high)) = bounds(&actor.asset, state)
-            && !ray_meets_box(origin, direction, low, high)
+            && !ray_hits_box(origin, direction, low, high)
         {
             continue;
         }
@@ -50,7 +50,7 @@ pub fn bounds(asset: &Asset, state: &ActorState) -> Option<(DVec3, DVec3)> {
 }
 
 /// Ray-box intersection by slabs (Kay and Kajiya 1986).
-fn ray_meets_box(origin: DVec3, direction: DVec3, low: DVec3, high: DVec3) -> bool {
+fn ray_hits_box(origin: DVec3, direction: DVec3, low: DVec3, high: DVec3) -> bool {
     let margin = DVec3::splat(1e-6) + (high - low) * 1e-6;
     let (mut near, mut far) = (0.0_f64, f64::INFINITY);
     for axis in 0..3 {
@@ -133,7 +133,7 @@ pub(crate) fn bounds_center_of_all(stage: &Stage, snapshot: &Snapshot) -> Option
 }
 
 /// Largest side of the bounds in the rest pose, metres, for steps and gizmos; 1 m if there is no surface.
-pub fn height(asset: &Asset) -> f64 {
+pub fn largest_extent(asset: &Asset) -> f64 {
     let bounds = asset.rest_bounds();
     let size = if bounds.is_empty() { Vec3::ONE } else { bounds.max - bounds.min };
     f64::from(size.max_element()).clamp(0.01, 1e6)
@@ -152,9 +152,9 @@ mod tests {
         assert_eq!(hit(DVec3::new(0.8, 0.8, 2.0), -DVec3::Z), None);
         assert_eq!(hit(DVec3::new(0.2, 0.2, 2.0), DVec3::X), None, "along it");
         let flat = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 1.0));
-        assert!(ray_meets_box(DVec3::new(0.0, 5.0, 0.0), -DVec3::Y, flat.0, flat.1));
-        assert!(ray_meets_box(DVec3::new(-5.0, 0.0, 0.0), DVec3::X, flat.0, flat.1));
-        assert!(!ray_meets_box(DVec3::new(-5.0, 1.0, 0.0), DVec3::X, flat.0, flat.1));
-        assert!(!ray_meets_box(DVec3::new(-5.0, 0.0, 0.0), -DVec3::X, flat.0, flat.1), "behind");
+        assert!(ray_hits_box(DVec3::new(0.0, 5.0, 0.0), -DVec3::Y, flat.0, flat.1));
+        assert!(ray_hits_box(DVec3::new(-5.0, 0.0, 0.0), DVec3::X, flat.0, flat.1));
+        assert!(!ray_hits_box(DVec3::new(-5.0, 1.0, 0.0), DVec3::X, flat.0, flat.1));
+        assert!(!ray_hits_box(DVec3::new(-5.0, 0.0, 0.0), -DVec3::X, flat.0, flat.1), "behind");
     }
 }

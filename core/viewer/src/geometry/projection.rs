@@ -35,7 +35,7 @@ impl ViewProjection {
         }
     }
 
-    fn screen(&self, view: DVec3) -> DVec2 {
+    fn window_from_view(&self, view: DVec3) -> DVec2 {
         let depth = if self.perspective { -view.z } else { 1.0 };
         let scale = self.size.y / (self.height * depth);
         self.top_left + self.size / 2.0 + DVec2::new(view.x, -view.y) * scale
@@ -44,7 +44,7 @@ impl ViewProjection {
     /// Projects a point from world space to the window. `None` if it is behind the camera.
     pub fn project_point(&self, world: DVec3) -> Option<DVec2> {
         let view = self.view_from_world.transform_point3(world);
-        (!self.perspective || -view.z >= NEAR_PLANE).then(|| self.screen(view))
+        (!self.perspective || -view.z >= NEAR_PLANE).then(|| self.window_from_view(view))
     }
 
     /// Projects the part of a line in front of the camera.
@@ -64,11 +64,11 @@ impl ViewProjection {
                 b = cut(a, b);
             }
         }
-        Some([self.screen(a), self.screen(b)])
+        Some([self.window_from_view(a), self.window_from_view(b)])
     }
 
     /// Origin and unit direction in world space of the ray through a point of the window.
-    pub fn ray(&self, at: DVec2) -> (DVec3, DVec3) {
+    pub fn ray_through(&self, at: DVec2) -> (DVec3, DVec3) {
         let from_middle = (at - self.top_left - self.size / 2.0) / self.size.y * self.height;
         let world_from_view = self.view_from_world.inverse();
         let across = DVec3::new(from_middle.x, -from_middle.y, 0.0);
@@ -95,7 +95,7 @@ impl ViewProjection {
     }
 
     /// Unit vector from a world position to the camera.
-    pub fn to_eye(&self, from: DVec3) -> DVec3 {
+    pub fn direction_to_camera(&self, from: DVec3) -> DVec3 {
         let world_from_view = self.view_from_world.inverse();
         match self.perspective {
             true => (world_from_view.translation - from).normalize_or(DVec3::Z),
@@ -136,7 +136,7 @@ mod tests {
                 let got = projection.project_point(world).unwrap();
                 assert!((got - expected).length() < 0.01, "{got} {expected}");
                 // The ray through the projected point passes through the original one.
-                let (origin, direction) = projection.ray(got);
+                let (origin, direction) = projection.ray_through(got);
                 assert!((world - origin).cross(direction).length() < 1e-6);
                 let moved = projection.project_point(
                     world + camera.world_from_view.matrix3.x_axis * projection.metres_per_point(world),

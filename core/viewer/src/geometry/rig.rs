@@ -10,7 +10,7 @@ const DEFAULT_TARGET_DISTANCE: f64 = 3.0;
 const MAX_ELEVATION: f64 = PI * 89.0 / 180.0;
 
 /// World position of a target in a snapshot. `None` if it does not exist there.
-fn position(stage: &Stage, shown: &Snapshot, target: &Target) -> Option<DVec3> {
+fn target_position(stage: &Stage, shown: &Snapshot, target: &Target) -> Option<DVec3> {
     match *target {
         Target::Point(point) => Some(point),
         Target::Actor(actor) => {
@@ -33,15 +33,15 @@ pub fn rig_points(stage: &Stage, shown: &Snapshot, camera: &Camera) -> Option<[D
     match &camera.rig {
         Rig::Fixed { position: stated, rotation, look_at } => {
             let at = keyed.unwrap_or(*stated);
-            let target = look_at.as_ref().and_then(|target| position(stage, shown, target));
+            let target = look_at.as_ref().and_then(|target| target_position(stage, shown, target));
             Some([at, target.unwrap_or(at + *rotation * (DVec3::NEG_Z * DEFAULT_TARGET_DISTANCE))])
         }
         Rig::Follow { target, offset } => {
-            let center = position(stage, shown, target)?;
+            let center = target_position(stage, shown, target)?;
             Some([center + keyed.unwrap_or(*offset), center])
         }
         Rig::Orbit { target, distance, elevation, azimuth, speed } => {
-            let center = position(stage, shown, target)?;
+            let center = target_position(stage, shown, target)?;
             let azimuth = azimuth + speed * shown.time.as_secs();
             let rotation = DQuat::from_rotation_y(azimuth) * DQuat::from_rotation_x(-elevation);
             Some([center + rotation * (DVec3::Z * *distance), center])
@@ -58,10 +58,10 @@ pub fn move_rig(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option
             Some(Rig::Fixed { position: to, rotation: *rotation, look_at: *look_at })
         }
         Rig::Follow { target, .. } => {
-            Some(Rig::Follow { target: *target, offset: to - position(stage, shown, target)? })
+            Some(Rig::Follow { target: *target, offset: to - target_position(stage, shown, target)? })
         }
         Rig::Orbit { target, azimuth, speed, .. } => {
-            let offset = to - position(stage, shown, target)?;
+            let offset = to - target_position(stage, shown, target)?;
             let distance = offset.length();
             let elevation = libm::asin((offset.y / distance).clamp(-1.0, 1.0));
             let wanted = libm::atan2(offset.x, offset.z) - speed * shown.time.as_secs();

@@ -1,7 +1,7 @@
 //! The open file, and the files that can be opened.
 
 use super::file_dialog::{FileDialog, Purpose};
-use super::folder::{Entry, built_in, model_endings};
+use super::folder::{Entry, built_in, model_extensions};
 use super::lessons::Lesson;
 use super::thumbnails::Thumbnails;
 use crate::state::tempo::Tempo;
@@ -15,30 +15,34 @@ const MAX_RECENT_FILES: usize = 12;
 #[derive(Default)]
 pub struct Documents {
     /// Whether the start page is displayed in place of the panels.
-    pub start: bool,
+    pub shows_start_page: bool,
     /// Recent files, the newest first.
     pub recent: Vec<PathBuf>,
     /// Tempos of recent scripts, by canonical path.
     pub tempos: BTreeMap<PathBuf, Tempo>,
     pub lessons: Vec<Lesson>,
     /// File that the window will open next.
-    pub open: Option<PathBuf>,
+    pub file_to_open: Option<PathBuf>,
     /// The open file dialog.
     pub dialog: Option<FileDialog>,
     /// Script that was to be opened and does not exist.
-    pub missing: Option<PathBuf>,
+    pub missing_script: Option<PathBuf>,
     pub thumbnails: Thumbnails,
     /// File name extensions that importers read.
-    pub models: Vec<String>,
+    pub model_extensions: Vec<String>,
     /// Built-in models, which are not files.
     pub built_in: Vec<Entry>,
     /// Canonical paths of the files that the displayed version has read.
-    pub read: Vec<PathBuf>,
+    pub read_files: Vec<PathBuf>,
 }
 
 impl Documents {
     pub fn new(registry: &Registry) -> Documents {
-        Documents { models: model_endings(registry), built_in: built_in(registry), ..Documents::default() }
+        Documents {
+            model_extensions: model_extensions(registry),
+            built_in: built_in(registry),
+            ..Documents::default()
+        }
     }
 
     /// Records an opened file as the most recent one.
@@ -53,7 +57,7 @@ impl Documents {
     /// Remembers the tempo of a script.
     pub fn keep_tempo(&mut self, script: &Path, tempo: Tempo) {
         let Ok(script) = script.canonicalize() else { return };
-        match tempo.beat() {
+        match tempo.beat_secs() {
             Some(_) => drop(self.tempos.insert(script, tempo)),
             None => drop(self.tempos.remove(&script)),
         }
@@ -66,7 +70,7 @@ impl Documents {
     }
 
     /// Opens the file dialog in the folder of a file, else in that of the most recent file, else in the working folder.
-    pub fn ask(&mut self, purpose: Purpose, shown: Option<&Path>) {
+    pub fn open_dialog(&mut self, purpose: Purpose, shown: Option<&Path>) {
         let beside = shown.or(self.recent.first().map(PathBuf::as_path));
         let folder = beside.and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
         let name = match (purpose, shown.and_then(Path::file_name)) {
@@ -77,7 +81,7 @@ impl Documents {
             }
             _ => String::new(),
         };
-        self.dialog = Some(FileDialog::new(purpose, &folder, &name, &self.models));
+        self.dialog = Some(FileDialog::new(purpose, &folder, &name, &self.model_extensions));
     }
 }
 

@@ -1,7 +1,7 @@
 //! File dialog. The viewer has its own, because that of the system needs a desktop portal, which is missing under a bare window manager or in a
 //! container.
 
-use super::folder::{Entry, FileKind, list};
+use super::folder::{Entry, FileKind, list_folder};
 use super::templates::Template;
 use std::path::{Path, PathBuf};
 
@@ -24,36 +24,36 @@ pub struct FileDialog {
     /// Name of the chosen or new file.
     pub name: String,
     /// Whether the dialog was just opened: the name field then gets the keyboard focus.
-    pub fresh: bool,
+    pub was_just_opened: bool,
     /// Reason why the choice was refused.
     pub problem: Option<String>,
     /// Existing file that is replaced if the user confirms by choosing the same name again.
     replaces: Option<PathBuf>,
-    models: Vec<String>,
+    model_extensions: Vec<String>,
 }
 
 impl FileDialog {
-    /// Opens the dialog in a folder. `models`: file name extensions of models that can be opened.
-    pub fn new(purpose: Purpose, folder: &Path, name: &str, models: &[String]) -> FileDialog {
-        let models = if purpose == Purpose::Open { models.to_vec() } else { Vec::new() };
+    /// Opens the dialog in a folder. `model_extensions`: file name extensions of models that can be opened.
+    pub fn new(purpose: Purpose, folder: &Path, name: &str, model_extensions: &[String]) -> FileDialog {
+        let model_extensions = if purpose == Purpose::Open { model_extensions.to_vec() } else { Vec::new() };
         let mut dialog = FileDialog {
             purpose,
             folder: PathBuf::new(),
             entries: Vec::new(),
             name: name.to_string(),
-            fresh: true,
+            was_just_opened: true,
             problem: None,
             replaces: None,
-            models,
+            model_extensions,
         };
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        dialog.go(&folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()));
+        dialog.change_folder(&folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()));
         dialog
     }
 
     /// Changes to another folder; if it cannot be read, the list stays.
-    pub fn go(&mut self, folder: &Path) {
-        match list(folder, &self.models) {
+    pub fn change_folder(&mut self, folder: &Path) {
+        match list_folder(folder, &self.model_extensions) {
             Ok(entries) => {
                 (self.folder, self.entries, self.problem) = (folder.to_path_buf(), entries, None);
             }
@@ -64,7 +64,7 @@ impl FileDialog {
     /// Handles a click on an entry: enters a folder, or puts the name of a file into the name field.
     pub fn choose(&mut self, entry: &Entry) {
         match entry.kind {
-            FileKind::Folder => self.go(&entry.path),
+            FileKind::Folder => self.change_folder(&entry.path),
             FileKind::Script | FileKind::Model => self.name.clone_from(&entry.name),
         }
     }
@@ -79,7 +79,7 @@ impl FileDialog {
             return None;
         }
         if path.is_dir() {
-            self.go(&path.canonicalize().unwrap_or(path));
+            self.change_folder(&path.canonicalize().unwrap_or(path));
             self.name.clear();
             return None;
         }

@@ -24,7 +24,7 @@ pub struct Entry {
 }
 
 /// File name extensions that importers read, in lowercase.
-pub fn model_endings(registry: &Registry) -> Vec<String> {
+pub fn model_extensions(registry: &Registry) -> Vec<String> {
     let endings = registry.importers().iter().flat_map(|importer| importer.manifest().extensions.clone());
     let mut endings: Vec<String> = endings.map(|ending| ending.to_lowercase()).collect();
     endings.sort();
@@ -42,7 +42,7 @@ pub fn built_in(registry: &Registry) -> Vec<Entry> {
 ///
 /// # Errors
 /// The folder cannot be read.
-pub fn list(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entry>> {
+pub fn list_folder(folder: &Path, model_extensions: &[String]) -> std::io::Result<Vec<Entry>> {
     let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder)?.flatten().take(MAX_ENTRIES) {
         let (path, name) = (entry.path(), entry.file_name().to_string_lossy().into_owned());
@@ -50,7 +50,7 @@ pub fn list(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entry>> {
         if name.starts_with('.') || is_plugin {
             continue;
         }
-        if let Some(kind) = kind(&path, models) {
+        if let Some(kind) = kind_of(&path, model_extensions) {
             entries.push(Entry { path, name, kind });
         }
     }
@@ -58,13 +58,13 @@ pub fn list(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entry>> {
     Ok(entries)
 }
 
-fn kind(path: &Path, models: &[String]) -> Option<FileKind> {
+fn kind_of(path: &Path, model_extensions: &[String]) -> Option<FileKind> {
     if path.is_dir() {
         return Some(FileKind::Folder);
     }
     let ending = path.extension()?.to_string_lossy().to_lowercase();
     match ending.as_str() {
         "rhai" => Some(FileKind::Script),
-        ending => models.iter().any(|model| model == ending).then_some(FileKind::Model),
+        ending => model_extensions.iter().any(|extension| extension == ending).then_some(FileKind::Model),
     }
 }

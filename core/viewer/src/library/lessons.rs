@@ -13,18 +13,18 @@ pub struct Lesson {
 }
 
 /// Lessons of the first folder that has some: that of the archive or package of the program, else that of its sources.
-pub fn find() -> Vec<Lesson> {
+pub fn find_lessons() -> Vec<Lesson> {
     let program = std::env::current_exe().ok();
     let beside = program.iter().flat_map(|program| program.ancestors().skip(2).take(1));
     let installed = beside.map(|prefix| prefix.join("share/choreo/examples"));
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts");
     let folders = installed.chain([sources]).filter_map(|folder| folder.canonicalize().ok());
-    let found = folders.map(|folder| within(&folder));
+    let found = folders.map(|folder| lessons_in(&folder));
     found.into_iter().find(|lessons| !lessons.is_empty()).unwrap_or_default()
 }
 
 /// Lessons of a folder, sorted by number: `NN_name.rhai`, or `NN_name/lesson.rhai`.
-pub fn within(folder: &Path) -> Vec<Lesson> {
+pub fn lessons_in(folder: &Path) -> Vec<Lesson> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let lesson = |entry: std::fs::DirEntry| {
         let name = entry.file_name().to_string_lossy().into_owned();

@@ -18,8 +18,8 @@ const MAX_FILE_BYTES: u64 = 1 << 22;
 pub const MAX_CACHE_BYTES: u64 = 64 << 20;
 
 /// Cache file of a thumbnail, named after the content of the displayed file, so that a changed file gets a new one.
-pub fn path(cache: &Path, shows: &Path, clip: Option<&str>) -> Option<PathBuf> {
-    let name = hex(&content_of(shows)?[..16]);
+pub fn path(cache: &Path, shown_file: &Path, clip: Option<&str>) -> Option<PathBuf> {
+    let name = hex(&content_of(shown_file)?[..16]);
     // The name of a clip may contain characters that a file name must not.
     let clip = hex(clip.unwrap_or("").as_bytes());
     let version = env!("CARGO_PKG_VERSION");
@@ -52,15 +52,15 @@ pub fn read(file: &Path) -> Option<Thumbnail> {
 
 /// Writes a thumbnail. Errors are ignored, since the image is then drawn again the next time.
 pub fn write(file: &Path, thumbnail: &Thumbnail) {
-    let (Some(bytes), Some(folder), Some(name)) = (encoded(thumbnail), file.parent(), file.file_name())
+    let (Some(bytes), Some(folder), Some(name)) = (encode_png(thumbnail), file.parent(), file.file_name())
     else {
         return;
     };
     let _ = write_whole_beneath(folder, name.as_ref(), &bytes);
 }
 
-/// Deletes the least recently used thumbnails until the others have at most `most` bytes in total.
-pub fn limit(folder: &Path, most: u64) {
+/// Deletes the least recently used thumbnails until the others have at most `max_bytes` bytes in total.
+pub fn delete_oldest(folder: &Path, max_bytes: u64) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     let image = |entry: std::fs::DirEntry| {
         let (path, about) = (entry.path(), entry.metadata().ok()?);
@@ -71,7 +71,7 @@ pub fn limit(folder: &Path, most: u64) {
     images.sort();
     let mut bytes: u64 = images.iter().map(|(_, bytes, _)| bytes).sum();
     for (_, own, path) in images {
-        if bytes <= most {
+        if bytes <= max_bytes {
             return;
         }
         // Another viewer may have deleted the file.
@@ -80,7 +80,7 @@ pub fn limit(folder: &Path, most: u64) {
     }
 }
 
-fn encoded(thumbnail: &Thumbnail) -> Option<Vec<u8>> {
+fn encode_png(thumbnail: &Thumbnail) -> Option<Vec<u8>> {
     let frame = thumbnail.frames.first()?;
     let clips: Vec<Value> =
         thumbnail.clips.iter().map(|clip| json!({ "name": clip.name, "secs": clip.secs })).collect();
@@ -114,28 +114,32 @@ mod tests {
         std::fs::write(folder.path().join("notes.txt"), vec![0; 5000]).unwrap();
         // The second oldest file is read, and so becomes the most recently used.
         assert!(read(&folder.path().join("1.png")).is_some());
-        limit(folder.path(), sizes[5] + sizes[4] + sizes[1]);
+        delete_oldest(folder.path(), sizes[5] + sizes[4] + sizes[1]);
         let mut left: Vec<_> =
             std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
         left.sort();
         assert_eq!(left, ["1.png", "4.png", "5.png", "notes.txt"]);
-        limit(folder.path(), u64::MAX);
+        delete_oldest(folder.path(), u64::MAX);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
     }
 
     #[test]
-    fn what_is_written_is_read_again_and_garbage_is_none() {
+    fn written_thumbnails_are_read_again_and_garbage_is_not_read() {
         let folder = tempfile::tempdir().unwrap();
-        let shows = folder.path().join("a.glb");
-        std::fs::write(&shows, "one").unwrap();
-        let file = path(folder.path(), &shows, Some("Walk: ü/é")).unwrap();
+        let shown_file = folder.path().join("a.glb");
+        std::fs::write(&shown_file, "one").unwrap();
+        let file = path(folder.path(), &shown_file, Some("Walk: ü/é")).unwrap();
         let frame = Frame { width: 2, height: 1, rgba: vec![1, 2, 3, 255, 4, 5, 6, 255] };
         let clips = vec![ClipEntry { name: "Läuft".into(), secs: 1.25 }];
         let thumbnail = Thumbnail { frames: vec![frame], secs: 0.0, clips, note: None };
         write(&file, &thumbnail);
         assert_eq!(read(&file), Some(thumbnail));
-        std::fs::write(&shows, "two").unwrap();
-        assert_ne!(path(folder.path(), &shows, Some("Walk: ü/é")), Some(file.clone()), "another content");
+        std::fs::write(&shown_file, "two").unwrap();
+        assert_ne!(
+            path(folder.path(), &shown_file, Some("Walk: ü/é")),
+            Some(file.clone()),
+            "another content"
+        );
         for length in 0..30 {
             let bytes = std::fs::read(&file).unwrap();
             std::fs::write(folder.path().join("cut"), &bytes[..length * bytes.len() / 40]).unwrap();

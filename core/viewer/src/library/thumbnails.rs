@@ -27,12 +27,12 @@ pub struct Subject {
     /// Name of a clip in the file. `None`: the first clip, or the scene of a script.
     pub clip: Option<String>,
     /// Name of the character that plays the clip in a preview, and the version of its scene.
-    pub on: Option<(String, u64)>,
+    pub character: Option<(String, u64)>,
 }
 
 impl Subject {
     pub fn file(file: PathBuf) -> Subject {
-        Subject { file, clip: None, on: None }
+        Subject { file, clip: None, character: None }
     }
 }
 
@@ -80,7 +80,7 @@ enum ThumbnailError {
     /// First problem of the script or model.
     #[error("{0}")]
     Problem(String),
-    #[error("it is not a model")]
+    #[error("the file is not a model")]
     NoModel,
     #[error("the file does not contain this clip")]
     NoClip,
@@ -126,7 +126,7 @@ impl Thumbnails {
         if let Some(made) = self.known.get(subject) {
             return made.clone();
         }
-        let made = match self.start(subject, asset, wake) {
+        let made = match self.send_job(subject, asset, wake) {
             true => ThumbnailState::Waiting,
             false => ThumbnailState::Failed("the thumbnail thread is not running".to_string()),
         };
@@ -134,11 +134,16 @@ impl Thumbnails {
         made
     }
 
-    fn start(&mut self, subject: &Subject, asset: Option<&Arc<Asset>>, wake: impl FnOnce() -> Wake) -> bool {
+    fn send_job(
+        &mut self,
+        subject: &Subject,
+        asset: Option<&Arc<Asset>>,
+        wake: impl FnOnce() -> Wake,
+    ) -> bool {
         let Some((registry, like)) = &self.registry_and_options else { return false };
         let worker = match self.worker.take() {
             Some(worker) => Some(worker),
-            None => worker(registry.clone(), self.cache.clone(), wake()),
+            None => start_worker(registry.clone(), self.cache.clone(), wake()),
         };
         let source = SceneSource { size: Some(SIZE), clip: subject.clip.clone(), ..like.clone() };
         let source = SceneSource { input: subject.file.clone(), ..source };
@@ -180,7 +185,7 @@ impl Thumbnails {
 }
 
 /// Starts a thread that draws thumbnails until the sender of jobs is dropped. `None` if no thread can be started.
-fn worker(
+fn start_worker(
     registry: Registry,
     cache: Option<PathBuf>,
     wake: Wake,
@@ -209,7 +214,7 @@ fn cached_thumbnail(
 ) -> Result<Thumbnail, ThumbnailError> {
     let subject = job.subject.clone();
     let file = cache
-        .filter(|_| subject.on.is_none())
+        .filter(|_| subject.character.is_none())
         .and_then(|cache| thumbnail_file::path(cache, &subject.file, subject.clip.as_deref()));
     if let Some(known) = file.as_deref().and_then(thumbnail_file::read) {
         return Ok(known);
@@ -219,7 +224,7 @@ fn cached_thumbnail(
         thumbnail_file::write(&file, &thumbnail);
         file.parent()
             .into_iter()
-            .for_each(|folder| thumbnail_file::limit(folder, thumbnail_file::MAX_CACHE_BYTES));
+            .for_each(|folder| thumbnail_file::delete_oldest(folder, thumbnail_file::MAX_CACHE_BYTES));
     }
     Ok(thumbnail)
 }

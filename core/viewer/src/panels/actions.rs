@@ -8,7 +8,7 @@ use crate::geometry::gizmo::Tool;
 use crate::library::file_dialog::Purpose;
 use crate::library::templates::TEMPLATES;
 use crate::state::selection::Selected;
-use crate::state::settings::SCALES;
+use crate::state::settings::SCALE_RANGE;
 use crate::state::shortcuts::Chord;
 use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
@@ -81,7 +81,7 @@ const fn unfocused(
 }
 
 pub(crate) const ACTIONS: &[Action] = &[
-    unfocused("play", "play, pause", "Space", |c| c.viewer.playhead.toggle(c.now)),
+    unfocused("play", "play, pause", "Space", |c| c.viewer.playhead.toggle_playback(c.now)),
     unfocused("previous_frame", "one frame back", "Left", |c| c.viewer.playhead.step(-1)),
     unfocused("next_frame", "one frame forward", "Right", |c| c.viewer.playhead.step(1)),
     unfocused(
@@ -216,7 +216,7 @@ pub(crate) const ACTIONS: &[Action] = &[
         }
     }),
     always("help", "list of shortcuts", "F1", |c| c.panels.shortcut_list.open ^= true),
-    always("close", "close", "Ctrl+Q", |c| c.viewer.quit = true),
+    always("close", "close", "Ctrl+Q", |c| c.viewer.should_close = true),
 ];
 
 /// Default keys that open a panel and go to it.
@@ -270,7 +270,8 @@ pub fn find_action(id: &str) -> Option<&'static Action> {
 
 /// Keys of an action as displayed in menus.
 pub fn shortcut_text(viewer: &Viewer, id: &str) -> String {
-    let chosen = find_action(id).map(|action| viewer.shortcuts.text(action.id, action.default_shortcuts));
+    let chosen =
+        find_action(id).map(|action| viewer.shortcuts.display_text(action.id, action.default_shortcuts));
     let chosen = chosen.filter(|keys| !keys.is_empty());
     system_shortcut(id).map(str::to_string).into_iter().chain(chosen).collect::<Vec<_>>().join(", ")
 }
@@ -303,7 +304,7 @@ pub(crate) fn panel_id(tab: Tab) -> String {
 pub(crate) fn panel_shortcuts(viewer: &Viewer, tab: Tab) -> Vec<Chord> {
     let number = Tab::ALL.iter().position(|other| *other == tab);
     let usual = number.and_then(|number| PANEL_SHORTCUTS.get(number)).unwrap_or(&"");
-    viewer.shortcuts.of(&panel_id(tab), usual)
+    viewer.shortcuts.chords_of(&panel_id(tab), usual)
 }
 
 /// An action or a panel, with its keys.
@@ -318,7 +319,11 @@ pub(crate) struct ActionWithShortcuts {
 pub(crate) fn actions_with_shortcuts(viewer: &Viewer) -> Vec<ActionWithShortcuts> {
     let actions = ACTIONS.iter().map(|action| {
         let (id, title) = (action.id.to_string(), action.title.to_string());
-        ActionWithShortcuts { id, title, chords: viewer.shortcuts.of(action.id, action.default_shortcuts) }
+        ActionWithShortcuts {
+            id,
+            title,
+            chords: viewer.shortcuts.chords_of(action.id, action.default_shortcuts),
+        }
     });
     let panels = Tab::ALL.into_iter().map(|tab| {
         let (id, title) = (panel_id(tab), format!("panel {}", tab.title()));
@@ -329,7 +334,7 @@ pub(crate) fn actions_with_shortcuts(viewer: &Viewer) -> Vec<ActionWithShortcuts
 
 fn go_to_first_frame_or_fit_curves(c: &mut Context) {
     match c.viewer.curves.hovered {
-        true => c.viewer.curves.fit = true,
+        true => c.viewer.curves.fits_to_keys = true,
         false => c.viewer.playhead.step(i64::MIN / 2),
     }
 }
@@ -364,12 +369,13 @@ fn duplicate_selection(c: &mut Context) {
 }
 
 fn change_scale(panels: &mut Panels, by: f32) {
-    panels.scale = ((panels.scale + by) * 10.0).round().clamp(SCALES.0 * 10.0, SCALES.1 * 10.0) / 10.0;
+    panels.scale =
+        ((panels.scale + by) * 10.0).round().clamp(SCALE_RANGE.0 * 10.0, SCALE_RANGE.1 * 10.0) / 10.0;
 }
 
 fn open_file_dialog(c: &mut Context, purpose: Purpose) {
     let shown = c.viewer.path.clone();
-    c.viewer.documents.ask(purpose, shown.as_deref());
+    c.viewer.documents.open_dialog(purpose, shown.as_deref());
 }
 
 /// The toolkit's modifiers and key for a shortcut. `None` if there is no key with this name; upper and lower case are the same.
@@ -402,7 +408,7 @@ pub fn run_pressed_shortcuts(c: &mut Context) {
     let actions = ACTIONS.iter().filter(|action| is_on(action.scope));
     let actions = actions.flat_map(|action| {
         shortcuts
-            .of(action.id, action.default_shortcuts)
+            .chords_of(action.id, action.default_shortcuts)
             .into_iter()
             .map(move |chord| (chord, ShortcutTarget::Action(action)))
     });
@@ -411,7 +417,7 @@ pub fn run_pressed_shortcuts(c: &mut Context) {
     });
     let mut all: Vec<(Chord, ShortcutTarget)> = actions.chain(panels).collect();
     // A shortcut also matches if more modifiers are held, so those with most modifiers are tested first.
-    all.sort_by_key(|(chord, _)| std::cmp::Reverse(chord.held()));
+    all.sort_by_key(|(chord, _)| std::cmp::Reverse(chord.modifier_count()));
     for (chord, target) in all {
         let Some((modifiers, key)) = egui_shortcut(&chord) else { continue };
         if !c.ui.input_mut(|i| i.consume_key(modifiers, key)) {
@@ -428,11 +434,11 @@ pub fn run_pressed_shortcuts(c: &mut Context) {
 
 /// The first error in the user's shortcuts: an unknown action or key.
 pub fn shortcuts_problem(viewer: &Viewer) -> Option<String> {
-    for (id, keys) in &viewer.shortcuts.own {
+    for (id, keys) in &viewer.shortcuts.user_keys {
         if find_action(id).is_none() && !Tab::ALL.into_iter().any(|tab| panel_id(tab) == *id) {
             return Some(format!("shortcuts.json: there is no action \"{id}\""));
         }
-        let chords = viewer.shortcuts.of(id, "");
+        let chords = viewer.shortcuts.chords_of(id, "");
         let written = keys.split(", ").filter(|key| !key.trim().is_empty()).count();
         if chords.len() != written || chords.iter().any(|chord| egui_shortcut(chord).is_none()) {
             return Some(format!(
@@ -449,7 +455,9 @@ pub(crate) fn uses_walking_keys(viewer: &Viewer) -> bool {
         use Key::{A, D, E, Q, S, W};
         matches!(egui_shortcut(chord), Some((Modifiers::NONE, W | A | S | D | Q | E)))
     };
-    ACTIONS.iter().any(|action| viewer.shortcuts.of(action.id, action.default_shortcuts).iter().any(walks))
+    ACTIONS
+        .iter()
+        .any(|action| viewer.shortcuts.chords_of(action.id, action.default_shortcuts).iter().any(walks))
 }
 
 #[cfg(test)]
@@ -512,7 +520,7 @@ mod tests {
             ["cut", "copy", "paste", "save"].map(|id| shortcut_text(&viewer, id)),
             ["Ctrl X", "Ctrl C", "Ctrl V", "Ctrl S"]
         );
-        viewer.shortcuts.own = BTreeMap::from([("cut".to_string(), "F7".to_string())]);
+        viewer.shortcuts.user_keys = BTreeMap::from([("cut".to_string(), "F7".to_string())]);
         assert_eq!(shortcut_text(&viewer, "cut"), "Ctrl X, F7");
     }
 
@@ -529,7 +537,7 @@ mod tests {
     fn unknown_actions_and_keys_of_shortcuts_are_reported() {
         let mut viewer = Viewer::new("x");
         let mut own = |id: &str, keys: &str| {
-            viewer.shortcuts.own = BTreeMap::from([(id.to_string(), keys.to_string())]);
+            viewer.shortcuts.user_keys = BTreeMap::from([(id.to_string(), keys.to_string())]);
             shortcuts_problem(&viewer)
         };
         assert_eq!(own("split", "Ctrl+Alt+F5, Y"), None);

@@ -7,7 +7,7 @@ use super::inspector::ClipDrag;
 use super::thumbnail_textures::{ThumbnailTextures, thumbnail_height};
 use crate::app::Viewer;
 use crate::editing::ClipSource;
-use crate::library::folder::{Entry, FileKind, list};
+use crate::library::folder::{Entry, FileKind, list_folder};
 use crate::library::thumbnails::{ClipEntry, Subject, ThumbnailState};
 use crate::state::dropped_models::DroppedModels;
 use crate::state::selection::{Selected, actor};
@@ -58,7 +58,7 @@ impl Browser {
     }
 
     fn read_folder(&mut self, models: &[String]) {
-        match list(&self.folder, models) {
+        match list_folder(&self.folder, models) {
             Ok(entries) => (self.entries, self.problem) = (entries, None),
             Err(error) => (self.entries, self.problem) = (Vec::new(), Some(error.to_string())),
         }
@@ -76,7 +76,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, thumbnails:
         ui.label("no script is open; this panel lists the models in the script's folder");
         return;
     };
-    let models = viewer.documents.models.clone();
+    let models = viewer.documents.model_extensions.clone();
     browser.refresh(root, viewer.scene.as_ref().map(|scene| scene.number), &models);
     show_path_row(ui, viewer, browser, root, &models);
     if let Some(problem) = &browser.problem {
@@ -257,10 +257,10 @@ fn show_preview(
         (Some(clip), Some((name, asset))) => {
             let title = format!("{clip} on {name}");
             let (file, clip) = (file.to_path_buf(), Some(clip.clone()));
-            (Subject { file, clip, on: Some((name, number)) }, Some(asset), title)
+            (Subject { file, clip, character: Some((name, number)) }, Some(asset), title)
         }
         (clip, _) => {
-            let subject = Subject { file: file.to_path_buf(), clip: clip.clone(), on: None };
+            let subject = Subject { file: file.to_path_buf(), clip: clip.clone(), character: None };
             (subject, None, clip.clone().unwrap_or_default())
         }
     };

@@ -68,7 +68,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
             painter.circle_stroke(at, AXIS_END_RADIUS + 2.0, Stroke::new(1.5, Color32::WHITE));
         }
         if response.hint(format!("{} view, orthographic", side.name())).clicked() {
-            viewer.active = index;
+            viewer.active_view = index;
             // A second click on the same end looks from the opposite side, whose end is hidden behind it.
             let same = free_orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);
             if let Some(orbit) = viewer.free_camera(index) {

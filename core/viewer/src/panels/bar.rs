@@ -6,7 +6,7 @@ use super::presets::Preset;
 use super::toolbar::{self, Toolbar};
 use super::{Panels, Tab, dialog};
 use crate::app::Viewer;
-use crate::state::settings::SCALES;
+use crate::state::settings::SCALE_RANGE;
 use choreo_script::Severity;
 use egui::{RichText, TextStyle, Ui};
 
@@ -51,7 +51,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             let spacing = ui.spacing().item_spacing.x;
             let widths =
                 figures.iter().map(|(text, _)| toolbar::text_width(ui, text, TextStyle::Body) + spacing);
-            let has_note = viewer.message.is_some() || viewer.note.is_some() || viewer.faulty;
+            let has_note = viewer.message.is_some() || viewer.note.is_some() || viewer.is_faulty;
             let reserved = if has_note { NOTE_WIDTH } else { 0.0 };
             let fits = bar.width(ui) + widths.sum::<f32>() + reserved <= ui.available_width();
             for (text, hint) in figures.iter().filter(|_| !fits) {
@@ -90,7 +90,7 @@ fn show_appearance_entries(ui: &mut Ui, panels: &mut Panels) {
     ui.radio_value(&mut panels.light, true, "Light");
     ui.separator();
     for scale in [1.0, 1.25, 1.5, 1.75, 2.0] {
-        debug_assert!((SCALES.0..=SCALES.1).contains(&scale));
+        debug_assert!((SCALE_RANGE.0..=SCALE_RANGE.1).contains(&scale));
         ui.radio_value(&mut panels.scale, scale, format!("{:.0} %", scale * 100.0));
     }
 }
@@ -153,7 +153,7 @@ fn add_preview_entries(bar: &mut Toolbar<'_, BarContext<'_>>, viewer: &Viewer) {
 
 /// The first problem, in one line; a click goes to its line.
 fn show_first_problem(ui: &mut Ui, viewer: &mut Viewer) {
-    let Some(first) = viewer.problems.first().filter(|_| viewer.faulty) else { return };
+    let Some(first) = viewer.problems.first().filter(|_| viewer.is_faulty) else { return };
     let (line, whole) = (first.line, first.to_string());
     let message = first.message.lines().next().unwrap_or("");
     let text = if line > 0 { format!("line {line}: {message}") } else { message.to_string() };
@@ -161,7 +161,7 @@ fn show_first_problem(ui: &mut Ui, viewer: &mut Viewer) {
     let label = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
     let label = label.hint(RichText::new(whole).monospace());
     if line > 0 && label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
-        viewer.go_to = Some(line);
+        viewer.script_scroll_line = Some(line);
     }
 }
 
@@ -175,7 +175,7 @@ fn add_status(bar: &mut Toolbar<'_, BarContext<'_>>, ui: &Ui, viewer: &Viewer) {
         count => Some(format!("{count} {one}s")),
     };
     let visuals = ui.visuals();
-    let text = if viewer.faulty {
+    let text = if viewer.is_faulty {
         let text = match viewer.scene.is_some() {
             true => "faulty: the last good version is shown",
             false => "faulty: nothing to show yet",
@@ -282,7 +282,7 @@ pub fn show_offer(ui: &Ui, viewer: &mut Viewer) {
             }
             viewer.edit(|v| v.accept_offer());
         }
-        Some(OfferAnswer::GoTo(line)) => (viewer.offer, viewer.go_to) = (None, Some(line)),
+        Some(OfferAnswer::GoTo(line)) => (viewer.offer, viewer.script_scroll_line) = (None, Some(line)),
         Some(OfferAnswer::Decline) => viewer.offer = None,
         None => {}
     }

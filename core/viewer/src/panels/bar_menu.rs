@@ -193,7 +193,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
         }
         Command::GoToLine => {
             let line = viewer.selection.as_ref().and_then(|what| super::script::line_of(viewer, what));
-            viewer.go_to = line.or(viewer.go_to);
+            viewer.script_scroll_line = line.or(viewer.script_scroll_line);
         }
     }
 }

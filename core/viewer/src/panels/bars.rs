@@ -69,11 +69,11 @@ pub struct Lane {
 
 impl Lane {
     pub fn x(&self, viewer: &Viewer, secs: f64) -> f32 {
-        self.rect.left() + viewer.span.x_of(secs, self.rect.width())
+        self.rect.left() + viewer.visible_span.x_of(secs, self.rect.width())
     }
 
     pub fn secs(&self, viewer: &Viewer, x: f32) -> f64 {
-        viewer.span.secs_at(x - self.rect.left(), self.rect.width())
+        viewer.visible_span.secs_at(x - self.rect.left(), self.rect.width())
     }
 
     /// Distance within which a dragged time snaps to another, seconds.
@@ -248,14 +248,14 @@ fn handle_times(bar: &Bar) -> Vec<(CueTime, Time)> {
     match bar.what {
         Selected::Cue { .. } | Selected::Title(_) => {
             let fade = (bar.start + bar.fade_in).min(bar.end);
-            let mut all = vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)];
+            let mut all = vec![(CueTime::Start, bar.start), (CueTime::End, bar.draggable_end)];
             all.extend((bar.fade_in > Time::ZERO).then_some((CueTime::FadeIn, fade)));
             // A title has one fade for both ends.
             let fades_out = bar.strip.is_some() && bar.fade_out > Time::ZERO;
             all.extend(fades_out.then_some((CueTime::FadeOut, (bar.end - bar.fade_out).max(bar.start))));
             all
         }
-        Selected::Effect(_) => vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)],
+        Selected::Effect(_) => vec![(CueTime::Start, bar.start), (CueTime::End, bar.draggable_end)],
         _ if bar.cut.is_some() => vec![(CueTime::Start, bar.start)],
         _ => Vec::new(),
     }
@@ -281,8 +281,8 @@ fn drag_bar(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lan
         // The content follows the pointer: dragging right shows an earlier part at a given time.
         let moved = bar.start.as_secs() - lane.secs(viewer, pointer);
         let by = moved.signum() * lane.snapped_to_frame(viewer, moved.abs()) * strip.speed.abs();
-        let start = bar.start.as_secs() - (strip.before() + by) / strip.speed.abs();
-        let ghost = lane.bar_rect(viewer, start, start + strip.clip / strip.speed.abs());
+        let start = bar.start.as_secs() - (strip.secs_before_trim() + by) / strip.speed.abs();
+        let ghost = lane.bar_rect(viewer, start, start + strip.clip_secs / strip.speed.abs());
         draw_outline(&painter, ghost);
         return (response.drag_stopped() && by != 0.0).then(|| Act::Slip(bar.what.clone(), by));
     }
@@ -448,7 +448,7 @@ fn handle_rect(viewer: &Viewer, (bars, number): (&[Bar], usize), part: CueTime, 
     // The handles of two bars that meet are on both sides of the boundary: the end on its left, the start on its right.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
     let meets = bars.get(number + 1).is_some_and(|next| bar.meets(next));
-    let width = lane.x(viewer, bar.until.as_secs()) - lane.x(viewer, bar.start.as_secs());
+    let width = lane.x(viewer, bar.draggable_end.as_secs()) - lane.x(viewer, bar.start.as_secs());
     let inside = (width / 3.0).clamp(OUTER_HANDLE_WIDTH, INNER_HANDLE_WIDTH);
     let (left, right) = match part {
         CueTime::Start => (x - if is_met { 0.0 } else { OUTER_HANDLE_WIDTH }, x + inside),
@@ -536,13 +536,12 @@ pub(super) fn draw_text_at_pointer(ui: &Ui, at: egui::Pos2, text: &str) {
 }
 
 fn bar_hint(viewer: &Viewer, bar: &Bar) -> String {
-    let mut text =
-        format!("{}\n{} to {}", bar.label, viewer.shown_time(bar.start), viewer.shown_time(bar.end));
+    let mut text = format!("{}\n{} to {}", bar.label, viewer.time_text(bar.start), viewer.time_text(bar.end));
     if bar.fade_in > Time::ZERO {
         text += &format!("\nfades in over {:.3} s", bar.fade_in.as_secs());
     }
     if let Some(strip) = bar.strip {
-        text += &format!("\n{:.3} to {:.3} s of {:.3} s", strip.trim[0], strip.trim[1], strip.clip);
+        text += &format!("\n{:.3} to {:.3} s of {:.3} s", strip.trim[0], strip.trim[1], strip.clip_secs);
         if strip.speed != 1.0 {
             text += &format!(", speed {:.2}", strip.speed);
         }
@@ -642,10 +641,10 @@ fn draw_outline(painter: &Painter, place: Rect) {
 /// Draws the outline of a whole clip that is cut short, over the following bars. Only for selected bars and the one under the mouse, since it would
 /// look like part of the next bar.
 fn draw_whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
-    let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
+    let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.round_secs() > 1e-3) else { return };
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
-    if start + strip.length() > end + 1e-3 {
-        let ghost = lane.bar_rect(viewer, start, start + strip.length());
+    if start + strip.round_secs() > end + 1e-3 {
+        let ghost = lane.bar_rect(viewer, start, start + strip.round_secs());
         let beyond = Rect::from_min_max(pos2(lane.x(viewer, end), ghost.top()), ghost.max);
         let painter = painter.with_clip_rect(beyond.intersect(painter.clip_rect()));
         // Dashes in both colors: one of them is visible on any bar, and no selected bar looks like that.
@@ -667,13 +666,13 @@ fn draw_round_starts(
     lane: &Lane,
     text_color: Color32,
 ) {
-    let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
+    let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.round_secs() > 1e-3) else { return };
     if strip.repeat == Repeat::Once {
         return;
     }
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
     for round in 1..MAX_ROUND_MARKS {
-        let at = start + round as f64 * strip.length();
+        let at = start + round as f64 * strip.round_secs();
         if at >= end {
             break;
         }

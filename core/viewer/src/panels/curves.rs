@@ -81,7 +81,7 @@ impl Plot {
 }
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
-    viewer.curves.seen = true;
+    viewer.curves.was_drawn = true;
     let Some((what, all)) = displayed_properties(viewer) else {
         ui.label(
             "select an actor, a camera, a light, an effect or a title: its keys are shown here as curves",
@@ -99,7 +99,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let rect = Rect::from_min_max(pos2(ruler.left(), ruler.bottom()), area.max);
     viewer.curves.hovered = ui.rect_contains_pointer(area);
-    if viewer.curves.fit {
+    if viewer.curves.fits_to_keys {
         fit_view(viewer, &all);
     } else if viewer.curves.changes_object(&what, &all) {
         fit_when_first_shown(viewer, &all);
@@ -186,10 +186,10 @@ fn show_toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedP
             Selected::Sky => "sky".to_string(),
         };
         let hint = "show all keys, or those that are selected (Home)";
-        bar.add_button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fit = true);
+        bar.add_button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fits_to_keys = true);
         let hint = "show the change of each value per second instead of the value";
-        bar.add_toggle(viewer.curves.speed, "Speed", hint, |viewer| {
-            viewer.curves.speed ^= true;
+        bar.add_toggle(viewer.curves.shows_speed, "Speed", hint, |viewer| {
+            viewer.curves.shows_speed ^= true;
             viewer.curves.fit_values(all, Time::ZERO, None);
         });
         let hint = "scale each property to the full height, whatever its unit";
@@ -212,7 +212,7 @@ fn show_toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedP
 
 /// Fits the view to all keys, or to the selected ones, with a margin.
 fn fit_view(viewer: &mut Viewer, all: &[KeyedProperty]) {
-    viewer.curves.fit = false;
+    viewer.curves.fits_to_keys = false;
     let selected: Vec<Time> = viewer.selected_keys().iter().map(|key| key.at).collect();
     let times: Vec<Time> = match selected.len() {
         0 | 1 => all.iter().flat_map(|property| property.keys.iter().copied()).collect(),
@@ -275,8 +275,8 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         (1, Some(unit)) if !unit.is_empty() => format!(" {unit}"),
         _ => String::new(),
     };
-    let unit = if viewer.curves.speed { format!("{unit}/s") } else { unit };
-    let step = plot.value_span.ruler(plot.rect.height(), 28.0);
+    let unit = if viewer.curves.shows_speed { format!("{unit}/s") } else { unit };
+    let step = plot.value_span.ruler_interval(plot.rect.height(), 28.0);
     let digits = (-libm::log10(step)).ceil().clamp(0.0, 6.0) as usize;
     let line = visuals.weak_text_color().gamma_multiply(0.25);
     let mut value = (plot.value_span.from / step).ceil() * step;
@@ -285,7 +285,7 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         let strong = if value.abs() < step * 1e-6 { 2.5 } else { 1.0 };
         painter.hline(plot.rect.x_range(), y, Stroke::new(1.0, line.gamma_multiply(strong)));
         let has_room = y - 12.0 > plot.rect.top();
-        if has_room && (!viewer.curves.normalized || viewer.curves.speed) {
+        if has_room && (!viewer.curves.normalized || viewer.curves.shows_speed) {
             let text = format!("{}{unit}", fixed_digits(value, digits));
             let at = pos2(plot.rect.left() + 4.0, y - 1.0);
             painter.text(
@@ -298,7 +298,7 @@ fn draw_grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         }
         value += step;
     }
-    let step = plot.time_span.ruler(plot.rect.width(), 56.0);
+    let step = plot.time_span.ruler_interval(plot.rect.width(), 56.0);
     let mut secs = (plot.time_span.from / step).ceil() * step;
     while secs <= plot.time_span.to {
         painter.vline(plot.x(Time::from_secs(secs)), plot.rect.y_range(), Stroke::new(1.0, line));
@@ -535,7 +535,7 @@ fn show_keys(
                 .map(Act::Key)
                 .or(act);
             let number = fixed_digits(property.at(*at).get(part).copied().unwrap_or_default(), 3);
-            response.hint(format!("{name} {number} {}\n{}", property.unit, viewer.shown_time(*at)));
+            response.hint(format!("{name} {number} {}\n{}", property.unit, viewer.time_text(*at)));
         }
     }
     act
@@ -566,7 +566,7 @@ fn dragged_key_position(
         numbers[part] = (numbers[part] + drag.value).clamp(property.range[0], property.range[1]);
     }
     let (add, divide) = viewer.curves.scale(property);
-    let drawn = match viewer.curves.speed {
+    let drawn = match viewer.curves.shows_speed {
         true => viewer.curves.displayed_values(property, at, (add, divide))[part],
         false => (numbers[part] + add) / divide,
     };
@@ -609,13 +609,14 @@ fn drag_key(
         }
     };
     let (_, divide) = viewer.curves.scale(property);
-    let keeps_value = by.y.abs() < DRAG_THRESHOLD || viewer.curves.speed || !property.is_plain();
+    let keeps_value =
+        by.y.abs() < DRAG_THRESHOLD || viewer.curves.shows_speed || !property.has_editable_components();
     let value = if keeps_value { 0.0 } else { -plot.value_difference(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
     let value =
         if keeps_value { 0.0 } else { round_to_pixel(now + value, plot.value_per_pixel(ui) * divide) - now };
     let drag = KeyDrag { key: key.clone(), part, by: secs, value };
-    let time = viewer.shown_time(key.at + Time::from_secs(secs));
+    let time = viewer.time_text(key.at + Time::from_secs(secs));
     let unit = property.unit;
     let number = fixed_digits((now + value).clamp(property.range[0], property.range[1]), 3);
     draw_text_at_pointer(ui, to, &format!("{time}   {} {number} {unit}", property.part(part)));
@@ -636,7 +637,7 @@ fn show_bezier_ease_handles(
     property: &KeyedProperty,
     index: usize,
 ) -> Option<Act> {
-    let written = property.written.as_ref().filter(|_| !viewer.curves.speed)?;
+    let written = property.written.as_ref().filter(|_| !viewer.curves.shows_speed)?;
     let (mut act, scale) = (None, viewer.curves.scale(property));
     for number in 1..property.keys.len().min(MAX_KEYS) {
         let (before, at) = (property.keys[number - 1], property.keys[number]);

@@ -45,12 +45,12 @@ pub fn take_dropped_files(pending: &mut PendingDrop, ui: &Ui, viewer: &mut Viewe
     let scene = viewer.path.is_some()
         && viewer.scene.is_some()
         && viewer.previewed_files.is_empty()
-        && !viewer.faulty;
+        && !viewer.is_faulty;
     let pointer = ui.input(|i| i.pointer.latest_pos());
     let at = pointer.and_then(|at| ground_point(viewer, at)).filter(|_| scene && files.iter().all(is_model));
     match at {
         Some(at) => viewer.dropped_models = Some(DroppedModels { files, at, beside: false }),
-        None => viewer.dropped.extend(files),
+        None => viewer.dropped_files.extend(files),
     }
 }
 
@@ -59,17 +59,17 @@ pub fn take_dropped_files(pending: &mut PendingDrop, ui: &Ui, viewer: &mut Viewe
 pub(super) fn ground_point(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let scene = viewer.scene.as_ref()?;
     let inside = |view: &&crate::state::view::View| {
-        let [left, top, right, bottom] = view.place;
+        let [left, top, right, bottom] = view.image_rect;
         view.is_visible && Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom)).contains(at)
     };
     let view = viewer.views.iter().find(inside)?;
-    let [left, top, right, bottom] = view.place.map(f64::from);
+    let [left, top, right, bottom] = view.image_rect.map(f64::from);
     let projection = ViewProjection::new(
         &view.displayed_camera(&scene.stage)?,
         DVec2::new(left, top),
         DVec2::new(right - left, bottom - top),
     );
-    let (origin, direction) = projection.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
+    let (origin, direction) = projection.ray_through(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let distance = -origin.y / direction.y;
     let meets_ground = match projection.is_perspective() {
         true => distance > 0.0 && distance < MAX_GROUND_DISTANCE,

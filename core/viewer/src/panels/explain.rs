@@ -15,7 +15,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ("plan", millis(shown.planned_in)),
         ("drawing", millis(shown.drawn_in)),
         ("draws", shown.draw_count.to_string()),
-        ("last build of the scene", millis(viewer.build_took)),
+        ("last build of the scene", millis(viewer.build_duration)),
         ("builds, imports so far", format!("{}, {}", viewer.work.builds, viewer.work.imports)),
         (
             "meshes, textures, materials, pipelines made so far",

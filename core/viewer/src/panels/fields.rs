@@ -46,7 +46,7 @@ impl Form<'_> {
     /// The same form with the end of the object's bar.
     fn with_end(self, viewer: &Viewer, what: &Selected) -> Self {
         let bar = viewer.bars().find(|bar| bar.what == *what);
-        Form { end: bar.map(|bar| bar.until.as_secs()), ..self }
+        Form { end: bar.map(|bar| bar.draggable_end.as_secs()), ..self }
     }
 }
 

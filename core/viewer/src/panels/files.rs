@@ -14,19 +14,19 @@ pub fn show_file_menu(ui: &mut Ui, viewer: &mut Viewer) {
     ui.menu_button("New", |ui| {
         for template in TEMPLATES {
             if ui.button(template.name).hint(template.about).clicked() {
-                viewer.documents.ask(Purpose::New(template), shown.as_deref());
+                viewer.documents.open_dialog(Purpose::New(template), shown.as_deref());
             }
         }
     });
     if ui.button("Open…").clicked() {
-        viewer.documents.ask(Purpose::Open, shown.as_deref());
+        viewer.documents.open_dialog(Purpose::Open, shown.as_deref());
     }
     let recent = viewer.documents.recent.clone();
     ui.add_enabled_ui(!recent.is_empty(), |ui| {
         ui.menu_button("Recent", |ui| {
             for file in recent {
                 if ui.button(file.display().to_string()).clicked() {
-                    viewer.documents.open = Some(file);
+                    viewer.documents.file_to_open = Some(file);
                 }
             }
         });
@@ -35,16 +35,16 @@ pub fn show_file_menu(ui: &mut Ui, viewer: &mut Viewer) {
     ui.add_enabled(false, egui::Button::new("Saved"))
         .on_disabled_hover_text("each change is written at once");
     if ui.add_enabled(shown.is_some(), egui::Button::new("Save as…")).clicked() {
-        viewer.documents.ask(Purpose::SaveAs, shown.as_deref());
+        viewer.documents.open_dialog(Purpose::SaveAs, shown.as_deref());
     }
     ui.separator();
-    let start = &mut viewer.documents.start;
+    let start = &mut viewer.documents.shows_start_page;
     let word = if *start { "Back to the file" } else { "Start page" };
     if ui.add_enabled(!*start || viewer.scene.is_some(), egui::Button::new(word)).clicked() {
         *start = !*start;
     }
     if ui.button("Quit").hint("ends the program; each change is saved").clicked() {
-        viewer.quit = true;
+        viewer.should_close = true;
     }
 }
 
@@ -86,7 +86,7 @@ fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
         ui.horizontal(|ui| {
             let above = dialog.folder.parent().map(std::path::Path::to_path_buf);
             if ui.add_enabled(above.is_some(), egui::Button::new("Up")).hint("the folder above").clicked() {
-                above.iter().for_each(|above| dialog.go(above));
+                above.iter().for_each(|above| dialog.change_folder(above));
             }
             ui.add(
                 egui::Label::new(RichText::new(dialog.folder.display().to_string()).monospace()).truncate(),
@@ -122,7 +122,7 @@ fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
             let label = ui.label("name");
             let field =
                 ui.add(TextEdit::singleline(&mut dialog.name).desired_width(420.0)).labelled_by(label.id);
-            if std::mem::take(&mut dialog.fresh) {
+            if std::mem::take(&mut dialog.was_just_opened) {
                 field.request_focus();
             }
             if field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter)) {
@@ -146,10 +146,10 @@ fn show_file_list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
 
 /// Offers to create a missing script.
 fn show_missing_file(ui: &Ui, viewer: &mut Viewer) {
-    let Some(path) = viewer.documents.missing.clone() else { return };
+    let Some(path) = viewer.documents.missing_script.clone() else { return };
     if path.exists() {
         // The file was created meanwhile.
-        viewer.documents.missing = None;
+        viewer.documents.missing_script = None;
         return;
     }
     let mut template_to_create = None;
@@ -166,16 +166,16 @@ fn show_missing_file(ui: &Ui, viewer: &mut Viewer) {
         ui.separator();
         ui.horizontal(|ui| {
             if ui.button("Open another…").clicked() {
-                viewer.documents.missing = None;
-                viewer.documents.ask(Purpose::Open, Some(&path));
+                viewer.documents.missing_script = None;
+                viewer.documents.open_dialog(Purpose::Open, Some(&path));
             }
             if ui.button("Do not create it").clicked() {
-                viewer.documents.missing = None;
+                viewer.documents.missing_script = None;
             }
         });
     });
     if is_dismissed {
-        viewer.documents.missing = None;
+        viewer.documents.missing_script = None;
     }
     if let Some(template) = template_to_create {
         viewer.edit(|v| v.take_file(Purpose::New(template), &path));

@@ -82,7 +82,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let text = RichText::new(super::marks::file_and_line(&place)).weak().monospace();
         let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
         if label.hint("click to go to this line").clicked() {
-            viewer.go_to = Some(line);
+            viewer.script_scroll_line = Some(line);
         }
     }
     let written = viewer.written_values(&selection);
@@ -858,9 +858,9 @@ fn rows_without_field(
         Selected::Title(_) | Selected::Sky => {}
         Selected::Effect(index) => {
             if let Some(used) = stage.effects.get(*index) {
-                row("from", viewer.shown_time(used.start));
+                row("from", viewer.time_text(used.start));
                 if let Some(end) = used.end {
-                    row("until", viewer.shown_time(end));
+                    row("until", viewer.time_text(end));
                 }
             }
         }

@@ -153,7 +153,7 @@ fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Op
         act = time.map(|secs| KeyAct::SetTime(key.clone(), values::typed_number(ui, secs)));
         ui.weak("s");
         let now = property.at(key.at);
-        for (part, number) in now.iter().enumerate().filter(|_| property.is_plain()) {
+        for (part, number) in now.iter().enumerate().filter(|_| property.has_editable_components()) {
             let part_name = property.part(part);
             let name = format!("{} {part_name} of the key", property.name);
             let [low, high] = property.range;
@@ -257,7 +257,7 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
                 let written = found.and_then(|property| Some(property.written?.line));
                 written.or_else(|| Some(viewer.place_of(&key.what)?.0.line))
             });
-            viewer.go_to = line.or(viewer.go_to);
+            viewer.script_scroll_line = line.or(viewer.script_scroll_line);
         }
     }
 }

@@ -24,7 +24,7 @@ pub fn handle_keyboard(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f
         super::bar_menu::handle_clipboard_events(ui, viewer);
     }
     // Escape first closes an open menu or the question about a missing file.
-    let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing.is_some();
+    let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing_script.is_some();
     let is_free = !ui.ctx().egui_wants_keyboard_input() && !is_covered;
     if is_free && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
         if !std::mem::take(&mut panels.shortcut_list.open) {
@@ -47,9 +47,9 @@ pub(crate) fn nudge_bars(viewer: &mut Viewer, part: CueTime, frames: i64) {
     };
     if matches!(bar.what, Selected::Camera(_)) {
         // The moved shot stays selected, even if it leaves the playhead.
-        viewer.shot = Some(bar.clone());
+        viewer.clicked_camera_bar = Some(bar.clone());
     }
-    let time = if part == CueTime::End { bar.until } else { bar.start };
+    let time = if part == CueTime::End { bar.draggable_end } else { bar.start };
     let fps = viewer.playhead.fps();
     let secs = fps.time_of((fps.frames_in(time) + frames).max(0)).as_secs();
     if secs == time.as_secs() {

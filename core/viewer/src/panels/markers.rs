@@ -17,7 +17,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     let painter = ui.painter_at(lanes);
     let visuals = ui.visuals();
     let (color, background_color) = (visuals.warn_fg_color, visuals.panel_fill.gamma_multiply(0.85));
-    let x_of = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
+    let x_of = |time: Time| ruler.left() + viewer.visible_span.x_of(time.as_secs(), ruler.width());
     let mut indices_by_time: Vec<usize> = (0..viewer.timeline.markers.len()).collect();
     indices_by_time.sort_by_key(|index| viewer.timeline.markers[*index].1);
     // Right end of the last flag in each line.
@@ -48,9 +48,9 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
         let response = response
             .on_hover_cursor(egui::CursorIcon::ResizeHorizontal)
-            .hint(format!("{name}\n{}", viewer.shown_time(*time)));
+            .hint(format!("{name}\n{}", viewer.time_text(*time)));
         if let Some(pointer) = gesture::dragged_position(ui, &response, pos2(x, at.y)) {
-            let secs = viewer.snapped(viewer.span.secs_at(pointer.x - ruler.left(), ruler.width()));
+            let secs = viewer.snapped(viewer.visible_span.secs_at(pointer.x - ruler.left(), ruler.width()));
             painter.vline(
                 x_of(Time::from_secs(secs)),
                 lanes.y_range(),

@@ -57,7 +57,7 @@ pub fn show_events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane:
     let shared_drag_secs: Option<f64> = ui.data(|d| d.get_temp(dragged_id()));
     let row_name = viewer.timeline.row_name(number);
     for event in &row.events {
-        let x = lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
+        let x = lane.left() + viewer.visible_span.x_of(event.at.as_secs(), lane.width());
         if !(lane.left() - MARK_HALF_WIDTH..=lane.right() + MARK_HALF_WIDTH).contains(&x)
             || x - last < 2.0
             || count >= MAX_MARKS
@@ -99,10 +99,11 @@ pub fn show_events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane:
             });
         }
         let by = by.or(shared_drag_secs.filter(|_| selected));
-        let shown = by.map_or(x, |by| lane.left() + viewer.span.x_of(event.at.as_secs() + by, lane.width()));
+        let shown =
+            by.map_or(x, |by| lane.left() + viewer.visible_span.x_of(event.at.as_secs() + by, lane.width()));
         painter.add(marker_shape(event.kind, pos2(shown, y), fill));
         if let (Some(by), Some(at), true) = (by, pointer, dragged) {
-            draw_text_at_pointer(ui, at, &viewer.shown_time(event.at + Time::from_secs(by)));
+            draw_text_at_pointer(ui, at, &viewer.time_text(event.at + Time::from_secs(by)));
             if response.drag_stopped() && by != 0.0 {
                 act = Some(MarkAct::Move(event.clone(), by));
             }
@@ -129,13 +130,13 @@ pub(crate) fn keys_within(viewer: &Viewer, row: &Row, lane: Rect, area: Rect) ->
     if area.bottom() < y - MARK_HALF_WIDTH || area.top() > y + MARK_HALF_WIDTH {
         return Vec::new();
     }
-    let x = |event: &Event| lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
+    let x = |event: &Event| lane.left() + viewer.visible_span.x_of(event.at.as_secs(), lane.width());
     row.events.iter().filter(|event| area.x_range().contains(x(event))).flat_map(Event::key_refs).collect()
 }
 
 /// New time of a dragged mark, seconds, snapped to nearby times, else to frames.
 fn snapped_drag_time(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
-    let secs = |x: f32| viewer.span.secs_at(x, lane.width());
+    let secs = |x: f32| viewer.visible_span.secs_at(x, lane.width());
     let secs_at_pointer = secs(x - lane.left());
     let snap_distance = secs(6.0) - secs(0.0);
     let near = viewer
@@ -145,7 +146,7 @@ fn snapped_drag_time(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 
 }
 
 fn event_hint(viewer: &Viewer, event: &Event) -> String {
-    let mut text = format!("{}\n{}", event.label, viewer.shown_time(event.at));
+    let mut text = format!("{}\n{}", event.label, viewer.time_text(event.at));
     if event.place.line > 0 {
         text += &format!("\n{}", file_and_line(&event.place));
     }
@@ -160,14 +161,14 @@ fn marker_shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
         EventKind::Key => {
             Shape::convex_polygon(points(&[(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]), fill, line)
         }
-        EventKind::Entrance => Shape::Vec(vec![
+        EventKind::Visibility => Shape::Vec(vec![
             Shape::circle_filled(at, MARK_HALF_WIDTH - 0.5, fill),
             Shape::circle_stroke(at, MARK_HALF_WIDTH - 0.5, line),
         ]),
-        EventKind::Body => {
+        EventKind::Constraint => {
             Shape::convex_polygon(points(&[(-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)]), fill, line)
         }
-        EventKind::Mark => {
+        EventKind::Marker => {
             Shape::convex_polygon(points(&[(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)]), fill, line)
         }
     }
@@ -189,7 +190,7 @@ pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Op
         let [r, g, b] = BAR_COLORS[foot % BAR_COLORS.len()];
         let top = lane.bottom() - FOOT_STRIP_HEIGHT + foot as f32 * line_height;
         for (from, to) in &part.spans {
-            let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
+            let x = |secs: f64| lane.left() + viewer.visible_span.x_of(secs, lane.width());
             let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + line_height));
             painter.rect_filled(part.intersect(lane), 0.0, Color32::from_rgb(r, g, b).gamma_multiply(1.4));
         }
@@ -200,14 +201,14 @@ pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Op
     let label = format!("feet of {name}");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, label.clone()));
     let pointer = response.hover_pos().or(response.interact_pointer_pos())?;
-    let secs = viewer.span.secs_at(pointer.x - lane.left(), lane.width());
+    let secs = viewer.visible_span.secs_at(pointer.x - lane.left(), lane.width());
     let standing = found.iter().flat_map(|foot| {
         let on = foot.spans.iter().filter(|(from, to)| *from <= secs && secs < *to);
         on.map(|span| (&foot.name, *span))
     });
     let standing: Vec<(&String, (f64, f64))> = standing.collect();
     let text = standing.iter().map(|(name, (from, to))| {
-        let [from, to] = [*from, *to].map(|t| viewer.shown_time(Time::from_secs(t)));
+        let [from, to] = [*from, *to].map(|t| viewer.time_text(Time::from_secs(t)));
         format!("{name} on the floor, {from} to {to}")
     });
     let text = text.collect::<Vec<_>>().join("\n");

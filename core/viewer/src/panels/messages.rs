@@ -47,7 +47,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     if left_out > 0 {
         ui.weak(format!("and {left_out} more, all of which choreo check prints"));
     }
-    viewer.go_to = go_to.or(viewer.go_to);
+    viewer.script_scroll_line = go_to.or(viewer.script_scroll_line);
     if let Some(line) = open {
         super::script::open_in_editor(viewer, line);
     }

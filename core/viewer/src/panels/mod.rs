@@ -200,7 +200,7 @@ impl Default for Panels {
 
 impl Panels {
     pub fn new(settings: &Settings) -> Panels {
-        let Settings { light, scale, overlays, .. } = *settings;
+        let Settings { uses_light_theme: light, scale, overlays, .. } = *settings;
         let mut panels = Panels { light, scale, overlays, ..Panels::default() };
         if let Some(dock) = settings.layout.as_ref().and_then(layout::parse_layout) {
             panels.dock = dock;
@@ -217,7 +217,7 @@ impl Panels {
     pub fn settings(&self) -> Settings {
         let layout = Some(self.splits.to_json(&self.dock));
         let Panels { light, scale, overlays, .. } = *self;
-        Settings { light, scale, layout, overlays, ..Settings::default() }
+        Settings { uses_light_theme: light, scale, layout, overlays, ..Settings::default() }
     }
 
     /// Draws all panels. `view_textures`: texture with the displayed frame of each view; `now`: clock, seconds.
@@ -231,7 +231,7 @@ impl Panels {
         values::set_frame_rate(ui, viewer.playhead.fps().as_fps());
         drop::take_dropped_files(&mut self.pending_drop, ui, viewer);
         // A slow frame may contain both the release of the mouse button and Ctrl+Z: the drag is completed before it is undone.
-        let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
+        let after_drag = !viewer.documents.shows_start_page && ui.input(|i| i.pointer.any_released());
         if !after_drag {
             keyboard::handle_keyboard(self, ui, viewer, now);
         }
@@ -246,17 +246,17 @@ impl Panels {
         if self.shortcut_list.open {
             shortcut_list::show(ui, &mut self.shortcut_list, viewer);
         }
-        if viewer.go_to.is_some() {
+        if viewer.script_scroll_line.is_some() {
             self.bring_to_front(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.is_visible = false);
         viewer.script_has_input = false;
-        if viewer.documents.start {
+        if viewer.documents.shows_start_page {
             return start::show(self, ui, viewer);
         }
         self.overlays = viewer.views[0].overlays;
         viewer.is_scrubbing = false;
-        (viewer.curves.hovered, viewer.curves.seen) = (false, false);
+        (viewer.curves.hovered, viewer.curves.was_drawn) = (false, false);
         // Fills the gaps at the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());
@@ -382,7 +382,7 @@ impl TabViewer for Tabs<'_> {
 
     fn title(&mut self, tab: &mut Tab) -> WidgetText {
         match tab {
-            Tab::Messages if self.viewer.faulty => {
+            Tab::Messages if self.viewer.is_faulty => {
                 RichText::new(tab.title()).color(egui::Color32::from_rgb(0xe8, 0x60, 0x50)).into()
             }
             tab => tab.title().into(),

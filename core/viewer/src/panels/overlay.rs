@@ -86,7 +86,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
             }
         }
     }
-    if view.overlays.safe {
+    if view.overlays.safe_areas {
         draw_safe_areas(&painter, canvas.image_rect, scene.stage.settings.size);
     }
 }

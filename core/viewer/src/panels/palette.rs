@@ -166,9 +166,9 @@ fn run_target(c: &mut Context, target: Target) {
         Target::OpenPanel(tab) => c.panels.bring_to_front(tab),
         Target::NewScript(number) => {
             let shown = c.viewer.path.clone();
-            c.viewer.documents.ask(Purpose::New(TEMPLATES[number]), shown.as_deref());
+            c.viewer.documents.open_dialog(Purpose::New(TEMPLATES[number]), shown.as_deref());
         }
-        Target::OpenFile(file) => c.viewer.documents.open = Some(file),
+        Target::OpenFile(file) => c.viewer.documents.file_to_open = Some(file),
         Target::Select(what, at) => {
             if let Some(at) = at {
                 c.viewer.playhead.pause();
@@ -182,7 +182,7 @@ fn run_target(c: &mut Context, target: Target) {
             let secs = c.viewer.playhead.time().as_secs();
             c.viewer.edit(|v| v.add_clip(&actor, &actor, &clip, secs));
         }
-        Target::GoToLine(line) => c.viewer.go_to = Some(line),
+        Target::GoToLine(line) => c.viewer.script_scroll_line = Some(line),
     }
 }
 
@@ -193,7 +193,7 @@ fn all_entries(viewer: &Viewer) -> Vec<Entry> {
         .iter()
         .filter(|action| action.id != "palette")
         .map(|action| {
-            let keys = viewer.shortcuts.text(action.id, action.default_shortcuts);
+            let keys = viewer.shortcuts.display_text(action.id, action.default_shortcuts);
             entry(action.title.to_string(), keys, Target::RunAction(action.id))
         })
         .collect();
@@ -253,7 +253,7 @@ fn add_object_entries(viewer: &Viewer, all: &mut Vec<Entry>) {
             let text = format!("{} of {actor}", bar.label);
             select(
                 text,
-                &format!("clip at {}", viewer.shown_time(bar.start)),
+                &format!("clip at {}", viewer.time_text(bar.start)),
                 bar.what.clone(),
                 Some(bar.start),
             );

@@ -17,10 +17,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let caps = [None, Some(60), Some(30), Some(15), Some(5)];
         let name =
             |cap: Option<u32>| cap.map_or("as the scene has".to_string(), |c| format!("{c} frames a second"));
-        let cap = egui::ComboBox::from_id_salt("cap").selected_text(name(viewer.performance.cap));
+        let cap = egui::ComboBox::from_id_salt("cap").selected_text(name(viewer.performance.max_fps));
         let cap = cap.show_ui(ui, |ui| {
             for cap in caps {
-                ui.selectable_value(&mut viewer.performance.cap, cap, name(cap));
+                ui.selectable_value(&mut viewer.performance.max_fps, cap, name(cap));
             }
         });
         cap.response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::ComboBox, true, "at most"));

@@ -63,7 +63,7 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
         painter.hline(place.x_range(), place.bottom(), Stroke::new(thickness, color));
         pressed_link = link.response.contains_pointer();
         if link.inner.clicked() {
-            viewer.go_to = viewer.message_line;
+            viewer.script_scroll_line = viewer.message_line;
             refusals.position = None;
         }
     }

@@ -18,7 +18,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ui.label("nothing to render yet");
         return;
     };
-    viewer.commands.follow(viewer.path.as_deref());
+    viewer.commands.set_script(viewer.path.as_deref());
     let input = viewer.commands.input.clone();
     let settings = &of_scene.stage.settings;
     let fps = viewer.playhead.fps();
@@ -26,7 +26,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let scene = FormScene {
         input: &input,
         frames: fps.frames_in(settings.length).max(1),
-        shown: [frame(viewer.span.from.max(0.0)), frame(viewer.span.to) - 1],
+        shown: [frame(viewer.visible_span.from.max(0.0)), frame(viewer.visible_span.to) - 1],
         playhead: viewer.playhead.frame(),
         size: settings.size,
     };
@@ -37,14 +37,14 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Grid::new("render").num_columns(2).show(ui, |ui| show_fields(ui, form, &scene, &formats));
         let request = form.request(&scene, format);
         let jobs = viewer.renders.jobs();
-        let writer = jobs.iter().find(|job| job.is_to_write(&request.output));
+        let writer = jobs.iter().find(|job| job.is_unfinished_writer_of(&request.output));
         ui.horizontal_wrapped(|ui| {
             let what = if format.kind == OutputKind::Scene { "Export" } else { "Render" };
             let add = ui.add_enabled(writer.is_none(), Button::new(RichText::new(what).strong()));
             let add = add.hint(request.about.clone());
             if let Some(writer) = writer {
                 ui.colored_label(ui.visuals().warn_fg_color, busy_output_message(writer));
-                let is_taken = |path: &Path| jobs.iter().any(|job| job.is_to_write(path));
+                let is_taken = |path: &Path| jobs.iter().any(|job| job.is_unfinished_writer_of(path));
                 let free = free_output(&request.output, is_taken);
                 if ui
                     .button(format!("Write {}", shown_name(&free)))
@@ -79,7 +79,7 @@ fn show_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &
     ui.end_row();
 
     let label = ui.label("output");
-    let proposed = form.proposed(scene, format).display().to_string();
+    let proposed = form.proposed_output(scene, format).display().to_string();
     ui.add(TextEdit::singleline(&mut form.output).hint_text(proposed)).labelled_by(label.id);
     ui.end_row();
 
@@ -87,7 +87,7 @@ fn show_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &
     ui.horizontal_wrapped(|ui| {
         let ranges = [
             (Range::Whole, "all"),
-            (Range::Shown, "those shown"),
+            (Range::VisibleInTimeline, "those shown"),
             (Range::Playhead, "this one"),
             (Range::Chosen, "from … to"),
         ];
@@ -95,12 +95,12 @@ fn show_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &
         for (range, name) in ranges {
             if ui.selectable_label(form.range == range, name).clicked() {
                 form.range = range;
-                form.chosen = [first, last];
+                form.chosen_frames = [first, last];
             }
         }
         match form.range {
             Range::Chosen => {
-                form.chosen.iter_mut().zip(["first frame", "last frame"]).for_each(|(at, name)| {
+                form.chosen_frames.iter_mut().zip(["first frame", "last frame"]).for_each(|(at, name)| {
                     let value = ui.add(DragValue::new(at).range(0..=scene.frames - 1));
                     set_widget_name(value, WidgetType::DragValue, name).hint(name);
                 })
@@ -130,7 +130,7 @@ fn show_image_fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
     ui.label("size");
     ui.horizontal_wrapped(|ui| {
         let scales = [(1, 4, "¼"), (1, 2, "½"), (1, 1, "as written"), (2, 1, "double")];
-        let pixels = form.pixels(scene);
+        let pixels = form.image_size(scene);
         for (numerator, denominator, name) in scales {
             ui.selectable_value(&mut form.size, Size::Scaled(numerator, denominator), name);
         }

@@ -171,9 +171,9 @@ fn drag_icon(
     let start = canvas.drag_start_position(ui);
     if let Some((icon, start)) = start.and_then(|start| Some((near(start)?, start))) {
         let (what, from) = (icon.what, icon.at);
-        let taken_at = point_at_depth_of(projection, from, start).unwrap_or(from);
+        let grab_position = point_at_depth_of(projection, from, start).unwrap_or(from);
         viewer.selection = Some(what.selected());
-        viewer.dragged_icon = Some(DraggedIcon { view: *index, what, from, to: from, taken_at });
+        viewer.dragged_icon = Some(DraggedIcon { view: *index, what, from, to: from, grab_position });
     }
     // An icon dragged in another viewport is handled there.
     let Some(dragged) = viewer.dragged_icon.as_mut().filter(|dragged| dragged.view == *index) else {
@@ -181,7 +181,7 @@ fn drag_icon(
     };
     let pointer = canvas.pointer_position().filter(|_| response.dragged());
     if let Some(at) = pointer.and_then(|at| point_at_depth_of(projection, dragged.from, at)) {
-        dragged.to = dragged.from + (at - dragged.taken_at);
+        dragged.to = dragged.from + (at - dragged.grab_position);
     }
     let at = dragged.to.to_array().map(|v| super::rounded(v, 1e3));
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
@@ -199,7 +199,7 @@ fn drag_icon(
 
 /// World position under a point of the window, at the same depth as another position.
 fn point_at_depth_of(projection: &ViewProjection, place: DVec3, at: DVec2) -> Option<DVec3> {
-    let (origin, direction) = projection.ray(at);
+    let (origin, direction) = projection.ray_through(at);
     let normal = projection.forward();
     let distance = (place - origin).dot(normal) / direction.dot(normal);
     (distance.is_finite() && distance > 0.0).then(|| origin + direction * distance)

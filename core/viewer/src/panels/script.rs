@@ -13,7 +13,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let places = viewer.scene.as_ref().map(|s| s.places.clone());
     let shown = places.as_ref().and_then(|p| p.sources.get(&p.main).cloned());
     // The messages of a faulty version refer to its own text.
-    let newest = viewer.faulty.then(|| viewer.path.as_ref().and_then(|p| read_script(p).ok())).flatten();
+    let newest = viewer.is_faulty.then(|| viewer.path.as_ref().and_then(|p| read_script(p).ok())).flatten();
     let Some(text) = newest.map(Arc::<str>::from).or(shown) else {
         ui.label("there is no script");
         return;
@@ -27,7 +27,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         if viewer.path.is_some() && ui.small_button("open in editor").hint(hint).clicked() {
             open_in_editor(viewer, line);
         }
-        if viewer.faulty {
+        if viewer.is_faulty {
             ui.label(RichText::new("as it is on disk; the last good version is shown").small().weak());
         }
     });
@@ -38,7 +38,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let visuals = ui.visuals().clone();
     let mut area = ScrollArea::both().auto_shrink([false, false]);
     let row_height = height + ui.spacing().item_spacing.y;
-    if let Some(line) = viewer.go_to.take() {
+    if let Some(line) = viewer.script_scroll_line.take() {
         let middle = ui.available_height() / 2.0;
         area = area.vertical_scroll_offset(((line.max(1) - 1) as f32 * row_height - middle).max(0.0));
     }
@@ -94,10 +94,10 @@ impl MarkedLines {
         };
         let (errors, warnings) = (lines_with(Severity::Error), lines_with(Severity::Warning));
         // The timeline shows the last good version, whose lines may differ from the faulty text.
-        if viewer.faulty {
+        if viewer.is_faulty {
             return MarkedLines { selected: None, errors, warnings, active: BTreeSet::new() };
         }
-        let bars = viewer.timeline.on_at(viewer.playhead.time());
+        let bars = viewer.timeline.bars_at(viewer.playhead.time());
         MarkedLines {
             selected: viewer.selection.as_ref().and_then(|s| line_of(viewer, s)),
             errors,
@@ -140,7 +140,7 @@ pub(crate) fn open_in_editor(viewer: &mut Viewer, line: usize) {
 
 /// Selects the object that a line of the script creates.
 fn select_line(viewer: &mut Viewer, line: usize) {
-    let Some(scene) = viewer.scene.clone().filter(|_| !viewer.faulty) else { return };
+    let Some(scene) = viewer.scene.clone().filter(|_| !viewer.is_faulty) else { return };
     let bars = viewer.timeline.rows.iter().flat_map(|r| &r.bars).map(|b| b.what.clone());
     let actors = scene.stage.actors.iter().map(|a| Selected::Actor(a.name.clone()));
     let lights = (0..scene.stage.lights.len()).map(Selected::Light);

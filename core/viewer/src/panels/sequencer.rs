@@ -64,7 +64,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     if ruler.width() < 20.0 {
         return;
     }
-    show_ruler(ui, viewer, (ruler, viewer.span), "time");
+    show_ruler(ui, viewer, (ruler, viewer.visible_span), "time");
     ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
     zoom_and_scroll_with_wheel(ui, viewer, area, ruler);
     let rows = viewer.shown_rows();
@@ -90,7 +90,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         },
     );
     ui.spacing_mut().item_spacing.y = spacing;
-    draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.span));
+    draw_beats_and_playhead(ui, viewer, area, (ruler, viewer.visible_span));
     markers::show(ui, viewer, area, ruler);
     show_problem_count(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
 }
@@ -130,7 +130,7 @@ fn show_transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         bar.add_icon(icons::ARROW_LINE_RIGHT, "Next event", &hint, |viewer| viewer.seek_to_next(false));
         let hint = "show the whole scene";
         bar.add_icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
-            viewer.span = Span::whole(viewer.playhead.length().as_secs());
+            viewer.visible_span = Span::whole(viewer.playhead.length().as_secs());
         });
         add_speed_menu(&mut bar, viewer.playhead.speed());
         bar.show(ui, viewer, 0.0);
@@ -140,14 +140,25 @@ fn show_transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 /// Fields for the tempo of the music, whose beats dragged times snap to.
 fn tempo_fields(ui: &mut Ui, viewer: &mut Viewer) {
     let mut tempo = viewer.tempo;
-    let set =
-        values::number_field(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::MAX_BEATS_PER_MINUTE);
-    tempo.per_minute = set.unwrap_or(tempo.per_minute);
+    let set = values::number_field(
+        ui,
+        "beats a minute",
+        tempo.beats_per_minute,
+        0.5,
+        0.0..=Tempo::MAX_BEATS_PER_MINUTE,
+    );
+    tempo.beats_per_minute = set.unwrap_or(tempo.beats_per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
     // The field is also there without a tempo, so that the entries after it do not move.
-    ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
-        let set = values::time_field(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::MAX_FIRST_BEAT_SECS);
-        tempo.first = set.unwrap_or(tempo.first);
+    ui.add_enabled_ui(tempo.beats_per_minute > 0.0, |ui| {
+        let set = values::time_field(
+            ui,
+            "first beat",
+            tempo.first_beat_secs,
+            0.01,
+            0.0..=Tempo::MAX_FIRST_BEAT_SECS,
+        );
+        tempo.first_beat_secs = set.unwrap_or(tempo.first_beat_secs);
         ui.weak("s").hint("time of the first beat");
     });
     if tempo != viewer.tempo {
@@ -171,7 +182,7 @@ fn add_playhead_buttons(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64
         true => (icons::PAUSE, "Pause"),
         false => (icons::PLAY, "Play"),
     };
-    bar.add_icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle(now));
+    bar.add_icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle_playback(now));
     bar.reserve_width_for([icons::PAUSE, icons::PLAY].into_iter());
     let hint = keys("next_frame");
     bar.add_icon(icons::CARET_RIGHT, "One frame forward", &hint, |viewer| viewer.playhead.step(1));
@@ -250,7 +261,7 @@ pub(super) fn show_ruler(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect,
     // If times are displayed as frames, the lines are at whole frames.
     let unit = if viewer.in_seconds { 1.0 } else { 1.0 / fps };
     let in_units = Span { from: span.from / unit, to: span.to / unit };
-    let step = in_units.ruler(ruler.width(), 56.0);
+    let step = in_units.ruler_interval(ruler.width(), 56.0);
     let step = if viewer.in_seconds { step } else { step.max(1.0) };
     let mut line = (in_units.from / step).ceil();
     while line * step <= in_units.to {
@@ -432,7 +443,7 @@ fn show_selection_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumb
     if !response.drag_stopped() {
         return;
     }
-    let secs = |x: f32| viewer.span.secs_at(x - lanes.left(), lanes.width());
+    let secs = |x: f32| viewer.visible_span.secs_at(x - lanes.left(), lanes.width());
     let (first, last) = (secs(area.left()), secs(area.right()));
     let drawn: Vec<(RowNumber, Rect)> =
         rows.iter().filter_map(|number| Some((*number, drawn_row_rect(ui, *number)?))).collect();
@@ -516,7 +527,7 @@ fn take_dropped_clip(
     let row = viewer.timeline.rows[index].what.clone();
     let target = row.as_ref().and_then(Selected::actor);
     if let (Some(clip), Some(target)) = (hovering, target) {
-        let x = lane.left() + viewer.span.x_of(secs, lane.width());
+        let x = lane.left() + viewer.visible_span.x_of(secs, lane.width());
         ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
         if let Some((joints, moved)) = count_following_joints(ui, viewer, &clip, target) {
             bars::draw_text_at_pointer(
@@ -569,10 +580,10 @@ fn zoom_and_scroll_with_wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: R
     let length = viewer.playhead.length().as_secs();
     let (x, width) = (pointer.x - ruler.left(), ruler.width());
     if zoom != 1.0 {
-        viewer.span.zoom(zoom, x, width, length);
+        viewer.visible_span.zoom(zoom, x, width, length);
     }
     if scroll.x != 0.0 {
-        viewer.span.pan(scroll.x, width, length);
+        viewer.visible_span.pan(scroll.x, width, length);
     }
 }
 
@@ -586,7 +597,8 @@ pub(super) fn draw_beats_and_playhead(ui: &Ui, viewer: &Viewer, area: Rect, (rul
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
     let faint = Stroke::new(1.0, ui.visuals().weak_text_color().gamma_multiply(0.35));
     let min_beat_secs = span.secs_at(MIN_BEAT_DISTANCE, ruler.width()) - span.from;
-    for beat in viewer.tempo.between(span.from, span.to.min(viewer.timeline.length.as_secs()), min_beat_secs)
+    for beat in
+        viewer.tempo.beats_between(span.from, span.to.min(viewer.timeline.length.as_secs()), min_beat_secs)
     {
         painter.vline(ruler.left() + span.x_of(beat, ruler.width()), lanes.y_range(), faint);
     }
@@ -626,6 +638,6 @@ fn show_problem_count(ui: &Ui, viewer: &mut Viewer, place: Rect) {
     painter.galley(place.left_center() + vec2(6.0, -galley.size().y / 2.0), galley, color);
     let line = first.line;
     if response.hint(format!("{text}\n{}", first.message)).clicked() && line > 0 {
-        viewer.go_to = Some(line);
+        viewer.script_scroll_line = Some(line);
     }
 }

@@ -77,7 +77,7 @@ pub(super) fn record_shortcut(list: &mut ShortcutList, ui: &Ui, viewer: &mut Vie
         Some((key, modifiers)) => {
             let (ctrl, shift, alt) = (modifiers.command, modifiers.shift, modifiers.alt);
             let chord = Chord { ctrl, shift, alt, key: key.name().to_string() };
-            viewer.shortcuts.set(&action, Some(chord.written()));
+            viewer.shortcuts.set(&action, Some(chord.to_text()));
         }
     }
     true
@@ -162,7 +162,7 @@ fn shortcut_row(
         *action_to_assign = Some(id.clone()).filter(|_| !is_chosen);
     }
     let name = format!("usual key of {title}");
-    let is_own = viewer.shortcuts.own.contains_key(id);
+    let is_own = viewer.shortcuts.user_keys.contains_key(id);
     if is_own && icons::small_button(ui, icons::ARROWS_CLOCKWISE, &name, "").clicked() {
         viewer.shortcuts.set(id, None);
     }

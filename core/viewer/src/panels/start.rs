@@ -15,8 +15,8 @@ const TILE_WIDTH: f32 = 200.0;
 
 pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     // Files dropped on this page are opened.
-    if let Some(file) = viewer.dropped.drain(..).next() {
-        viewer.documents.open = Some(file);
+    if let Some(file) = viewer.dropped_files.drain(..).next() {
+        viewer.documents.file_to_open = Some(file);
     }
     let fill = egui::Frame::new().fill(ui.visuals().panel_fill).inner_margin(20.0);
     egui::CentralPanel::default().frame(fill).show(ui, |ui| {
@@ -24,14 +24,14 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
             ui.label(RichText::new("choreo").heading().strong());
             ui.add_space(8.0);
             if ui.button("Open…").hint("a script or a model").clicked() {
-                viewer.documents.ask(Purpose::Open, None);
+                viewer.documents.open_dialog(Purpose::Open, None);
             }
             show_section_title(ui, "New");
             ui.horizontal_wrapped(|ui| {
                 for template in TEMPLATES {
                     let button = egui::Button::new(template.name).min_size(vec2(TILE_WIDTH, 44.0));
                     if ui.add(button).hint(template.about).clicked() {
-                        viewer.documents.ask(Purpose::New(template), None);
+                        viewer.documents.open_dialog(Purpose::New(template), None);
                     }
                 }
             });
@@ -45,7 +45,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
             if !recent.is_empty() {
                 show_section_title(ui, "Recent");
                 if let Some(clicked) = show_tiles(ui, viewer, &mut panels.thumbnails, &recent) {
-                    viewer.documents.open = Some(recent[clicked].0.clone());
+                    viewer.documents.file_to_open = Some(recent[clicked].0.clone());
                 }
             }
             let lessons: Vec<(PathBuf, String)> = viewer
@@ -58,7 +58,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                 show_section_title(ui, "Lessons");
                 // A lesson is opened as a copy, so that an edit does not change the lesson itself.
                 if let Some(clicked) = show_tiles(ui, viewer, &mut panels.thumbnails, &lessons) {
-                    viewer.documents.ask(Purpose::Lesson(clicked), None);
+                    viewer.documents.open_dialog(Purpose::Lesson(clicked), None);
                 }
             }
         });

@@ -35,7 +35,7 @@ pub fn show(
     property: &KeyedProperty,
     index: usize,
 ) -> Option<(KeyRef, KeyShape)> {
-    if viewer.curves.speed {
+    if viewer.curves.shows_speed {
         return None;
     }
     let (mut done, scale) = (None, viewer.curves.scale(property));
@@ -95,7 +95,7 @@ impl HandlePlace<'_> {
         let fill =
             if response.hovered() || drag.is_some() { self.color } else { ui.visuals().extreme_bg_color };
         painter.circle(tip, 4.0, fill, Stroke::new(1.5, self.color));
-        let shape = drag.and_then(|drag| self.property.dragged_handle(self.key, &drag));
+        let shape = drag.and_then(|drag| self.property.shape_after_drag(self.key, &drag));
         if let Some(shape) = &shape {
             self.draw_preview(ui, plot, shape);
             let text = format!("{now:.3} {}/s   {length:.2} of the span", self.property.unit);
@@ -208,7 +208,7 @@ pub fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: usize) -> 
                     at: property.keys[key],
                 };
                 act = property
-                    .dragged_handle(key, &drag)
+                    .shape_after_drag(key, &drag)
                     .map(|shape| KeyAct::SetShape(what, shape, Some(number)))
                     .or(act.take());
             }

@@ -3,7 +3,7 @@
 use super::hint::Hint;
 use crate::app::Viewer;
 use crate::commands::test_report::{Check, Images, Section, Status};
-use crate::commands::test_run::Choice;
+use crate::commands::test_run::TestSelection;
 use egui::{CollapsingHeader, Color32, ColorImage, RichText, TextEdit, TextureHandle, Ui};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ui.label("nothing to test");
         return;
     }
-    viewer.commands.follow(viewer.path.as_deref());
+    viewer.commands.set_script(viewer.path.as_deref());
     let mut choice = None;
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("tests in");
@@ -31,7 +31,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
                 viewer.tests.stop();
             }
         } else if ui.button("Run tests").hint("all sections of this script or folder").clicked() {
-            choice = Some(Choice::All);
+            choice = Some(TestSelection::All);
         }
     });
     if let Some(why) = viewer.tests.failure() {
@@ -42,7 +42,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ui.label(count_text(&sections));
     }
     let run_number = viewer.tests.runs();
-    for section in sections.iter().filter(|s| s.is_bad()).chain(sections.iter().filter(|s| !s.is_bad())) {
+    for section in
+        sections.iter().filter(|s| s.has_problem()).chain(sections.iter().filter(|s| !s.has_problem()))
+    {
         show_section(ui, viewer, section, run_number, &mut choice);
     }
     if let Some(choice) = choice {
@@ -72,7 +74,7 @@ fn show_section(
     viewer: &mut Viewer,
     section: &Section,
     run_number: u64,
-    choice: &mut Option<Choice>,
+    choice: &mut Option<TestSelection>,
 ) {
     let visuals = ui.visuals();
     let (sign, color) = match section.status {
@@ -93,18 +95,18 @@ fn show_section(
     let text: String = shown.rows.iter().map(|row| row.text()).collect();
     let title = RichText::new(format!("{text}{duration}")).color(color);
     let header = CollapsingHeader::new(title).id_salt((&section.file, &section.name));
-    let header = header.default_open(section.is_bad());
+    let header = header.default_open(section.has_problem());
     let shown = header.show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
             if ui.link(format!("{}:{}", section.file, section.line)).clicked() {
                 go_to_test_line(viewer, section, section.line);
             }
             if ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Run again").small()).clicked() {
-                *choice = Some(Choice::Section(section.clone()));
+                *choice = Some(TestSelection::Section(section.clone()));
             }
         });
-        if !section.text.is_empty() {
-            ui.label(&section.text);
+        if !section.reason.is_empty() {
+            ui.label(&section.reason);
         }
         let checks = section.checks.iter();
         for (index, check) in checks.enumerate().filter(|(_, c)| !c.passed || c.images.is_some()) {
@@ -120,7 +122,7 @@ fn show_section(
 fn go_to_test_line(viewer: &mut Viewer, section: &Section, line: usize) {
     let shown = viewer.path.as_ref().and_then(|path| path.canonicalize().ok());
     if shown.is_some() && Path::new(&section.file).canonicalize().ok() == shown {
-        viewer.go_to = Some(line);
+        viewer.script_scroll_line = Some(line);
     } else {
         viewer.note = Some(format!("this test is in {}, line {line}", section.file));
     }
@@ -132,7 +134,7 @@ fn show_check(
     section: &Section,
     check: &Check,
     run_number: u64,
-    choice: &mut Option<Choice>,
+    choice: &mut Option<TestSelection>,
 ) {
     let color = if check.passed { ui.visuals().text_color() } else { ui.visuals().error_fg_color };
     let title = RichText::new(format!("line {}: {}", check.line, check.title)).color(color);
@@ -140,8 +142,12 @@ fn show_check(
     if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
         go_to_test_line(viewer, section, check.line);
     }
-    let texts =
-        [("expected", &check.expected), ("got", &check.got), ("off by", &check.by), ("hint", &check.hint)];
+    let texts = [
+        ("expected", &check.expected),
+        ("got", &check.actual),
+        ("off by", &check.difference_text),
+        ("hint", &check.hint),
+    ];
     for (name, text) in texts {
         if !text.is_empty() && !check.passed {
             ui.add(egui::Label::new(RichText::new(format!("{name}: {text}")).monospace()).wrap());
@@ -151,9 +157,9 @@ fn show_check(
     draw_comparison(ui, images, run_number);
     let accept = ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Accept"));
     let accept =
-        accept.hint(format!("the rendered image becomes the golden image {}", images.stored.display()));
+        accept.hint(format!("the rendered image becomes the golden image {}", images.golden.display()));
     if accept.clicked() {
-        *choice = Some(Choice::Accept(section.clone(), images.name.clone()));
+        *choice = Some(TestSelection::Accept(section.clone(), images.name.clone()));
     }
 }
 
@@ -161,7 +167,7 @@ fn show_check(
 fn draw_comparison(ui: &mut Ui, images: &Images, run_number: u64) {
     let files = [
         ("expected", images.expected.as_ref()),
-        ("actual", images.got.as_ref()),
+        ("actual", images.actual.as_ref()),
         ("difference", images.difference.as_ref()),
     ];
     let count = files.iter().filter(|(_, file)| file.is_some()).count().max(1) as f32;

@@ -24,15 +24,15 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let overlays = viewer.views[canvas.index].overlays;
     let painter = canvas.painter(ui);
     let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
-    viewer.joint.take_if(|joint| selected.as_ref() != Some(&joint.actor));
+    viewer.selected_joint.take_if(|joint| selected.as_ref() != Some(&joint.actor));
     if let (Some(actor), Some(scene)) = (&selected, viewer.scene.clone())
-        && (overlays.trail || overlays.onion)
+        && (overlays.trail || overlays.onion_skins)
     {
         let context = ui.ctx().clone();
         if let Some(trail) = viewer.trails.of(&scene, actor, move || context.request_repaint()) {
             let now =
                 viewer.views[canvas.index].shown.as_ref().map_or(viewer.playhead.time(), |shown| shown.time);
-            if overlays.onion {
+            if overlays.onion_skins {
                 let parents = scene.stage.actors.iter().find(|a| a.name == *actor);
                 let parents = parents.map_or(&[][..], |a| a.asset.skeleton.parents());
                 draw_onion_skins(
@@ -50,7 +50,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
                     projection,
                     &trail,
                     now,
-                    viewer.joint.as_ref().map_or(0, |joint| joint.joint),
+                    viewer.selected_joint.as_ref().map_or(0, |joint| joint.joint),
                 );
             }
         }
@@ -68,7 +68,7 @@ fn pick_joint(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
         canvas.projection.project_point(state.world_from_model.transform_point3(at))
     };
     let names = &scene.stage.actors;
-    if let Some(JointRef { actor, joint }) = &viewer.joint
+    if let Some(JointRef { actor, joint }) = &viewer.selected_joint
         && let Some(number) = names.iter().position(|a| a.name == *actor)
         && let Some(at) = at_joint(number, *joint)
     {
@@ -94,7 +94,7 @@ fn pick_joint(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
     canvas.response.clone().on_hover_text_at_pointer(format!("{}: {name}", actor.name));
     if canvas.response.clicked() {
         viewer.selection = Some(Selected::Actor(actor.name.clone()));
-        viewer.joint = Some(JointRef { actor: actor.name.clone(), joint });
+        viewer.selected_joint = Some(JointRef { actor: actor.name.clone(), joint });
     }
     true
 }

@@ -21,7 +21,7 @@ const WALKING_SPEED: f64 = 3.0;
 pub(super) const QUALITY_NOTE_HEIGHT: f32 = 22.0;
 
 pub(crate) fn toggle_camera(viewer: &mut Viewer) {
-    let active = viewer.active.min(viewer.views.len() - 1);
+    let active = viewer.active_view.min(viewer.views.len() - 1);
     match viewer.view().camera {
         ViewCamera::Script => drop(viewer.free_camera(active)),
         _ => viewer.view_mut().camera = ViewCamera::Script,
@@ -31,7 +31,7 @@ pub(crate) fn toggle_camera(viewer: &mut Viewer) {
 /// Centers the orbit of the free camera on the selection.
 pub fn focus_selection(viewer: &mut Viewer) {
     let Some(point) = viewer.point_of_interest() else { return };
-    let active = viewer.active.min(viewer.views.len() - 1);
+    let active = viewer.active_view.min(viewer.views.len() - 1);
     if let Some(orbit) = viewer.free_camera(active) {
         orbit.center = point;
         orbit.distance = orbit.distance.clamp(2.0, 8.0);
@@ -53,7 +53,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, frame_texture: Optio
     let name = if index == 0 { "picture".to_string() } else { format!("image {}", index + 1) };
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, name.clone()));
     if response.hovered() || response.clicked() || response.dragged() {
-        viewer.active = index;
+        viewer.active_view = index;
     }
     let pixels = ui.ctx().pixels_per_point();
     let view = &mut viewer.views[index];
@@ -63,7 +63,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, frame_texture: Optio
     painter.rect_filled(rect, 0.0, Color32::from_gray(24));
     let size = view.shown.as_ref().map(|shown| shown.size);
     let Some((texture, size)) = frame_texture.zip(size) else {
-        let first = viewer.problems.first().filter(|_| viewer.faulty);
+        let first = viewer.problems.first().filter(|_| viewer.is_faulty);
         let text = first.map_or("…".to_string(), |problem| format!("nothing to show yet\n\n{problem}"));
         let font = egui::TextStyle::Body.resolve(ui.style());
         let galley = painter.layout(text, font, Color32::from_gray(190), rect.width() - 40.0);
@@ -78,10 +78,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, frame_texture: Optio
     viewer.is_scrubbing |= response.dragged();
     let fills_panel = viewer.views[index].resolution == Resolution::Fitted;
     let place = image_rect(rect, size, pixels, fills_panel);
-    viewer.views[index].place = [place.left(), place.top(), place.right(), place.bottom()];
+    viewer.views[index].image_rect = [place.left(), place.top(), place.right(), place.bottom()];
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
-    if viewer.faulty {
+    if viewer.is_faulty {
         // A border shows that the script has an error, and that the image is of an earlier version.
         let stroke = Stroke::new(3.0, ui.visuals().error_fg_color);
         painter.rect_stroke(place, 0.0, stroke, StrokeKind::Inside);
@@ -151,7 +151,7 @@ fn show_toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         }
         bar.add_separator();
         bar.add_icon(icons::CAMERA, "Save image", "saves it beside the script (P)", move |viewer| {
-            viewer.active = index;
+            viewer.active_view = index;
             request_screenshot(viewer);
         });
         bar.show(ui, viewer, 0.0);
@@ -197,7 +197,7 @@ fn add_script_menu(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize)
         }
         let text = match scene.stage.cameras.is_empty() {
             true => "as a camera".to_string(),
-            false => format!("as a new camera, from {} on", viewer.shown_time(viewer.playhead.time())),
+            false => format!("as a new camera, from {} on", viewer.time_text(viewer.playhead.time())),
         };
         if ui.button(text).clicked() {
             viewer.edit(|v| v.add_camera(&orbit));
@@ -254,7 +254,7 @@ fn pick_at(viewer: &mut Viewer, index: usize, projection: &ViewProjection, at: D
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
     let toggles = &viewer.toggles;
     let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !toggles.locked.contains(&a.name));
-    let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), pickable);
+    let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray_through(at), pickable);
     let picked = picked.map(|i| Selected::Actor(scene.stage.actors[i].name.clone()));
     viewer.select_all(picked.into_iter().collect());
 }
@@ -320,7 +320,7 @@ fn handle_mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Res
             match (pans, turns) {
                 (true, _) => orbit.pan(by),
                 (_, true) => orbit.turn(by),
-                _ => orbit.look(by),
+                _ => orbit.look_around(by),
             }
         }
     }

@@ -18,19 +18,19 @@ pub struct Curves {
     /// Hidden curves: object, property and component.
     pub hidden: BTreeSet<(Selected, String, usize)>,
     /// Whether rates of change per second are displayed in place of values.
-    pub speed: bool,
+    pub shows_speed: bool,
     /// Whether each property is scaled to the full height.
     pub normalized: bool,
     /// Whether times and values are fitted to the keys in the next frame.
-    pub fit: bool,
+    pub fits_to_keys: bool,
     /// Object whose curves were displayed last.
-    shown: Option<Selected>,
+    last_shown: Option<Selected>,
     /// Whether the pointer was over the editor in the last frame, so that some shortcuts apply to it.
     pub hovered: bool,
     /// Whether the editor was drawn in the last frame.
-    pub seen: bool,
+    pub was_drawn: bool,
     pub drag: Option<KeyDrag>,
-    known: Option<CachedProperties>,
+    cached: Option<CachedProperties>,
 }
 
 /// Properties of an object that can have keys, and those that do.
@@ -51,14 +51,14 @@ impl Default for Curves {
             time: Span::whole(1.0),
             values: Span { from: 0.0, to: 1.0 },
             hidden: BTreeSet::new(),
-            speed: false,
+            shows_speed: false,
             normalized: false,
-            fit: false,
-            shown: None,
+            fits_to_keys: false,
+            last_shown: None,
             hovered: false,
-            seen: false,
+            was_drawn: false,
             drag: None,
-            known: None,
+            cached: None,
         }
     }
 }
@@ -83,13 +83,13 @@ impl Curves {
         what: &Selected,
         find: impl FnOnce() -> Vec<KeyedProperty>,
     ) -> KnownProperties {
-        let same = self.known.as_ref().filter(|known| known.what == *what);
+        let same = self.cached.as_ref().filter(|known| known.what == *what);
         if let Some(known) = same.filter(|known| known.number == number) {
             return (known.all.clone(), known.keyed.clone());
         }
         let all = Arc::new(find());
         let keyed = Arc::new(all.iter().filter(|p| p.has_keys()).cloned().collect::<Vec<_>>());
-        self.known =
+        self.cached =
             Some(CachedProperties { number, what: what.clone(), all: all.clone(), keyed: keyed.clone() });
         self.drag = None;
         (all, keyed)
@@ -97,8 +97,8 @@ impl Curves {
 
     /// Whether the object of the curves has changed since the last call.
     pub(crate) fn changes_object(&mut self, what: &Selected, keyed: &[KeyedProperty]) -> bool {
-        let is_other = self.shown.as_ref() != Some(what);
-        self.shown = Some(what.clone()).filter(|_| !keyed.is_empty());
+        let is_other = self.last_shown.as_ref() != Some(what);
+        self.last_shown = Some(what.clone()).filter(|_| !keyed.is_empty());
         is_other && !keyed.is_empty()
     }
 
@@ -108,20 +108,20 @@ impl Curves {
 
     /// Whether the curve editor is open and hides all curves of a property.
     pub(crate) fn hides(&self, property: &KeyedProperty) -> bool {
-        self.seen && !(0..property.width()).any(|part| self.is_shown(property, part))
+        self.was_drawn && !(0..property.width()).any(|part| self.is_shown(property, part))
     }
 
     /// Fits the value range to the curves, from the first to the last key or within `span`.
     pub(crate) fn fit_values(
         &mut self,
         properties: &[KeyedProperty],
-        at_least: Time,
+        min_end: Time,
         span: Option<(Time, Time)>,
     ) {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for property in properties {
             let (Some(first), Some(last)) = (property.keys.first(), property.keys.last()) else { continue };
-            let (from, to) = span.unwrap_or((*first, (*last).max(at_least)));
+            let (from, to) = span.unwrap_or((*first, (*last).max(min_end)));
             let samples = self.samples(property, from, to, 200);
             for (_, numbers) in samples {
                 let shown = numbers.iter().enumerate().filter(|(part, _)| self.is_shown(property, *part));
@@ -139,7 +139,7 @@ impl Curves {
 
     /// Offset to add to a value, and divisor to apply afterwards, to draw it on the common scale.
     pub fn scale(&self, property: &KeyedProperty) -> (f64, f64) {
-        if !self.normalized || self.speed {
+        if !self.normalized || self.shows_speed {
             return (0.0, 1.0);
         }
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -181,8 +181,8 @@ impl Curves {
         time: Time,
         (add, divide): (f64, f64),
     ) -> Vec<f64> {
-        match self.speed {
-            true => speed(property, time),
+        match self.shows_speed {
+            true => change_per_second(property, time),
             false => property.at(time).iter().map(|v| (v + add) / divide).collect(),
         }
     }
@@ -190,7 +190,7 @@ impl Curves {
 
 /// Change of a value per second, measured over at most a thousandth of a second before and after `time` and between the surrounding keys. At a key
 /// it is that after the key; at the last key that before it.
-fn speed(property: &KeyedProperty, time: Time) -> Vec<f64> {
+fn change_per_second(property: &KeyedProperty, time: Time) -> Vec<f64> {
     let (step, keys) = (Time::from_secs(1e-3), &property.keys);
     let next = keys.partition_point(|key| *key <= time) - usize::from(keys.last() == Some(&time));
     let (mut from, mut to) = (time - step, time + step);

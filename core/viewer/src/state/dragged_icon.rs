@@ -31,5 +31,5 @@ pub struct DraggedIcon {
     pub from: DVec3,
     pub to: DVec3,
     /// World position under the pointer at the start of the drag, in the plane of the icon.
-    pub taken_at: DVec3,
+    pub grab_position: DVec3,
 }

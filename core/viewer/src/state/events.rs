@@ -20,11 +20,11 @@ pub enum EventKind {
     /// A key.
     Key,
     /// An actor or a 2D layer appears or disappears.
-    Entrance,
+    Visibility,
     /// A constraint (reach, aim, look) begins or ends.
-    Body,
+    Constraint,
     /// A marker of a clip.
-    Mark,
+    Marker,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -67,13 +67,13 @@ impl EventCollector {
         }
     }
 
-    /// Adds the keys of properties. `of`: prefix of their names.
-    pub fn keys(&mut self, all: &[KeyedProperty], of: &str) {
+    /// Adds the keys of properties. `prefix`: put before their names.
+    pub fn add_keys(&mut self, all: &[KeyedProperty], prefix: &str) {
         for keyed in all {
             if keyed.property().is_none_or(|property| property == Property::Visible) {
                 continue;
             }
-            let label = format!("{of}{}", keyed.title());
+            let label = format!("{prefix}{}", keyed.title());
             let key =
                 EventKey { what: keyed.what.clone(), property: keyed.name.clone(), label: label.clone() };
             keyed.keys.iter().for_each(|at| self.add_key(*at, &label, Some(&key)));
@@ -81,34 +81,34 @@ impl EventCollector {
     }
 
     /// Adds the keys of a layer's weight, which one of its cues states.
-    pub(crate) fn layer_weight(&mut self, keys: &Channel, cues: &[Bar], scene: &Scene) {
+    pub(crate) fn add_layer_weight(&mut self, keys: &Channel, cues: &[Bar], scene: &Scene) {
         let of =
             |bar: &Bar| keyed::properties(scene, &bar.what).into_iter().find(|k| k.name == ".layer_weight");
         let mut all: Vec<KeyedProperty> = cues.iter().filter_map(of).collect();
         all.sort_by_key(|keyed| keyed.written.is_none());
         match all.first().filter(|keyed| keyed.written.is_some()) {
-            Some(keyed) => self.keys(std::slice::from_ref(keyed), ""),
+            Some(keyed) => self.add_keys(std::slice::from_ref(keyed), ""),
             None => keys.times.iter().for_each(|at| self.add_key(*at, "layer weight", None)),
         }
     }
 
-    fn spans(&mut self, what: &str, start: Time, end: Option<Time>) {
+    fn add_span(&mut self, what: &str, start: Time, end: Option<Time>) {
         // A state that exists from the start is not an event.
         if start > Time::ZERO {
-            self.add(start, EventKind::Body, format!("{what} begins"));
+            self.add(start, EventKind::Constraint, format!("{what} begins"));
         }
         if let Some(end) = end {
-            self.add(end, EventKind::Body, format!("{what} ends"));
+            self.add(end, EventKind::Constraint, format!("{what} ends"));
         }
     }
 
     /// Adds the events of an actor, except for its cues.
-    pub fn actor(&mut self, actor: &Actor, scene: &Scene) {
+    pub fn add_actor(&mut self, actor: &Actor, scene: &Scene) {
         let what = Selected::Actor(actor.name.clone());
-        let joints = keyed_parts::keys_of_joints(actor).is_some();
+        let joints = keyed_parts::joint_keys_cue(actor).is_some();
         match joints {
-            true => self.keys(&keyed::properties(scene, &what), ""),
-            false => self.keys(&keyed::properties_of(scene, &what, actor.channels.iter()), ""),
+            true => self.add_keys(&keyed::properties(scene, &what), ""),
+            false => self.add_keys(&keyed::properties_of(scene, &what, actor.channels.iter()), ""),
         }
         let mut seen = actor.visible;
         for channel in actor.channels.iter().filter(|c| c.property == Property::Visible) {
@@ -121,21 +121,27 @@ impl EventCollector {
                         label: VISIBLE_PROPERTY.into(),
                     };
                     let label = if now { "appears" } else { "goes" };
-                    self.all.push((*at, EventKind::Entrance, label.to_string(), Some(key)));
+                    self.all.push((*at, EventKind::Visibility, label.to_string(), Some(key)));
                 }
                 seen = now;
             }
         }
-        actor.constraints.iter().for_each(|goal| self.spans(goal.kind.name(), goal.start, goal.end));
-        actor.look_at.iter().for_each(|look| self.spans("look", look.start, look.end));
+        actor.constraints.iter().for_each(|goal| self.add_span(goal.kind.name(), goal.start, goal.end));
+        actor.look_at.iter().for_each(|look| self.add_span("look", look.start, look.end));
     }
 
     /// Adds the keys of a cue, and the markers of its clip whenever they are played before `end`.
-    pub fn cue(&mut self, (cue, what): (&Cue, &Selected), scene: &Scene, end: Time, markers: &[ClipMarkers]) {
+    pub fn add_cue(
+        &mut self,
+        (cue, what): (&Cue, &Selected),
+        scene: &Scene,
+        end: Time,
+        markers: &[ClipMarkers],
+    ) {
         if Cue::keyed_options().any(|(_, property)| cue.keys(property).is_some()) {
             let mut keyed = keyed::properties(scene, what);
             keyed.retain(|keyed| keyed.name != ".layer_weight");
-            self.keys(&keyed, &format!("{} ", cue.clip.name));
+            self.add_keys(&keyed, &format!("{} ", cue.clip.name));
         }
         let of = markers.iter().find(|of| Arc::ptr_eq(&of.clip, &cue.clip));
         let Some(ClipMarkers { markers, .. }) = of else { return };
@@ -151,7 +157,7 @@ impl EventCollector {
                 };
                 match cue.time_of_played(played) {
                     Some(when) if when < end && self.all.len() < MAX_EVENTS => {
-                        self.add(when, EventKind::Mark, format!("{name} of {}", cue.clip.name));
+                        self.add(when, EventKind::Marker, format!("{name} of {}", cue.clip.name));
                     }
                     _ => break,
                 }
@@ -163,7 +169,7 @@ impl EventCollector {
     }
 
     /// Events within the scene, sorted by time.
-    pub fn events(mut self, length: Time, what: Option<&Selected>, place: &Place) -> Vec<Event> {
+    pub fn into_events(mut self, length: Time, what: Option<&Selected>, place: &Place) -> Vec<Event> {
         self.all.retain(|(at, ..)| Time::ZERO <= *at && *at <= length);
         self.all.sort_by(|a, b| (a.0, a.1, &a.2).cmp(&(b.0, b.1, &b.2)));
         self.all.dedup();
@@ -186,7 +192,7 @@ impl EventCollector {
 }
 
 /// Events of each keyed property, if there are several.
-pub(crate) fn by_property(events: &[Event]) -> Vec<(&EventKey, Vec<Event>)> {
+pub(crate) fn events_by_property(events: &[Event]) -> Vec<(&EventKey, Vec<Event>)> {
     let is_same = |a: &EventKey, b: &EventKey| a.property == b.property && a.what == b.what;
     let keys = || events.iter().flat_map(|event| event.keys.iter().map(move |key| (event, key)));
     let first = keys().next();
@@ -196,7 +202,7 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&EventKey, Vec<Event>)> {
     let mut all: Vec<(&EventKey, Vec<Event>)> = Vec::new();
     for (event, key) in keys() {
         let is_visible = key.property == VISIBLE_PROPERTY;
-        let kind = if is_visible { EventKind::Entrance } else { EventKind::Key };
+        let kind = if is_visible { EventKind::Visibility } else { EventKind::Key };
         let (at, what, place) = (event.at, event.what.clone(), event.place.clone());
         let one = Event { at, kind, label: key.label.clone(), what, place, keys: vec![key.clone()] };
         match all.iter_mut().find(|(of, _)| is_same(of, key)) {
@@ -214,24 +220,26 @@ pub(crate) fn camera_events(scene: &Scene) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     for camera in &scene.stage.cameras {
         let what = Selected::Camera(camera.name.clone());
-        gathered
-            .keys(&keyed::properties_of(scene, &what, camera.channels.iter()), &format!("{} ", camera.name));
+        gathered.add_keys(
+            &keyed::properties_of(scene, &what, camera.channels.iter()),
+            &format!("{} ", camera.name),
+        );
     }
-    gathered.events(scene.stage.settings.length, None, &Place::default())
+    gathered.into_events(scene.stage.settings.length, None, &Place::default())
 }
 
 /// Keys of a light.
 pub(crate) fn light_events(scene: &Scene, index: usize, place: &Place) -> Vec<Event> {
     let (mut gathered, what) = (EventCollector::default(), Selected::Light(index));
-    gathered.keys(&keyed::properties_of(scene, &what, scene.stage.lights[index].channels.iter()), "");
-    gathered.events(scene.stage.settings.length, Some(&what), place)
+    gathered.add_keys(&keyed::properties_of(scene, &what, scene.stage.lights[index].channels.iter()), "");
+    gathered.into_events(scene.stage.settings.length, Some(&what), place)
 }
 
 pub(crate) fn sky_events(scene: &Scene, place: &Place) -> Vec<Event> {
     let mut gathered = EventCollector::default();
     let channels = scene.stage.sky.iter().flat_map(|sky| &sky.channels);
-    gathered.keys(&keyed::properties_of(scene, &Selected::Sky, channels), "sky ");
-    gathered.events(scene.stage.settings.length, Some(&Selected::Sky), place)
+    gathered.add_keys(&keyed::properties_of(scene, &Selected::Sky, channels), "sky ");
+    gathered.into_events(scene.stage.settings.length, Some(&Selected::Sky), place)
 }
 
 /// Keys of some titles, images and panels, given by their indices.
@@ -240,9 +248,9 @@ pub(crate) fn title_events(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     for &index in numbers {
         let layer = &scene.stage.layers_2d[index];
         let keyed = keyed::properties_of(scene, &Selected::Title(index), layer.channels.iter());
-        gathered.keys(&keyed, &format!("{} ", title_label(layer)));
+        gathered.add_keys(&keyed, &format!("{} ", title_label(layer)));
     }
-    gathered.events(scene.stage.settings.length, None, &Place::default())
+    gathered.into_events(scene.stage.settings.length, None, &Place::default())
 }
 
 /// First words of a text in quotes, or the kind of another 2D layer.
@@ -268,7 +276,7 @@ pub(crate) fn effect_events(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
             &Selected::Effect(index),
             used.keys.iter().map(|(_, channel)| channel),
         );
-        gathered.keys(&keyed, &format!("{} ", used.plugin));
+        gathered.add_keys(&keyed, &format!("{} ", used.plugin));
     }
-    gathered.events(scene.stage.settings.length, None, &Place::default())
+    gathered.into_events(scene.stage.settings.length, None, &Place::default())
 }

@@ -56,7 +56,7 @@ pub struct KeyedProperty {
     /// Keys as the stage has them, with easings sampled: one channel, or one per component for an effect. Empty without keys.
     pub(super) channels: Vec<Channel>,
     /// Value without keys.
-    pub(super) rest: Vec<f64>,
+    pub(super) value_without_keys: Vec<f64>,
     /// Times of the keys that the script states.
     pub keys: Vec<Time>,
     /// Angles about x, y and z at the times `keys`, degrees; each is chosen near the previous one.
@@ -74,10 +74,11 @@ pub enum ValueText {
         before: Vec<f64>,
         now: Vec<f64>,
     },
-    Turn(DQuat),
+    Rotation(DQuat),
     Scale(DVec3),
     Text(String),
-    Between,
+    /// The value that the neighboring keys give at that time.
+    Interpolated,
 }
 
 impl ValueText {
@@ -85,10 +86,10 @@ impl ValueText {
         match self {
             ValueText::Point(point) => KeyValue::Point(*point),
             ValueText::Numbers { before, now } => KeyValue::Numbers { before, now },
-            ValueText::Turn(turn) => KeyValue::Turn(*turn),
+            ValueText::Rotation(turn) => KeyValue::Turn(*turn),
             ValueText::Scale(scale) => KeyValue::Scale(*scale),
             ValueText::Text(text) => KeyValue::Text(text),
-            ValueText::Between => KeyValue::Between,
+            ValueText::Interpolated => KeyValue::Between,
         }
     }
 }
@@ -103,8 +104,8 @@ impl KeyedProperty {
         match self.kind {
             ValueKind::Numbers(count) => count,
             ValueKind::Degrees | ValueKind::Flag => 1,
-            ValueKind::Rotation if self.is_upright() => 1,
-            ValueKind::Scale if self.is_even() => 1,
+            ValueKind::Rotation if self.is_yaw_only() => 1,
+            ValueKind::Scale if self.is_uniform_scale() => 1,
             _ => 3,
         }
     }
@@ -137,19 +138,19 @@ impl KeyedProperty {
         self.channels.first().map(|channel| channel.interpolation)
     }
 
-    fn is_upright(&self) -> bool {
+    fn is_yaw_only(&self) -> bool {
         let flat = |all: &Option<Vec<f64>>| all.as_ref().is_some_and(|numbers| numbers.len() == 1);
         self.written.as_ref().is_some_and(|written| written.keys.iter().all(|key| flat(&key.numbers)))
     }
 
-    fn is_even(&self) -> bool {
-        let all = self.channels.first().map_or(&self.rest, |channel| &channel.values);
+    fn is_uniform_scale(&self) -> bool {
+        let all = self.channels.first().map_or(&self.value_without_keys, |channel| &channel.values);
         all.chunks_exact(3).all(|v| v[0] == v[1] && v[1] == v[2])
     }
 
     /// Components of the value at a time.
     pub fn at(&self, time: Time) -> Vec<f64> {
-        let Some(channel) = self.channels.first() else { return self.rest.clone() };
+        let Some(channel) = self.channels.first() else { return self.value_without_keys.clone() };
         let raw = channel.at(time).unwrap_or_default();
         match self.kind {
             ValueKind::Numbers(1) | ValueKind::Flag => vec![raw[0]],
@@ -165,7 +166,7 @@ impl KeyedProperty {
             ValueKind::Degrees => vec![raw[0].to_degrees()],
             ValueKind::Rotation => self.unwrapped_angles(time, DQuat::from_array(raw)),
             ValueKind::Direction => (DQuat::from_array(raw) * DVec3::NEG_Z).to_array().to_vec(),
-            ValueKind::Scale if self.is_even() => vec![raw[0]],
+            ValueKind::Scale if self.is_uniform_scale() => vec![raw[0]],
             ValueKind::Scale | ValueKind::Kelvin => raw[..3].to_vec(),
             ValueKind::Color => raw[..channel.property.width()].to_vec(),
         }
@@ -184,7 +185,7 @@ impl KeyedProperty {
             (None, _) => self.angles.first().copied().unwrap_or_default(),
         };
         let angles = euler_degrees_near(rotation, near).to_array();
-        if self.is_upright() { vec![angles[1]] } else { angles.to_vec() }
+        if self.is_yaw_only() { vec![angles[1]] } else { angles.to_vec() }
     }
 
     /// A value in the form in which the script states it. `numbers`: its components at `time`.
@@ -192,14 +193,14 @@ impl KeyedProperty {
         let three = || DVec3::from_slice(&[numbers[0], numbers[1], numbers[2]]);
         let each = || ValueText::Numbers { before: self.at(time), now: numbers.to_vec() };
         match self.kind {
-            ValueKind::Kelvin => ValueText::Between,
+            ValueKind::Kelvin => ValueText::Interpolated,
             ValueKind::Flag => ValueText::Text((numbers[0] > 0.5).to_string()),
             ValueKind::Color => ValueText::Text(color_text(numbers)),
             ValueKind::Scale if numbers.iter().all(|number| *number == numbers[0]) => {
                 ValueText::Scale(DVec3::splat(numbers[0]))
             }
             ValueKind::Rotation if numbers.len() > 1 && !self.states_angles() => {
-                ValueText::Turn(choreo_session::edit::rotation_of(three()))
+                ValueText::Rotation(choreo_session::edit::rotation_of(three()))
             }
             // A direction need not be a unit vector.
             ValueKind::Direction => ValueText::Point(three()),
@@ -223,7 +224,7 @@ impl KeyedProperty {
     }
 
     /// Whether single components can be edited.
-    pub fn is_plain(&self) -> bool {
+    pub fn has_editable_components(&self) -> bool {
         self.kind != ValueKind::Kelvin
     }
 
@@ -236,7 +237,7 @@ impl KeyedProperty {
     }
 
     /// Uses the keys of the script if all of them exist on stage.
-    fn read(mut self, object: Option<&ScriptObject>, fps: FrameRate) -> KeyedProperty {
+    fn with_script_keys(mut self, object: Option<&ScriptObject>, fps: FrameRate) -> KeyedProperty {
         let Some(channel) = self.channels.first() else { return self };
         self.keys = channel.times.clone();
         let written = object.and_then(|object| object.written_keys(&self.name, fps.as_fps()).ok());
@@ -255,7 +256,7 @@ impl KeyedProperty {
             }
         }
         if self.kind == ValueKind::Rotation {
-            self.angles = angles(channel, &self.keys, self.written.as_ref());
+            self.angles = angles_at_keys(channel, &self.keys, self.written.as_ref());
         }
         self
     }
@@ -277,7 +278,7 @@ fn written_times(written: &WrittenKeys, fps: FrameRate) -> Vec<Time> {
 }
 
 /// Angles at the times `keys`: those that the script states, else followed along the stage's keys from the first one on.
-fn angles(channel: &Channel, keys: &[Time], written: Option<&WrittenKeys>) -> Vec<DVec3> {
+fn angles_at_keys(channel: &Channel, keys: &[Time], written: Option<&WrittenKeys>) -> Vec<DVec3> {
     let rotation = |time| DQuat::from_array(channel.at(time).unwrap_or([0.0, 0.0, 0.0, 1.0]));
     let stated = |index: usize| match written?.keys.get(index)?.numbers.as_deref()? {
         [y] => Some(DVec3::new(0.0, *y, 0.0)),
@@ -362,32 +363,36 @@ fn properties_in(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> V
     let found = match what {
         Selected::Actor(name) => actor(stage, name).map(|index| {
             let actor = &stage.actors[index];
-            let mut all = described(what, actor, &actor.channels, object.as_ref());
+            let mut all = described_properties(what, actor, &actor.channels, object.as_ref());
             all.extend(morph_properties(what, &actor.asset, &actor.channels));
             all.extend(keyed_parts::joint_properties(what, actor, object.as_ref()));
             all
         }),
         Selected::Camera(name) => stage.cameras.iter().find(|camera| camera.name == *name).map(|camera| {
-            let mut all = described(what, camera, &camera.channels, object.as_ref());
+            let mut all = described_properties(what, camera, &camera.channels, object.as_ref());
             // Either the focal length or the field of view is keyed.
             let in_millimetres = all.iter().any(|p| p.name == "focal_length" && p.has_keys());
             all.retain(|p| p.name != if in_millimetres { "fov" } else { "focal_length" });
             all
         }),
-        Selected::Light(index) => {
-            stage.lights.get(*index).map(|light| described(what, light, &light.channels, object.as_ref()))
-        }
-        Selected::Title(index) => {
-            stage.layers_2d.get(*index).map(|layer| described(what, layer, &layer.channels, object.as_ref()))
-        }
+        Selected::Light(index) => stage
+            .lights
+            .get(*index)
+            .map(|light| described_properties(what, light, &light.channels, object.as_ref())),
+        Selected::Title(index) => stage
+            .layers_2d
+            .get(*index)
+            .map(|layer| described_properties(what, layer, &layer.channels, object.as_ref())),
         Selected::Effect(index) => {
             stage.effects.get(*index).map(|used| parameter_properties(scene, what, used))
         }
-        Selected::Sky => stage.sky.as_ref().map(|sky| described(what, sky, &sky.channels, object.as_ref())),
+        Selected::Sky => {
+            stage.sky.as_ref().map(|sky| described_properties(what, sky, &sky.channels, object.as_ref()))
+        }
         Selected::Cue { actor: name, layer, cue } => actor(stage, name)
             .map(|index| keyed_parts::keyed_cue_properties(what, &stage.actors[index], [*layer, *cue])),
     };
-    let read = |property: KeyedProperty| property.read(object.as_ref(), stage.settings.fps);
+    let read = |property: KeyedProperty| property.with_script_keys(object.as_ref(), stage.settings.fps);
     found.unwrap_or_default().into_iter().map(read).collect()
 }
 
@@ -396,10 +401,10 @@ pub fn cue_properties(scene: &Scene, what: &Selected) -> Vec<KeyedProperty> {
     let Selected::Cue { actor: name, layer, cue } = what else { return Vec::new() };
     let Some(index) = actor(&scene.stage, name) else { return Vec::new() };
     let all = keyed_parts::keyed_cue_properties(what, &scene.stage.actors[index], [*layer, *cue]);
-    all.into_iter().map(|property| property.read(None, scene.stage.settings.fps)).collect()
+    all.into_iter().map(|property| property.with_script_keys(None, scene.stage.settings.fps)).collect()
 }
 
-fn described<T: Described>(
+fn described_properties<T: Described>(
     what: &Selected,
     of: &T,
     channels: &[Channel],
@@ -422,12 +427,12 @@ fn described<T: Described>(
         {
             continue;
         }
-        all.extend(of_field(what, field, of, name, keys));
+        all.extend(field_property(what, field, of, name, keys));
     }
     all
 }
 
-pub(super) fn of_field<T>(
+pub(super) fn field_property<T>(
     what: &Selected,
     field: &Field<T>,
     of: &T,
@@ -447,7 +452,7 @@ pub(super) fn of_field<T>(
         FieldType::Pair => (ValueKind::Numbers(2), "", [-1e9, 1e9]),
         FieldType::Time | FieldType::Duration => return None,
     };
-    let rest = match (field.get)(of) {
+    let value_without_keys = match (field.get)(of) {
         FieldValue::Number(n) if kind == ValueKind::Degrees => vec![n.to_degrees()],
         FieldValue::Number(n) => vec![n],
         FieldValue::Flag(on) => vec![f64::from(u8::from(on))],
@@ -460,10 +465,15 @@ pub(super) fn of_field<T>(
         FieldValue::Unset | FieldValue::Time(_) if channels.is_empty() => return None,
         FieldValue::Unset | FieldValue::Time(_) => Vec::new(),
     };
-    Some(KeyedProperty { kind, unit, range, ..named(what, name, channels, rest) })
+    Some(KeyedProperty { kind, unit, range, ..named_property(what, name, channels, value_without_keys) })
 }
 
-pub(super) fn named(what: &Selected, name: &str, channels: Vec<Channel>, rest: Vec<f64>) -> KeyedProperty {
+pub(super) fn named_property(
+    what: &Selected,
+    name: &str,
+    channels: Vec<Channel>,
+    value_without_keys: Vec<f64>,
+) -> KeyedProperty {
     KeyedProperty {
         what: what.clone(),
         name: name.to_string(),
@@ -471,7 +481,7 @@ pub(super) fn named(what: &Selected, name: &str, channels: Vec<Channel>, rest: V
         unit: "",
         range: [-1e9, 1e9],
         channels,
-        rest,
+        value_without_keys,
         keys: Vec::new(),
         angles: Vec::new(),
         written: None,
@@ -496,7 +506,7 @@ fn morph_properties(what: &Selected, asset: &Asset, channels: &[Channel]) -> Vec
             _ => continue,
         };
         let Some(name) = name.filter(|name| all.iter().all(|other| other.name != *name)) else { continue };
-        all.push(KeyedProperty { range, ..named(what, &name, vec![channel.clone()], Vec::new()) });
+        all.push(KeyedProperty { range, ..named_property(what, &name, vec![channel.clone()], Vec::new()) });
     }
     all
 }
@@ -509,8 +519,11 @@ fn parameter_properties(scene: &Scene, what: &Selected, used: &EffectUse) -> Vec
     for option in &plugin.manifest().options {
         let numbers = first..first + option.number_count();
         first = numbers.end;
-        let rest = given.get(numbers).map(|all| all.iter().map(|n| f64::from(*n)).collect::<Vec<_>>());
-        let Some((rest, kind)) = rest.zip(kind_of(option)) else { continue };
+        let value_without_keys =
+            given.get(numbers).map(|all| all.iter().map(|n| f64::from(*n)).collect::<Vec<_>>());
+        let Some((value_without_keys, kind)) = value_without_keys.zip(value_kind_of(option)) else {
+            continue;
+        };
         let of_number =
             |name: String| used.keys.iter().find(|(keyed, _)| *keyed == name).map(|(_, c)| c.clone());
         let channels: Vec<Channel> = option.number_names().filter_map(of_number).collect();
@@ -519,16 +532,23 @@ fn parameter_properties(scene: &Scene, what: &Selected, used: &EffectUse) -> Vec
         if !is_whole {
             // Some components have keys of their own.
             for (name, channel) in used.keys.iter().filter(|(name, _)| option.number_of(name).is_some()) {
-                all.push(KeyedProperty { range, ..named(what, name, vec![channel.clone()], Vec::new()) });
+                all.push(KeyedProperty {
+                    range,
+                    ..named_property(what, name, vec![channel.clone()], Vec::new())
+                });
             }
         }
         let channels = if is_whole { channels } else { Vec::new() };
-        all.push(KeyedProperty { kind, range, ..named(what, &option.name, channels, rest) });
+        all.push(KeyedProperty {
+            kind,
+            range,
+            ..named_property(what, &option.name, channels, value_without_keys)
+        });
     }
     all
 }
 
-fn kind_of(option: &OptionSpec) -> Option<ValueKind> {
+fn value_kind_of(option: &OptionSpec) -> Option<ValueKind> {
     Some(match &option.kind {
         OptionKind::Number { .. } | OptionKind::Integer { .. } => ValueKind::Numbers(1),
         OptionKind::Bool { .. } => ValueKind::Flag,

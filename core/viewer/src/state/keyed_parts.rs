@@ -1,6 +1,6 @@
 //! Keyed properties of an actor's joints, and of a cue: weight, speed and time.
 
-use crate::state::keyed::{KeyedProperty, ValueKind, named, of_field};
+use crate::state::keyed::{KeyedProperty, ValueKind, field_property, named_property};
 use crate::state::selection::Selected;
 use choreo_motion::edit::offset_in_parent;
 use choreo_motion::{Curve, Interpolation, Path, Skeleton, Time};
@@ -14,7 +14,7 @@ pub(super) fn joint_properties(
     actor: &Actor,
     object: Option<&ScriptObject>,
 ) -> Vec<KeyedProperty> {
-    let Some(cue) = keys_of_joints(actor) else { return Vec::new() };
+    let Some(cue) = joint_keys_cue(actor) else { return Vec::new() };
     let skeleton = &actor.asset.skeleton;
     let stated: Vec<&str> = object.into_iter().flat_map(ScriptObject::keyed_joints).collect();
     let of = |curve: &Curve| {
@@ -30,13 +30,13 @@ pub(super) fn joint_properties(
             _ => ("position", ValueKind::Numbers(3), "m"),
         };
         let name = format!("joint:{name}:{property}");
-        Some(KeyedProperty { kind, unit, ..named(what, &name, vec![channel], Vec::new()) })
+        Some(KeyedProperty { kind, unit, ..named_property(what, &name, vec![channel], Vec::new()) })
     };
     cue.clip.curves().iter().filter_map(of).collect()
 }
 
 /// The cue of an actor that holds the keys of its joints.
-pub(super) fn keys_of_joints(actor: &Actor) -> Option<&Cue> {
+pub(super) fn joint_keys_cue(actor: &Actor) -> Option<&Cue> {
     let layer = actor.layers.iter().find(|layer| layer.rank == u32::MAX)?;
     layer.cues.first()
 }
@@ -87,16 +87,18 @@ pub(super) fn keyed_cue_properties(
         let keys: Vec<Channel> = cue.keys(property).cloned().into_iter().collect();
         let method = format!(".{name}");
         match Cue::field(name) {
-            Some(field) => of_field(what, field, cue, &method, keys),
+            Some(field) => field_property(what, field, cue, &method, keys),
             // The displayed time of the clip is unknown if there are no keys.
             None if keys.is_empty() => None,
-            None => {
-                Some(KeyedProperty { unit: "s", range: [-1e6, 1e6], ..named(what, &method, keys, vec![0.0]) })
-            }
+            None => Some(KeyedProperty {
+                unit: "s",
+                range: [-1e6, 1e6],
+                ..named_property(what, &method, keys, vec![0.0])
+            }),
         }
     };
     let of_layer = layer.weight_keys.as_deref().cloned().into_iter().collect();
-    let of_layer = named(what, ".layer_weight", of_layer, vec![1.0]);
+    let of_layer = named_property(what, ".layer_weight", of_layer, vec![1.0]);
     let mut all: Vec<KeyedProperty> = Cue::keyed_options().filter_map(of_option).collect();
     all.push(KeyedProperty { range: [0.0, 1.0], ..of_layer });
     all

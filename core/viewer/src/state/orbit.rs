@@ -25,7 +25,7 @@ pub struct Orbit {
 }
 
 /// Height of the orthographic image per metre of distance, metres.
-pub(crate) const FLAT_HEIGHT: f32 = 0.7;
+pub(crate) const ORTHOGRAPHIC_HEIGHT_PER_METRE: f32 = 0.7;
 
 impl Orbit {
     /// An orbit with the position and direction of a camera. Its center is the point in front of the camera that is nearest to `near`.
@@ -105,7 +105,7 @@ impl Orbit {
     }
 
     /// Rotates the camera in place. `by`: drag in heights of the view.
-    pub fn look(&mut self, by: DVec2) {
+    pub fn look_around(&mut self, by: DVec2) {
         let eye = self.center + self.rotation() * DVec3::new(0.0, 0.0, self.distance);
         self.turn(DVec2::new(by.x, by.y));
         self.center = eye - self.rotation() * DVec3::new(0.0, 0.0, self.distance);
@@ -202,7 +202,7 @@ mod tests {
     fn looking_around_leaves_the_eye_where_it_is() {
         let mut o = orbit();
         let before = o.camera().world_from_view.translation;
-        o.look(DVec2::new(0.3, -0.2));
+        o.look_around(DVec2::new(0.3, -0.2));
         assert!(close(o.camera().world_from_view.translation, before));
         assert!(!close(o.center, orbit().center));
     }

@@ -13,7 +13,7 @@ pub(crate) type Millis = [f32; 3];
 pub struct Performance {
     pub frames: VecDeque<Millis>,
     /// Limit of frames per second while playing. `None`: the rate of the scene.
-    pub cap: Option<u32>,
+    pub max_fps: Option<u32>,
 }
 
 impl Performance {

@@ -12,7 +12,7 @@ pub struct Playhead {
     /// Range of playback: start and end. `None`: the whole scene.
     range: Option<(Time, Time)>,
     /// Clock when playback began, seconds, and the time on stage then. `None`: paused.
-    began: Option<(f64, Time)>,
+    playback_start: Option<(f64, Time)>,
     /// Stage seconds per second of the clock.
     speed: f64,
 }
@@ -24,7 +24,7 @@ impl Default for Playhead {
     fn default() -> Playhead {
         let fps = FrameRate { num: 30, den: 1 };
         let (time, length) = (Time::ZERO, fps.time_of(1));
-        Playhead { time, fps, length, looping: true, range: None, began: None, speed: 1.0 }
+        Playhead { time, fps, length, looping: true, range: None, playback_start: None, speed: 1.0 }
     }
 }
 
@@ -87,7 +87,7 @@ impl Playhead {
     }
 
     /// Start and end of playback.
-    fn ends(&self) -> (Time, Time) {
+    fn playback_bounds(&self) -> (Time, Time) {
         self.range.unwrap_or((Time::ZERO, self.fps.time_of(self.frames())))
     }
 
@@ -102,24 +102,24 @@ impl Playhead {
     }
 
     pub fn is_playing(&self) -> bool {
-        self.began.is_some()
+        self.playback_start.is_some()
     }
 
     /// Starts playback. `now`: clock of the caller, seconds.
     pub fn play(&mut self, now: f64) {
         // Playback starts again from the beginning if the playhead is at the end.
-        let (first, end) = self.ends();
+        let (first, end) = self.playback_bounds();
         if self.time < first || self.fps.time_of(self.frame() + 1) >= end {
             self.time = first;
         }
-        self.began = Some((now, self.time));
+        self.playback_start = Some((now, self.time));
     }
 
     pub fn pause(&mut self) {
-        self.began = None;
+        self.playback_start = None;
     }
 
-    pub(crate) fn toggle(&mut self, now: f64) {
+    pub(crate) fn toggle_playback(&mut self, now: f64) {
         match self.is_playing() {
             true => self.pause(),
             false => self.play(now),
@@ -131,7 +131,7 @@ impl Playhead {
         self.time = self.fps.time_of(self.frame_at(time));
         if self.is_playing() {
             // The clock is only known at the next tick; NaN stands for that.
-            self.began = Some((f64::NAN, self.time));
+            self.playback_start = Some((f64::NAN, self.time));
         }
     }
 
@@ -144,19 +144,19 @@ impl Playhead {
 
     /// Advances to the time of the clock. Returns the seconds until the next frame is due, or `None` if paused.
     pub fn tick(&mut self, now: f64) -> Option<f64> {
-        let (began, from) = self.began?;
-        let began = if began.is_nan() { now } else { began };
-        self.began = Some((began, from));
-        let (first, end) = self.ends();
-        let mut to = from + Time::from_secs((now - began).max(0.0) * self.speed);
+        let (playback_start, from) = self.playback_start?;
+        let playback_start = if playback_start.is_nan() { now } else { playback_start };
+        self.playback_start = Some((playback_start, from));
+        let (first, end) = self.playback_bounds();
+        let mut to = from + Time::from_secs((now - playback_start).max(0.0) * self.speed);
         if to >= end {
             if !self.looping {
                 self.time = self.fps.time_of(self.frame_at(end - Time(1)));
-                self.began = None;
+                self.playback_start = None;
                 return None;
             }
             to = first + (to - first).wrapped(end - first);
-            self.began = Some((now, to));
+            self.playback_start = Some((now, to));
         }
         let frame = self.frame_at(to);
         self.time = self.fps.time_of(frame);

@@ -7,7 +7,7 @@ const MAX_DIVISOR: u32 = 4;
 const RETRY_FRACTION: f64 = 0.7;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reduction {
+pub struct ResolutionReduction {
     /// Divisor of the sides of the image: 1, 2 or 4.
     divisor: u32,
     /// Number of the frame displayed last during playback.
@@ -16,13 +16,13 @@ pub struct Reduction {
     pub dropped: i64,
 }
 
-impl Default for Reduction {
-    fn default() -> Reduction {
-        Reduction { divisor: 1, last: None, dropped: 0 }
+impl Default for ResolutionReduction {
+    fn default() -> ResolutionReduction {
+        ResolutionReduction { divisor: 1, last: None, dropped: 0 }
     }
 }
 
-impl Reduction {
+impl ResolutionReduction {
     /// Divisor of the sides; images at rest have full resolution.
     pub fn divisor(&self, moving: bool) -> u32 {
         if moving { self.divisor } else { 1 }
@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn image_size_is_reduced_until_the_frame_rate_holds() {
-        let mut r = Reduction::default();
+        let mut r = ResolutionReduction::default();
         assert_eq!((r.divisor(true), r.divisor(false)), (1, 1));
         r.record_duration(90.0, 40.0);
         assert_eq!((r.divisor(true), r.divisor(false)), (2, 1));
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn skipped_frames_are_counted() {
-        let mut r = Reduction::default();
+        let mut r = ResolutionReduction::default();
         for (frame, dropped) in [(10, 0), (11, 0), (14, 2), (15, 2), (2, 2), (4, 3)] {
             r.record_frame(frame, true);
             assert_eq!(r.dropped, dropped, "at {frame}");

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 pub enum Range {
     Whole,
     /// Frames visible in the timeline.
-    Shown,
+    VisibleInTimeline,
     /// The frame at the playhead.
     Playhead,
     Chosen,
@@ -30,7 +30,7 @@ pub struct RenderForm {
     pub output: String,
     pub range: Range,
     /// First and last frame.
-    pub chosen: [i64; 2],
+    pub chosen_frames: [i64; 2],
     pub size: Size,
     pub chosen_size: [u32; 2],
     /// Samples per pixel. `None`: those of the script.
@@ -45,7 +45,7 @@ impl Default for RenderForm {
             format: 0,
             output: String::new(),
             range: Range::Whole,
-            chosen: [0, 0],
+            chosen_frames: [0, 0],
             size: Size::Scaled(1, 1),
             chosen_size: [1280, 720],
             samples: None,
@@ -93,16 +93,16 @@ impl RenderForm {
         let last = (scene.frames - 1).max(0);
         let [first, until] = match self.range {
             Range::Whole => [0, last],
-            Range::Shown => scene.shown,
+            Range::VisibleInTimeline => scene.shown,
             Range::Playhead => [scene.playhead; 2],
-            Range::Chosen => self.chosen,
+            Range::Chosen => self.chosen_frames,
         };
         let first = first.clamp(0, last);
         [first, until.clamp(first, last)]
     }
 
     /// Size of the image, pixels. A scaled size is even, as films require.
-    pub fn pixels(&self, scene: &FormScene) -> [u32; 2] {
+    pub fn image_size(&self, scene: &FormScene) -> [u32; 2] {
         match self.size {
             Size::Scaled(1, 1) => scene.size,
             Size::Scaled(numerator, denominator) => scene.size.map(|side| {
@@ -114,7 +114,7 @@ impl RenderForm {
     }
 
     /// Proposed output: next to the script and with its name; images in a folder.
-    pub(crate) fn proposed(&self, scene: &FormScene, format: &Format) -> PathBuf {
+    pub(crate) fn proposed_output(&self, scene: &FormScene, format: &Format) -> PathBuf {
         let stem = scene.input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let extension = &format.extension;
         let name = match format.kind {
@@ -129,7 +129,7 @@ impl RenderForm {
 
     pub fn request(&self, scene: &FormScene, format: &Format) -> Request {
         let output = match self.output.trim() {
-            "" => self.proposed(scene, format),
+            "" => self.proposed_output(scene, format),
             text => PathBuf::from(text),
         };
         let [first, last] = self.frames(scene);
@@ -139,7 +139,7 @@ impl RenderForm {
             false => format!("frames {first} to {last}"),
         };
         if format.kind != OutputKind::Scene {
-            let [width, height] = self.pixels(scene);
+            let [width, height] = self.image_size(scene);
             options.extend(["--progress-lines".into(), "--discard".into()]);
             options.extend(["--size".into(), format!("{width}x{height}").into()]);
             about += &format!(", {width}×{height}");
@@ -206,7 +206,7 @@ mod tests {
         let film = format(OutputKind::Film, "mp4");
         let all = "--progress-lines --discard --size 640x362";
         assert_eq!(words(&form, &film), format!("render plays/dance.mp4 --frames 0..90 {all}"));
-        form.range = Range::Shown;
+        form.range = Range::VisibleInTimeline;
         form.size = Size::Scaled(1, 4);
         form.samples = Some(1);
         form.options = " crf=30  speed=fast ".into();
@@ -223,7 +223,7 @@ mod tests {
         let images = format(OutputKind::Images, "png");
         assert!(words(&form, &images).starts_with("render plays/dance_31.png --frames 31..32 "));
         form.range = Range::Chosen;
-        form.chosen = [80, 20];
+        form.chosen_frames = [80, 20];
         form.output = "elsewhere/%03d.png".into();
         assert!(words(&form, &images).starts_with("render elsewhere/%03d.png --frames 80..81 "));
         form.output.clear();

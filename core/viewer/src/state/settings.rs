@@ -8,11 +8,11 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub(crate) const SCALES: (f32, f32) = (1.0, 2.0);
+pub(crate) const SCALE_RANGE: (f32, f32) = (1.0, 2.0);
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    pub light: bool,
+    pub uses_light_theme: bool,
     /// Scale of the user interface, 1 to 2, on top of the system's scale.
     pub scale: f32,
     /// Layout as written by [`crate::panels::Panels`].
@@ -28,7 +28,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Settings {
         let (recent, overlays, tempos) = Default::default();
-        Settings { light: false, scale: 1.0, layout: None, recent, overlays, tempos }
+        Settings { uses_light_theme: false, scale: 1.0, layout: None, recent, overlays, tempos }
     }
 }
 
@@ -56,8 +56,8 @@ impl Settings {
         }
         let tempos = value["tempos"].as_object().into_iter().flatten();
         Settings {
-            light: value["light"].as_bool().unwrap_or(false),
-            scale: if scale.is_finite() { scale.clamp(SCALES.0, SCALES.1) } else { 1.0 },
+            uses_light_theme: value["light"].as_bool().unwrap_or(false),
+            scale: if scale.is_finite() { scale.clamp(SCALE_RANGE.0, SCALE_RANGE.1) } else { 1.0 },
             layout: value.get("layout").filter(|l| l.is_object()).cloned(),
             recent: recent.filter_map(|file| Some(PathBuf::from(file.as_str()?))).collect(),
             overlays,
@@ -78,7 +78,7 @@ impl Settings {
             .filter_map(|(script, tempo)| Some((script.to_str()?.to_string(), tempo.to_json())))
             .collect();
         let value = json!({
-            "light": self.light, "scale": self.scale, "layout": self.layout, "recent": recent, "overlays": overlays,
+            "light": self.uses_light_theme, "scale": self.scale, "layout": self.layout, "recent": recent, "overlays": overlays,
             "tempos": tempos,
         });
         if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
@@ -102,7 +102,7 @@ pub struct SettingsWriter {
 pub enum SaveTime {
     Now,
     /// Remaining time, seconds.
-    In(f64),
+    After(f64),
     Never,
 }
 
@@ -112,7 +112,7 @@ impl SettingsWriter {
     }
 
     /// When to write these settings. `now`: seconds.
-    pub fn due(&mut self, settings: &Settings, now: f64) -> SaveTime {
+    pub fn save_time(&mut self, settings: &Settings, now: f64) -> SaveTime {
         if *settings == self.written {
             self.changed = None;
             return SaveTime::Never;
@@ -120,10 +120,10 @@ impl SettingsWriter {
         let since = self.changed.as_ref().filter(|(changed, _)| changed == settings).map(|(_, since)| *since);
         let Some(since) = since else {
             self.changed = Some((settings.clone(), now));
-            return SaveTime::In(QUIET_SECS);
+            return SaveTime::After(QUIET_SECS);
         };
         let left = since + QUIET_SECS - now;
-        if left <= 0.0 { SaveTime::Now } else { SaveTime::In(left) }
+        if left <= 0.0 { SaveTime::Now } else { SaveTime::After(left) }
     }
 
     /// Writes settings if they differ from those in the file.
@@ -141,18 +141,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_again_and_garbage_is_none() {
+    fn written_settings_are_read_again_and_garbage_gives_the_defaults() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("new/view.json");
         assert_eq!(Settings::read(&file), Settings::default());
-        let overlays = Overlays { grid: false, onion: true, ..Overlays::default() };
+        let overlays = Overlays { grid: false, onion_skins: true, ..Overlays::default() };
         let settings = Settings {
-            light: true,
+            uses_light_theme: true,
             scale: 1.5,
             layout: Some(json!({ "tabs": [1] })),
             recent: vec!["/a/b.rhai".into()],
             overlays,
-            tempos: BTreeMap::from([("/a/b.rhai".into(), Tempo { per_minute: 97.5, first: 0.25 })]),
+            tempos: BTreeMap::from([(
+                "/a/b.rhai".into(),
+                Tempo { beats_per_minute: 97.5, first_beat_secs: 0.25 },
+            )]),
         };
         settings.write(&file);
         assert_eq!(Settings::read(&file), settings);
@@ -174,19 +177,23 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("view.json");
         let mut writing = SettingsWriter::new(Settings::default());
-        assert_eq!(writing.due(&Settings::default(), 0.0), SaveTime::Never);
+        assert_eq!(writing.save_time(&Settings::default(), 0.0), SaveTime::Never);
         let wide = |scale: f32| Settings { scale, ..Settings::default() };
-        assert_eq!(writing.due(&wide(1.2), 10.0), SaveTime::In(QUIET_SECS));
-        assert_eq!(writing.due(&wide(1.2), 11.0), SaveTime::In(QUIET_SECS - 1.0));
-        assert_eq!(writing.due(&wide(1.3), 12.0), SaveTime::In(QUIET_SECS), "the settings changed again");
-        assert_eq!(writing.due(&wide(1.3), 12.0 + QUIET_SECS), SaveTime::Now);
+        assert_eq!(writing.save_time(&wide(1.2), 10.0), SaveTime::After(QUIET_SECS));
+        assert_eq!(writing.save_time(&wide(1.2), 11.0), SaveTime::After(QUIET_SECS - 1.0));
+        assert_eq!(
+            writing.save_time(&wide(1.3), 12.0),
+            SaveTime::After(QUIET_SECS),
+            "the settings changed again"
+        );
+        assert_eq!(writing.save_time(&wide(1.3), 12.0 + QUIET_SECS), SaveTime::Now);
         writing.write(wide(1.3), &file);
         assert_eq!(Settings::read(&file), wide(1.3));
-        assert_eq!(writing.due(&wide(1.3), 30.0), SaveTime::Never);
+        assert_eq!(writing.save_time(&wide(1.3), 30.0), SaveTime::Never);
         // A change that was reverted is not written.
-        assert_eq!(writing.due(&wide(1.4), 31.0), SaveTime::In(QUIET_SECS));
-        assert_eq!(writing.due(&wide(1.3), 32.0), SaveTime::Never);
-        assert_eq!(writing.due(&wide(1.4), 40.0), SaveTime::In(QUIET_SECS));
+        assert_eq!(writing.save_time(&wide(1.4), 31.0), SaveTime::After(QUIET_SECS));
+        assert_eq!(writing.save_time(&wide(1.3), 32.0), SaveTime::Never);
+        assert_eq!(writing.save_time(&wide(1.4), 40.0), SaveTime::After(QUIET_SECS));
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub struct Chord {
 
 impl Chord {
     /// Parses a text such as `Ctrl+Shift+Z`.
-    pub fn read(text: &str) -> Option<Chord> {
+    pub fn parse(text: &str) -> Option<Chord> {
         let mut chord = Chord { ctrl: false, shift: false, alt: false, key: String::new() };
         let (held, key) = text.trim().rsplit_once('+').unwrap_or(("", text.trim()));
         for word in held.split('+').filter(|word| !word.is_empty()) {
@@ -39,15 +39,15 @@ impl Chord {
         (!chord.key.is_empty()).then_some(chord)
     }
 
-    /// Text that [`Chord::read`] parses.
-    pub fn written(&self) -> String {
+    /// Text that [`Chord::parse`] parses.
+    pub fn to_text(&self) -> String {
         let held = [(self.ctrl, "Ctrl+"), (self.alt, "Alt+"), (self.shift, "Shift+")];
         let held: String = held.into_iter().filter(|(is_held, _)| *is_held).map(|(_, name)| name).collect();
         held + self.key.as_str()
     }
 
     /// Number of modifiers.
-    pub fn held(&self) -> usize {
+    pub fn modifier_count(&self) -> usize {
         [self.ctrl, self.shift, self.alt].into_iter().filter(|held| *held).count()
     }
 }
@@ -71,8 +71,8 @@ impl fmt::Display for Chord {
     }
 }
 
-fn chords(text: &str) -> Vec<Chord> {
-    text.split(", ").filter_map(Chord::read).collect()
+fn parse_chords(text: &str) -> Vec<Chord> {
+    text.split(", ").filter_map(Chord::parse).collect()
 }
 
 /// Name in the file, title, and keys that replace the default ones.
@@ -127,7 +127,7 @@ pub struct Shortcuts {
     /// Name of the preset.
     pub preset: String,
     /// The user's own keys by action, as written in the file.
-    pub own: BTreeMap<String, String>,
+    pub user_keys: BTreeMap<String, String>,
     /// Actions whose keys were changed in this window and are not saved yet.
     pub changed: BTreeSet<String>,
 }
@@ -135,7 +135,7 @@ pub struct Shortcuts {
 impl Default for Shortcuts {
     fn default() -> Shortcuts {
         let (own, changed) = Default::default();
-        Shortcuts { preset: PRESETS[0].0.to_string(), own, changed }
+        Shortcuts { preset: PRESETS[0].0.to_string(), user_keys: own, changed }
     }
 }
 
@@ -143,26 +143,26 @@ impl Shortcuts {
     /// Name of the file next to the settings.
     pub const FILE: &'static str = "shortcuts.json";
 
-    /// Keys of an action. `usual`: its default keys.
-    pub fn of(&self, action: &str, usual: &str) -> Vec<Chord> {
+    /// Keys of an action. `default_keys`: its default keys.
+    pub fn chords_of(&self, action: &str, default_keys: &str) -> Vec<Chord> {
         let preset = PRESETS.iter().find(|(name, ..)| *name == self.preset);
         let preset = preset.and_then(|(.., keys)| keys.iter().find(|(name, _)| *name == action));
-        let preset = preset.map_or(usual, |(_, keys)| keys);
-        chords(self.own.get(action).map_or(preset, String::as_str))
+        let preset = preset.map_or(default_keys, |(_, keys)| keys);
+        parse_chords(self.user_keys.get(action).map_or(preset, String::as_str))
     }
 
     /// Sets the user's own keys of an action. `None`: those of the preset.
     pub fn set(&mut self, action: &str, keys: Option<String>) {
         match keys {
-            Some(keys) => drop(self.own.insert(action.to_string(), keys)),
-            None => drop(self.own.remove(action)),
+            Some(keys) => drop(self.user_keys.insert(action.to_string(), keys)),
+            None => drop(self.user_keys.remove(action)),
         }
         self.changed.insert(action.to_string());
     }
 
-    /// Keys of an action for display. `usual`: its default keys.
-    pub fn text(&self, action: &str, usual: &str) -> String {
-        self.of(action, usual).iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+    /// Keys of an action for display. `default_keys`: its default keys.
+    pub fn display_text(&self, action: &str, default_keys: &str) -> String {
+        self.chords_of(action, default_keys).iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
     }
 
     /// Reads a file, and returns a message if it has an error. A missing file gives the default shortcuts.
@@ -195,7 +195,7 @@ impl Shortcuts {
         }
         for (action, keys) in value["keys"].as_object().into_iter().flatten() {
             match keys.as_str() {
-                Some(keys) => drop(shortcuts.own.insert(action.clone(), keys.to_string())),
+                Some(keys) => drop(shortcuts.user_keys.insert(action.clone(), keys.to_string())),
                 None => problem = Some(format!("{action}: keys must be a string, such as \"Ctrl+D\"")),
             }
         }
@@ -211,15 +211,15 @@ impl Shortcuts {
         if problem.is_some() {
             return problem;
         }
-        let mut own = in_file.own;
+        let mut own = in_file.user_keys;
         for action in changed {
-            match self.own.get(&action) {
+            match self.user_keys.get(&action) {
                 Some(keys) => drop(own.insert(action, keys.clone())),
                 None => drop(own.remove(&action)),
             }
         }
-        self.own = own;
-        let value = json!({ "preset": self.preset, "keys": self.own });
+        self.user_keys = own;
+        let value = json!({ "preset": self.preset, "keys": self.user_keys });
         if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
             let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
         }
@@ -243,20 +243,23 @@ mod tests {
         shortcuts.preset = "blender".to_string();
         assert_eq!(shortcuts.write(&file), None);
         let (kept, problem) = Shortcuts::read(&file);
-        assert_eq!((kept.preset.as_str(), kept.own["split"].as_str(), problem), ("blender", "Shift+U", None));
+        assert_eq!(
+            (kept.preset.as_str(), kept.user_keys["split"].as_str(), problem),
+            ("blender", "Shift+U", None)
+        );
         assert_eq!(shortcuts, kept);
         // The user sets one key in the window, resets another to the preset, and edits a third in the file.
         std::fs::write(&file, r#"{ "keys": { "split": "Shift+U", "hide": "F7", "turn": "F8" } }"#).unwrap();
         let (mut shortcuts, _) = Shortcuts::read(&file);
-        let chord = Chord::read("shift+alt+ctrl+Z").unwrap();
-        assert_eq!(Chord::read(&chord.written()), Some(chord.clone()));
-        shortcuts.set("hide", Some(chord.written()));
+        let chord = Chord::parse("shift+alt+ctrl+Z").unwrap();
+        assert_eq!(Chord::parse(&chord.to_text()), Some(chord.clone()));
+        shortcuts.set("hide", Some(chord.to_text()));
         shortcuts.set("turn", None);
         std::fs::write(&file, r#"{ "keys": { "split": "Y", "hide": "F7", "turn": "F8" } }"#).unwrap();
         assert_eq!(shortcuts.write(&file), None);
         let own =
             [("hide", "Ctrl+Alt+Shift+Z"), ("split", "Y")].map(|(a, keys)| (a.to_string(), keys.to_string()));
-        assert_eq!(Shortcuts::read(&file).0.own, BTreeMap::from(own));
+        assert_eq!(Shortcuts::read(&file).0.user_keys, BTreeMap::from(own));
         assert_eq!(shortcuts, Shortcuts::read(&file).0);
         // A file that cannot be parsed is not overwritten.
         std::fs::write(&file, "{ half").unwrap();

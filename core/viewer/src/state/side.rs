@@ -1,6 +1,6 @@
 //! Orthographic views along the axes: top, front, side.
 
-use crate::state::orbit::{FLAT_HEIGHT, Orbit};
+use crate::state::orbit::{ORTHOGRAPHIC_HEIGHT_PER_METRE, Orbit};
 use choreo_asset::Projection;
 use core::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
@@ -80,7 +80,8 @@ impl Orbit {
         [self.azimuth, self.elevation] = side.angles();
         self.roll = 0.0;
         let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = self.projection;
-        self.projection = Projection::Orthographic { height: FLAT_HEIGHT, near, far: 10_000.0 };
+        self.projection =
+            Projection::Orthographic { height: ORTHOGRAPHIC_HEIGHT_PER_METRE, near, far: 10_000.0 };
     }
 
     /// Returns to perspective projection.
@@ -100,7 +101,8 @@ mod tests {
     fn an_axis_view_looks_along_its_axis() {
         for side in Side::ALL {
             let [azimuth, elevation] = side.angles();
-            let projection = Projection::Orthographic { height: FLAT_HEIGHT, near: 0.1, far: 100.0 };
+            let projection =
+                Projection::Orthographic { height: ORTHOGRAPHIC_HEIGHT_PER_METRE, near: 0.1, far: 100.0 };
             let orbit = Orbit {
                 center: DVec3::new(1.0, 2.0, 3.0),
                 distance: 5.0,

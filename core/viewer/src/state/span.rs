@@ -45,7 +45,7 @@ impl Span {
     }
 
     /// Distance of the ruler's lines, seconds: 1, 2 or 5 times a power of ten, at least `points` apart.
-    pub fn ruler(&self, width: f32, points: f32) -> f64 {
+    pub fn ruler_interval(&self, width: f32, points: f32) -> f64 {
         let least = f64::from(points / width.max(1.0)) * (self.to - self.from);
         let mut step = 1e-3;
         loop {
@@ -98,8 +98,8 @@ mod tests {
 
     #[test]
     fn ruler_intervals_are_round_and_wide_enough() {
-        assert_eq!(Span::whole(10.0).ruler(500.0, 60.0), 2.0);
-        assert_eq!(Span::whole(0.5).ruler(500.0, 60.0), 0.1);
-        assert_eq!(Span { from: 0.0, to: 1e12 }.ruler(500.0, 60.0), 1e10);
+        assert_eq!(Span::whole(10.0).ruler_interval(500.0, 60.0), 2.0);
+        assert_eq!(Span::whole(0.5).ruler_interval(500.0, 60.0), 0.1);
+        assert_eq!(Span { from: 0.0, to: 1e12 }.ruler_interval(500.0, 60.0), 1e10);
     }
 }

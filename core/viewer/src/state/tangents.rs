@@ -6,7 +6,7 @@ use choreo_session::edit::{KeyShape, KeySide, WrittenKey, WrittenKeys};
 use choreo_stage::{Property, Tangents};
 
 /// Default length of a handle, as a fraction of the span.
-pub const EVEN: f64 = 1.0 / 3.0;
+pub const DEFAULT_HANDLE_LENGTH: f64 = 1.0 / 3.0;
 
 /// A tangent handle on one side of a key.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +48,7 @@ impl TangentChoice {
 
 impl KeyedProperty {
     /// The script's keys, if they can have tangents.
-    fn with_tangents(&self) -> Option<&WrittenKeys> {
+    fn keys_with_tangents(&self) -> Option<&WrittenKeys> {
         let written = self.written.as_ref()?;
         let is_quaternion = |key: &WrittenKey| key.numbers.as_ref().is_some_and(|all| all.len() == 4);
         let can = match self.kind {
@@ -61,7 +61,7 @@ impl KeyedProperty {
 
     /// Easing and tangents of a key, as the script states them. `None` if the key cannot have tangents.
     pub fn shape(&self, key: usize) -> Option<KeyShape> {
-        self.with_tangents()?.keys.get(key)?.shape.clone()
+        self.keys_with_tangents()?.keys.get(key)?.shape.clone()
     }
 
     /// Incoming and outgoing handle of a key. `None` for a side without a span, or whose span has an easing.
@@ -70,7 +70,7 @@ impl KeyedProperty {
     }
 
     fn handle(&self, key: usize, side: usize) -> Option<KeyHandle> {
-        let written = self.with_tangents()?;
+        let written = self.keys_with_tangents()?;
         let next = if side == 0 { key } else { key + 1 };
         let before = next.checked_sub(1)?;
         let [from, to] = [written.keys.get(before)?, written.keys.get(next)?];
@@ -86,18 +86,20 @@ impl KeyedProperty {
         let own = if side == 0 { &reaching.incoming } else { &leaving.outgoing };
         let span = (self.keys[next] - self.keys[before]).as_secs();
         let tangent = match &own.tangent {
-            Some(own) => self.all_numbers(own),
+            Some(own) => self.expand_to_components(own),
             None => self.automatic_tangent(interpolation, key, [before, next]),
         };
-        let weight = own.weight.as_ref().map_or(vec![EVEN; self.width()], |own| match own.as_slice() {
-            [one] => vec![*one; self.width()],
-            all => all.to_vec(),
+        let weight = own.weight.as_ref().map_or(vec![DEFAULT_HANDLE_LENGTH; self.width()], |own| {
+            match own.as_slice() {
+                [one] => vec![*one; self.width()],
+                all => all.to_vec(),
+            }
         });
         Some(KeyHandle { tangent, weight, span })
     }
 
     /// A stated tangent with as many components as the value.
-    fn all_numbers(&self, stated: &[f64]) -> Vec<f64> {
+    fn expand_to_components(&self, stated: &[f64]) -> Vec<f64> {
         let mut all = match (stated, self.kind) {
             ([y], ValueKind::Rotation) if self.width() == 3 => vec![0.0, *y, 0.0],
             // Only the angle about y is displayed.
@@ -110,7 +112,7 @@ impl KeyedProperty {
     }
 
     /// Components at a time that have curves.
-    fn numbers(&self, at: &Time) -> Vec<f64> {
+    fn components_at(&self, at: &Time) -> Vec<f64> {
         let mut numbers = self.at(*at);
         numbers.truncate(self.width());
         numbers
@@ -125,17 +127,17 @@ impl KeyedProperty {
             _ => None,
         };
         match tangents {
-            Some(tangents) => self.tangents(tangents, key),
+            Some(tangents) => self.tangent_at_key(tangents, key),
             None => self.linear_tangent(span),
         }
     }
 
-    fn tangents(&self, tangents: Tangents, key: usize) -> Vec<f64> {
+    fn tangent_at_key(&self, tangents: Tangents, key: usize) -> Vec<f64> {
         let vector = self.property() == Some(Property::Translation);
         // A tangent depends on the neighboring keys; at both ends it is flat.
         let near = key.checked_sub(1).and_then(|before| self.keys.get(before..before + 3));
         let Some(near) = near else { return vec![0.0; self.width()] };
-        let values: Vec<Vec<f64>> = near.iter().map(|at| self.numbers(at)).collect();
+        let values: Vec<Vec<f64>> = near.iter().map(|at| self.components_at(at)).collect();
         tangents.of(near, &values, vector).swap_remove(1)
     }
 
@@ -146,7 +148,7 @@ impl KeyedProperty {
     }
 
     /// Tangents of a key after a choice. `None` if it cannot have tangents.
-    pub fn shape_of_choice(&self, key: usize, choice: TangentChoice) -> Option<KeyShape> {
+    pub fn shape_after_choice(&self, key: usize, choice: TangentChoice) -> Option<KeyShape> {
         let now = self.shape(key)?;
         let [before, after] = self.handles(key);
         let both = |tangent: Vec<f64>| {
@@ -168,7 +170,7 @@ impl KeyedProperty {
         let spans = spans.map(|span| span.filter(|[_, to]| *to < self.keys.len()));
         Some(match choice {
             TangentChoice::Automatic => KeyShape { ease: now.ease.clone(), ..KeyShape::default() },
-            TangentChoice::Monotone => both(self.tangents(Tangents::Limited, key)),
+            TangentChoice::Monotone => both(self.tangent_at_key(Tangents::Limited, key)),
             TangentChoice::Flat => both(vec![0.0; self.width()]),
             TangentChoice::Linear => {
                 each(spans.map(|span| span.map(|span| self.linear_tangent(span))), false)
@@ -184,7 +186,7 @@ impl KeyedProperty {
 
     /// Tangents of a key after one of its handles was dragged. The other side is aligned unless the key is broken. `None` if it cannot have
     /// tangents.
-    pub fn dragged_handle(&self, key: usize, drag: &HandleDrag) -> Option<KeyShape> {
+    pub fn shape_after_drag(&self, key: usize, drag: &HandleDrag) -> Option<KeyShape> {
         let mut shape = self.shape(key)?;
         let handles = self.handles(key);
         shape.broken |= drag.breaks;
@@ -238,7 +240,7 @@ impl KeyedProperty {
         let parts: Vec<SplitCurve> = (0..self.width()).map(part).collect::<Option<_>>()?;
         let side = |tangent: Vec<f64>, weight: usize| {
             let weight: Vec<f64> = parts.iter().map(|part| part.weights[weight]).collect();
-            let even = weight.iter().all(|weight| (weight - EVEN).abs() < 1e-6);
+            let even = weight.iter().all(|weight| (weight - DEFAULT_HANDLE_LENGTH).abs() < 1e-6);
             KeySide { tangent: Some(tangent), weight: (!even).then_some(weight) }
         };
         let tangent: Vec<f64> = parts.iter().map(|part| part.tangent).collect();
@@ -265,11 +267,11 @@ impl SplitCurve {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..60 {
             let u = 0.5 * (low + high);
-            if construct(times, u)[2] < share { low = u } else { high = u }
+            if de_casteljau(times, u)[2] < share { low = u } else { high = u }
         }
         let u = 0.5 * (low + high);
-        let [t0, ta, _, tb, t3] = construct(times, u);
-        let [_, va, _, vb, _] = construct(values, u);
+        let [t0, ta, _, tb, t3] = de_casteljau(times, u);
+        let [_, va, _, vb, _] = de_casteljau(values, u);
         let lengths = [t0 / share, (share - ta) / share, (tb - share) / (1.0 - share), t3 / (1.0 - share)];
         let rise = if tb > ta { (vb - va) / ((tb - ta) * span) } else { 0.0 };
         SplitCurve { tangent: rise, weights: lengths.map(|length| length.clamp(0.0, 1.0)) }
@@ -278,7 +280,7 @@ impl SplitCurve {
 
 /// De Casteljau's algorithm at the parameter `u`: length of the first handle, control point before the split, split point, control point after it,
 /// and length of the last handle.
-fn construct([a, b, c, d]: [f64; 4], u: f64) -> [f64; 5] {
+fn de_casteljau([a, b, c, d]: [f64; 4], u: f64) -> [f64; 5] {
     let mix = |a: f64, b: f64| a + (b - a) * u;
     let (ab, bc, cd) = (mix(a, b), mix(b, c), mix(c, d));
     let (abc, bcd) = (mix(ab, bc), mix(bc, cd));

@@ -16,7 +16,7 @@ pub struct Bar {
     pub start: Time,
     pub end: Time,
     /// The end that the mouse drags: the start of the next bar, under whose fade-in this one continues; else `end`.
-    pub until: Time,
+    pub draggable_end: Time,
     pub fade_in: Time,
     pub fade_out: Time,
     /// Time at which a clip played once ends; its last pose is held from then on.
@@ -33,12 +33,12 @@ pub struct Bar {
 impl Bar {
     /// Whether the next bar of the row begins where this one ends. Bars of cameras do not count, since their boundary is a cut.
     pub fn meets(&self, next: &Bar) -> bool {
-        next.cut.is_none() && self.until == next.start
+        next.cut.is_none() && self.draggable_end == next.start
     }
 
     /// End of playback, where the last pose begins to be held or the next clip begins; a change of the speed moves it.
     pub fn played_until(&self) -> Time {
-        self.holds_from.map_or(self.until, |holds| holds.min(self.until))
+        self.holds_from.map_or(self.draggable_end, |holds| holds.min(self.draggable_end))
     }
 }
 
@@ -48,7 +48,7 @@ pub struct Strip {
     /// Trimmed part, clip seconds.
     pub trim: [f64; 2],
     /// Length of the whole clip, seconds.
-    pub clip: f64,
+    pub clip_secs: f64,
     /// Clip seconds per second; negative plays backwards.
     pub speed: f64,
     pub repeat: Repeat,
@@ -61,7 +61,7 @@ impl Strip {
     fn of(cue: &Cue) -> Strip {
         Strip {
             trim: [cue.trim.0.as_secs(), cue.trim.1.as_secs()],
-            clip: cue.clip.duration.as_secs(),
+            clip_secs: cue.clip.duration.as_secs(),
             speed: cue.speed,
             repeat: cue.repeat,
             weight: f64::from(cue.weight),
@@ -70,12 +70,12 @@ impl Strip {
     }
 
     /// Clip seconds before the trimmed part, in playing direction.
-    pub fn before(&self) -> f64 {
-        if self.speed < 0.0 { self.clip - self.trim[1] } else { self.trim[0] }
+    pub fn secs_before_trim(&self) -> f64 {
+        if self.speed < 0.0 { self.clip_secs - self.trim[1] } else { self.trim[0] }
     }
 
     /// Duration of one round, seconds.
-    pub fn length(&self) -> f64 {
+    pub fn round_secs(&self) -> f64 {
         (self.trim[1] - self.trim[0]) / self.speed.abs().max(1e-9)
     }
 }
@@ -114,7 +114,7 @@ impl Row {
             place: self.place.clone(),
             parts: Vec::new(),
         };
-        let parts = events::by_property(&self.events).into_iter().map(part).collect();
+        let parts = events::events_by_property(&self.events).into_iter().map(part).collect();
         Row { parts, ..self }
     }
 }
@@ -204,8 +204,8 @@ impl Timeline {
     }
 
     /// Time of the next start, end, event or marker after the frame at `now`, or of the previous one before it if `back`.
-    pub fn next(&self, now: Time, fps: FrameRate, back: bool) -> Option<Time> {
-        let bars = self.rows.iter().flat_map(|row| &row.bars).flat_map(|bar| [bar.start, bar.until]);
+    pub fn next_time(&self, now: Time, fps: FrameRate, back: bool) -> Option<Time> {
+        let bars = self.rows.iter().flat_map(|row| &row.bars).flat_map(|bar| [bar.start, bar.draggable_end]);
         let events = self.rows.iter().flat_map(|row| &row.events).map(|event| event.at);
         let all = bars.chain(events).chain(self.markers.iter().map(|m| m.1)).filter(|t| *t <= self.length);
         // Number of the frame that is displayed at that time.
@@ -218,7 +218,7 @@ impl Timeline {
     }
 
     /// Bars that are active at a time, whose lines in the script are highlighted.
-    pub fn on_at(&self, time: Time) -> impl Iterator<Item = &Bar> {
+    pub fn bars_at(&self, time: Time) -> impl Iterator<Item = &Bar> {
         self.rows.iter().flat_map(|row| &row.bars).filter(move |bar| bar.start <= time && time < bar.end)
     }
 }
@@ -230,9 +230,9 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
     let what = Some(Selected::Actor(actor.name.clone()));
     let place = places.actors.get(index).cloned().unwrap_or_default();
     let mut gathered = EventCollector::default();
-    gathered.actor(actor, scene);
+    gathered.add_actor(actor, scene);
     if actor.layers.is_empty() {
-        let events = gathered.events(length, what.as_ref(), &place);
+        let events = gathered.into_events(length, what.as_ref(), &place);
         let (label, bars, parts) = (actor.name.clone(), Vec::new(), Vec::new());
         return vec![Row { label, what, layer: None, bars, events, place, parts }];
     }
@@ -244,16 +244,16 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
             let place = of_layer.and_then(|l| l.get(at)).cloned().unwrap_or_default();
             let color_index = color_index(&cue.clip.name);
             let what = Selected::Cue { actor: actor.name.clone(), layer: number, cue: at };
-            bar(stage, layer, at, cue, what, place, color_index)
+            cue_bar(stage, layer, at, cue, what, place, color_index)
         });
         let bars: Vec<Bar> = cues.collect();
         if let Some(keys) = &layer.weight_keys {
-            gathered.layer_weight(keys, &bars, scene);
+            gathered.add_layer_weight(keys, &bars, scene);
         }
         for (cue, bar) in layer.cues.iter().zip(&bars) {
-            gathered.cue((cue, &bar.what), scene, bar.end, &places.clip_markers);
+            gathered.add_cue((cue, &bar.what), scene, bar.end, &places.clip_markers);
         }
-        let events = std::mem::take(&mut gathered).events(length, what.as_ref(), &place);
+        let events = std::mem::take(&mut gathered).into_events(length, what.as_ref(), &place);
         let (what, place, parts) = (what.clone(), place.clone(), Vec::new());
         rows.push(Row { label, what, layer: Some(number), bars, events, place, parts });
     }
@@ -268,7 +268,7 @@ fn effect_bar(scene: &Scene, index: usize) -> Bar {
         what: Selected::Effect(index),
         start: effect.start,
         end,
-        until: end,
+        draggable_end: end,
         fade_in: Time::ZERO,
         fade_out: Time::ZERO,
         holds_from: None,
@@ -328,7 +328,7 @@ fn title_bar(scene: &Scene, index: usize) -> Bar {
         what: Selected::Title(index),
         start: layer.start,
         end,
-        until: end,
+        draggable_end: end,
         fade_in: layer.fade,
         fade_out: layer.fade,
         holds_from: None,
@@ -347,7 +347,7 @@ pub(crate) fn color_index(name: &str) -> usize {
 }
 
 /// The bar of a cue. `at`: index of the cue in its layer.
-fn bar(
+fn cue_bar(
     stage: &Stage,
     layer: &Layer,
     at: usize,
@@ -374,7 +374,7 @@ fn bar(
         what,
         start: cue.start,
         end,
-        until,
+        draggable_end: until,
         fade_in: if cue.inertialization > Time::ZERO { cue.inertialization } else { cue.fade_in },
         // The base layer does not fade out, but holds its last pose.
         fade_out: if is_base { Time::ZERO } else { cue.fade_out },
@@ -402,7 +402,7 @@ fn camera_bars(scene: &Scene) -> Vec<Bar> {
         what: Selected::Camera(name(camera)),
         start,
         end,
-        until: end,
+        draggable_end: end,
         fade_in: Time::ZERO,
         fade_out: Time::ZERO,
         holds_from: None,

@@ -37,8 +37,9 @@ impl Trail {
 /// The trail of one actor in one version of the scene, once it is computed.
 #[derive(Default)]
 pub struct Trails {
-    of: Option<(u64, String)>,
-    found: Arc<Mutex<Option<Arc<Trail>>>>,
+    /// Number of the scene version, and name of the actor.
+    target: Option<(u64, String)>,
+    result: Arc<Mutex<Option<Arc<Trail>>>>,
     stop: Arc<AtomicBool>,
 }
 
@@ -51,12 +52,12 @@ impl Trails {
         changed: impl FnOnce() + Send + 'static,
     ) -> Option<Arc<Trail>> {
         let wanted = (scene.number, actor.to_string());
-        if self.of.as_ref() != Some(&wanted) {
+        if self.target.as_ref() != Some(&wanted) {
             self.stop.store(true, Ordering::Relaxed);
             *self = Trails::default();
-            self.of = Some(wanted);
+            self.target = Some(wanted);
             let (scene, actor) = (scene.clone(), actor.to_string());
-            let (found, stop) = (self.found.clone(), self.stop.clone());
+            let (found, stop) = (self.result.clone(), self.stop.clone());
             let thread = std::thread::Builder::new().name("trail".into());
             // If no thread can be started, there is no trail.
             let _ = thread.spawn(move || {
@@ -66,7 +67,7 @@ impl Trails {
                 }
             });
         }
-        self.found.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.result.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 

@@ -44,11 +44,11 @@ pub struct Overlays {
     /// Motion trail of the selected joint, else of the selected actor.
     pub trail: bool,
     /// Onion skins: skeletons of the selected actor before and after the playhead.
-    pub onion: bool,
+    pub onion_skins: bool,
     pub skeletons: bool,
     pub bounds: bool,
     /// Action and title safe areas, and the center.
-    pub safe: bool,
+    pub safe_areas: bool,
 }
 
 impl Default for Overlays {
@@ -58,10 +58,10 @@ impl Default for Overlays {
             icons: true,
             axes: true,
             trail: false,
-            onion: false,
+            onion_skins: false,
             skeletons: false,
             bounds: false,
-            safe: false,
+            safe_areas: false,
         }
     }
 }
@@ -75,9 +75,9 @@ impl Overlays {
             ("icons", "Lights and cameras", &mut self.icons),
             ("skeletons", "Skeletons", &mut self.skeletons),
             ("trail", "Motion trail", &mut self.trail),
-            ("onion", "Onion skin", &mut self.onion),
+            ("onion", "Onion skin", &mut self.onion_skins),
             ("bounds", "Bounds", &mut self.bounds),
-            ("safe", "Safe areas", &mut self.safe),
+            ("safe", "Safe areas", &mut self.safe_areas),
         ]
     }
 }
@@ -85,7 +85,8 @@ impl Overlays {
 /// Everything that a frame depends on. A frame is only requested again if this has changed.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FrameKey {
-    pub number: u64,
+    /// Number of the scene version.
+    pub scene_version: u64,
     pub reloads: u64,
     pub time: Time,
     pub size: [u32; 2],
@@ -104,11 +105,11 @@ pub struct View {
     /// Size of the panel, pixels, as drawn last.
     pub panel_size: [u32; 2],
     /// Left, top, right and bottom of the image in the window, points.
-    pub place: [f32; 4],
+    pub image_rect: [f32; 4],
     /// Whether the panel of the view was drawn in the last window frame; other views request no frames.
     pub is_visible: bool,
     pub(crate) requested: Option<FrameKey>,
-    pub waiting: bool,
+    pub is_waiting: bool,
     pub ticket: u64,
 }
 
@@ -120,10 +121,10 @@ impl Default for View {
             overlays: Overlays::default(),
             shown: None,
             panel_size: [1280, 720],
-            place: [0.0; 4],
+            image_rect: [0.0; 4],
             is_visible: true,
             requested: None,
-            waiting: false,
+            is_waiting: false,
             ticket: 0,
         }
     }

@@ -24,12 +24,12 @@ impl OpenWindow {
     pub(super) fn take_assistance(&mut self, event: WindowEvent) {
         match event {
             WindowEvent::InitialTreeRequested => {
-                self.is_read = true;
+                self.is_accessibility_active = true;
                 self.egui.enable_accesskit();
             }
             WindowEvent::ActionRequested(request) => self.input.on_accesskit_action_request(request),
             WindowEvent::AccessibilityDeactivated => {
-                self.is_read = false;
+                self.is_accessibility_active = false;
                 self.egui.disable_accesskit();
             }
         }

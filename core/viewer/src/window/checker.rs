@@ -40,7 +40,7 @@ impl Checker {
         thread.spawn(move || {
             let goes_on = || wanted.load(Ordering::SeqCst) == number;
             // A plugin that panics is already reported on its thread; the scene then gets no messages.
-            let found = catch_unwind(AssertUnwindSafe(|| check::messages(&scene, &source, &goes_on)));
+            let found = catch_unwind(AssertUnwindSafe(|| check::check_scene(&scene, &source, &goes_on)));
             if let Ok(Some(messages)) = found {
                 report(messages);
             }

@@ -1,20 +1,20 @@
 //! Choice of the device that draws the window.
 
-use super::gpu_error::{GpuError, Named};
+use super::gpu_error::{ForObject, GpuError};
 use ash::{khr, vk};
 use choreo_command_line::software_vulkan_reason;
 
 /// The best device that can present to the surface. A GPU is preferred to a driver that draws on the CPU, which is refused unless the user asked
 /// for Vulkan by name.
-pub fn choose(
+pub fn choose_device(
     instance: &ash::Instance,
     surfaces: &khr::surface::Instance,
     surface: vk::SurfaceKHR,
-    named: bool,
+    accepts_software: bool,
 ) -> Result<(vk::PhysicalDevice, u32), GpuError> {
     let mut best: Option<(u32, vk::PhysicalDevice, u32)> = None;
     // SAFETY: the instance is alive.
-    for physical in unsafe { instance.enumerate_physical_devices() }.named("list of devices")? {
+    for physical in unsafe { instance.enumerate_physical_devices() }.for_object("list of devices")? {
         // SAFETY: the instance is alive, and so are the devices that it lists.
         let (properties, families) = unsafe {
             (
@@ -42,13 +42,13 @@ pub fn choose(
     }
     let (_, physical, family) = best.ok_or_else(|| {
         let why = "no device with Vulkan 1.3 can show images in this window";
-        GpuError::Missing(format!("{why}\n    hint: apt install mesa-vulkan-drivers"))
+        GpuError::Unavailable(format!("{why}\n    hint: apt install mesa-vulkan-drivers"))
     })?;
     // SAFETY: the instance is alive, and the device one of those that it lists.
     let properties = unsafe { instance.get_physical_device_properties(physical) };
-    if !named && properties.device_type == vk::PhysicalDeviceType::CPU {
+    if !accepts_software && properties.device_type == vk::PhysicalDeviceType::CPU {
         let name = properties.device_name_as_c_str().unwrap_or_default().to_string_lossy();
-        return Err(GpuError::Slower(software_vulkan_reason(&name)));
+        return Err(GpuError::SoftwareOnly(software_vulkan_reason(&name)));
     }
     Ok((physical, family))
 }

@@ -22,15 +22,15 @@ pub(crate) fn first_viewer(
     let mut viewer = Viewer::new(source.map_or("start".to_string(), name_of));
     let thumbnails = Thumbnails::new(registry, options.base_source(), choreo_command_line::cache_dir());
     let (recent, tempos) = (settings.recent.clone(), settings.tempos.clone());
-    let lessons = lessons::find();
+    let lessons = lessons::find_lessons();
     viewer.documents = Documents { recent, tempos, lessons, thumbnails, ..Documents::new(registry) };
     match source {
         Some(source) => {
             viewer.path = source.is_script().then(|| source.input.clone());
-            viewer.documents.missing = viewer.path.clone().filter(|path| !path.exists());
+            viewer.documents.missing_script = viewer.path.clone().filter(|path| !path.exists());
             viewer.record_opened(&source.input);
         }
-        None => viewer.documents.start = true,
+        None => viewer.documents.shows_start_page = true,
     }
     viewer
 }
@@ -50,7 +50,7 @@ pub fn name_of(source: &SceneSource) -> String {
 impl ViewerWindow {
     /// Opens the requested file in place of the present one, which stays if the new file cannot be watched.
     pub(super) fn open_document(&mut self) {
-        let Some(file) = self.viewer.documents.open.take() else { return };
+        let Some(file) = self.viewer.documents.file_to_open.take() else { return };
         let opened =
             self.options.source(file.clone()).map_err(|error| error.to_string()).and_then(|mut source| {
                 // Clip and parameters of the command line belong to its own file.
@@ -65,7 +65,7 @@ impl ViewerWindow {
             Ok(opened) => opened,
             Err(why) => {
                 self.viewer.message = Some(why);
-                return self.redraw();
+                return self.request_redraw();
             }
         };
         self.newest_session += 1;
@@ -77,14 +77,15 @@ impl ViewerWindow {
         self.frames.clear();
         self.viewer = self.viewer.for_other_file(name_of(&source));
         self.viewer.path = source.is_script().then(|| source.input.clone());
-        self.viewer.commands.take_file(&source.input);
+        self.viewer.commands.set_input(&source.input);
         let documents = &mut self.viewer.documents;
-        documents.start = false;
-        documents.missing = (source.is_script() && !source.input.exists()).then(|| source.input.clone());
+        documents.shows_start_page = false;
+        documents.missing_script =
+            (source.is_script() && !source.input.exists()).then(|| source.input.clone());
         documents.thumbnails.forget();
         self.viewer.record_opened(&source.input);
         self.source = source;
-        if let Some(open) = &self.open {
+        if let Some(open) = &self.open_window {
             open.window.set_title(&format!("{} – {}", self.viewer.name, self.program));
         }
         self.save_settings();

@@ -20,43 +20,43 @@ impl EventLog {
 
     /// Reports a step of the program's start.
     pub fn log_step(&self, what: &str) {
-        self.write_event(|| json!({ "event": what }));
+        self.write_line(|| json!({ "event": what }));
     }
 
     /// Reports a version; its problems are errors if it is faulty, else warnings.
-    pub fn version(&self, version: &SceneVersion) {
+    pub fn log_version(&self, version: &SceneVersion) {
         let (number, faulty) = (version.number, version.scene.is_none());
-        self.write_event(|| {
+        self.write_line(|| {
             json!({ "event": "scene", "version": number, "faulty": faulty, "problems": version.problems.len() })
         });
     }
 
     /// Reports that the messages of `check` about a version have arrived.
-    pub fn checked(&self, version: u64, messages: usize) {
-        self.write_event(|| json!({ "event": "checked", "version": version, "messages": messages }));
+    pub fn log_check(&self, version: u64, message_count: usize) {
+        self.write_line(|| json!({ "event": "checked", "version": version, "messages": message_count }));
     }
 
     /// Reports an image on the screen, with the durations of its frame and the objects that the renderer holds.
-    pub fn shown(&self, view: usize, shown: &FrameInfo, held: &DeviceUsage) {
+    pub fn log_shown_frame(&self, view: usize, shown: &FrameInfo, usage: &DeviceUsage) {
         let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;
-        self.write_event(|| {
+        self.write_line(|| {
             json!({
                 "event": "shown",
                 "view": view,
                 "version": shown.number,
                 "frame_ms": frame.as_secs_f64() * 1e3,
-                "pipelines": held.pipelines,
-                "objects": held.memory_objects,
-                "blocks": held.memory_blocks,
-                "bytes": held.bytes,
+                "pipelines": usage.pipelines,
+                "objects": usage.memory_objects,
+                "blocks": usage.memory_blocks,
+                "bytes": usage.bytes,
                 "device": shown.device.name,
             })
         });
     }
 
     /// Reports a frame of the window: CPU time of its panels, and total time including drawing.
-    pub fn painted(&self, panels: Duration, whole: Duration) {
-        self.write_event(|| {
+    pub fn log_window_frame(&self, panels: Duration, whole: Duration) {
+        self.write_line(|| {
             json!({
                 "event": "painted",
                 "panels_ms": panels.as_secs_f64() * 1e3,
@@ -65,7 +65,7 @@ impl EventLog {
         });
     }
 
-    fn write_event(&self, line: impl FnOnce() -> Value) {
+    fn write_line(&self, line: impl FnOnce() -> Value) {
         let Some(since) = self.since else { return };
         let mut line = line();
         line["ms"] = json!(since.elapsed().as_secs_f64() * 1e3);

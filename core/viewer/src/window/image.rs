@@ -3,7 +3,7 @@
 //! The frame is copied through host memory: the renderer has a device of its own, which can be lost, replaced or not be a Vulkan device at all
 //! without an effect on the window, and draws on a thread of its own. At 1280×720 the copy is 3.7 MB per frame.
 
-use super::gpu_error::{GpuError, Named};
+use super::gpu_error::{ForObject, GpuError};
 use ash::vk;
 use choreo_plugin::Frame;
 use gpu_allocator::MemoryLocation;
@@ -17,7 +17,7 @@ pub(crate) struct WindowImage {
     staging: vk::Buffer,
     staging_memory: Option<Allocation>,
     /// Whether the image has never been written.
-    fresh: bool,
+    is_unwritten: bool,
 }
 
 impl WindowImage {
@@ -26,19 +26,19 @@ impl WindowImage {
         allocator: &mut Allocator,
         size: [u32; 2],
     ) -> Result<WindowImage, GpuError> {
-        let mut picture = WindowImage {
+        let mut window_image = WindowImage {
             size,
             image: vk::Image::null(),
             view: vk::ImageView::null(),
             memory: None,
             staging: vk::Buffer::null(),
             staging_memory: None,
-            fresh: true,
+            is_unwritten: true,
         };
-        match picture.create_objects(device, allocator) {
-            Ok(()) => Ok(picture),
+        match window_image.create_objects(device, allocator) {
+            Ok(()) => Ok(window_image),
             Err(e) => {
-                picture.destroy(device, allocator);
+                window_image.destroy(device, allocator);
                 Err(e)
             }
         }
@@ -57,7 +57,7 @@ impl WindowImage {
             .usage(vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST);
         // SAFETY: the device is alive; what is made is destroyed by `destroy`, here and below.
         let requirements = unsafe {
-            self.image = device.create_image(&info, None).named("picture")?;
+            self.image = device.create_image(&info, None).for_object("image")?;
             device.get_image_memory_requirements(self.image)
         };
         let memory = allocator.allocate(&AllocationCreateDesc {
@@ -67,10 +67,11 @@ impl WindowImage {
             linear: false,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         });
-        let memory = self.memory.insert(memory.named("memory of the image")?);
+        let memory = self.memory.insert(memory.for_object("memory of the image")?);
         // SAFETY: the memory is the image's own, of the size that it requested.
-        unsafe { device.bind_image_memory(self.image, memory.memory(), memory.offset()) }.named("picture")?;
-        let range = whole();
+        unsafe { device.bind_image_memory(self.image, memory.memory(), memory.offset()) }
+            .for_object("image")?;
+        let range = color_subresource_range();
         let info = vk::ImageViewCreateInfo::default()
             .image(self.image)
             .view_type(vk::ImageViewType::TYPE_2D)
@@ -79,12 +80,12 @@ impl WindowImage {
             .components(vk::ComponentMapping { a: vk::ComponentSwizzle::ONE, ..Default::default() })
             .subresource_range(range);
         // SAFETY: as above.
-        self.view = unsafe { device.create_image_view(&info, None) }.named("view of the image")?;
+        self.view = unsafe { device.create_image_view(&info, None) }.for_object("view of the image")?;
         let bytes = u64::from(width) * u64::from(height) * 4;
         let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_SRC);
         // SAFETY: as above.
         let requirements = unsafe {
-            self.staging = device.create_buffer(&info, None).named("staging buffer")?;
+            self.staging = device.create_buffer(&info, None).for_object("staging buffer")?;
             device.get_buffer_memory_requirements(self.staging)
         };
         let memory = allocator.allocate(&AllocationCreateDesc {
@@ -94,10 +95,10 @@ impl WindowImage {
             linear: true,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         });
-        let memory = self.staging_memory.insert(memory.named("memory of the staging buffer")?);
+        let memory = self.staging_memory.insert(memory.for_object("memory of the staging buffer")?);
         // SAFETY: as above.
         unsafe { device.bind_buffer_memory(self.staging, memory.memory(), memory.offset()) }
-            .named("staging buffer")
+            .for_object("staging buffer")
     }
 
     pub fn view(&self) -> vk::ImageView {
@@ -112,7 +113,7 @@ impl WindowImage {
         let barrier = |from, to, before: (vk::PipelineStageFlags2, vk::AccessFlags2), after: (_, _)| {
             vk::ImageMemoryBarrier2::default()
                 .image(self.image)
-                .subresource_range(whole())
+                .subresource_range(color_subresource_range())
                 .old_layout(from)
                 .new_layout(to)
                 .src_stage_mask(before.0)
@@ -123,8 +124,8 @@ impl WindowImage {
                 .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         };
         use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
-        let old = if self.fresh { L::UNDEFINED } else { L::SHADER_READ_ONLY_OPTIMAL };
-        self.fresh = false;
+        let old = if self.is_unwritten { L::UNDEFINED } else { L::SHADER_READ_ONLY_OPTIMAL };
+        self.is_unwritten = false;
         let write = (S::COPY, A::TRANSFER_WRITE);
         let read = (S::FRAGMENT_SHADER, A::SHADER_SAMPLED_READ);
         let before = [barrier(old, L::TRANSFER_DST_OPTIMAL, (S::FRAGMENT_SHADER, A::NONE), write)];
@@ -172,7 +173,7 @@ impl WindowImage {
     }
 }
 
-pub fn whole() -> vk::ImageSubresourceRange {
+pub fn color_subresource_range() -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange {
         aspect_mask: vk::ImageAspectFlags::COLOR,
         base_mip_level: 0,

@@ -12,23 +12,23 @@ use x11_dl::xlib::{Display, Xlib};
 const EXIT_FAILED: c_int = 4;
 
 /// Installs a handler that ends the program with a message when the connection is lost.
-pub(super) fn watch<T>(events: &EventLoop<T>) {
+pub(super) fn install_handler<T>(events: &EventLoop<T>) {
     if events.is_x11()
         && let Ok(xlib) = Xlib::open()
     {
         // SAFETY: libX11 keeps the handler for the whole process, and so does this function: it is no closure (Xlib, section
         // 11.8.2 "Using the default error handlers"). winit keeps the library open.
-        unsafe { (xlib.XSetIOErrorHandler)(Some(lost)) };
+        unsafe { (xlib.XSetIOErrorHandler)(Some(exit_on_lost_display)) };
     }
 }
 
 /// Handler for a lost connection; libX11 requires that it does not return.
-unsafe extern "C" fn lost(_: *mut Display) -> c_int {
-    leave(&ViewerError::WindowSystemGone("the X server no longer answers".into()))
+unsafe extern "C" fn exit_on_lost_display(_: *mut Display) -> c_int {
+    exit_now(&ViewerError::WindowSystemGone("the X server no longer answers".into()))
 }
 
 /// Ends the program at once, without running destructors of libraries or freeing objects of the window system.
-pub(super) fn leave(error: &ViewerError) -> ! {
+pub(super) fn exit_now(error: &ViewerError) -> ! {
     eprintln!("{error}");
     low_level::exit(EXIT_FAILED)
 }

@@ -77,22 +77,22 @@ const FIRST_FILE: u64 = 0;
 
 /// Opens the window, and returns when it is closed. The error says what is missing.
 pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
-    let source = options.first.map(|input| options.files.source(input)).transpose()?;
+    let source = options.first_file.map(|input| options.files.source(input)).transpose()?;
     let event_log = EventLog::new(options.event_log);
-    let events = start::event_loop()?;
+    let events = start::create_event_loop()?;
     #[cfg(target_os = "linux")]
-    lost_display::watch(&events);
+    lost_display::install_handler(&events);
     event_log.log_step("event loop");
     let proxy = events.create_proxy();
     #[cfg(unix)]
     {
         let proxy = proxy.clone();
         // The signal ends the program as usual if it cannot be watched.
-        let _ = termination::watch(move || drop(proxy.send_event(WindowMessage::Close)));
+        let _ = termination::watch_signals(move || drop(proxy.send_event(WindowMessage::Close)));
     }
     let registry = program.registry.clone();
     let effects = registry.effects().to_vec();
-    let renderer = start::renderer(
+    let renderer = start::start_renderer(
         effects,
         options.files.base_source().shader_folder.clone(),
         options.device,
@@ -119,7 +119,7 @@ pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         settings: SettingsWriter::new(settings),
         settings_file,
         written_preset,
-        initial_playback: Some((options.at, options.play)),
+        initial_playback: Some((options.start_secs, options.plays_at_start)),
         frame_renderer,
         source: source.unwrap_or_else(|| options.files.base_source().clone()),
         options: options.files,
@@ -134,33 +134,33 @@ pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         checker: Checker::new(),
         unchecked: None,
         proxy,
-        open: None,
+        open_window: None,
         frames: BTreeMap::new(),
         reloads: 0,
-        clock: Instant::now(),
+        started: Instant::now(),
         last_requested: None,
         wake_at: None,
-        drawn: 0,
-        pressed: false,
-        covered: false,
+        drawn_frames: 0,
+        mouse_button_changed: false,
+        is_covered: false,
         lose_device_at: options.lose_device_at,
         event_log,
-        failures: 0,
-        failed: None,
+        consecutive_failures: 0,
+        fatal_error: None,
     };
     let ran = start::run(events, &mut app);
     app.save_settings();
     if let Err(error) = ran {
         // The objects of the window system can no longer be freed after an error.
         #[cfg(target_os = "linux")]
-        lost_display::leave(&error);
+        lost_display::exit_now(&error);
         #[cfg(not(target_os = "linux"))]
         {
             std::mem::forget(app);
             return Err(error);
         }
     }
-    app.failed.take().map_or(Ok(()), Err)
+    app.fatal_error.take().map_or(Ok(()), Err)
 }
 
 /// Starts the thread of a renderer, which sends its frames to the event loop.
@@ -218,34 +218,34 @@ struct ViewerWindow {
     /// Newest scene of the script that was not checked yet; checked after its first image.
     unchecked: Option<Arc<Scene>>,
     proxy: EventLoopProxy<WindowMessage>,
-    open: Option<OpenWindow>,
+    open_window: Option<OpenWindow>,
     /// Rendered frames that are not on the screen yet, by view.
     frames: BTreeMap<usize, Frame>,
     /// Number of shader changes that were passed on to the renderer.
     reloads: u64,
-    clock: Instant,
+    started: Instant,
     last_requested: Option<Instant>,
     wake_at: Option<Instant>,
     /// Number of frames of the window so far.
-    drawn: u64,
+    drawn_frames: u64,
     /// Whether a mouse button was pressed or released since the panels were drawn last.
-    pressed: bool,
+    mouse_button_changed: bool,
     /// Whether something else covers the window.
-    covered: bool,
+    is_covered: bool,
     lose_device_at: Vec<u64>,
     event_log: EventLog,
     /// Number of consecutive failures.
-    failures: u32,
-    failed: Option<ViewerError>,
+    consecutive_failures: u32,
+    fatal_error: Option<ViewerError>,
 }
 
 impl ViewerWindow {
     fn now(&self) -> f64 {
-        self.clock.elapsed().as_secs_f64()
+        self.started.elapsed().as_secs_f64()
     }
 
-    fn redraw(&self) {
-        if let Some(open) = &self.open {
+    fn request_redraw(&self) {
+        if let Some(open) = &self.open_window {
             open.window.request_redraw();
         }
     }
@@ -253,13 +253,13 @@ impl ViewerWindow {
     /// Whether the window is minimized or covered. A hidden window is not drawn, and no frames are requested for it.
     fn is_hidden(&self) -> bool {
         let minimized = |open: &OpenWindow| open.window.is_minimized() == Some(true);
-        self.covered || self.open.as_ref().is_some_and(minimized)
+        self.is_covered || self.open_window.as_ref().is_some_and(minimized)
     }
 
     /// Saves the settings, including the layout of the panels, and the shortcuts.
     fn save_settings(&mut self) {
         self.save_shortcuts();
-        let now = self.present_settings();
+        let now = self.current_settings();
         if let Some(file) = &self.settings_file {
             self.settings.write(now, file);
         }
@@ -276,11 +276,11 @@ impl ViewerWindow {
         self.written_preset.clone_from(&shortcuts.preset);
         if let Some(problem) = problem {
             self.viewer.message = Some(format!("the shortcuts could not be saved: {problem}"));
-            self.redraw();
+            self.request_redraw();
         }
     }
 
-    fn present_settings(&self) -> Settings {
+    fn current_settings(&self) -> Settings {
         let Documents { recent, tempos, .. } = &self.viewer.documents;
         Settings { recent: recent.clone(), tempos: tempos.clone(), ..self.panels.settings() }
     }
@@ -291,10 +291,10 @@ impl ViewerWindow {
             return;
         }
         self.save_shortcuts();
-        let (settings, now) = (self.present_settings(), self.now());
-        match self.settings.due(&settings, now) {
+        let (settings, now) = (self.current_settings(), self.now());
+        match self.settings.save_time(&settings, now) {
             SaveTime::Now => self.save_settings(),
-            SaveTime::In(secs) => self.wake_in(Duration::from_secs_f64(secs)),
+            SaveTime::After(secs) => self.wake_in(Duration::from_secs_f64(secs)),
             SaveTime::Never => {}
         }
     }
@@ -304,7 +304,7 @@ impl ViewerWindow {
         if self.is_hidden() {
             return;
         }
-        let cap = self.viewer.performance.cap.filter(|_| self.viewer.playhead.is_playing());
+        let cap = self.viewer.performance.max_fps.filter(|_| self.viewer.playhead.is_playing());
         if let (Some(cap), Some(last)) = (cap, self.last_requested) {
             let wait = Duration::from_secs_f64(1.0 / f64::from(cap.max(1))).saturating_sub(last.elapsed());
             if !wait.is_zero() {
@@ -341,15 +341,15 @@ impl ViewerWindow {
         let now = self.now();
         #[cfg(feature = "accesskit")]
         let title = format!("{} – {}", self.viewer.name, self.program);
-        let Some(open) = &mut self.open else { return };
+        let Some(open) = &mut self.open_window else { return };
         let size = open.window.inner_size();
         if size.width == 0 || size.height == 0 {
             return;
         }
-        self.pressed = false;
+        self.mouse_button_changed = false;
         let begin = Instant::now();
         let input = open.take_input();
-        let textures = open.painter.pictures();
+        let textures = open.painter.view_textures();
         let (panels, viewer) = (&mut self.panels, &mut self.viewer);
         let output = open.egui.run_ui(input, |ui| {
             #[cfg(feature = "accesskit")]
@@ -366,27 +366,27 @@ impl ViewerWindow {
             open.painter.draw(size, &primitives, pixels_per_point, output.textures_delta, frames, || {
                 window.pre_present_notify()
             });
-        self.event_log.painted(panels_took, begin.elapsed());
-        self.drawn += 1;
+        self.event_log.log_window_frame(panels_took, begin.elapsed());
+        self.drawn_frames += 1;
         let lost = self
             .lose_device_at
-            .contains(&self.drawn)
+            .contains(&self.drawn_frames)
             .then(|| "the device was lost (simulated by the test)".to_string());
         let lost = lost.map_or(Ok(()), Err);
         let delay = output.viewport_output.get(&egui::ViewportId::ROOT).map(|v| v.repaint_delay);
         match drawn.map_err(|e| e.to_string()).and_then(|drawn| lost.map(|()| drawn)) {
             Ok(false) => {}
             Ok(true) => {
-                self.failures = 0;
+                self.consecutive_failures = 0;
                 for (view, frame) in std::mem::take(&mut self.frames) {
                     self.frame_renderer.recycle_frame(frame);
                     if let Some(shown) = self.viewer.views.get(view).and_then(|v| v.shown.as_ref()) {
-                        self.event_log.shown(view, shown, &self.viewer.device_usage);
+                        self.event_log.log_shown_frame(view, shown, &self.viewer.device_usage);
                     }
                 }
-                if open.painter.pictures() != textures {
+                if open.painter.view_textures() != textures {
                     // The panels do not show the new texture yet.
-                    self.redraw();
+                    self.request_redraw();
                 }
             }
             Err(error) => self.recreate_device(&error, events),
@@ -398,7 +398,7 @@ impl ViewerWindow {
         self.open_document();
         self.advance();
         self.save_settings_when_due();
-        if self.viewer.quit {
+        if self.viewer.should_close {
             events.exit();
         }
     }
@@ -417,7 +417,7 @@ impl ViewerWindow {
     /// Previews dropped files, and closes the preview on request.
     fn update_previews(&mut self) {
         self.place_models();
-        let dropped = SceneSource::of_models(std::mem::take(&mut self.viewer.dropped), &self.source);
+        let dropped = SceneSource::of_models(std::mem::take(&mut self.viewer.dropped_files), &self.source);
         if let Some((source, left_out)) = dropped {
             self.viewer.message = left_out;
             self.newest_session += 1;
@@ -437,7 +437,7 @@ impl ViewerWindow {
             if let Some(version) = self.last_good_version.clone() {
                 self.viewer.take_version(version);
             }
-            self.redraw();
+            self.request_redraw();
         }
     }
 
@@ -458,7 +458,7 @@ impl ViewerWindow {
         } else if file_number != self.newest_session {
             return;
         }
-        self.event_log.version(&version);
+        self.event_log.log_version(&version);
         self.viewer.take_version(version);
         if self.viewer.scene.is_some()
             && let Some((at, play)) = self.initial_playback.take()
@@ -471,7 +471,7 @@ impl ViewerWindow {
     }
 
     /// Checks the newest scene after its first image, so that the check does not delay the image.
-    fn check(&mut self) {
+    fn start_check(&mut self) {
         let Some(scene) = self.unchecked.take() else { return };
         let (proxy, file_number, number) = (self.proxy.clone(), self.open_file_number, scene.number);
         let report =
@@ -483,24 +483,24 @@ impl ViewerWindow {
         if file_number != self.open_file_number {
             return;
         }
-        self.event_log.checked(number, messages.len());
+        self.event_log.log_check(number, messages.len());
         if let Some(version) = self.last_good_version.as_mut().filter(|version| version.number == number) {
             add_messages(&mut version.problems, messages);
         }
         if self.viewer.previewed_files.is_empty() {
             self.viewer.take_messages(number, messages);
         }
-        self.redraw();
+        self.request_redraw();
     }
 
     fn take_frame(&mut self, reply: FrameReply) {
-        self.check();
+        self.start_check();
         let Some((view, frame)) = self.viewer.take_frame(reply) else { return };
-        if view == self.viewer.active
+        if view == self.viewer.active_view
             && self.viewer.views[view].is_plain()
             && let Some(file) = self.viewer.screenshot.take()
         {
-            let saved = shot::save(&self.registry, &frame, self.viewer.playhead.fps(), &file);
+            let saved = shot::save_screenshot(&self.registry, &frame, self.viewer.playhead.fps(), &file);
             self.viewer.message = Some(match saved {
                 Ok(()) => format!("saved {}", file.display()),
                 Err(error) => format!("{}: {error}", file.display()),
@@ -512,26 +512,26 @@ impl ViewerWindow {
     }
 
     /// Takes a newly opened window, and tells the user if its panels are drawn on the CPU.
-    fn opened(&mut self, open: OpenWindow) {
-        let why = open.no_vulkan.as_ref();
+    fn take_window(&mut self, open: OpenWindow) {
+        let why = open.vulkan_error.as_ref();
         // Drawing on the CPU by choice, because the Vulkan driver would do the same, is not reported.
-        let missed = why.filter(|why| !matches!(why, GpuError::Slower(_)));
+        let missed = why.filter(|why| !matches!(why, GpuError::SoftwareOnly(_)));
         self.viewer.without_vulkan = missed.map(|why| format!("the window is drawn on the CPU: {why}"));
         self.viewer.window_device = match (&open.painter, why) {
             (Painter::Vulkan(_), _) => "Vulkan".to_string(),
             (Painter::Software(_), None) => "CPU".to_string(),
             (Painter::Software(_), Some(why)) => format!("CPU: {why}"),
         };
-        self.open = Some(open);
+        self.open_window = Some(open);
     }
 
     /// Handles a lost device or surface: creates a new one, up to two times in a row. The displayed state is kept.
     fn recreate_device(&mut self, error: &str, events: &ActiveEventLoop) {
-        self.failures += 1;
+        self.consecutive_failures += 1;
         // A window has only one surface at a time, so the old one is dropped first.
-        let shown = self.open.take().and_then(OpenWindow::close);
+        let shown = self.open_window.take().and_then(OpenWindow::close);
         let again = match shown {
-            Some(shown) if self.failures < 3 => {
+            Some(shown) if self.consecutive_failures < 3 => {
                 OpenWindow::new(shown, self.device, &self.proxy).map_err(|e| e.to_string())
             }
             Some(_) => Err("three attempts in a row failed".to_string()),
@@ -539,14 +539,14 @@ impl ViewerWindow {
         };
         match again {
             Ok(open) => {
-                self.opened(open);
+                self.take_window(open);
                 // The new device has no images yet, and the new egui context no colors.
                 self.viewer.views.iter_mut().for_each(|view| view.requested = None);
                 self.panels.forget_context();
-                self.redraw();
+                self.request_redraw();
             }
             Err(second) => {
-                self.failed = Some(ViewerError::NotDrawn { first: error.to_string(), second });
+                self.fatal_error = Some(ViewerError::NotDrawn { first: error.to_string(), second });
                 events.exit();
             }
         }
@@ -559,12 +559,12 @@ impl ApplicationHandler<WindowMessage> for ViewerWindow {
             self.wake_at = None;
             // A hidden window is not drawn, so the settings are saved here.
             self.save_settings_when_due();
-            self.redraw();
+            self.request_redraw();
         }
     }
 
     fn resumed(&mut self, events: &ActiveEventLoop) {
-        if self.open.is_some() {
+        if self.open_window.is_some() {
             return;
         }
         let attributes = Window::default_attributes()
@@ -583,11 +583,11 @@ impl ApplicationHandler<WindowMessage> for ViewerWindow {
         match opened {
             Ok(open) => {
                 self.event_log.log_step("device of the window");
-                self.opened(open);
-                self.redraw();
+                self.take_window(open);
+                self.request_redraw();
             }
             Err(error) => {
-                self.failed = Some(start::no_window(&error));
+                self.fatal_error = Some(start::window_error(&error));
                 events.exit();
             }
         }
@@ -598,26 +598,26 @@ impl ApplicationHandler<WindowMessage> for ViewerWindow {
             WindowMessage::Version(file_number, version) => {
                 self.take_version(file_number, *version);
                 self.advance();
-                self.redraw();
+                self.request_redraw();
             }
             WindowMessage::Frame(reply) => {
                 self.take_frame(*reply);
                 // The next frame is rendered while this one is presented.
                 self.advance();
-                self.redraw();
+                self.request_redraw();
             }
             WindowMessage::Checked(file_number, number, messages) => {
                 self.take_messages(file_number, number, &messages)
             }
             WindowMessage::Close => events.exit(),
-            WindowMessage::Repaint(delay) if delay.is_zero() => self.redraw(),
+            WindowMessage::Repaint(delay) if delay.is_zero() => self.request_redraw(),
             WindowMessage::Repaint(delay) => self.wake_in(delay),
             #[cfg(feature = "accesskit")]
             WindowMessage::Assistance(event) => {
-                if let Some(open) = &mut self.open {
+                if let Some(open) = &mut self.open_window {
                     open.take_assistance(event);
                 }
-                self.redraw();
+                self.request_redraw();
             }
         }
     }
@@ -626,12 +626,12 @@ impl ApplicationHandler<WindowMessage> for ViewerWindow {
         if let WindowEvent::MouseInput { .. } | WindowEvent::CursorMoved { .. } = event {
             // egui reads the position of the mouse at the end of a frame, not at the press or release of a button: on a busy machine a drag would
             // grab the wrong object or none.
-            if std::mem::take(&mut self.pressed) {
+            if std::mem::take(&mut self.mouse_button_changed) {
                 self.draw(events);
             }
-            self.pressed = matches!(event, WindowEvent::MouseInput { .. });
+            self.mouse_button_changed = matches!(event, WindowEvent::MouseInput { .. });
         }
-        let Some(open) = &mut self.open else { return };
+        let Some(open) = &mut self.open_window else { return };
         if matches!(event, WindowEvent::CursorMoved { .. }) {
             // While a file is dragged, its source owns the mouse, and may end the drag without an event.
             open.input.egui_input_mut().hovered_files.clear();
@@ -651,11 +651,11 @@ impl ApplicationHandler<WindowMessage> for ViewerWindow {
             WindowEvent::CloseRequested => events.exit(),
             WindowEvent::RedrawRequested => self.draw(events),
             WindowEvent::Occluded(covered) => {
-                self.covered = covered;
-                self.redraw();
+                self.is_covered = covered;
+                self.request_redraw();
             }
-            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => self.redraw(),
-            _ if wants.repaint => self.redraw(),
+            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => self.request_redraw(),
+            _ if wants.repaint => self.request_redraw(),
             _ => {}
         }
     }
@@ -669,6 +669,6 @@ impl ApplicationHandler<WindowMessage> for ViewerWindow {
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
         // The window must be dropped while the window system still exists.
-        self.open = None;
+        self.open_window = None;
     }
 }

@@ -21,10 +21,10 @@ pub struct OpenWindow {
     /// Scale factor, pixels per point, as reported last. On X11 `Window::scale_factor` may return it only after the window was moved.
     pub scale: f64,
     /// Reason why Vulkan does not draw the window, although it was wanted.
-    pub no_vulkan: Option<GpuError>,
+    pub vulkan_error: Option<GpuError>,
     /// Whether an assistive technology has requested the content of the window.
     #[cfg(feature = "accesskit")]
-    pub is_read: bool,
+    pub is_accessibility_active: bool,
 }
 
 /// A window on the screen without a painter. It survives the loss of a device.
@@ -34,7 +34,7 @@ pub struct BareWindow {
     adapter: Adapter,
     /// Whether an assistive technology has requested the content of the window.
     #[cfg(feature = "accesskit")]
-    is_read: bool,
+    is_accessibility_active: bool,
 }
 
 impl BareWindow {
@@ -53,7 +53,7 @@ impl BareWindow {
             #[cfg(feature = "accesskit")]
             adapter,
             #[cfg(feature = "accesskit")]
-            is_read: false,
+            is_accessibility_active: false,
         }
     }
 }
@@ -67,7 +67,7 @@ impl OpenWindow {
             #[cfg(feature = "accesskit")]
             adapter: self.input.accesskit.take()?,
             #[cfg(feature = "accesskit")]
-            is_read: self.is_read,
+            is_accessibility_active: self.is_accessibility_active,
         })
     }
 
@@ -77,7 +77,7 @@ impl OpenWindow {
         proxy: &EventLoopProxy<WindowMessage>,
     ) -> Result<OpenWindow, PaintError> {
         let window = shown.window;
-        let (painter, no_vulkan) = Painter::new(&window, device)?;
+        let (painter, vulkan_error) = Painter::new(&window, device)?;
         let egui = egui::Context::default();
         let proxy = std::sync::Mutex::new(proxy.clone());
         egui.set_request_repaint_callback(move |info| {
@@ -96,7 +96,7 @@ impl OpenWindow {
         #[cfg(feature = "accesskit")]
         {
             input.accesskit = Some(shown.adapter);
-            if shown.is_read {
+            if shown.is_accessibility_active {
                 egui.enable_accesskit();
             }
         }
@@ -107,9 +107,9 @@ impl OpenWindow {
             painter,
             window,
             scale,
-            no_vulkan,
+            vulkan_error,
             #[cfg(feature = "accesskit")]
-            is_read: shown.is_read,
+            is_accessibility_active: shown.is_accessibility_active,
         })
     }
 

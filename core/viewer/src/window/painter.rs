@@ -33,11 +33,11 @@ impl Painter {
         if device == Device::Cpu {
             return Ok((Painter::Software(Box::new(Software::new(window)?)), None));
         }
-        let named = device == Device::Vulkan;
-        match Gpu::new(window, named) {
+        let accepts_software = device == Device::Vulkan;
+        match Gpu::new(window, accepts_software) {
             Ok(gpu) => Ok((Painter::Vulkan(Box::new(gpu)), None)),
             // Vulkan was requested by name, so there is no fallback.
-            Err(gpu) if named => Err(gpu.into()),
+            Err(gpu) if accepts_software => Err(gpu.into()),
             Err(gpu) => match Software::new(window) {
                 Ok(software) => Ok((Painter::Software(Box::new(software)), Some(gpu))),
                 Err(software) => Err(PaintError::Neither { gpu, software }),
@@ -54,15 +54,15 @@ impl Painter {
     }
 
     /// Texture with the last frame of each view, if it has one.
-    pub fn pictures(&self) -> Vec<Option<TextureId>> {
+    pub fn view_textures(&self) -> Vec<Option<TextureId>> {
         match self {
-            Painter::Vulkan(gpu) => gpu.pictures(),
-            Painter::Software(software) => software.pictures(),
+            Painter::Vulkan(gpu) => gpu.view_textures(),
+            Painter::Software(software) => software.view_textures(),
         }
     }
 
-    /// Draws one frame of the window. `frames`: new images of views; `before`: called directly before presenting. Returns whether the frame was
-    /// drawn: a window without pixels, such as a minimized one, keeps its images waiting.
+    /// Draws one frame of the window. `frames`: new images of views; `before_present`: called directly before presenting. Returns whether the frame
+    /// was drawn: a window without pixels, such as a minimized one, keeps its images waiting.
     pub fn draw(
         &mut self,
         window: [u32; 2],
@@ -70,14 +70,14 @@ impl Painter {
         pixels_per_point: f32,
         textures: TexturesDelta,
         frames: &BTreeMap<usize, Frame>,
-        before: impl FnOnce(),
+        before_present: impl FnOnce(),
     ) -> Result<bool, PaintError> {
         match self {
             Painter::Vulkan(gpu) => {
-                Ok(gpu.draw(window, primitives, pixels_per_point, textures, frames, before)?)
+                Ok(gpu.draw(window, primitives, pixels_per_point, textures, frames, before_present)?)
             }
             Painter::Software(software) => {
-                Ok(software.draw(window, primitives, pixels_per_point, textures, frames, before)?)
+                Ok(software.draw(window, primitives, pixels_per_point, textures, frames, before_present)?)
             }
         }
     }

@@ -12,7 +12,7 @@ pub struct Texture {
     width: usize,
     height: usize,
     pixels: Vec<Color32>,
-    nearest: bool,
+    is_nearest_filtered: bool,
 }
 
 impl Texture {
@@ -21,11 +21,11 @@ impl Texture {
         let mut pixels = old.map(|old| old.pixels).unwrap_or_default();
         pixels.clear();
         pixels.extend(rgba.chunks_exact(4).map(|p| Color32::from_rgb(p[0], p[1], p[2])));
-        Texture { width: width as usize, height: height as usize, pixels, nearest: false }
+        Texture { width: width as usize, height: height as usize, pixels, is_nearest_filtered: false }
     }
 
     /// Bilinear sample at texture coordinates from 0 to 1, clamped to the edge. RGBA, 0 to 255.
-    fn color(&self, at: Vec2) -> Vec4 {
+    fn sample(&self, at: Vec2) -> Vec4 {
         let (x, y) = (at.x * self.width as f32 - 0.5, at.y * self.height as f32 - 0.5);
         let part = |at: f32, size: usize| {
             let at = at.clamp(0.0, (size - 1) as f32);
@@ -34,11 +34,11 @@ impl Texture {
         };
         let (x0, x1, fx) = part(x, self.width);
         let (y0, y1, fy) = part(y, self.height);
-        let at = |x: usize, y: usize| color(self.pixels[y * self.width + x]);
+        let at = |x: usize, y: usize| vec4_from_color(self.pixels[y * self.width + x]);
         // If texels map to pixels one to one, the bytes are used unchanged.
-        const EXACT: f32 = 1.0 / 256.0;
-        let near = |f: f32| !(EXACT..=1.0 - EXACT).contains(&f);
-        if self.nearest || (near(fx) && near(fy)) {
+        const MAX_TEXEL_OFFSET: f32 = 1.0 / 256.0;
+        let near = |f: f32| !(MAX_TEXEL_OFFSET..=1.0 - MAX_TEXEL_OFFSET).contains(&f);
+        if self.is_nearest_filtered || (near(fx) && near(fy)) {
             return at(if fx > 0.5 { x1 } else { x0 }, if fy > 0.5 { y1 } else { y0 });
         }
         at(x0, y0).lerp(at(x1, y0), fx).lerp(at(x0, y1).lerp(at(x1, y1), fx), fy)
@@ -46,7 +46,7 @@ impl Texture {
 }
 
 /// Red, green, blue and alpha, 0 to 255.
-fn color(color: Color32) -> Vec4 {
+fn vec4_from_color(color: Color32) -> Vec4 {
     Vec4::from_array(color.to_array().map(f32::from))
 }
 
@@ -61,7 +61,7 @@ impl Textures {
     }
 
     /// Applies changed textures and empties their list. Textures to free stay in the list, since the frame may still use them.
-    pub fn change(&mut self, delta: &mut TexturesDelta) {
+    pub fn apply_changes(&mut self, delta: &mut TexturesDelta) {
         // The list is emptied at once: egui reports an error if it is dropped with content.
         for (id, deltas) in std::mem::take(&mut delta.set) {
             deltas.into_iter().for_each(|delta| self.set(id, delta));
@@ -77,11 +77,11 @@ impl Textures {
     fn set(&mut self, id: TextureId, delta: ImageDelta) {
         let ImageData::Color(image) = &delta.image;
         let [width, height] = image.size;
-        let nearest = delta.options.magnification == TextureFilter::Nearest;
+        let is_nearest_filtered = delta.options.magnification == TextureFilter::Nearest;
         match (delta.pos, self.0.get_mut(&id)) {
             (None, _) => {
                 let pixels = image.pixels.clone();
-                self.0.insert(id, Texture { width, height, pixels, nearest });
+                self.0.insert(id, Texture { width, height, pixels, is_nearest_filtered });
             }
             (Some([left, top]), Some(texture)) if width > 0 => {
                 for (row, from) in image.pixels.chunks_exact(width).enumerate() {
@@ -97,10 +97,10 @@ impl Textures {
 }
 
 /// Some rows of pixels of a window, 0x00RRGGBB.
-struct Target<'a> {
+struct RowTarget<'a> {
     width: usize,
     /// Index of the first row.
-    top: usize,
+    first_row: usize,
     pixels: &'a mut [u32],
 }
 
@@ -118,7 +118,7 @@ pub fn draw(
         let mut parts = pixels.chunks_mut(width.max(1) * rows).enumerate();
         let own = parts.next();
         let draw = move |(part, pixels)| {
-            Target { width, top: part * rows, pixels }.draw(primitives, pixels_per_point, textures);
+            RowTarget { width, first_row: part * rows, pixels }.draw(primitives, pixels_per_point, textures);
         };
         parts.for_each(|part| drop(scope.spawn(move || draw(part))));
         own.into_iter().for_each(draw);
@@ -128,7 +128,7 @@ pub fn draw(
 /// More threads find little to do.
 const MAX_THREADS: usize = 8;
 
-impl Target<'_> {
+impl RowTarget<'_> {
     /// Draws triangles over the existing pixels.
     fn draw(&mut self, primitives: &[ClippedPrimitive], pixels_per_point: f32, textures: &Textures) {
         for ClippedPrimitive { clip_rect, primitive } in primitives {
@@ -136,7 +136,7 @@ impl Target<'_> {
             let Some(texture) = textures.0.get(&mesh.texture_id).filter(|t| !t.pixels.is_empty()) else {
                 continue;
             };
-            let clip = self.clip(*clip_rect * pixels_per_point);
+            let clip = self.clip_in_pixels(*clip_rect * pixels_per_point);
             if clip[0] >= clip[2] || clip[1] >= clip[3] {
                 continue;
             }
@@ -146,16 +146,17 @@ impl Target<'_> {
             };
             for indices in mesh.indices.chunks_exact(3) {
                 if let [Some(a), Some(b), Some(c)] = [indices[0], indices[1], indices[2]].map(vertex) {
-                    self.triangle([a, b, c], clip, texture);
+                    self.draw_triangle([a, b, c], clip, texture);
                 }
             }
         }
     }
 
     /// Left, top, right and bottom of a clip rectangle in whole pixels of the window, limited to this target.
-    fn clip(&self, rect: Rect) -> [usize; 4] {
+    fn clip_in_pixels(&self, rect: Rect) -> [usize; 4] {
         let within = |at: f32, [low, high]: [usize; 2]| at.round().clamp(low as f32, high as f32) as usize;
-        let (columns, rows) = ([0, self.width], [self.top, self.top + self.pixels.len() / self.width.max(1)]);
+        let (columns, rows) =
+            ([0, self.width], [self.first_row, self.first_row + self.pixels.len() / self.width.max(1)]);
         [
             within(rect.min.x, columns),
             within(rect.min.y, rows),
@@ -164,14 +165,14 @@ impl Target<'_> {
         ]
     }
 
-    fn triangle(&mut self, mut vertices: [Vertex; 3], clip: [usize; 4], texture: &Texture) {
+    fn draw_triangle(&mut self, mut vertices: [Vertex; 3], clip: [usize; 4], texture: &Texture) {
         vertices.sort_by(|a, b| a.pos.y.total_cmp(&b.pos.y));
         let [a, b, c] = vertices.map(|vertex| vertex.pos);
         let rows = pixel_range(a.y, c.y, clip[1], clip[3]);
         if rows.is_empty() {
             return;
         }
-        let Some(paint) = Paint::new(&vertices, texture) else { return };
+        let Some(paint) = TrianglePaint::new(&vertices, texture) else { return };
         let (long, upper, lower) = (Edge::new(a, c), Edge::new(a, b), Edge::new(b, c));
         for y in rows {
             let center = y as f32 + 0.5;
@@ -182,7 +183,7 @@ impl Target<'_> {
                 continue;
             }
             let from = span.start as f32 + 0.5;
-            let start = (y - self.top) * self.width;
+            let start = (y - self.first_row) * self.width;
             paint.row(&mut self.pixels[start + span.start..start + span.end], from, center);
         }
     }
@@ -257,41 +258,41 @@ where
 }
 
 /// Interpolated colors of one triangle.
-struct Paint<'a> {
+struct TrianglePaint<'a> {
     origin: Pos2,
     texture: &'a Texture,
     /// Vertex colors, premultiplied, 0 to 255. `None` if they are all equal.
     tint: Option<Gradient<Vec4>>,
-    place: Option<Gradient<Vec2>>,
+    uv: Option<Gradient<Vec2>>,
     /// Vertex color and texel at the first vertex.
-    first: (Vec4, Vec4),
+    first_vertex: (Vec4, Vec4),
 }
 
-impl Paint<'_> {
+impl TrianglePaint<'_> {
     /// `None` for a triangle without area.
-    fn new<'a>(vertices: &[Vertex; 3], texture: &'a Texture) -> Option<Paint<'a>> {
+    fn new<'a>(vertices: &[Vertex; 3], texture: &'a Texture) -> Option<TrianglePaint<'a>> {
         let [a, b, c] = vertices;
         let (to_b, to_c) = (b.pos - a.pos, c.pos - a.pos);
         let edges = TriangleEdges { to_b, to_c, doubled_area: to_b.x * to_c.y - to_b.y * to_c.x };
         if !(edges.doubled_area.abs() > 1e-12 && edges.doubled_area.is_finite()) {
             return None;
         }
-        let place = |vertex: &Vertex| Vec2::new(vertex.uv.x, vertex.uv.y);
-        Some(Paint {
+        let uv = |vertex: &Vertex| Vec2::new(vertex.uv.x, vertex.uv.y);
+        Some(TrianglePaint {
             origin: a.pos,
             texture,
-            tint: Gradient::new([a, b, c].map(|vertex| color(vertex.color)), &edges),
-            place: Gradient::new([a, b, c].map(place), &edges),
-            first: (color(a.color), texture.color(place(a))),
+            tint: Gradient::new([a, b, c].map(|vertex| vec4_from_color(vertex.color)), &edges),
+            uv: Gradient::new([a, b, c].map(uv), &edges),
+            first_vertex: (vec4_from_color(a.color), texture.sample(uv(a))),
         })
     }
 
     /// Draws a row of pixels, the first with its center at `x`.
     fn row(&self, row: &mut [u32], x: f32, y: f32) {
         let (dx, dy) = (x - self.origin.x, y - self.origin.y);
-        let (tint, texel) = self.first;
+        let (tint, texel) = self.first_vertex;
         let pixels = (0u32..).zip(row.iter_mut()).map(|(step, pixel)| (dx + step as f32, pixel));
-        match (&self.tint, &self.place) {
+        match (&self.tint, &self.uv) {
             (None, None) => {
                 let color = multiply_colors(tint, texel);
                 match color.w >= OPAQUE_ALPHA {
@@ -304,11 +305,11 @@ impl Paint<'_> {
                     paint_pixel(pixel, multiply_colors(tint.value(right, dy), texel))
                 });
             }
-            (None, Some(place)) => pixels.for_each(|(right, pixel)| {
-                paint_pixel(pixel, multiply_colors(tint, self.texture.color(place.value(right, dy))));
+            (None, Some(uv)) => pixels.for_each(|(right, pixel)| {
+                paint_pixel(pixel, multiply_colors(tint, self.texture.sample(uv.value(right, dy))));
             }),
-            (Some(tint), Some(place)) => pixels.for_each(|(right, pixel)| {
-                let texel = self.texture.color(place.value(right, dy));
+            (Some(tint), Some(uv)) => pixels.for_each(|(right, pixel)| {
+                let texel = self.texture.sample(uv.value(right, dy));
                 paint_pixel(pixel, multiply_colors(tint.value(right, dy), texel));
             }),
         }
@@ -357,7 +358,7 @@ mod tests {
         textures
     }
 
-    fn drawn(mesh: Mesh, size: usize, below: u32, textures: &Textures) -> Vec<u32> {
+    fn draw_mesh(mesh: Mesh, size: usize, below: u32, textures: &Textures) -> Vec<u32> {
         let clip_rect = Rect::from_min_size(Pos2::ZERO, egui::Vec2::splat(size as f32));
         let primitive = ClippedPrimitive { clip_rect, primitive: Primitive::Mesh(mesh) };
         let mut pixels = vec![below; size * size];
@@ -366,9 +367,9 @@ mod tests {
     }
 
     /// Random numbers from 0 to 1 (Marsaglia's xorshift, 2003).
-    struct Chance(u64);
+    struct Random(u64);
 
-    impl Chance {
+    impl Random {
         fn next(&mut self) -> f32 {
             self.0 ^= self.0 << 13;
             self.0 ^= self.0 >> 7;
@@ -380,13 +381,13 @@ mod tests {
     /// Ground truth: the signs of three cross products in f64. Centers extremely close to an edge may go either way.
     #[test]
     fn a_triangle_covers_the_pixels_whose_centers_it_holds() {
-        let mut chance = Chance(7);
+        let mut random = Random(7);
         for _ in 0..200 {
-            let mut point = || pos2(chance.next() * 40.0 - 4.0, chance.next() * 40.0 - 4.0);
+            let mut point = || pos2(random.next() * 40.0 - 4.0, random.next() * 40.0 - 4.0);
             let positions = [point(), point(), point()];
             let vertices = positions.map(|pos| Vertex { pos, uv: WHITE, color: Color32::WHITE }).to_vec();
             let mesh = Mesh { vertices, indices: vec![0, 1, 2], ..Mesh::default() };
-            let pixels = drawn(mesh, 32, 0, &textures());
+            let pixels = draw_mesh(mesh, 32, 0, &textures());
             for (at, pixel) in pixels.iter().enumerate() {
                 let center = [(at % 32) as f64 + 0.5, (at / 32) as f64 + 0.5];
                 let side = |i: usize| {
@@ -407,16 +408,16 @@ mod tests {
     /// Half-transparent triangles around a point: a pixel covered by two of them would be brighter, and one covered by none darker.
     #[test]
     fn triangles_with_common_edges_cover_each_pixel_once() {
-        let mut chance = Chance(99);
+        let mut random = Random(99);
         for _ in 0..50 {
             let around = [pos2(-9.0, -9.0), pos2(41.0, -9.0), pos2(41.0, 41.0), pos2(-9.0, 41.0)];
-            let middle = pos2((chance.next() * 64.0).round() / 2.0, chance.next() * 32.0);
+            let middle = pos2((random.next() * 64.0).round() / 2.0, random.next() * 32.0);
             let mut mesh = Mesh::default();
             let color = Color32::from_rgba_premultiplied(100, 100, 100, 128);
             let vertices = around.into_iter().chain([middle]).map(|pos| Vertex { pos, uv: WHITE, color });
             mesh.vertices = vertices.collect();
             mesh.indices = (0..4).flat_map(|i| [i, (i + 1) % 4, 4]).collect();
-            let pixels = drawn(mesh, 32, 0, &textures());
+            let pixels = draw_mesh(mesh, 32, 0, &textures());
             assert!(pixels.iter().all(|p| *p == 0x646464), "{middle:?}");
         }
     }
@@ -437,7 +438,7 @@ mod tests {
             vertex(32.0, 32.0, 160, 200),
         ];
         mesh.indices = vec![0, 1, 2, 1, 2, 3];
-        let pixels = drawn(mesh, 32, 0x404040, &textures());
+        let pixels = draw_mesh(mesh, 32, 0x404040, &textures());
         for (at, pixel) in pixels.iter().enumerate() {
             let along = ((at % 32) as f64 + 0.5) / 32.0;
             let alpha = 50.0 + 150.0 * along;
@@ -459,7 +460,7 @@ mod tests {
             let mut mesh = Mesh::with_texture(id);
             let place = Rect::from_min_size(pos2(5.0, 9.0), egui::Vec2::splat(size));
             mesh.add_rect_with_uv(place, Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0)), Color32::WHITE);
-            drawn(mesh, 32, 0, &textures)
+            draw_mesh(mesh, 32, 0, &textures)
         };
         let pixels = shown(8.0);
         for y in 0..8 {

@@ -17,18 +17,18 @@ pub struct Software {
     surface: Surface<Arc<Window>, Arc<Window>>,
     textures: Textures,
     /// Texture with the last frame of each view, if it has one.
-    pictures: Vec<Option<TextureId>>,
+    view_textures: Vec<Option<TextureId>>,
 }
 
 impl Software {
     pub fn new(window: &Arc<Window>) -> Result<Software, SoftBufferError> {
         let surface = Surface::new(&Context::new(window.clone())?, window.clone())?;
-        let pictures = vec![None; crate::state::view::MAX_VIEWS];
-        Ok(Software { surface, textures: Textures::default(), pictures })
+        let view_textures = vec![None; crate::state::view::MAX_VIEWS];
+        Ok(Software { surface, textures: Textures::default(), view_textures })
     }
 
-    pub fn pictures(&self) -> Vec<Option<TextureId>> {
-        self.pictures.clone()
+    pub fn view_textures(&self) -> Vec<Option<TextureId>> {
+        self.view_textures.clone()
     }
 
     /// Draws one frame of the window, like [`super::gpu::Gpu::draw`].
@@ -39,35 +39,35 @@ impl Software {
         pixels_per_point: f32,
         mut textures: TexturesDelta,
         frames: &BTreeMap<usize, Frame>,
-        before: impl FnOnce(),
+        before_present: impl FnOnce(),
     ) -> Result<bool, SoftBufferError> {
-        self.textures.change(&mut textures);
+        self.textures.apply_changes(&mut textures);
         for (view, frame) in frames {
             let id = TextureId::User(*view as u64);
             let texture = |old| Texture::opaque(old, frame.width, frame.height, &frame.rgba);
             self.textures.insert(id, texture);
-            if let Some(picture) = self.pictures.get_mut(*view) {
-                *picture = Some(id);
+            if let Some(view_texture) = self.view_textures.get_mut(*view) {
+                *view_texture = Some(id);
             }
         }
-        let drawn = self.show(size, primitives, pixels_per_point, before);
+        let drawn = self.present(size, primitives, pixels_per_point, before_present);
         self.textures.free(&mut textures);
         drawn
     }
 
-    fn show(
+    fn present(
         &mut self,
         [width, height]: [u32; 2],
         primitives: &[ClippedPrimitive],
         pixels_per_point: f32,
-        before: impl FnOnce(),
+        before_present: impl FnOnce(),
     ) -> Result<bool, SoftBufferError> {
         let (Some(w), Some(h)) = (NonZeroU32::new(width), NonZeroU32::new(height)) else { return Ok(false) };
         self.surface.resize(w, h)?;
         let mut pixels = self.surface.buffer_mut()?;
         pixels.fill(0);
         raster::draw(&mut pixels, width as usize, primitives, pixels_per_point, &self.textures);
-        before();
+        before_present();
         pixels.present()?;
         Ok(true)
     }

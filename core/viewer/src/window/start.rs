@@ -29,11 +29,11 @@ const PACKAGES: [(&str, &str); 8] = [
     ("wayland library", "libwayland-client0"),
 ];
 
-pub(crate) fn event_loop() -> Result<EventLoop<WindowMessage>, ViewerError> {
+pub(crate) fn create_event_loop() -> Result<EventLoop<WindowMessage>, ViewerError> {
     let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
     let windows = cfg!(windows) || cfg!(target_os = "macos");
     if !windows && !set("DISPLAY") && !set("WAYLAND_DISPLAY") && !set("WAYLAND_SOCKET") {
-        return Err(no_window("there is no display: neither WAYLAND_DISPLAY nor DISPLAY is set"));
+        return Err(window_error("there is no display: neither WAYLAND_DISPLAY nor DISPLAY is set"));
     }
     // xkbcommon-dl panics if the library is missing; the panic is reported as our own error.
     let hook = take_hook();
@@ -50,8 +50,8 @@ pub(crate) fn event_loop() -> Result<EventLoop<WindowMessage>, ViewerError> {
     set_hook(hook);
     match made {
         Ok(Ok(events)) => Ok(events),
-        Ok(Err(error)) => Err(no_window(&error.to_string())),
-        Err(panic) => Err(no_window(panic_message(&*panic))),
+        Ok(Err(error)) => Err(window_error(&error.to_string())),
+        Err(panic) => Err(window_error(panic_message(&*panic))),
     }
 }
 
@@ -97,7 +97,7 @@ fn panic_message(panic: &(dyn Any + Send)) -> &str {
 }
 
 /// Error about a window that cannot be opened. `why`: message of the system.
-pub(crate) fn no_window(why: &str) -> ViewerError {
+pub(crate) fn window_error(why: &str) -> ViewerError {
     let why = without_source_location(why);
     let package = PACKAGES.iter().find(|(part, _)| why.contains(part));
     let package = package.map_or_else(String::new, |(_, names)| format!("\n    hint: apt install {names}"));
@@ -113,7 +113,7 @@ fn without_source_location(why: &str) -> &str {
 }
 
 /// Starts the renderer that `choreo render` would use. Custom shaders require Vulkan, so that a software driver is accepted for them, too.
-pub fn renderer(
+pub fn start_renderer(
     effects: Vec<Effect>,
     shaders: Option<PathBuf>,
     device: Device,
@@ -145,21 +145,21 @@ pub fn renderer(
 
 #[cfg(test)]
 mod tests {
-    fn no_window(why: &str) -> String {
-        super::no_window(why).to_string()
+    fn window_error(why: &str) -> String {
+        super::window_error(why).to_string()
     }
 
     #[test]
     fn a_missing_library_is_reported_with_its_package() {
-        let text = no_window("Library libxkbcommon-x11.so could not be loaded.");
+        let text = window_error("Library libxkbcommon-x11.so could not be loaded.");
         assert!(text.contains("apt install libxkbcommon-x11-0 libxkbcommon0\n"), "{text}");
-        let text = no_window("os error at /a/b/mod.rs:788: Failed to load one of xlib's shared libraries");
+        let text = window_error("os error at /a/b/mod.rs:788: Failed to load one of xlib's shared libraries");
         assert!(text.starts_with("cannot open a window: Failed to load one"), "{text}");
         assert!(text.contains("apt install libx11-6 libx11-xcb1 libxcursor1 libxi6\n"), "{text}");
-        assert!(no_window("libX11.so.6: cannot open").contains("libx11-6"));
-        assert!(no_window("The wayland library could not be loaded").contains("libwayland-client0"));
+        assert!(window_error("libX11.so.6: cannot open").contains("libx11-6"));
+        assert!(window_error("The wayland library could not be loaded").contains("libwayland-client0"));
         // No library is missing here, only a compositor.
-        assert!(!no_window("Could not find wayland compositor").contains("apt"));
-        assert!(!no_window("something else").contains("apt"));
+        assert!(!window_error("Could not find wayland compositor").contains("apt"));
+        assert!(!window_error("something else").contains("apt"));
     }
 }

@@ -1,7 +1,7 @@
 //! Swapchain of the window.
 
-use super::gpu_error::{GpuError, Named};
-use super::image::whole;
+use super::gpu_error::{ForObject, GpuError};
+use super::image::color_subresource_range;
 use ash::{khr, vk};
 
 pub(crate) struct Swapchain {
@@ -10,7 +10,7 @@ pub(crate) struct Swapchain {
     pub images: Vec<vk::Image>,
     pub views: Vec<vk::ImageView>,
     /// One semaphore per image, signaled when the image has been drawn.
-    pub drawn: Vec<vk::Semaphore>,
+    pub image_drawn: Vec<vk::Semaphore>,
     pub extent: vk::Extent2D,
     /// Size of the window that the swapchain was created for, pixels.
     pub window: [u32; 2],
@@ -67,17 +67,17 @@ impl Swapchain {
             .present_mode(vk::PresentModeKHR::FIFO)
             .clipped(true);
         // SAFETY: surface and device are alive; destroyed by `destroy`, here and below.
-        let raw = unsafe { loader.create_swapchain(&info, None) }.named("swapchain")?;
+        let raw = unsafe { loader.create_swapchain(&info, None) }.for_object("swapchain")?;
         let mut made = Swapchain {
             loader,
             raw,
             images: Vec::new(),
             views: Vec::new(),
-            drawn: Vec::new(),
+            image_drawn: Vec::new(),
             extent,
             window,
         };
-        match made.views(device, format.format) {
+        match made.create_views(device, format.format) {
             Ok(()) => Ok(made),
             Err(e) => {
                 made.destroy(device);
@@ -86,28 +86,28 @@ impl Swapchain {
         }
     }
 
-    fn views(&mut self, device: &ash::Device, format: vk::Format) -> Result<(), GpuError> {
+    fn create_views(&mut self, device: &ash::Device, format: vk::Format) -> Result<(), GpuError> {
         // SAFETY: as above.
         self.images =
-            unsafe { self.loader.get_swapchain_images(self.raw) }.named("images of the swapchain")?;
+            unsafe { self.loader.get_swapchain_images(self.raw) }.for_object("images of the swapchain")?;
         for image in &self.images {
             let info = vk::ImageViewCreateInfo::default()
                 .image(*image)
                 .view_type(vk::ImageViewType::TYPE_2D)
                 .format(format)
-                .subresource_range(whole());
+                .subresource_range(color_subresource_range());
             // SAFETY: as above.
             unsafe {
-                self.views.push(device.create_image_view(&info, None).named("view of the swapchain")?);
+                self.views.push(device.create_image_view(&info, None).for_object("view of the swapchain")?);
                 let semaphore = device.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
-                self.drawn.push(semaphore.named("semaphore")?);
+                self.image_drawn.push(semaphore.for_object("semaphore")?);
             }
         }
         Ok(())
     }
 
     /// Acquires the next image. `None` if the surface has changed and a new swapchain is needed.
-    pub fn next(&self, signal: vk::Semaphore) -> Result<Option<u32>, GpuError> {
+    pub fn acquire_next(&self, signal: vk::Semaphore) -> Result<Option<u32>, GpuError> {
         const NANOS_PER_SEC: u64 = 1_000_000_000;
         // SAFETY: the semaphore is unsignaled and no frame waits for it.
         match unsafe {
@@ -116,20 +116,20 @@ impl Swapchain {
             // A suboptimal swapchain is still presented, and replaced afterwards.
             Ok((index, _)) => Ok(Some(index)),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),
-            Err(e) => Err(e).named("next image of the window"),
+            Err(e) => Err(e).for_object("next image of the window"),
         }
     }
 
     /// Presents an image. Returns whether the swapchain still fits the window.
     pub fn present(&self, queue: vk::Queue, index: u32) -> Result<bool, GpuError> {
-        let (chains, indices, wait) = ([self.raw], [index], [self.drawn[index as usize]]);
+        let (chains, indices, wait) = ([self.raw], [index], [self.image_drawn[index as usize]]);
         let info =
             vk::PresentInfoKHR::default().swapchains(&chains).image_indices(&indices).wait_semaphores(&wait);
         // SAFETY: the image was acquired and drawn; the semaphore is signaled by the frame.
         match unsafe { self.loader.queue_present(queue, &info) } {
             Ok(suboptimal) => Ok(!suboptimal),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(false),
-            Err(e) => Err(e).named("showing a frame"),
+            Err(e) => Err(e).for_object("showing a frame"),
         }
     }
 
@@ -138,7 +138,7 @@ impl Swapchain {
         // SAFETY: made from this device, no longer used.
         unsafe {
             self.views.drain(..).for_each(|view| device.destroy_image_view(view, None));
-            self.drawn.drain(..).for_each(|semaphore| device.destroy_semaphore(semaphore, None));
+            self.image_drawn.drain(..).for_each(|semaphore| device.destroy_semaphore(semaphore, None));
             self.loader.destroy_swapchain(self.raw, None);
         }
         self.raw = vk::SwapchainKHR::null();

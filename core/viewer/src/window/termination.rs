@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Calls `close` once on the first signal, on a thread of its own.
-pub(super) fn watch(close: impl FnOnce() + Send + 'static) -> io::Result<()> {
+pub(super) fn watch_signals(close: impl FnOnce() + Send + 'static) -> io::Result<()> {
     let closes = Arc::new(AtomicBool::new(false));
     flag::register_conditional_default(SIGTERM, closes.clone())?;
     let (mut reader, writer) = UnixStream::pair()?;

@@ -86,7 +86,7 @@ fn a_modal_dialog_covers_other_text_and_takes_all_input() {
     desk.state_mut().viewer.selection = None;
     desk.run();
     let (row, ruler) = (desk.get_by_label("row hat").rect().center(), desk.get_by_label("time").rect());
-    let span = desk.state().viewer.span;
+    let span = desk.state().viewer.visible_span;
     desk.hover_at(row);
     desk.run();
     desk.drag_at(row);
@@ -101,7 +101,10 @@ fn a_modal_dialog_covers_other_text_and_takes_all_input() {
     desk.event(egui::Event::MouseWheel { unit, delta, phase, modifiers });
     desk.run_steps(8);
     let viewer = &desk.state().viewer;
-    assert_eq!((viewer.selection.clone(), viewer.playhead.is_playing(), viewer.span), (None, false, span));
+    assert_eq!(
+        (viewer.selection.clone(), viewer.playhead.is_playing(), viewer.visible_span),
+        (None, false, span)
+    );
     desk.key_press(egui::Key::Escape);
     desk.run();
     assert!(desk.state().viewer.offer.is_none());
@@ -242,7 +245,7 @@ fn a_model_dropped_on_the_viewport_is_placed_on_the_ground_under_the_pointer() {
     place.paint();
     let mut desk = place.harness(vec2(1500.0, 1000.0));
     let file = model(&desk.state().folder.path().canonicalize().unwrap());
-    let [left, top, right, bottom] = desk.state().viewer.views[0].place;
+    let [left, top, right, bottom] = desk.state().viewer.views[0].image_rect;
     let at = pos2(left + (right - left) * 0.75, top + (bottom - top) * 0.9);
     desk.hover_at(at);
     desk.run();
@@ -294,7 +297,7 @@ fn a_model_is_dropped_under_the_pointer_in_every_view() {
         }
         place.paint();
         desk.run();
-        let [left, top, right, bottom] = desk.state().viewer.views[0].place;
+        let [left, top, right, bottom] = desk.state().viewer.views[0].image_rect;
         let at = pos2(left + (right - left) * part[0], top + (bottom - top) * part[1]);
         desk.hover_at(at);
         desk.run();

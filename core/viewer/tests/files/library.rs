@@ -2,8 +2,8 @@
 
 use choreo_viewer::library::documents::Documents;
 use choreo_viewer::library::file_dialog::{FileDialog, Purpose};
-use choreo_viewer::library::folder::{FileKind, list, model_endings};
-use choreo_viewer::library::lessons::{find, within};
+use choreo_viewer::library::folder::{FileKind, list_folder, model_extensions};
+use choreo_viewer::library::lessons::{find_lessons, lessons_in};
 use choreo_viewer::library::templates::TEMPLATES;
 use choreo_viewer::state::shortcuts::{Chord, Shortcuts};
 
@@ -14,9 +14,9 @@ fn a_folder_shows_folders_scripts_and_models() {
     for name in ["b.rhai", "A.RHAI", "x.GLB", "notes.txt", ".hidden.glb", "own.importer.rhai", "glow.wgsl"] {
         std::fs::write(folder.path().join(name), "").unwrap();
     }
-    let endings = model_endings(&choreo::registry());
+    let endings = model_extensions(&choreo::registry());
     let names: Vec<(String, FileKind)> =
-        list(folder.path(), &endings).unwrap().into_iter().map(|e| (e.name, e.kind)).collect();
+        list_folder(folder.path(), &endings).unwrap().into_iter().map(|e| (e.name, e.kind)).collect();
     let expected = [
         ("zoo", FileKind::Folder),
         ("A.RHAI", FileKind::Script),
@@ -24,7 +24,7 @@ fn a_folder_shows_folders_scripts_and_models() {
         ("x.GLB", FileKind::Model),
     ];
     assert_eq!(names, expected.map(|(name, kind)| (name.to_string(), kind)));
-    assert!(list(&folder.path().join("nowhere"), &endings).is_err());
+    assert!(list_folder(&folder.path().join("nowhere"), &endings).is_err());
 }
 
 #[test]
@@ -46,10 +46,10 @@ fn lessons_are_numbered_scripts_and_folders_with_one() {
     ]
     .into_iter()
     .for_each(write);
-    let titles: Vec<String> = within(folder.path()).into_iter().map(|lesson| lesson.title).collect();
+    let titles: Vec<String> = lessons_in(folder.path()).into_iter().map(|lesson| lesson.title).collect();
     assert_eq!(titles, ["2 a", "3 b", "10 more of it"]);
-    assert!(within(&folder.path().join("nowhere")).is_empty());
-    assert!(find().len() > 40, "those of the sources");
+    assert!(lessons_in(&folder.path().join("nowhere")).is_empty());
+    assert!(find_lessons().len() > 40, "those of the sources");
 }
 
 #[test]
@@ -72,9 +72,9 @@ fn the_save_dialog_completes_names_and_never_overwrites_unasked() {
     assert_eq!(open.problem.as_deref(), Some("none.rhai: there is no such file"));
     open.name = "sub".into();
     assert_eq!((open.accept(), open.folder.clone()), (None, at.join("sub")));
-    open.go(&at.join("nowhere"));
+    open.change_folder(&at.join("nowhere"));
     assert_eq!(open.folder, at.join("sub"), "it stays where it was");
-    open.go(&at);
+    open.change_folder(&at);
     let first = open.entries.iter().find(|e| e.kind == FileKind::Script).unwrap().clone();
     open.choose(&first);
     assert_eq!(open.accept(), Some(at.join("a.rhai")));
@@ -92,7 +92,7 @@ fn recent_files_are_unique_and_newest_first() {
     (0..40).for_each(|n| documents.record_opened(&folder.path().join(n.to_string())));
     assert_eq!(documents.recent.len(), 12);
     std::fs::write(folder.path().join("scene.rhai"), "").unwrap();
-    documents.ask(Purpose::New(TEMPLATES[0]), Some(&folder.path().join("scene.rhai")));
+    documents.open_dialog(Purpose::New(TEMPLATES[0]), Some(&folder.path().join("scene.rhai")));
     assert_eq!(documents.dialog.unwrap().name, "scene_2.rhai");
 }
 
@@ -102,13 +102,13 @@ fn user_shortcuts_override_the_preset_and_the_defaults() {
     let file = folder.path().join("choreo").join(Shortcuts::FILE);
     assert_eq!(Shortcuts::read(&file), (Shortcuts::default(), None));
     let mut keys = Shortcuts { preset: "blender".into(), ..Shortcuts::default() };
-    assert_eq!(keys.text("scale", "B"), "S");
-    assert_eq!(keys.text("delete", "Delete"), "X, Delete");
-    assert_eq!(keys.text("play", "Space"), "Space");
-    keys.own.insert("delete".into(), "Ctrl+Shift+Backspace, alt+D".into());
-    keys.own.insert("play".into(), String::new());
-    assert_eq!(keys.text("delete", "Delete"), "Ctrl Shift Backspace, Alt D");
-    assert_eq!(keys.of("play", "Space"), []);
+    assert_eq!(keys.display_text("scale", "B"), "S");
+    assert_eq!(keys.display_text("delete", "Delete"), "X, Delete");
+    assert_eq!(keys.display_text("play", "Space"), "Space");
+    keys.user_keys.insert("delete".into(), "Ctrl+Shift+Backspace, alt+D".into());
+    keys.user_keys.insert("play".into(), String::new());
+    assert_eq!(keys.display_text("delete", "Delete"), "Ctrl Shift Backspace, Alt D");
+    assert_eq!(keys.chords_of("play", "Space"), []);
     std::fs::create_dir(file.parent().unwrap()).unwrap();
     let own = r#"{ "keys": { "delete": "Ctrl+Shift+Backspace, alt+D", "play": "" } }"#;
     std::fs::write(&file, own).unwrap();
@@ -123,6 +123,6 @@ fn user_shortcuts_override_the_preset_and_the_defaults() {
         let problem = Shortcuts::read(&file).1.unwrap();
         assert!(problem.contains(wrong), "{problem}");
     }
-    assert_eq!(Chord::read("Hyper+Z"), None);
-    assert_eq!(Chord::read("Ctrl+"), None);
+    assert_eq!(Chord::parse("Hyper+Z"), None);
+    assert_eq!(Chord::parse("Ctrl+"), None);
 }

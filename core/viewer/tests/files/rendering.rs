@@ -3,7 +3,7 @@
 use crate::place::Place;
 use choreo_viewer::commands::queue::{Job, JobState};
 use choreo_viewer::commands::test_report::Status;
-use choreo_viewer::commands::{AS_PROGRAM, Commands, OutputKind};
+use choreo_viewer::commands::{Commands, OutputKind, RUN_COMMAND_FLAG};
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::render_form::{Range, Size};
 use choreo_viewer::state::settings::Settings;
@@ -23,7 +23,7 @@ fn opened(script: &str, front: &str) -> Harness<'static, Place> {
     let mut place = Place::new(script);
     let folder = place.folder.path().to_path_buf();
     place.viewer.commands = Commands {
-        program: vec![env!("CARGO_BIN_EXE_choreo-view").into(), AS_PROGRAM.into()],
+        program: vec![env!("CARGO_BIN_EXE_choreo-view").into(), RUN_COMMAND_FLAG.into()],
         input: folder.join("a.rhai"),
         formats: Commands::formats_of(&choreo::registry()),
         ..Commands::default()

@@ -67,7 +67,7 @@ fn documents(like: &Path, cache: Option<PathBuf>) -> Documents {
 fn start_page(documents: Documents) -> Harness<'static, Desk> {
     let mut viewer = Viewer::new("start");
     viewer.documents = documents;
-    viewer.documents.start = true;
+    viewer.documents.shows_start_page = true;
     let ui = |ui: &mut egui::Ui, desk: &mut Desk| desk.panels.show(ui, &mut desk.viewer, &[None; 4], 0.0);
     let desk = Desk { viewer, panels: Panels::default() };
     let mut harness = Harness::builder().with_size(vec2(1200.0, 900.0)).build_ui_state(ui, desk);
@@ -109,7 +109,7 @@ fn the_start_page_opens_recent_files_and_lessons_shown_as_images() {
     fs::write(&lesson, PLAIN.replace("#204060", "#806020")).unwrap();
     let mut documents = documents(folder.path(), Some(folder.path().join("cache")));
     documents.recent = vec![recent.clone(), folder.path().join("gone.rhai")];
-    documents.lessons = lessons::within(&folder.path().join("lessons"));
+    documents.lessons = lessons::lessons_in(&folder.path().join("lessons"));
     let mut harness = start_page(documents);
     assert!(harness.query_by_label("gone.rhai").is_none(), "a file that is not there is not shown");
     let thumbnails = &mut harness.state_mut().viewer.documents.thumbnails;
@@ -124,16 +124,16 @@ fn the_start_page_opens_recent_files_and_lessons_shown_as_images() {
     // A lesson is opened as a copy, whose path is asked for.
     harness.get_by_label("1 first").click();
     harness.run();
-    assert_eq!(harness.state().viewer.documents.open, None);
+    assert_eq!(harness.state().viewer.documents.file_to_open, None);
     harness.get_by_label("Open a copy of the lesson");
     harness.get_by_label("Create").click();
     harness.run();
-    let copy = harness.state_mut().viewer.documents.open.take().unwrap();
+    let copy = harness.state_mut().viewer.documents.file_to_open.take().unwrap();
     assert_eq!(copy.canonicalize().unwrap(), folder.path().join("1_first.rhai").canonicalize().unwrap());
     assert_eq!(fs::read_to_string(&copy).unwrap(), fs::read_to_string(&lesson).unwrap());
     harness.get_by_label("film.rhai").click();
     harness.run();
-    assert_eq!(harness.state().viewer.documents.open, Some(recent));
+    assert_eq!(harness.state().viewer.documents.file_to_open, Some(recent));
 }
 
 /// A thumbnail is cached under a hash of the file's content, and then read from the cache.
@@ -224,7 +224,7 @@ fn every_template_loads_without_a_warning_and_can_be_saved() {
     let made = folder.path().join("scene.rhai");
     assert_eq!(fs::read_to_string(&made).unwrap(), TEMPLATES[2].text);
     assert_eq!(
-        harness.state().viewer.documents.open.as_ref().unwrap().canonicalize().unwrap(),
+        harness.state().viewer.documents.file_to_open.as_ref().unwrap().canonicalize().unwrap(),
         made.canonicalize().unwrap()
     );
     assert!(harness.state().viewer.documents.dialog.is_none());
@@ -235,15 +235,15 @@ fn opening_a_missing_script_offers_a_template() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("new/film.rhai");
     let mut harness = start_page(documents(folder.path(), None));
-    harness.state_mut().viewer.documents.start = false;
-    harness.state_mut().viewer.documents.missing = Some(file.clone());
+    harness.state_mut().viewer.documents.shows_start_page = false;
+    harness.state_mut().viewer.documents.missing_script = Some(file.clone());
     harness.run();
     harness.get_by_label("There is no such file");
     harness.get_by_label("One character").click();
     harness.run();
     assert_eq!(fs::read_to_string(&file).unwrap(), TEMPLATES[1].text);
     let documents = &mut harness.state_mut().viewer.documents;
-    assert_eq!((documents.open.take(), documents.missing.clone()), (Some(file), None));
+    assert_eq!((documents.file_to_open.take(), documents.missing_script.clone()), (Some(file), None));
 }
 
 #[test]
@@ -276,7 +276,7 @@ fn copying_a_lesson_copies_the_files_that_it_reads() {
     let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").canonicalize().unwrap();
     let mut viewer = Viewer::new("start");
     viewer.documents = documents(&scripts, None);
-    viewer.documents.lessons = lessons::within(&scripts);
+    viewer.documents.lessons = lessons::lessons_in(&scripts);
     // A lesson with a module, one with a model, and one with a folder of plugins.
     for (name, file) in [
         ("07_keys_and_frames", "modules/formations.rhai"),
@@ -285,12 +285,12 @@ fn copying_a_lesson_copies_the_files_that_it_reads() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         let index = viewer.documents.lessons.iter().position(|lesson| lesson.name == name).unwrap();
-        viewer.documents.ask(Purpose::Lesson(index), Some(&folder.path().join("x.rhai")));
+        viewer.documents.open_dialog(Purpose::Lesson(index), Some(&folder.path().join("x.rhai")));
         let proposed = viewer.documents.dialog.take().unwrap().name;
         assert_eq!(proposed, format!("{name}.rhai"));
         let to = folder.path().join(proposed);
         viewer.take_file(Purpose::Lesson(index), &to).unwrap();
-        assert_eq!(viewer.documents.open.as_ref(), Some(&to));
+        assert_eq!(viewer.documents.file_to_open.as_ref(), Some(&to));
         let lesson = &viewer.documents.lessons[index].file;
         assert_eq!(fs::read_to_string(&to).unwrap(), fs::read_to_string(lesson).unwrap());
         assert!(folder.path().join(file).is_file(), "{name}");
@@ -333,7 +333,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     // The preview shows the mannequin, and moves: its first image is the rest pose.
     let scene = harness.state().viewer.scene.clone().unwrap();
     let on = Some(("ada".to_string(), scene.number));
-    let subject = Subject { file: file.clone(), clip: Some(clip.name.clone()), on };
+    let subject = Subject { file: file.clone(), clip: Some(clip.name.clone()), character: on };
     let asset = scene.stage.actors[0].asset.clone();
     let preview = made(&mut harness.state_mut().viewer.documents.thumbnails, &subject, Some(&asset));
     assert_eq!((preview.frames.len(), preview.secs), (16, 1.0));
@@ -422,7 +422,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     harness.run_steps(4);
     let number = harness.state().viewer.scene.as_ref().unwrap().number;
     let on = Some(("ada".to_string(), number));
-    let subject = Subject { file: BUILT_IN.into(), clip: Some(clip.name.clone()), on };
+    let subject = Subject { file: BUILT_IN.into(), clip: Some(clip.name.clone()), character: on };
     let preview = made(&mut harness.state_mut().viewer.documents.thumbnails, &subject, Some(&asset));
     assert!((preview.secs - clip.secs).abs() < 1e-6, "{} {}", preview.secs, clip.secs);
     harness.run_steps(4);
@@ -496,7 +496,7 @@ camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
     let mut harness = place.harness(vec2(1500.0, 1000.0));
     open_assets(&mut harness);
     let tile = harness.get_by_label("wave.bvh").rect().center();
-    let [left, top, right, bottom] = harness.state().viewer.views[0].place;
+    let [left, top, right, bottom] = harness.state().viewer.views[0].image_rect;
     let at = egui::pos2(left + (right - left) * 0.5, top + (bottom - top) * 0.9);
     drag(&mut harness, tile, at);
     let dropped = harness.state_mut().viewer.dropped_models.take().unwrap();

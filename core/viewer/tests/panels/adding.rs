@@ -430,7 +430,7 @@ fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
 fn selecting_a_line_does_not_open_the_editor_by_itself() {
     let mut desk = harness_with_script(SCRIPT);
     desk.state_mut().viewer.editor = Editor { command: Some("no-such-editor --wait".into()), terminal: None };
-    desk.state_mut().viewer.go_to = Some(4);
+    desk.state_mut().viewer.script_scroll_line = Some(4);
     desk.run();
     let pos = desk.get_by_label_contains("   4 let ada").rect().left_center() + vec2(60.0, 0.0);
     let click = |desk: &mut Harness<'static, Place>, button, modifiers, times: usize| {
@@ -640,10 +640,10 @@ fn constraints_are_added_to_the_selected_actor() {
     place.reload_with(REACHING);
     place.viewer.playhead.seek(Time::from_secs(1.0));
     let joint = scene.stage.actors[0].asset.skeleton.find("LeftHand").unwrap();
-    place.viewer.joint = Some(JointRef { actor: "ada".into(), joint });
+    place.viewer.selected_joint = Some(JointRef { actor: "ada".into(), joint });
     place.viewer.add_constraint(&new(ConstraintCall::Reach, "ball")).unwrap();
     place.reload();
-    place.viewer.joint = None;
+    place.viewer.selected_joint = None;
     place.viewer.add_constraint(&new(ConstraintCall::LookAt, "ball")).unwrap();
     place.reload();
     assert!(place.viewer.problems.is_empty(), "{:?}", place.viewer.problems);

@@ -38,7 +38,7 @@ const STEPS: [&str; 6] = ["2_characters", "3_walks", "5_ends", "6_keys", "8_ligh
 
 /// Screen position of a time in the ruler.
 fn at(mouse: &Mouse, secs: f64) -> Pos2 {
-    let (ruler, span) = (mouse.find("time"), mouse.desk.state().viewer.span);
+    let (ruler, span) = (mouse.find("time"), mouse.desk.state().viewer.visible_span);
     let part = (secs - span.from) / (span.to - span.from);
     pos2(ruler.left() + part as f32 * ruler.width(), ruler.center().y)
 }

@@ -183,7 +183,7 @@ fn shortcuts_are_assigned_in_the_shortcut_list() {
         desk.get_by_label_contains("press a key");
         desk.key_press_modifiers(modifiers, key);
         desk.run();
-        let own = desk.state().viewer.shortcuts.own.get("split").cloned();
+        let own = desk.state().viewer.shortcuts.user_keys.get("split").cloned();
         (own, desk.query_by_label_contains("press a key").is_none())
     };
     let own = |keys: &str| (Some(keys.to_string()), true);
@@ -202,7 +202,7 @@ fn shortcuts_are_assigned_in_the_shortcut_list() {
     assert!(desk.query_by_label_contains("also: ").is_none());
     desk.get_by_label(&format!("usual key of {SPLIT}")).click();
     desk.run();
-    assert!(desk.state().viewer.shortcuts.own.is_empty());
+    assert!(desk.state().viewer.shortcuts.user_keys.is_empty());
     // Panels have shortcuts, too; Escape closes the list if it does not wait for a key.
     desk.get_by_label("key of panel Sequencer");
     assert_eq!(choose(&mut desk, Modifiers::NONE, Key::J), own("J"));
@@ -225,13 +225,13 @@ fn shortcut_conflicts_are_found_in_any_spelling() {
     desk.key_press(Key::F1);
     for written in ["H", "h", "KeyH"] {
         let own = [("split".to_string(), written.to_string())];
-        desk.state_mut().viewer.shortcuts.own = own.into_iter().collect();
+        desk.state_mut().viewer.shortcuts.user_keys = own.into_iter().collect();
         desk.run();
         desk.get_by_label("also: hide or show the selection");
         desk.get_by_label("also: split the selected clips at the playhead");
     }
     // Names of keys that contain the separator.
-    desk.state_mut().viewer.shortcuts.own.clear();
+    desk.state_mut().viewer.shortcuts.user_keys.clear();
     desk.state_mut().viewer.shortcuts.preset = "unity".into();
     desk.run();
     let texts = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
@@ -301,6 +301,6 @@ fn shortcuts_follow_the_preset_and_user_overrides() {
     desk.key_press(Key::Period);
     desk.run();
     assert_eq!(desk.state().viewer.playhead.frame(), 1);
-    desk.state_mut().viewer.shortcuts.own.insert("turn".into(), "Ctrl+Shift+J, J".into());
+    desk.state_mut().viewer.shortcuts.user_keys.insert("turn".into(), "Ctrl+Shift+J, J".into());
     assert_eq!((tool(&mut desk, Key::E), tool(&mut desk, Key::J)), (Tool::Move, Tool::Turn));
 }

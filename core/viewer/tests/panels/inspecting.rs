@@ -272,7 +272,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
     }
     dropped(&mut place, &files);
     assert_eq!(place.viewer.message.as_deref(), Some("a.rhai left out: a script is shown alone"));
-    assert!(!place.viewer.faulty, "{:?}", place.viewer.problems);
+    assert!(!place.viewer.is_faulty, "{:?}", place.viewer.problems);
     let reported =
         |p: &Problem| p.file.ends_with("broken.obj") && p.severity == choreo_script::Severity::Warning;
     assert!(place.viewer.problems.iter().any(reported), "{:?}", place.viewer.problems);
@@ -294,7 +294,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
     place.reload();
     let broken = files[1].clone();
     dropped(&mut place, &[broken.clone(), broken]);
-    assert!(place.viewer.faulty && place.viewer.problems.len() == 2);
+    assert!(place.viewer.is_faulty && place.viewer.problems.len() == 2);
     assert!(place.viewer.add_previewed_files().unwrap_err().to_string().contains("cannot be read"));
     assert_eq!(place.text(), SCRIPT);
 }

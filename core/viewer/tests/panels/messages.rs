@@ -16,7 +16,7 @@ fn viewer_messages(script: &Path) -> String {
     let scene = version.scene.clone();
     viewer.take_version(version);
     if let Some(scene) = scene {
-        let messages = check::messages(&scene, &source, &|| true).unwrap();
+        let messages = check::check_scene(&scene, &source, &|| true).unwrap();
         viewer.take_messages(scene.number, &messages);
         // Messages about another version arrive late and are ignored.
         viewer.take_messages(scene.number + 1, &[choreo_session::Problem::warning("late")]);
@@ -59,6 +59,6 @@ fn checking_stops_when_the_scene_is_replaced() {
     let scene =
         Session::new(source.clone(), &choreo::registry(), false).unwrap().build(BTreeSet::new()).scene;
     let scene = scene.unwrap();
-    assert!(check::messages(&scene, &source, &|| true).is_some_and(|messages| !messages.is_empty()));
-    assert!(check::messages(&scene, &source, &|| false).is_none());
+    assert!(check::check_scene(&scene, &source, &|| true).is_some_and(|messages| !messages.is_empty()));
+    assert!(check::check_scene(&scene, &source, &|| false).is_none());
 }

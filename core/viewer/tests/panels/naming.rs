@@ -109,7 +109,7 @@ fn every_interactive_widget_has_an_accessible_name() {
         desk.run();
         note(&mut all, &desk, tab);
     }
-    desk.state_mut().viewer.documents.ask(Purpose::New(TEMPLATES[0]), None);
+    desk.state_mut().viewer.documents.open_dialog(Purpose::New(TEMPLATES[0]), None);
     desk.run();
     note(&mut all, &desk, "file dialog");
     desk.state_mut().viewer.documents.dialog = None;
@@ -120,7 +120,7 @@ fn every_interactive_widget_has_an_accessible_name() {
         note(&mut all, &desk, &format!("{key:?}"));
     }
     desk.key_press(egui::Key::Escape);
-    desk.state_mut().viewer.documents.start = true;
+    desk.state_mut().viewer.documents.shows_start_page = true;
     desk.run();
     note(&mut all, &desk, "start page");
     assert!(all.is_empty(), "without a name:\n{}", all.into_iter().collect::<Vec<_>>().join("\n"));

@@ -219,7 +219,9 @@ fn a_faulty_script_keeps_the_last_good_scene_and_reports_the_error() {
     harness.run_steps(2);
     harness.get_by_label("faulty: the last good version is shown");
     let viewer = &harness.state().viewer;
-    assert!(viewer.faulty && viewer.problems[0].to_string().contains("Waev") && viewer.problems[0].line == 5);
+    assert!(
+        viewer.is_faulty && viewer.problems[0].to_string().contains("Waev") && viewer.problems[0].line == 5
+    );
     assert_eq!((viewer.views[0].camera.clone(), viewer.selection.clone()), before);
     assert_eq!((viewer.playhead.frame(), viewer.playhead.is_playing()), (62, true));
     assert!(viewer.timeline.rows.iter().any(|r| r.label == "ada" && r.bars.len() == 2));
@@ -289,7 +291,7 @@ fn the_image_is_redrawn_at_each_display_scale() {
         let rect = harness.get_by_label("picture").rect();
         let viewer = &mut harness.state_mut().viewer;
         let asked = viewer.next_request();
-        viewer.views[0].waiting = false;
+        viewer.views[0].is_waiting = false;
         (rect, viewer.views[0].panel_size, asked.map(|a| a.size))
     };
     let (first, room, size) = native(&mut harness, 1.0);

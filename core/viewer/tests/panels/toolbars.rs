@@ -201,7 +201,7 @@ fn timeline_toolbar_entries_keep_their_places() {
         seek(&mut mouse, 0.0);
         assert_eq!(places(&mouse, "1.00 to 2.04 s", size).len(), 1, "the part that is played, {width}");
         assert_eq!(all(&mouse), before, "a part that is played, {width}");
-        mouse.desk.state_mut().viewer.tempo.per_minute = 90.0;
+        mouse.desk.state_mut().viewer.tempo.beats_per_minute = 90.0;
         mouse.desk.run();
         assert_eq!((all(&mouse), places(&mouse, "first beat", size)), (before, first), "a tempo, {width}");
     }
@@ -217,7 +217,10 @@ fn overlays_are_toggled_in_one_menu() {
         let overlays = |mouse: &Mouse| mouse.desk.state().viewer.views[0].overlays;
         let before = overlays(&mouse);
         mouse.menu(&["Show", "Bounds", "Safe areas"]);
-        assert_eq!([overlays(&mouse).bounds, overlays(&mouse).safe], [!before.bounds, !before.safe]);
+        assert_eq!(
+            [overlays(&mouse).bounds, overlays(&mouse).safe_areas],
+            [!before.bounds, !before.safe_areas]
+        );
         mouse.click_at(egui::pos2(width - 20.0, 580.0));
         assert!(mouse.desk.query_by_label("Safe areas").is_none(), "a click beside it closes it");
     }

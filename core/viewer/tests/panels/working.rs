@@ -74,7 +74,7 @@ fn the_tree_hides_isolates_and_locks_actors() {
     assert_eq!(hidden(&mut desk), Some(vec![0]));
     click(&mut desk, "hide ada");
     click(&mut desk, "solo bob");
-    desk.state_mut().viewer.views[0].waiting = false;
+    desk.state_mut().viewer.views[0].is_waiting = false;
     assert_eq!(hidden(&mut desk), Some(vec![0, 2]));
     click(&mut desk, "solo bob");
     // The search finds joints, too, and typed letters are not shortcuts.
@@ -170,7 +170,7 @@ fn the_performance_panel_counts_draws_and_caps_the_frame_rate() {
     desk.get_by_role_and_label(Role::ComboBox, "at most").click();
     desk.run();
     click(&mut desk, "15 frames a second");
-    assert_eq!(desk.state().viewer.performance.cap, Some(15));
+    assert_eq!(desk.state().viewer.performance.max_fps, Some(15));
 }
 
 #[test]
@@ -189,13 +189,13 @@ fn a_view_follows_an_actor_flies_and_uses_any_camera() {
     assert_eq!(desk.state().viewer.views[0].camera, ViewCamera::Named("near".into()));
     let viewport_camera = desk.state_mut().viewer.next_request().unwrap().camera;
     assert_eq!(viewport_camera, ViewportCamera::Camera(1));
-    desk.state_mut().viewer.views[0].waiting = false;
+    desk.state_mut().viewer.views[0].is_waiting = false;
     click(&mut desk, "script's camera");
     click(&mut desk, "row ada");
     click(&mut desk, "follow");
     let following = desk.state_mut().viewer.next_request().unwrap().camera;
     assert!(matches!(following, ViewportCamera::Following { actor: 0, .. }), "{following:?}");
-    desk.state_mut().viewer.views[0].waiting = false;
+    desk.state_mut().viewer.views[0].is_waiting = false;
     click(&mut desk, "follow");
     // While W is held with the pointer over the image, the camera walks forward, here along -z.
     let before = place(&desk);
@@ -239,7 +239,8 @@ fn picking_selects_the_actor_drawn_at_the_pointer() {
                 continue;
             };
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), |_| true);
+            let picked =
+                picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray_through(at), |_| true);
             assert_eq!(picked, expected, "at {x}, {y}");
             seen[expected.map_or(2, |a| a)] += 1;
         }
@@ -285,7 +286,8 @@ fn a_skinned_gltf_model_is_picked_where_it_is_drawn() {
                 continue;
             }
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray(at), |_| true);
+            let picked =
+                picking::pick_actor(&scene.stage, &shown.snapshot, projection.ray_through(at), |_| true);
             assert_eq!(picked.is_none(), back, "at {x}, {y}");
             seen[usize::from(back)] += 1;
         }
@@ -365,7 +367,7 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
     desk.get_by_label("marker hello");
     click(&mut desk, "seconds");
     assert!(!desk.state().viewer.in_seconds);
-    assert_eq!(desk.state().viewer.shown_time(Time::from_secs(1.0)), "frame 25");
+    assert_eq!(desk.state().viewer.time_text(Time::from_secs(1.0)), "frame 25");
     click(&mut desk, "frames");
     // The playback range is set by keys, and removed by its button.
     for (secs, key) in [(1.0, Key::I), (2.0, Key::O)] {
@@ -380,9 +382,9 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
     assert_eq!(desk.state().viewer.snapped(1.013), 1.0);
     click(&mut desk, "Snap");
     assert_eq!(desk.state().viewer.snapped(1.013), 1.013);
-    desk.state_mut().viewer.span.zoom(4.0, 0.0, 100.0, 4.0);
+    desk.state_mut().viewer.visible_span.zoom(4.0, 0.0, 100.0, 4.0);
     click(&mut desk, "Whole");
-    assert_eq!(desk.state().viewer.span, choreo_viewer::state::span::Span::whole(4.0));
+    assert_eq!(desk.state().viewer.visible_span, choreo_viewer::state::span::Span::whole(4.0));
     // The end of a bar and a cut are dragged with the mouse.
     for (label, secs, expected) in
         [("end of Walk in row 1", 3.0, ".until(3.0)"), ("start of near in row 0", 2.0, ".cut(2.0)")]
@@ -391,7 +393,7 @@ fn the_sequencer_shows_times_in_the_chosen_unit() {
         // Grabbed beside its center, the handle keeps that offset.
         let from = desk.get_by_label(label).rect().center();
         let was = desk.state().viewer.timeline.rows.iter().flat_map(|row| &row.bars);
-        let was = was.flat_map(|bar| [bar.start, bar.until]).map(choreo_motion::Time::as_secs);
+        let was = was.flat_map(|bar| [bar.start, bar.draggable_end]).map(choreo_motion::Time::as_secs);
         let x = |secs: f64| ruler.left() + ruler.width() * secs as f32 / 4.0;
         let was = was.min_by(|a, b| (x(*a) - from.x).abs().total_cmp(&(x(*b) - from.x).abs())).unwrap();
         drag(&mut desk, from, from + vec2(x(secs) - x(was), 0.0));
@@ -465,5 +467,5 @@ fn the_viewer_is_fully_usable_by_keyboard() {
     press(&mut desk, none, Key::F1);
     assert!(has(&desk, "list of shortcuts"));
     press(&mut desk, Modifiers::COMMAND, Key::Q);
-    assert!(desk.state().viewer.quit);
+    assert!(desk.state().viewer.should_close);
 }

@@ -222,7 +222,7 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
     assert_eq!(desk.state().text(), rolled);
     desk.state_mut().reload();
     let bars = desk.state().viewer.timeline.rows[1].bars.clone();
-    assert_eq!((bars[0].until, bars[1].start), (Time::from_secs(2.6), Time::from_secs(2.6)));
+    assert_eq!((bars[0].draggable_end, bars[1].start), (Time::from_secs(2.6), Time::from_secs(2.6)));
     assert_eq!(bars.iter().map(|bar| bar.strip.unwrap().trim[0]).collect::<Vec<_>>(), [0.0, 0.0]);
     back(&mut desk);
     // Each clip keeps a positive length.
@@ -455,13 +455,13 @@ fn upper_layers_are_edited_like_the_base_layer() {
         desk.get_by_label(&format!("{label} on ada{}", if layer == 0 { "" } else { " +1" })).click();
         desk.run();
         let at = desk.get_by_label(&format!("speed of {label}")).rect().center();
-        drag(&mut desk, at, at + vec2((7.0 - bar.until.as_secs() as f32) * by, 0.0));
+        drag(&mut desk, at, at + vec2((7.0 - bar.draggable_end.as_secs() as f32) * by, 0.0));
         desk.state_mut().reload();
         desk.run();
         let now = desk.state().viewer.timeline.rows[row].bars[1].clone();
-        let speed = (bar.until - bar.start).as_secs() / (7.0 - bar.start.as_secs());
+        let speed = (bar.draggable_end - bar.start).as_secs() / (7.0 - bar.start.as_secs());
         assert!((now.strip.unwrap().speed - speed).abs() < 1e-3, "{label}: {}", desk.state().text());
-        assert_eq!(now.until, Time::from_secs(7.0));
+        assert_eq!(now.draggable_end, Time::from_secs(7.0));
         let at = desk.get_by_label(&format!("weight of {label}")).rect().center();
         drag(&mut desk, at, at + vec2(0.0, 8.0));
         desk.state_mut().reload();
@@ -527,7 +527,7 @@ fn bars_snap_to_beats() {
     desk.run();
     desk.key_press(egui::Key::Enter);
     desk.run();
-    assert_eq!(desk.state().viewer.tempo.per_minute, 80.0);
+    assert_eq!(desk.state().viewer.tempo.beats_per_minute, 80.0);
     // The tempo is kept for the script and for its copy.
     let Place { folder, viewer, .. } = desk.state_mut();
     let (script, copy) = (folder.path().join("a.rhai"), folder.path().join("b.rhai"));
@@ -537,7 +537,7 @@ fn bars_snap_to_beats() {
         let mut again = Viewer::new("again");
         (again.documents.recent, again.documents.tempos) = (vec![script.clone()], tempos.clone());
         again.record_opened(file);
-        assert_eq!(again.tempo.per_minute, bpm, "{}", file.display());
+        assert_eq!(again.tempo.beats_per_minute, bpm, "{}", file.display());
     }
     for (layer, label, from) in [(1, "Bow on ada +1", 1.0), (0, "Run on ada", 2.0)] {
         let bar = desk.get_by_label(label).rect();

@@ -93,7 +93,7 @@ fn moving_a_clip_boundary_changes_the_end_of_the_first_clip() {
     assert_eq!(place.text(), SCRIPT.replace(".until(2.0)", ".until(1.6)"));
     place.reload();
     let bars = &place.viewer.timeline.rows[1].bars;
-    assert_eq!((bars[0].until, bars[1].start), (Time::from_secs(1.6), Time::from_secs(1.6)));
+    assert_eq!((bars[0].draggable_end, bars[1].start), (Time::from_secs(1.6), Time::from_secs(1.6)));
 }
 
 #[test]

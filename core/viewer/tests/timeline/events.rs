@@ -43,12 +43,12 @@ fn rows_have_their_events_at_the_right_times() {
         place.viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues[0].clip.duration.as_secs();
     let heels = (0..).map(|n| 0.5 + 0.2 + f64::from(n) * round).take_while(|t| *t < 2.0);
     let mut expected: Vec<(f64, EventKind, String)> =
-        heels.map(|t| (t, EventKind::Mark, "heel of Walk".to_string())).collect();
+        heels.map(|t| (t, EventKind::Marker, "heel of Walk".to_string())).collect();
     assert!(!expected.is_empty());
     expected.extend([
         (0.0, EventKind::Key, "position".into()),
-        (1.0, EventKind::Body, "position, look begins".into()),
-        (2.5, EventKind::Body, "look ends".into()),
+        (1.0, EventKind::Constraint, "position, look begins".into()),
+        (2.5, EventKind::Constraint, "look ends".into()),
         (3.0, EventKind::Key, "position".into()),
     ]);
     expected.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -58,7 +58,7 @@ fn rows_have_their_events_at_the_right_times() {
         assert!((found.0 - expected.0).abs() < 1e-6, "{found:?} for {expected:?}");
         assert_eq!((found.1, &found.2), (expected.1, &expected.2));
     }
-    let entrance = |at, what: &str| (at, EventKind::Entrance, what.to_string());
+    let entrance = |at, what: &str| (at, EventKind::Visibility, what.to_string());
     assert_eq!(events_of("bob"), [entrance(1.5, "goes"), entrance(3.0, "appears")]);
     let hello = "\u{201c}Hello there\u{201d}";
     let titles: Vec<(f64, f64, &str)> = row(timeline, "titles")
@@ -90,7 +90,7 @@ fn clicking_an_event_seeks_to_it_and_hovering_names_it() {
     let viewer = &desk.state().viewer;
     let fps = viewer.playhead.fps();
     let all = viewer.timeline.rows.iter().flat_map(|row| {
-        row.events.iter().map(|e| e.at).chain(row.bars.iter().flat_map(|bar| [bar.start, bar.until]))
+        row.events.iter().map(|e| e.at).chain(row.bars.iter().flat_map(|bar| [bar.start, bar.draggable_end]))
     });
     let mut all: Vec<i64> = all
         .chain([Time::from_secs(2.2)])

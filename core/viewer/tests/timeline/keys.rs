@@ -614,7 +614,7 @@ cast(\"ball\", cube).key(\"scale\", [[0.0, 1], [0.333333333, 0.333], [2.0, 0.333
 fn curves_are_fitted_to_the_view_when_first_shown() {
     let mut desk = harness_with_script();
     let shown = choreo_viewer::state::span::Span { from: 3.0, to: 3.5 };
-    desk.state_mut().viewer.span = shown;
+    desk.state_mut().viewer.visible_span = shown;
     desk.state_mut().viewer.curves.time = shown;
     desk.state_mut().viewer.curves.values = choreo_viewer::state::span::Span { from: 100.0, to: 101.0 };
     desk.state_mut().viewer.selection = Some(ball());
@@ -629,7 +629,7 @@ fn curves_are_fitted_to_the_view_when_first_shown() {
         );
         assert!(curves.values.from <= 0.0 && curves.values.to >= 720.0, "{:?}", curves.values);
         assert!(desk.query_by_label("key rotation at 50").is_some());
-        assert_eq!(desk.state().viewer.span, shown);
+        assert_eq!(desk.state().viewer.visible_span, shown);
     };
     fits(&desk);
     // A view set by the user stays until Fit is pressed.
@@ -816,7 +816,7 @@ fn the_easing_menu_fits_the_window_in_columns() {
 #[test]
 fn the_speed_at_a_key_is_one_sided() {
     let mut place = Place::new(SCRIPT);
-    place.viewer.curves.speed = true;
+    place.viewer.curves.shows_speed = true;
     let speed = |name: &str, secs: f64| {
         place.viewer.curves.displayed_values(
             &property(&place, &ball(), name),

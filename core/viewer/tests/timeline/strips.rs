@@ -83,7 +83,7 @@ fn trims_rolls_and_slips_change_only_their_own_part() {
     place.reload();
     assert!(farthest(&late, &pose(&place, 3.6)) < 2e-3);
     let bars = &place.viewer.timeline.rows[1].bars;
-    assert_eq!((bars[0].until, bars[1].start), (Time::from_secs(2.6), Time::from_secs(2.6)));
+    assert_eq!((bars[0].draggable_end, bars[1].start), (Time::from_secs(2.6), Time::from_secs(2.6)));
     place.viewer.undo().unwrap();
     place.reload();
     // One second of the wave, which lasts 3 s, is visible.

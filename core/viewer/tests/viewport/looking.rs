@@ -50,7 +50,7 @@ fn on_screen(desk: &Desk, world: DVec3) -> Pos2 {
 fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let viewer = &desk.state().viewer;
     let view = &viewer.views[view];
-    let [left, top, right, bottom] = view.place.map(f64::from);
+    let [left, top, right, bottom] = view.image_rect.map(f64::from);
     let camera = view.displayed_camera(&viewer.scene.as_ref().unwrap().stage).unwrap();
     let projection =
         ViewProjection::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
@@ -261,7 +261,7 @@ fn a_joint_is_picked_and_its_trail_is_where_frames_have_it() {
     let mut desk = harness_with_script();
     desk.state_mut().viewer.views[0].overlays.skeletons = true;
     desk.state_mut().viewer.views[0].overlays.trail = true;
-    desk.state_mut().viewer.views[0].overlays.onion = true;
+    desk.state_mut().viewer.views[0].overlays.onion_skins = true;
     painted(&mut desk);
     let viewer = &desk.state().viewer;
     let scene = viewer.scene.clone().unwrap();
@@ -274,7 +274,7 @@ fn a_joint_is_picked_and_its_trail_is_where_frames_have_it() {
     let at = on_screen(&desk, place(&viewer.shown().unwrap().snapshot));
     click_at(&mut desk, at);
     let wanted = JointRef { actor: "ada".into(), joint: hand };
-    assert_eq!(desk.state().viewer.joint, Some(wanted));
+    assert_eq!(desk.state().viewer.selected_joint, Some(wanted));
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
     let end = Instant::now() + Duration::from_secs(60);
     let trail = loop {

@@ -35,14 +35,14 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
         whole.size
     );
     assert!(!whole.moving);
-    viewer.views[0].waiting = false;
+    viewer.views[0].is_waiting = false;
     viewer.playhead.play(0.0);
     viewer.reduction.record_duration(90.0, 40.0);
     let half = viewer.next_request().unwrap();
     assert!(half.moving);
     assert!((half.size[0] * 2).abs_diff(whole.size[0]) <= 1, "{:?} of {:?}", half.size, whole.size);
     // The image has full resolution again once the view rests.
-    viewer.views[0].waiting = false;
+    viewer.views[0].is_waiting = false;
     viewer.playhead.pause();
     assert_eq!(viewer.next_request().unwrap().size, whole.size);
 }
@@ -94,7 +94,7 @@ fn the_reduced_quality_note_is_elided_with_a_tooltip() {
     });
     place.panels = Panels::new(&Settings { layout: Some(layout), ..Settings::default() });
     let mut desk = place.harness(vec2(1200.0, 500.0));
-    let image = desk.state().viewer.views[0].place;
+    let image = desk.state().viewer.views[0].image_rect;
     let texts = drawn(&desk, "½ resolution");
     assert_eq!(texts.len(), 1);
     assert!(texts[0].right() <= image[2], "{texts:?} in {image:?}");
@@ -148,12 +148,12 @@ fn turn(desk: &mut Desk, at: Pos2) {
 fn the_wheel_zooms_the_sequencer_and_scrolls_over_the_names() {
     let mut desk = harness_with_script();
     let ruler = desk.get_by_label("time").rect();
-    let before = desk.state().viewer.span;
+    let before = desk.state().viewer.visible_span;
     turn(&mut desk, pos2(ruler.left() - 40.0, ruler.bottom() + 30.0));
-    assert_eq!(desk.state().viewer.span, before);
+    assert_eq!(desk.state().viewer.visible_span, before);
     let at = pos2(ruler.left() + ruler.width() * 0.25, ruler.bottom() + 30.0);
     turn(&mut desk, at);
-    let after = desk.state().viewer.span;
+    let after = desk.state().viewer.visible_span;
     assert!(after.to - after.from < (before.to - before.from) * 0.9, "{after:?}");
     // The time under the pointer stays in place.
     let under = |span: choreo_viewer::state::span::Span| span.from + 0.25 * (span.to - span.from);

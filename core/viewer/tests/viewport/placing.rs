@@ -102,7 +102,7 @@ fn a_change_that_does_not_load_is_undone() {
     let lamp = Selected::Light(2);
     place.viewer.set_value(&lamp, "intensity", "\"much\"").unwrap();
     assert!(!place.show_version(), "the script has an error");
-    assert_eq!((place.text(), place.viewer.faulty), (script.clone(), false));
+    assert_eq!((place.text(), place.viewer.is_faulty), (script.clone(), false));
     let why = place.viewer.message.clone().unwrap_or_default();
     assert!(why.starts_with("undone, because the script would not load: "), "{why}");
     assert!(place.show_version());
@@ -112,7 +112,7 @@ fn a_change_that_does_not_load_is_undone() {
     let faulty = place.text().replace("50.0", "\"much\"");
     place.write(&faulty);
     assert!(!place.show_version());
-    assert_eq!((place.text(), place.viewer.faulty), (faulty, true));
+    assert_eq!((place.text(), place.viewer.is_faulty), (faulty, true));
 }
 
 #[test]

@@ -6,9 +6,9 @@ use glam::{Vec2, Vec4};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 /// Stack size: a quarter of the default of threads.
-const STACK: usize = 512 << 10;
+const STACK_BYTES: usize = 512 << 10;
 
-const KINDS: [&str; 17] = [
+const NESTING_KINDS: [&str; 17] = [
     "chain",
     "comparisons",
     "else_ifs",
@@ -87,7 +87,7 @@ fn compile_with_naga(text: &str) {
 }
 
 fn run_on_small_stack(work: impl FnOnce() + Send + 'static) {
-    std::thread::Builder::new().stack_size(STACK).spawn(work).unwrap().join().unwrap();
+    std::thread::Builder::new().stack_size(STACK_BYTES).spawn(work).unwrap().join().unwrap();
 }
 
 /// The largest depth that is not refused for its depth.
@@ -113,7 +113,7 @@ fn deepest_accepted(kind: &str) -> usize {
 /// overflow a whole one at 1,500 `else if`s, at 4,000 operators, structs or members and at 6,000 constants.)
 #[test]
 fn accepted_texts_need_little_stack() {
-    for kind in KINDS {
+    for kind in NESTING_KINDS {
         let n = deepest_accepted(kind);
         println!("{kind}: {n}");
         let text = nested_text(kind, n);
@@ -164,9 +164,9 @@ fn long_flat_texts_are_accepted() {
 #[test]
 fn a_byte_order_mark_shifts_no_column() {
     let text = "\u{feff}// effect: marked\n// texture t = a.png: it\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return colour; }";
-    assert_eq!(choreo_wgsl_effect::name(text).as_deref(), Some("marked"));
-    assert!(choreo_wgsl_effect::is_meant(text));
-    assert_eq!(choreo_wgsl_effect::files(text), ["a.png"]);
+    assert_eq!(choreo_wgsl_effect::effect_name(text).as_deref(), Some("marked"));
+    assert!(choreo_wgsl_effect::declares_effect(text));
+    assert_eq!(choreo_wgsl_effect::texture_files(text), ["a.png"]);
     let error = compile(text).err().unwrap();
     assert!(error.starts_with("deep.wgsl:3:84: no definition in scope for identifier: `colour`"), "{error}");
     let first = compile("\u{feff}// effect: Marked").err().unwrap();

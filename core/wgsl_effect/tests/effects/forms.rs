@@ -9,8 +9,8 @@ use choreo_wgsl_effect::WgslEffect;
 use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
-const LINE: &str = "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Line";
-const TRIANGLE: &str = "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Triangle";
+const LINE_FUNCTION: &str = "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Line";
+const TRIANGLE_FUNCTION: &str = "fn effect(index: u32, actor: ActorSample, p: array<f32, 8>) -> Triangle";
 
 fn effect(text: &str) -> WgslEffect {
     WgslEffect::from_text("my.wgsl", text).unwrap_or_else(|e| panic!("{e}\n{text}"))
@@ -83,7 +83,7 @@ fn overlay_lines_read_the_actor_around_which_they_are_drawn() {
         test_scene(&[(&asset, translated(5.0, 0.0, 0.0)), (&asset, translated(0.0, 0.0, 7.0) * quarter)]);
     let all = |from: &str, to: &str, width: &str| {
         let body = format!("return Line({from}, {to}, {width}, vec4(f32(index), p[n], actor.time, 0.5));");
-        scene.draw(&overlay("// count: n", LINE, &body), &[2.0])
+        scene.draw(&overlay("// count: n", LINE_FUNCTION, &body), &[2.0])
     };
     let made = all("actor.position", "actor.high - actor.low", "f32(actor.number) + 1.0");
     assert_eq!((made.strokes.len(), made.over, made.left_out.len()), (4, false, 0));
@@ -106,7 +106,8 @@ fn overlay_lines_read_the_actor_around_which_they_are_drawn() {
 fn overlay_lines_are_drawn_for_each_placement_of_a_model() {
     let places = [1.0, 2.0, 3.0].map(|x| Affine3A::from_translation(Vec3::X * x));
     let mut scene = test_scene(&[(&three_joint_asset(&places), translated(0.0, 0.0, 4.0))]);
-    let dots = overlay("// count: 1", LINE, "return Line(joint(1u), actor.position, 3.0, vec4(1.0));");
+    let dots =
+        overlay("// count: 1", LINE_FUNCTION, "return Line(joint(1u), actor.position, 3.0, vec4(1.0));");
     let at = |made: Overlay| made.strokes.iter().map(|s| [s.from.x, s.from.y, s.to.z]).collect::<Vec<_>>();
     assert_eq!(at(scene.draw(&dots, &[])), [[1.0, 2.0, 4.0], [2.0, 2.0, 4.0], [3.0, 2.0, 4.0]]);
     scene.snapshot.actors[0].copies = Some(2);
@@ -120,7 +121,7 @@ fn overlay_lines_read_previous_positions_of_joints() {
     let places = [0.0, 9.0].map(|x| Affine3A::from_translation(Vec3::X * x));
     let mut scene = test_scene(&[(&three_joint_asset(&places), translated(0.0, 0.0, 4.0))]);
     let trail = "return Line(previous_joint(index, 1u), previous_in_world(index, vec3(1.0, 0.0, 0.0)), 1.0, vec4(1.0));";
-    let trail = overlay("// count: 4\n// history: 2", LINE, trail);
+    let trail = overlay("// count: 4\n// history: 2", LINE_FUNCTION, trail);
     assert_eq!(trail.history(&[0.0; 8]), 2);
     let at = |scene: &TestScene| {
         scene
@@ -145,7 +146,7 @@ fn overlay_lines_read_previous_positions_of_joints() {
     scene.before[1].actors[0].visible = false;
     assert_eq!(at(&scene)[1..3], [then(0.0, 3.0), now(0.0)]);
     let without = error_message(&format!(
-        "// effect: a\n// hook: overlay\n// count: 1\n{LINE} {{ return Line(previous_joint(1u, 0u), vec3(0.0), 1.0, vec4(1.0)); }}"
+        "// effect: a\n// hook: overlay\n// count: 1\n{LINE_FUNCTION} {{ return Line(previous_joint(1u, 0u), vec3(0.0), 1.0, vec4(1.0)); }}"
     ));
     assert!(without.contains("no definition in scope for identifier: `previous_joint`"), "{without}");
 }
@@ -155,7 +156,7 @@ fn overlay_joints_are_found_by_name() {
     let scene = test_scene(&[(&three_joint_asset(&[]), translated(5.0, 0.0, 0.0))]);
     let header = "// count: 1\n// joint end = no_such|tip: a bone\n// joint middle = between: none of the bones\n// joint tail = tail: not there";
     let text = "return Line(joint(end()), joint(middle()) + joint(tail()), 1.0, vec4(f32(end()), f32(middle()), f32(parent(middle())), f32(actor.joints) / 4.0));";
-    let made = scene.draw(&overlay(header, LINE, text), &[]);
+    let made = scene.draw(&overlay(header, LINE_FUNCTION, text), &[]);
     let line = made.strokes[0];
     assert_eq!((line.from, line.to), (DVec3::new(5.0, 2.0, 0.0), DVec3::new(10.0, 1.0, 0.0)));
     assert_eq!(line.color, Vec4::new(1.0, 2.0, 0.0, 0.5));
@@ -168,7 +169,8 @@ fn overlay_triangles_are_drawn_once_for_the_scene_and_over_it() {
     let scene = test_scene(&[(&asset, translated(-3.0, 0.0, 0.0)), (&asset, translated(4.0, 0.0, 1.0))]);
     let text =
         "return Triangle(actor.low, actor.high, vec3(f32(index)), vec4(0.1, 0.2, 0.3, 2.0 - f32(index)));";
-    let made = scene.draw(&overlay("// count: n\n// over: thru\n// of: scene", TRIANGLE, text), &[3.0, 1.0]);
+    let made = scene
+        .draw(&overlay("// count: n\n// over: thru\n// of: scene", TRIANGLE_FUNCTION, text), &[3.0, 1.0]);
     // Opacities are clamped to 1, and invisible triangles are left out.
     assert_eq!((made.triangles.len(), made.strokes.len(), made.over), (2, 0, true));
     let corners = [DVec3::new(-3.0, 0.0, 0.0), DVec3::new(4.0, 2.0, 1.0), DVec3::ONE];
@@ -176,15 +178,17 @@ fn overlay_triangles_are_drawn_once_for_the_scene_and_over_it() {
         (made.triangles[1].vertices, made.triangles[1].color),
         (corners, Vec4::new(0.1, 0.2, 0.3, 1.0))
     );
-    let per_scene = overlay("// count: n\n// of: scene", TRIANGLE, text);
-    assert!(!per_scene.applies_to_actors() && overlay("// count: n", TRIANGLE, text).applies_to_actors());
+    let per_scene = overlay("// count: n\n// of: scene", TRIANGLE_FUNCTION, text);
+    assert!(
+        !per_scene.applies_to_actors() && overlay("// count: n", TRIANGLE_FUNCTION, text).applies_to_actors()
+    );
     assert_eq!(per_scene.hook(), Hook::Overlay);
 }
 
 #[test]
 fn elements_that_cannot_be_drawn_are_reported() {
     let scene = test_scene(&[(&three_joint_asset(&[]), DAffine3::IDENTITY)]);
-    let made = |body: &str, n: f32| scene.draw(&overlay("// count: n", LINE, body), &[n, 0.0]);
+    let made = |body: &str, n: f32| scene.draw(&overlay("// count: n", LINE_FUNCTION, body), &[n, 0.0]);
     let bad = made("return Line(vec3(0.0), vec3(1.0 / f32(index % 2u)), 1.0, vec4(1.0));", 10.0);
     // Renderers report lines whose color marks a fault.
     let faulty = |made: &Overlay| made.strokes.iter().filter(|s| !s.color.is_finite()).count();
@@ -242,7 +246,7 @@ fn header_errors_have_their_line_and_a_suggestion() {
     let line = |body: &str| {
         of(
             "// hook: overlay\n// count: 4\n// param amount = 1 in 0..2: much",
-            &format!("{LINE} {{\n{body}\n}}"),
+            &format!("{LINE_FUNCTION} {{\n{body}\n}}"),
         )
     };
     assert_eq!(
@@ -262,7 +266,7 @@ fn header_errors_have_their_line_and_a_suggestion() {
         "my.wgsl:8:5: a line or triangle takes more than 100000 steps; does a loop never end?"
     );
     let long = "  var x = 0.0;\n  for (var i = 0; i < 3000; i++) { x += 1.0; }\n  return Line(vec3(x), vec3(0.0), 1.0, vec4(1.0));";
-    let many = of("// hook: overlay\n// count: 9000", &format!("{LINE} {{\n{long}\n}}"));
+    let many = of("// hook: overlay\n// count: 9000", &format!("{LINE_FUNCTION} {{\n{long}\n}}"));
     assert!(
         many.starts_with("my.wgsl:4:1: 9000 times up to ") && many.ends_with("give it a smaller count"),
         "{many}"

@@ -14,7 +14,7 @@ fn compile_error(text: &str) -> EffectError {
 }
 
 /// Function texts of an effect on pixels, with their messages.
-const BODIES: &[(&str, &str)] = &[
+const BODIES_AND_MESSAGES: &[(&str, &str)] = &[
     ("    return vec4(color.rgb, 1.0) * uv;", "3:12: * cannot work with vec4<f32> and vec2<f32>"),
     ("    return color.rgb;", "3:12: effect returns vec4<f32>, this value is vec3<f32>"),
     ("    return colr;", "3:12: no definition in scope for identifier: `colr`; did you mean \"color\"?"),
@@ -140,7 +140,7 @@ const BODIES: &[(&str, &str)] = &[
 ];
 
 /// Texts below the header, with their messages. FUNCTION stands for the declaration of an effect on pixels.
-const TEXTS: &[(&str, &str)] = &[
+const TEXTS_AND_MESSAGES: &[(&str, &str)] = &[
     (
         "fn half(x: f32) -> f32 { return 0.5 * x; }\nFUNCTION { return color * half(uv); }",
         "3:92: half: x is f32, this value is vec2<f32>",
@@ -204,8 +204,8 @@ const TEXTS: &[(&str, &str)] = &[
 
 #[test]
 fn each_error_is_worded_in_the_terms_of_wgsl() {
-    let bodies = BODIES.iter().map(|(body, expected)| (pixel_effect(body), *expected));
-    let texts = TEXTS
+    let bodies = BODIES_AND_MESSAGES.iter().map(|(body, expected)| (pixel_effect(body), *expected));
+    let texts = TEXTS_AND_MESSAGES
         .iter()
         .map(|(text, expected)| (format!("// effect: a\n{}", text.replace("FUNCTION", FUNCTION)), *expected));
     let mut wrong = Vec::new();
