@@ -62,7 +62,7 @@ pub fn read<'a>(
 pub(crate) struct Reader<'a, 'b, 'f> {
     file: &'a File<'f>,
     images: &'b mut ImageTable<'a>,
-    textures: bool,
+    wants_textures: bool,
     place: &'b str,
     /// Glossiness factor of a specular-glossiness material.
     glossy: Option<f32>,

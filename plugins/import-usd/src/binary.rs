@@ -114,7 +114,7 @@ pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
     }
     let (tokens, strings, fields, field_sets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let paths = Vec::new();
-    let mut reader = Reader { all, budget, version, tokens, strings, fields, field_sets, paths };
+    let mut reader = Reader { file: all, budget, version, tokens, strings, fields, field_sets, paths };
     let mut list = all.with_offset(head.u64()?);
     let mut sections: BTreeMap<String, Cursor<'_>> = BTreeMap::new();
     for _ in 0..list.read_count(32)? {

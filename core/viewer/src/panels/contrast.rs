@@ -67,8 +67,8 @@ fn both_themes_meet_wcag_aa_contrast() {
         set_colors(&context, light);
         let visuals = context.style_of(theme).visuals.clone();
         for (name, text, ground) in text_colors(&visuals) {
-            let ratio = self::contrast_ratio(text, ground);
-            if contrast_ratio < 4.5 {
+            let ratio = contrast_ratio(text, ground);
+            if ratio < 4.5 {
                 faults.push(format!("{theme:?}: {name}: {ratio:.2}, {text:?} on {ground:?}"));
             }
         }
@@ -77,8 +77,8 @@ fn both_themes_meet_wcag_aa_contrast() {
             ("the mark of a checkbox", visuals.widgets.inactive.fg_stroke.color),
             ("the outline of the keyboard's place", visuals.selection.stroke.color),
         ] {
-            let ratio = self::contrast_ratio(edge, visuals.panel_fill);
-            if contrast_ratio < 3.0 {
+            let ratio = contrast_ratio(edge, visuals.panel_fill);
+            if ratio < 3.0 {
                 faults.push(format!("{theme:?}: {name}: {ratio:.2}"));
             }
         }
@@ -86,15 +86,15 @@ fn both_themes_meet_wcag_aa_contrast() {
     // Names of bars are white; those of disabled bars are drawn on the panel, two thirds of which show through.
     let bars = (0..2 * BAR_COLORS.len()).map(bar_color);
     for ground in bars.chain([ERROR_BAR_COLOR, WARNING_BAR_COLOR]) {
-        let ratio = self::contrast_ratio(Color32::WHITE, ground);
-        if contrast_ratio < 4.5 {
+        let ratio = contrast_ratio(Color32::WHITE, ground);
+        if ratio < 4.5 {
             faults.push(format!("a bar: {ratio:.2}, white on {ground:?}"));
         }
         for theme in [Theme::Dark, Theme::Light] {
             let visuals = context.style_of(theme).visuals.clone();
             let ground = visuals.panel_fill.blend(ground.gamma_multiply(DISABLED_OPACITY));
-            let ratio = self::contrast_ratio(disabled_text_color(&visuals), ground);
-            if contrast_ratio < 4.5 {
+            let ratio = contrast_ratio(disabled_text_color(&visuals), ground);
+            if ratio < 4.5 {
                 faults.push(format!("{theme:?}: a bar that is off: {ratio:.2}, on {ground:?}"));
             }
         }
@@ -116,14 +116,14 @@ fn outlines_stand_out_from_bars_and_rows() {
         let disabled_bars = bars.iter().map(|bar| rows[0].blend(bar.gamma_multiply(DISABLED_OPACITY)));
         let [outer, inner] = outline_colors(&visuals);
         for row in rows {
-            let ratio = self::contrast_ratio(outer, row);
-            if contrast_ratio < 3.0 {
+            let ratio = contrast_ratio(outer, row);
+            if ratio < 3.0 {
                 faults.push(format!("{theme:?}: an outline: {ratio:.2}, {outer:?} on {row:?}"));
             }
         }
         for bar in bars.iter().copied().chain(disabled_bars) {
-            let ratio = self::contrast_ratio(inner, bar).max(self::contrast_ratio(outer, bar));
-            if contrast_ratio < 3.0 {
+            let ratio = contrast_ratio(inner, bar).max(contrast_ratio(outer, bar));
+            if ratio < 3.0 {
                 faults.push(format!("{theme:?}: an outline: {ratio:.2} on the bar {bar:?}"));
             }
         }

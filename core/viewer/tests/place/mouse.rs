@@ -19,7 +19,7 @@ struct TextureRecorder(Rc<RefCell<Textures>>);
 impl TestRenderer for TextureRecorder {
     fn handle_delta(&mut self, delta: &mut TexturesDelta) {
         let mut textures = self.0.borrow_mut();
-        textures.change(delta);
+        textures.apply_changes(delta);
         textures.free(delta);
     }
 }
