@@ -76,7 +76,7 @@ const GUIDE: &[(&str, &str)] = guide![
 ];
 
 /// The pages of the guide, the command line, the viewer and the built-in plugins.
-pub fn pages() -> Vec<(&'static str, &'static str)> {
+pub(crate) fn pages() -> Vec<(&'static str, &'static str)> {
     [PAGES, crate::PLUGIN_PAGES, effects::PAGES, GUIDE].concat()
 }
 

@@ -1,12 +1,12 @@
 //! Reasons why a command ends without a result, and the exit code of each.
 
 use choreo_files::WriteError;
-pub use choreo_files::describe_error;
+pub(crate) use choreo_files::describe_error;
 use choreo_script::{Diagnostic, Severity, printable, steers_terminal};
 use serde_json::json;
 
 #[derive(Debug)]
-pub enum Failure {
+pub(crate) enum Failure {
     /// An error in the script, the model or another input.
     Input(Vec<Problem>),
     /// An error in the command line.
@@ -73,11 +73,11 @@ impl Problem {
 }
 
 impl Failure {
-    pub fn input(text: impl Into<String>) -> Failure {
+    pub(crate) fn input(text: impl Into<String>) -> Failure {
         Failure::Input(vec![Problem::Text(text.into())])
     }
 
-    pub fn exit_code(&self) -> u8 {
+    pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Failure::Input(_) | Failure::Tests(_) | Failure::Rows(_) => 1,
             Failure::Usage(_) => 2,
@@ -93,7 +93,7 @@ impl Failure {
     }
 
     /// Lines to print on standard error.
-    pub fn message_lines(&self) -> Vec<String> {
+    pub(crate) fn message_lines(&self) -> Vec<String> {
         match self {
             Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),
             Failure::Usage(text) => vec![format!("{text}\n    see choreo --help")],
@@ -109,7 +109,7 @@ impl Failure {
         }
     }
 
-    pub fn json(&self) -> serde_json::Value {
+    pub(crate) fn json(&self) -> serde_json::Value {
         let kind = match self {
             Failure::Input(_) => "input",
             Failure::Usage(_) => "usage",
@@ -132,7 +132,7 @@ impl Failure {
 }
 
 /// Writes to standard output, without characters that would control a terminal. If the reader of a pipe has gone, the program ends quietly.
-pub fn print(text: &str) -> Result<(), Failure> {
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
     let shown = printable(text);

@@ -41,7 +41,7 @@ const OPTIONS_WITH_DEFAULTS: [&str; 15] = [
 ];
 
 /// Adds default options to the command line: first those of the input's `choreo.toml`, then those of the program.
-pub fn with_project_options(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> {
+pub(crate) fn with_project_options(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> {
     let args = with_options_of_file(args, |name, given| match given.get_flag("no_project_file") {
         true => Ok(None),
         false if packed_input(given).is_some() => {
@@ -150,7 +150,7 @@ pub(crate) fn project_root(input: &Path) -> Option<PathBuf> {
 }
 
 /// Folders in the input's `choreo.toml`, as options of the viewer.
-pub fn viewer_folder_options(input: &Path, app: &App) -> Result<Vec<OsString>, Failure> {
+pub(crate) fn viewer_folder_options(input: &Path, app: &App) -> Result<Vec<OsString>, Failure> {
     let Some(path) = folder_of_input(input).and_then(|start| find_project_file(&start)) else {
         return Ok(Vec::new());
     };

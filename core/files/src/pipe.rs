@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 const READER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Opens the pipe or device `name` for writing. Fails if it is a regular file.
-pub fn open(folder: &Folder, name: &Path) -> Result<File, WriteError> {
+pub(crate) fn open(folder: &Folder, name: &Path) -> Result<File, WriteError> {
     let file = retry_until_reader(|| {
         folder.open_for_writing(name).map_err(|e| WriteError::at(folder.path().join(name), e))
     })?;

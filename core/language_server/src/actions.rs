@@ -7,7 +7,7 @@ use choreo_script::describe;
 use serde_json::{Value, json};
 
 /// Code actions for the diagnostics that the client sends.
-pub fn actions(view: &View, uri: &str, diagnostics: &[Value]) -> Value {
+pub(crate) fn actions(view: &View, uri: &str, diagnostics: &[Value]) -> Value {
     let mut found = Vec::new();
     for diagnostic in diagnostics.iter().filter(|d| d["source"] == "choreo") {
         let message = diagnostic["message"].as_str().unwrap_or_default();

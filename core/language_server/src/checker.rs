@@ -15,10 +15,10 @@ use std::time::{Duration, Instant};
 const TEST_SECTIONS_TIME_LIMIT: Duration = Duration::from_secs(5);
 
 /// Unsaved texts by canonical path.
-pub type UnsavedTexts = Arc<BTreeMap<PathBuf, Arc<str>>>;
+pub(crate) type UnsavedTexts = Arc<BTreeMap<PathBuf, Arc<str>>>;
 
 /// A script to be run.
-pub struct Job {
+pub(crate) struct Job {
     pub uri: String,
     pub version: i64,
     /// Path of the script, even if it was never saved; `None` for a text without a path.
@@ -30,7 +30,7 @@ pub struct Job {
 }
 
 /// The result of a run.
-pub struct CheckResult {
+pub(crate) struct CheckResult {
     pub uri: String,
     pub version: i64,
     pub diagnostics: Vec<Diagnostic>,
@@ -51,7 +51,7 @@ struct Queue {
 }
 
 /// The thread that runs scripts.
-pub struct Checker {
+pub(crate) struct Checker {
     queue: Arc<(Mutex<Queue>, Condvar)>,
 }
 
@@ -61,7 +61,7 @@ fn lock_queue(queue: &Mutex<Queue>) -> MutexGuard<'_, Queue> {
 
 impl Checker {
     /// Starts the thread, which calls `send_result` with each result.
-    pub fn start(
+    pub(crate) fn start(
         host: Arc<dyn Host>,
         assets: AssetCache,
         send_result: impl Fn(CheckResult) + Send + 'static,
@@ -96,7 +96,7 @@ impl Checker {
         Checker { queue }
     }
 
-    pub fn submit(&self, job: Job) {
+    pub(crate) fn submit(&self, job: Job) {
         let mut queue = lock_queue(&self.queue.0);
         queue.jobs.retain(|other| other.uri != job.uri);
         queue.jobs.push(job);

@@ -8,7 +8,7 @@ use choreo_plugin::color;
 use serde_json::{Value, json};
 
 /// All strings that are colors: `"#rrggbb"` anywhere, color names only where a color is expected.
-pub fn colors(view: &View) -> Value {
+pub(crate) fn colors(view: &View) -> Value {
     let source = view.source;
     let mut found = Vec::new();
     for token in 0..source.tokens.len() {

@@ -14,10 +14,10 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-pub const RENDER: &str = "choreo.renderFrame";
-pub const TEST: &str = "choreo.runTest";
+pub(crate) const RENDER: &str = "choreo.renderFrame";
+pub(crate) const TEST: &str = "choreo.runTest";
 pub(crate) const VIEW: &str = "choreo.openViewer";
-pub const NAMES: [&str; 3] = [RENDER, TEST, VIEW];
+pub(crate) const NAMES: [&str; 3] = [RENDER, TEST, VIEW];
 
 /// Time that a viewer may take to fail; one that runs longer is assumed to show the script.
 const VIEWER_START_TIME: Duration = Duration::from_secs(2);
@@ -25,7 +25,7 @@ const VIEWER_START_TIME: Duration = Duration::from_secs(2);
 const POLL: Duration = Duration::from_millis(15);
 
 /// A command of the client, with the resolved file and time.
-pub struct CommandRequest {
+pub(crate) struct CommandRequest {
     pub id: Value,
     pub name: String,
     pub script: PathBuf,
@@ -42,7 +42,7 @@ pub struct CommandRequest {
 
 /// Running commands, and the folder for their output.
 #[derive(Default)]
-pub struct RunningCommands {
+pub(crate) struct RunningCommands {
     jobs: Vec<Job>,
     folder: Option<PathBuf>,
 }
@@ -56,7 +56,7 @@ struct Job {
 
 impl RunningCommands {
     /// Starts a command on its own thread, which sends the response.
-    pub fn start(
+    pub(crate) fn start(
         &mut self,
         request: CommandRequest,
         host: &dyn Host,
@@ -100,7 +100,7 @@ impl RunningCommands {
     }
 
     /// Cancels the command with this request id or progress token.
-    pub fn cancel(&self, id: &Value) {
+    pub(crate) fn cancel(&self, id: &Value) {
         let is_meant = |job: &&Job| job.id == *id || job.progress.as_ref() == Some(id);
         self.jobs.iter().filter(is_meant).for_each(|job| job.stop.store(true, Ordering::Relaxed));
     }

@@ -33,7 +33,7 @@ enum ItemKind {
 }
 
 /// Completion items collected for one request.
-pub struct Items<'v> {
+pub(crate) struct Items<'v> {
     view: &'v View<'v>,
     /// Text of the client, to which positions in the reply refer. In code inside an interpolated string, `view` has a different text.
     client_source: &'v Source,
@@ -67,7 +67,7 @@ impl<'t> Item<'t> {
 /// Largest number of items in a list.
 const MAX_ITEMS: usize = 1500;
 
-pub fn complete(view: &View, byte: usize) -> Value {
+pub(crate) fn complete(view: &View, byte: usize) -> Value {
     match view.source.with_code_of_string(byte) {
         Some(source) => complete_in(&view.with_source(&source), view.source, byte),
         None => complete_in(view, view.source, byte),
@@ -593,7 +593,7 @@ fn nested_map_keys(about: &str) -> Vec<String> {
 }
 
 /// Description of a value, such as "Actor of knight.glb".
-pub fn describe_value(value: &ScriptValue) -> String {
+pub(crate) fn describe_value(value: &ScriptValue) -> String {
     let mut words = value.kind.clone();
     if let Some(name) = value.name.as_ref().filter(|_| value.is_handle() && value.kind != "Asset") {
         words.push_str(&format!(" \"{name}\""));

@@ -7,7 +7,7 @@ use choreo_script::is_opening_bracket;
 
 /// A call around the cursor.
 #[derive(Clone, Debug)]
-pub struct CallSite {
+pub(crate) struct CallSite {
     /// Token of the function name.
     pub name: usize,
     /// Token of the opening parenthesis.
@@ -26,7 +26,7 @@ pub struct CallSite {
 
 impl CallSite {
     /// API entry of the call, if it is known. If the type of the receiver is unknown, the method of any type.
-    pub fn entry(&self, source: &Source) -> Option<&'static Entry> {
+    pub(crate) fn entry(&self, source: &Source) -> Option<&'static Entry> {
         let name = source.get(self.name);
         match &self.receiver {
             None => describe::entry("", name),
@@ -127,7 +127,7 @@ fn is_keyword_before_parenthesis(source: &Source, name: usize) -> bool {
 }
 
 /// Keys that an object map already has, except for the one at the cursor.
-pub fn present_keys(source: &Source, open: usize, byte: usize) -> Vec<String> {
+pub(crate) fn present_keys(source: &Source, open: usize, byte: usize) -> Vec<String> {
     let end = source.matching_bracket(open).unwrap_or(source.tokens.len());
     let mut keys = Vec::new();
     let mut index = open + 1;

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Messages of a run by URI. The script itself always has an entry, even without messages.
-pub fn diagnostics_by_uri(
+pub(crate) fn diagnostics_by_uri(
     checked: &CheckResult,
     source: &Source,
     folder: Option<&Path>,
@@ -173,7 +173,7 @@ impl CheckedScript<'_> {
 }
 
 /// The suggested name in a message that contains `did you mean "NAME"?`.
-pub fn suggestion(message: &str) -> Option<&str> {
+pub(crate) fn suggestion(message: &str) -> Option<&str> {
     message.split("did you mean \"").nth(1)?.split("\"?").next()
 }
 

@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub struct Document {
+pub(crate) struct Document {
     pub uri: String,
     /// Path of the document, canonical if its folder exists; `None` for a text without a path, such as `untitled:Untitled-1`.
     pub path: Option<PathBuf>,
@@ -15,13 +15,13 @@ pub struct Document {
 }
 
 impl Document {
-    pub fn new(uri: &str, version: i64, text: &str) -> Document {
+    pub(crate) fn new(uri: &str, version: i64, text: &str) -> Document {
         let path = path_of(uri).map(canonical_path);
         Document { uri: uri.to_string(), path, version, source: Arc::new(Source::new(text)) }
     }
 
     /// Applies changes in the order of the protocol: each is relative to the text after the previous one.
-    pub fn apply_changes(&mut self, version: i64, changes: &[Value]) {
+    pub(crate) fn apply_changes(&mut self, version: i64, changes: &[Value]) {
         let mut text = self.source.text.to_string();
         for change in changes {
             let new = change["text"].as_str().unwrap_or_default();
@@ -38,7 +38,7 @@ impl Document {
     }
 
     /// Folder in which files of the script are looked for.
-    pub fn folder(&self) -> Option<&Path> {
+    pub(crate) fn folder(&self) -> Option<&Path> {
         self.path.as_deref().and_then(Path::parent)
     }
 }

@@ -7,20 +7,20 @@ use choreo_script::describe::{Entry, OptionEntry};
 use std::sync::Arc;
 
 /// Number and noun, such as "1 joint" or "3 joints".
-pub fn count_with_noun(number: usize, singular: &str) -> String {
+pub(crate) fn count_with_noun(number: usize, singular: &str) -> String {
     let plural_ending = if singular.ends_with('h') { "es" } else { "s" };
     format!("{number} {singular}{}", if number == 1 { "" } else { plural_ending })
 }
 
 /// Length of a clip, such as "1.20 s, 36 frames at 30 fps".
-pub fn clip_length(clip: &Clip, fps: f64) -> String {
+pub(crate) fn clip_length(clip: &Clip, fps: f64) -> String {
     let secs = clip.duration.as_secs();
     let frames = (secs * fps).round();
     format!("{secs:.2} s, {frames} frames at {fps} fps")
 }
 
 /// Description of a clip in a file.
-pub fn describe_clip(asset: &Asset, clip: &Arc<Clip>, fps: f64) -> String {
+pub(crate) fn describe_clip(asset: &Asset, clip: &Arc<Clip>, fps: f64) -> String {
     let motion =
         RootMotion::new(&asset.skeleton, clip, None, RootParts::default(), (Time::ZERO, clip.duration));
     let speed = motion.map_or(0.0, |motion| motion.velocity().with_y(0.0).length());
@@ -29,7 +29,7 @@ pub fn describe_clip(asset: &Asset, clip: &Arc<Clip>, fps: f64) -> String {
 }
 
 /// Description of the contents of a file.
-pub fn describe_file(asset: &Asset, fps: f64) -> String {
+pub(crate) fn describe_file(asset: &Asset, fps: f64) -> String {
     let primitives = || asset.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let triangles: usize =
         primitives().filter(|p| p.topology == Topology::Triangles).map(|p| p.indices.len() / 3).sum();
@@ -75,7 +75,7 @@ pub fn describe_file(asset: &Asset, fps: f64) -> String {
     lines.join("\n\n")
 }
 
-pub fn morph_names(asset: &Asset) -> Vec<String> {
+pub(crate) fn morph_names(asset: &Asset) -> Vec<String> {
     let mut names: Vec<String> = asset.meshes.iter().flat_map(|m| m.morph_names.iter().cloned()).collect();
     names.sort();
     names.dedup();
@@ -97,7 +97,7 @@ pub(crate) fn short_joints(skeleton: &Skeleton) -> Vec<Option<String>> {
 
 /// Description of a joint, such as "joint of `a.glb`, child of Hips, 3 joints below it". `name` may be a short name, such as LeftHand for
 /// hand.l.
-pub fn describe_joint(asset: &Asset, name: &str) -> Option<String> {
+pub(crate) fn describe_joint(asset: &Asset, name: &str) -> Option<String> {
     let skeleton = &asset.skeleton;
     let index = skeleton.find(name)?;
     let own = &skeleton.names()[index];
@@ -118,7 +118,7 @@ pub fn describe_joint(asset: &Asset, name: &str) -> Option<String> {
 }
 
 /// An entry of the reference as Markdown.
-pub fn describe_entry(entry: &Entry) -> String {
+pub(crate) fn describe_entry(entry: &Entry) -> String {
     use choreo_script::describe::Returns;
     let gives = match entry.returns {
         Returns::Nothing | Returns::Receiver => String::new(),
@@ -141,7 +141,7 @@ pub fn describe_entry(entry: &Entry) -> String {
 }
 
 /// Description of an option of a call.
-pub fn describe_option(entry: &Entry, option: &OptionEntry) -> String {
+pub(crate) fn describe_option(entry: &Entry, option: &OptionEntry) -> String {
     match option.about.is_empty() {
         true => format!("**{}** — option of `{}`", option.name, entry.full_name()),
         false => format!("**{}** — option of `{}`: {}", option.name, entry.full_name(), option.about),

@@ -21,7 +21,7 @@ const MAX_FOLDER_DEPTH: usize = 6;
 
 /// Contents of a file, as far as they are known.
 #[derive(Clone)]
-pub enum Contents {
+pub(crate) enum Contents {
     Loaded(Arc<Asset>),
     /// The file is being read.
     Reading,
@@ -29,7 +29,7 @@ pub enum Contents {
 }
 
 /// Contents of files, by script folder and name.
-pub struct Files {
+pub(crate) struct Files {
     pub cache: AssetCache,
     reads: BTreeMap<(PathBuf, String), Read>,
 }
@@ -42,13 +42,13 @@ struct Read {
 }
 
 impl Files {
-    pub fn new() -> Files {
+    pub(crate) fn new() -> Files {
         Files { cache: AssetCache::comparing_file_times(), reads: BTreeMap::new() }
     }
 
     /// Contents of a file, as a script in a folder loads it. Starts reading the file if necessary, and waits a moment. Tests may read
     /// everything below a root.
-    pub fn contents(
+    pub(crate) fn contents(
         &mut self,
         project: &Project,
         folder: &Path,
@@ -108,7 +108,7 @@ fn folders(project: &Project, folder: &Path, tests_root: Option<&Path>) -> Resul
 
 /// Names of files with the given extensions (all files if there are none) in the folder of a script and on the search paths, relative to
 /// these folders, with `/`. Hidden files and links to folders are left out.
-pub fn find_files(project: &Project, folder: &Path, extensions: &[String]) -> Vec<String> {
+pub(crate) fn find_files(project: &Project, folder: &Path, extensions: &[String]) -> Vec<String> {
     let mut found = Vec::new();
     let mut seen = 0;
     for root in std::iter::once(folder).chain(project.search.iter().map(PathBuf::as_path)) {
@@ -167,7 +167,7 @@ fn with_slashes(path: &Path) -> Option<String> {
 }
 
 /// Names of built-in assets, such as `choreo:mannequin`.
-pub fn built_in_names(project: &Project) -> Vec<String> {
+pub(crate) fn built_in_names(project: &Project) -> Vec<String> {
     built_in_assets(&project.registry).map(|(name, _)| name).collect()
 }
 

@@ -5,7 +5,7 @@ use choreo_script::format::edits;
 use serde_json::{Value, json};
 
 /// Edits that format the document, or only the lines in `range`. `null` if the text has errors; diagnostics show them.
-pub fn formatting(view: &View, range: Option<&Value>) -> Value {
+pub(crate) fn formatting(view: &View, range: Option<&Value>) -> Value {
     let source = view.source;
     let Ok(edits) = edits(&source.text) else { return Value::Null };
     let lines = range.map(|range| {

@@ -16,7 +16,7 @@ use std::ops::Range;
 /// Largest number of different times in a hint, if one call makes several cues.
 const MOST_TIMES: usize = 3;
 
-pub fn hints(view: &View, settings: &Settings, last: Option<&CheckResult>, range: &Value) -> Value {
+pub(crate) fn hints(view: &View, settings: &Settings, last: Option<&CheckResult>, range: &Value) -> Value {
     let source = view.source;
     let bytes = source.lines.bytes_of_range(&source.text, range);
     let mut found = Vec::new();
@@ -37,7 +37,7 @@ fn hint(source: &Source, byte: usize, label: &str, tooltip: String) -> Value {
 }
 
 /// A cue of the stage, with its place in the script and its end time.
-pub struct PlacedCue<'s> {
+pub(crate) struct PlacedCue<'s> {
     pub place: &'s Place,
     pub cue: &'s Cue,
     pub end: Time,
@@ -45,7 +45,7 @@ pub struct PlacedCue<'s> {
 
 /// All cues with their places in the script. A cue without an end lasts until its clip is over, until the next cue takes over, or until the
 /// stage ends.
-pub fn placed_cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
+pub(crate) fn placed_cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
     let mut found = Vec::new();
     for (actor, places) in stage.actors.iter().zip(&places.cues) {
         for (layer, places) in actor.layers.iter().zip(places) {
@@ -62,14 +62,14 @@ pub fn placed_cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s
 
 /// Maps lines of the text that was run to lines of the current text. A line that was edited since the run has no current line. Neither has
 /// a line whose text now occurs more or less often than in the text that was run.
-pub struct LineMap<'m> {
+pub(crate) struct LineMap<'m> {
     run_lines: Vec<&'m str>,
     /// Line numbers, from 0, at which each line text occurs: in the text that was run, and in the current text.
     line_numbers: BTreeMap<&'m str, [Vec<usize>; 2]>,
 }
 
 impl<'m> LineMap<'m> {
-    pub fn new(source: &'m Source, places: &'m Places) -> LineMap<'m> {
+    pub(crate) fn new(source: &'m Source, places: &'m Places) -> LineMap<'m> {
         let run_lines: Vec<&str> =
             places.sources.get(&places.main).map_or("", |text| &**text).lines().collect();
         let mut line_numbers: BTreeMap<&str, [Vec<usize>; 2]> = BTreeMap::new();
@@ -83,7 +83,7 @@ impl<'m> LineMap<'m> {
     }
 
     /// Line of the current text, from 0, for a line of the text that was run, from 1.
-    pub fn current_line(&self, old: usize) -> Option<usize> {
+    pub(crate) fn current_line(&self, old: usize) -> Option<usize> {
         let old = old.checked_sub(1)?;
         let [run, now] = self.line_numbers.get(self.run_lines.get(old)?)?;
         let copy = run.iter().position(|number| *number == old).filter(|_| run.len() == now.len())?;

@@ -12,7 +12,7 @@ use choreo_plugin::color;
 use choreo_script::describe;
 use serde_json::{Value, json};
 
-pub fn hover(view: &View, byte: usize) -> Value {
+pub(crate) fn hover(view: &View, byte: usize) -> Value {
     let source = view.source;
     let Some(token) = source.token_at(byte) else { return Value::Null };
     let text = match source.get(token) {

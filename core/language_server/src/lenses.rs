@@ -8,7 +8,7 @@ use crate::view::View;
 use choreo_motion::Time;
 use serde_json::{Value, json};
 
-pub fn lenses(view: &View, uri: &str, last: Option<&CheckResult>) -> Value {
+pub(crate) fn lenses(view: &View, uri: &str, last: Option<&CheckResult>) -> Value {
     let source = view.source;
     let mut found = Vec::new();
     let mut add = |line: usize, title: String, command: &str, mut argument: Value| {
@@ -54,7 +54,7 @@ fn camera_cuts(source: &Source, last: Option<&CheckResult>) -> Vec<(usize, Time)
 
 /// Time in seconds that belongs to a line. It is the middle of the cue, or the time of the cut, that the nearest line up to this one
 /// creates; else 0.
-pub fn time_of_line(source: &Source, last: Option<&CheckResult>, line: usize) -> f64 {
+pub(crate) fn time_of_line(source: &Source, last: Option<&CheckResult>, line: usize) -> f64 {
     let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()) else { return 0.0 };
     let line_map = LineMap::new(source, places);
     let length = stage.settings.length;

@@ -6,7 +6,7 @@ use crate::values::ScriptValue;
 
 /// Kind of the name in a string.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NameKind {
+pub(crate) enum NameKind {
     /// Models and clips, built-in ones included.
     Models,
     Images,
@@ -86,7 +86,7 @@ const OPTIONS: &[(&str, NameKind)] = &[
 ];
 
 /// Kind of names that is accepted at the cursor.
-pub fn accepted_names(source: &Source, site: &CallSite) -> Option<NameKind> {
+pub(crate) fn accepted_names(source: &Source, site: &CallSite) -> Option<NameKind> {
     let entry = site.entry(source)?;
     if let Some((_, Some(key))) = site.maps.last() {
         let listed = OPTIONS.iter().find(|(option, _)| option == key).map(|(_, names)| *names);
@@ -117,7 +117,12 @@ pub(crate) fn receiver_file(receiver: Option<&ScriptValue>) -> Option<String> {
 }
 
 /// Names that a script declares, as in `camera("wide")` or `.marker("top", 1.2)`: the first text in each call of a function.
-pub fn declared_names(source: &Source, function: &str, arguments: usize, as_method: bool) -> Vec<String> {
+pub(crate) fn declared_names(
+    source: &Source,
+    function: &str,
+    arguments: usize,
+    as_method: bool,
+) -> Vec<String> {
     let mut found = Vec::new();
     for index in 0..source.tokens.len() {
         let is_method = matches!(source.token_before(index, 1), "." | "?.");

@@ -5,34 +5,34 @@ use std::ops::Range;
 
 /// Byte offset of the start of each line.
 #[derive(Clone, Debug)]
-pub struct Lines {
+pub(crate) struct Lines {
     starts: Vec<usize>,
 }
 
 impl Lines {
-    pub fn new(text: &str) -> Lines {
+    pub(crate) fn new(text: &str) -> Lines {
         let starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1));
         Lines { starts: starts.collect() }
     }
 
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.starts.len()
     }
 
     /// Line of a byte, from 0.
-    pub fn line_of(&self, byte: usize) -> usize {
+    pub(crate) fn line_of(&self, byte: usize) -> usize {
         self.starts.partition_point(|start| *start <= byte).saturating_sub(1)
     }
 
     /// Bytes of a line without its line break; an empty range after the last line.
-    pub fn bytes_of_line(&self, text: &str, line: usize) -> Range<usize> {
+    pub(crate) fn bytes_of_line(&self, text: &str, line: usize) -> Range<usize> {
         let start = self.starts.get(line).copied().unwrap_or(text.len());
         let end = self.starts.get(line + 1).copied().unwrap_or(text.len());
         start..start + text[start..end].trim_end_matches(['\n', '\r']).len()
     }
 
     /// Byte of a position of the protocol. A column after the end of the line means its end, as the protocol demands.
-    pub fn byte(&self, text: &str, position: &Value) -> usize {
+    pub(crate) fn byte(&self, text: &str, position: &Value) -> usize {
         let number = |name: &str| position[name].as_u64().unwrap_or(0) as usize;
         let range = self.bytes_of_line(text, number("line"));
         let (wanted, mut column) = (number("character"), 0);
@@ -46,7 +46,7 @@ impl Lines {
     }
 
     /// Line and UTF-16 column of a byte, both from 0.
-    pub fn line_and_column(&self, text: &str, byte: usize) -> (usize, usize) {
+    pub(crate) fn line_and_column(&self, text: &str, byte: usize) -> (usize, usize) {
         let byte = byte.min(text.len());
         let line = self.line_of(byte);
         let start = self.starts[line];
@@ -54,18 +54,18 @@ impl Lines {
     }
 
     /// Position of the protocol of a byte.
-    pub fn position(&self, text: &str, byte: usize) -> Value {
+    pub(crate) fn position(&self, text: &str, byte: usize) -> Value {
         let (line, character) = self.line_and_column(text, byte);
         json!({ "line": line, "character": character })
     }
 
     /// Bytes as a range of the protocol.
-    pub fn range(&self, text: &str, bytes: &Range<usize>) -> Value {
+    pub(crate) fn range(&self, text: &str, bytes: &Range<usize>) -> Value {
         json!({ "start": self.position(text, bytes.start), "end": self.position(text, bytes.end) })
     }
 
     /// Bytes of a range of the protocol.
-    pub fn bytes_of_range(&self, text: &str, range: &Value) -> Range<usize> {
+    pub(crate) fn bytes_of_range(&self, text: &str, range: &Value) -> Range<usize> {
         let (start, end) = (self.byte(text, &range["start"]), self.byte(text, &range["end"]));
         start.min(end)..end.max(start)
     }

@@ -26,7 +26,7 @@ struct NameAtCursor {
 /// Largest number of scripts in a folder that are searched for uses of a module.
 const MAX_FILES: usize = 300;
 
-pub fn definition(request: &Request) -> Result<Value, ResponseError> {
+pub(crate) fn definition(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
     if let Some(named) = name_at_cursor(view, request.byte()) {
         return Ok(declaration_location(request, &named).unwrap_or(Value::Null));
@@ -210,7 +210,7 @@ fn import_name(view: &View, uri: &str) -> Option<String> {
     names.iter().find(is_it).map(|name| name.trim_end_matches(".rhai").to_string())
 }
 
-pub fn references(request: &Request) -> Result<Value, ResponseError> {
+pub(crate) fn references(request: &Request) -> Result<Value, ResponseError> {
     let Some(named) = name_at_cursor(request.view, request.byte()) else { return Ok(json!([])) };
     let with_declaration = request.parameters["context"]["includeDeclaration"] != false;
     let declared = declaration_location(request, &named);
@@ -234,7 +234,7 @@ fn rename_error(why: &str) -> ResponseError {
     ResponseError::new(ResponseError::FAILED, why)
 }
 
-pub fn rename(request: &Request) -> Result<Value, ResponseError> {
+pub(crate) fn rename(request: &Request) -> Result<Value, ResponseError> {
     let named = name_to_rename(request)?;
     let new = request.parameters["newName"].as_str().unwrap_or_default();
     invalid_name_reason(new, &named.declaration).map_or(Ok(()), |why| Err(rename_error(&why)))?;

@@ -6,7 +6,7 @@ use crate::view::View;
 use serde_json::Value;
 
 /// A request about a document.
-pub struct Request<'r> {
+pub(crate) struct Request<'r> {
     pub view: &'r View<'r>,
     pub uri: &'r str,
     pub parameters: &'r Value,
@@ -17,7 +17,7 @@ pub struct Request<'r> {
 
 impl Request<'_> {
     /// Byte of the requested position.
-    pub fn byte(&self) -> usize {
+    pub(crate) fn byte(&self) -> usize {
         let source = self.view.source;
         source.lines.byte(&source.text, &self.parameters["position"])
     }

@@ -59,12 +59,12 @@ const UNIT_FUNCTIONS: [&str; 3] = ["f", "cm", "mm"];
 /// Largest number of tokens in a list whose strings are examined: each string is looked up by its call, which takes long in long lists.
 const MAX_LIST_TOKENS: usize = 1000;
 
-pub fn legend() -> Value {
+pub(crate) fn legend() -> Value {
     json!({ "tokenTypes": TOKEN_KINDS, "tokenModifiers": MODIFIERS })
 }
 
 /// Semantic tokens of a range, or of the whole document, in the encoding of the protocol.
-pub fn semantic_tokens(view: &View, range: Option<&Value>) -> Value {
+pub(crate) fn semantic_tokens(view: &View, range: Option<&Value>) -> Value {
     let source = view.source;
     let bytes = match range {
         Some(range) => source.lines.bytes_of_range(&source.text, range),

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// Show start and end of cues after the calls that create them.
     pub cue_times: bool,
     /// Show lengths of clips after their names.
@@ -20,7 +20,7 @@ impl Default for Settings {
 
 impl Settings {
     /// Applies the settings that a client sends; others keep their values.
-    pub fn update(&mut self, given: &Value) {
+    pub(crate) fn update(&mut self, given: &Value) {
         let hints = &given["inlayHints"];
         let named = [
             (&mut self.cue_times, &hints["cueTimes"]),

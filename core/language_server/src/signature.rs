@@ -5,7 +5,7 @@ use crate::facts;
 use crate::view::View;
 use serde_json::{Value, json};
 
-pub fn signature(view: &View, byte: usize) -> Value {
+pub(crate) fn signature(view: &View, byte: usize) -> Value {
     let source = view.source;
     let Some(site) = call_around(view.types(), byte) else { return Value::Null };
     let script_function = script_function_signature(view, source.get(site.name), site.argument);

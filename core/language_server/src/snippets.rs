@@ -23,7 +23,7 @@ pub(crate) const STATEMENT_TEMPLATES: &[(&str, &str, &str)] = &[
 ];
 
 /// A call with placeholders for required arguments: `cast("${1:name}", ${2:asset})`. `is_text`: whether an argument of a name is a string.
-pub fn call_snippet(entry: &Entry, is_text: &dyn Fn(&str) -> bool) -> String {
+pub(crate) fn call_snippet(entry: &Entry, is_text: &dyn Fn(&str) -> bool) -> String {
     let Some(form) = entry.forms.first() else { return entry.name.to_string() };
     let arguments = form.iter().enumerate().map(|(index, argument)| {
         let number = index + 1;
@@ -39,7 +39,7 @@ pub fn call_snippet(entry: &Entry, is_text: &dyn Fn(&str) -> bool) -> String {
 }
 
 /// Text of a snippet without placeholders, for clients that do not support snippets.
-pub fn without_placeholders(snippet: &str) -> String {
+pub(crate) fn without_placeholders(snippet: &str) -> String {
     let mut text = String::new();
     let mut rest = snippet;
     while let Some(at) = rest.find('$') {

@@ -5,7 +5,7 @@ use choreo_script::{InterpolatedCode, is_opening_bracket, tokens_and_interpolati
 use std::ops::Range;
 use std::sync::Arc;
 
-pub struct Source {
+pub(crate) struct Source {
     pub text: Arc<str>,
     pub lines: Lines,
     pub tokens: Vec<Range<usize>>,
@@ -22,16 +22,16 @@ fn brackets_match(open: &str, close: &str) -> bool {
 }
 
 /// Whether a token is a name or a keyword.
-pub fn is_word(token: &str) -> bool {
+pub(crate) fn is_word(token: &str) -> bool {
     token.starts_with(|c: char| c.is_alphabetic() || c == '_')
 }
 
-pub fn is_string(token: &str) -> bool {
+pub(crate) fn is_string(token: &str) -> bool {
     token.starts_with(['"', '`'])
 }
 
 /// A word in the code inside an interpolated string.
-pub struct InnerWord<'s> {
+pub(crate) struct InnerWord<'s> {
     pub text: &'s str,
     pub range: Range<usize>,
     /// Token of the string.
@@ -42,7 +42,7 @@ pub struct InnerWord<'s> {
 }
 
 impl<'s> InnerWord<'s> {
-    pub fn new(source: &'s Source, code: &InterpolatedCode, at: usize) -> InnerWord<'s> {
+    pub(crate) fn new(source: &'s Source, code: &InterpolatedCode, at: usize) -> InnerWord<'s> {
         let get = |at: Option<usize>| {
             let range = at.and_then(|at| code.tokens.get(at));
             range.map_or("", |range| &source.text[range.clone()])
@@ -58,13 +58,13 @@ impl<'s> InnerWord<'s> {
     }
 
     /// Whether the word is a method, a property, or the key of an object map.
-    pub fn is_member(&self) -> bool {
+    pub(crate) fn is_member(&self) -> bool {
         matches!(self.before[0], "." | "?.") || (matches!(self.before[0], "#{" | ",") && self.next == ":")
     }
 }
 
 impl Source {
-    pub fn new(text: &str) -> Source {
+    pub(crate) fn new(text: &str) -> Source {
         let (tokens, inner) = tokenize(text);
         let mut source = Source {
             text: text.into(),
@@ -96,22 +96,22 @@ impl Source {
     }
 
     /// Text of a token; empty after the last token.
-    pub fn get(&self, index: usize) -> &str {
+    pub(crate) fn get(&self, index: usize) -> &str {
         self.tokens.get(index).map_or("", |token| &self.text[token.clone()])
     }
 
     /// Text of the token that is `places` tokens before another; empty before the first token.
-    pub fn token_before(&self, index: usize, places: usize) -> &str {
+    pub(crate) fn token_before(&self, index: usize, places: usize) -> &str {
         index.checked_sub(places).map_or("", |index| self.get(index))
     }
 
     /// Token of the bracket that opens or closes the bracket at a token; `None` if there is none.
-    pub fn matching_bracket(&self, index: usize) -> Option<usize> {
+    pub(crate) fn matching_bracket(&self, index: usize) -> Option<usize> {
         self.matching_bracket.get(index).copied().flatten()
     }
 
     /// Token of the innermost opening bracket around a token.
-    pub fn enclosing_bracket(&self, index: usize) -> Option<usize> {
+    pub(crate) fn enclosing_bracket(&self, index: usize) -> Option<usize> {
         self.enclosing_bracket.get(index).copied().flatten()
     }
 
@@ -126,7 +126,7 @@ impl Source {
     }
 
     /// The token that contains a byte or ends there. If two tokens touch there, the word or string.
-    pub fn token_at(&self, byte: usize) -> Option<usize> {
+    pub(crate) fn token_at(&self, byte: usize) -> Option<usize> {
         let count = self.tokens.partition_point(|token| token.start <= byte);
         let touches = |index: &usize| self.tokens[*index].end >= byte;
         let found: Vec<usize> = (count.saturating_sub(2)..count).rev().filter(touches).collect();
@@ -210,7 +210,7 @@ impl Source {
     }
 
     /// Contents of a plain string, with escapes resolved.
-    pub fn string_value(&self, index: usize) -> Option<String> {
+    pub(crate) fn string_value(&self, index: usize) -> Option<String> {
         let token = self.get(index);
         let quote = token.chars().next().filter(|c| matches!(c, '"' | '`'))?;
         let inside = &token[1..];
@@ -232,7 +232,7 @@ impl Source {
     }
 
     /// Bytes between the quotes of a string.
-    pub fn string_content_range(&self, index: usize) -> Range<usize> {
+    pub(crate) fn string_content_range(&self, index: usize) -> Range<usize> {
         let range = self.tokens[index].clone();
         let token = self.get(index);
         let closed = token.len() > 1 && token.ends_with(&token[..1]);
@@ -240,7 +240,7 @@ impl Source {
     }
 
     /// Arguments of a call as ranges of tokens, given its opening parenthesis.
-    pub fn arguments(&self, open: usize) -> Vec<Range<usize>> {
+    pub(crate) fn arguments(&self, open: usize) -> Vec<Range<usize>> {
         let end = self.matching_bracket(open).unwrap_or(self.tokens.len());
         let mut arguments = Vec::new();
         let mut start = open + 1;
@@ -264,7 +264,7 @@ impl Source {
     }
 
     /// Bytes as a range of the protocol.
-    pub fn range(&self, bytes: &Range<usize>) -> serde_json::Value {
+    pub(crate) fn range(&self, bytes: &Range<usize>) -> serde_json::Value {
         self.lines.range(&self.text, bytes)
     }
 }

@@ -12,7 +12,7 @@ const FUNCTION: u8 = 12;
 const VARIABLE: u8 = 13;
 const OBJECT: u8 = 19;
 
-pub fn symbols(view: &View) -> Value {
+pub(crate) fn symbols(view: &View) -> Value {
     let source = view.source;
     let types = view.types();
     let mut found: Vec<(Range<usize>, Value)> = Vec::new();
@@ -102,7 +102,7 @@ fn nest_symbols(found: Vec<(Range<usize>, Value)>) -> Vec<Value> {
 }
 
 /// Folding ranges: brackets, and comments that span several lines.
-pub fn folding_ranges(view: &View) -> Value {
+pub(crate) fn folding_ranges(view: &View) -> Value {
     let source = view.source;
     let mut found = Vec::new();
     for token in 0..source.tokens.len() {

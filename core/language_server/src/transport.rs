@@ -12,7 +12,7 @@ const MAX_HEADER_LINE_BYTES: u64 = 4096;
 
 /// A message of the client, or the end of its messages.
 #[derive(Debug, PartialEq)]
-pub enum Received {
+pub(crate) enum Received {
     Message(Value),
     /// Invalid data; the next message can still be read.
     Invalid(String),
@@ -21,7 +21,7 @@ pub enum Received {
 }
 
 /// Reads the next message. A header without a length, and a message that is not JSON, give [`Received::Invalid`].
-pub fn receive(input: &mut impl BufRead) -> Received {
+pub(crate) fn receive(input: &mut impl BufRead) -> Received {
     match try_receive(input) {
         Ok(received) => received,
         Err(error) if error.kind() == io::ErrorKind::InvalidData => Received::Invalid(error.to_string()),
@@ -67,10 +67,10 @@ fn try_receive(input: &mut impl BufRead) -> io::Result<Received> {
 
 /// Connection to the client, shared by threads.
 #[derive(Clone)]
-pub struct Client(Arc<Mutex<Box<dyn Write + Send>>>);
+pub(crate) struct Client(Arc<Mutex<Box<dyn Write + Send>>>);
 
 impl Client {
-    pub fn new(output: impl Write + Send + 'static) -> Client {
+    pub(crate) fn new(output: impl Write + Send + 'static) -> Client {
         Client(Arc::new(Mutex::new(Box::new(output))))
     }
 
@@ -82,30 +82,30 @@ impl Client {
         let _ = written.and_then(|()| output.flush());
     }
 
-    pub fn send_result(&self, id: &Value, result: Value) {
+    pub(crate) fn send_result(&self, id: &Value, result: Value) {
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "result": result }));
     }
 
-    pub fn send_error(&self, id: &Value, error: &ResponseError) {
+    pub(crate) fn send_error(&self, id: &Value, error: &ResponseError) {
         let error = json!({ "code": error.code, "message": error.message });
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "error": error }));
     }
 
     /// Sends a request whose response is ignored.
-    pub fn send_request(&self, method: &str, parameters: Value) {
+    pub(crate) fn send_request(&self, method: &str, parameters: Value) {
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let id = format!("choreo {}", NUMBER.fetch_add(1, Ordering::Relaxed));
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": parameters }));
     }
 
-    pub fn notify(&self, method: &str, parameters: Value) {
+    pub(crate) fn notify(&self, method: &str, parameters: Value) {
         self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
     }
 }
 
 /// Error response to a request.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ResponseError {
+pub(crate) struct ResponseError {
     pub code: i32,
     pub message: String,
 }
@@ -113,15 +113,15 @@ pub struct ResponseError {
 impl ResponseError {
     pub(crate) const PARSE: i32 = -32700;
     pub(crate) const INVALID: i32 = -32600;
-    pub const UNKNOWN: i32 = -32601;
-    pub const PARAMETERS: i32 = -32602;
+    pub(crate) const UNKNOWN: i32 = -32601;
+    pub(crate) const PARAMETERS: i32 = -32602;
     pub(crate) const INTERNAL: i32 = -32603;
     pub(crate) const NOT_INITIALIZED: i32 = -32002;
-    pub const CANCELLED: i32 = -32800;
+    pub(crate) const CANCELLED: i32 = -32800;
     /// The request is valid, but failed.
-    pub const FAILED: i32 = -32803;
+    pub(crate) const FAILED: i32 = -32803;
 
-    pub fn new(code: i32, message: impl Into<String>) -> ResponseError {
+    pub(crate) fn new(code: i32, message: impl Into<String>) -> ResponseError {
         ResponseError { code, message: message.into() }
     }
 }

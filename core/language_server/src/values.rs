@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// Known properties of an expression's value.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ScriptValue {
+pub(crate) struct ScriptValue {
     /// Type of a handle, or a word for plain values ("text", "number", "array", "map", "function"); empty if unknown.
     pub kind: String,
     /// File that the value comes from, as written in the script.
@@ -43,14 +43,14 @@ impl ScriptValue {
 
 /// A variable, function or parameter that a script declares.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Declaration {
+pub(crate) struct Declaration {
     /// Token of the name.
     pub token: usize,
     pub kind: DeclarationKind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DeclarationKind {
+pub(crate) enum DeclarationKind {
     /// Declared by `let` or `const`: the value begins after `=`.
     Variable,
     /// Declared by `for NAME in`.
@@ -65,7 +65,7 @@ pub enum DeclarationKind {
 }
 
 /// Modules that a script imports, by the names in its imports.
-pub trait Modules {
+pub(crate) trait Modules {
     fn module(&self, name: &str) -> Option<Arc<Source>>;
     /// Path of a module.
     fn path(&self, name: &str) -> Option<PathBuf>;
@@ -73,7 +73,7 @@ pub trait Modules {
 
 /// Infers the types of expressions in a source.
 #[derive(Clone, Copy)]
-pub struct Types<'a> {
+pub(crate) struct Types<'a> {
     pub source: &'a Source,
     pub modules: &'a dyn Modules,
     budget: &'a Budget,
@@ -82,7 +82,7 @@ pub struct Types<'a> {
 
 /// Number of expressions that may still be evaluated for a request. Without a limit, a variable that is used three times by a variable that
 /// is used three times, and so on, would take exponential time.
-pub struct Budget(Cell<u32>);
+pub(crate) struct Budget(Cell<u32>);
 
 impl Default for Budget {
     fn default() -> Budget {
@@ -94,7 +94,7 @@ impl Default for Budget {
 const MAX_DEPTH: usize = 24;
 
 impl<'a> Types<'a> {
-    pub fn new(source: &'a Source, modules: &'a dyn Modules, budget: &'a Budget) -> Types<'a> {
+    pub(crate) fn new(source: &'a Source, modules: &'a dyn Modules, budget: &'a Budget) -> Types<'a> {
         Types { source, modules, budget, depth: 0 }
     }
 
@@ -146,7 +146,7 @@ impl<'a> Types<'a> {
     }
 
     /// Value of the expression in a range of tokens.
-    pub fn value(self, tokens: Range<usize>) -> ScriptValue {
+    pub(crate) fn value(self, tokens: Range<usize>) -> ScriptValue {
         let Some(deeper) = self.with_next_depth() else { return ScriptValue::default() };
         let (mut value, mut index) = deeper.primary_value(tokens.start, tokens.end);
         while index < tokens.end {
@@ -222,13 +222,13 @@ impl<'a> Types<'a> {
     }
 
     /// Value of an entry of an object map.
-    pub fn field(self, map: &ScriptValue, key: &str) -> ScriptValue {
+    pub(crate) fn field(self, map: &ScriptValue, key: &str) -> ScriptValue {
         let mut entries = map.maps.iter().flat_map(|open| self.map_entries(*open));
         entries.find(|(known, _)| known == key).map(|(_, tokens)| self.value(tokens)).unwrap_or_default()
     }
 
     /// Keys of an object map; for the rows of an array, the keys of all rows.
-    pub fn keys(self, map: &ScriptValue) -> Vec<String> {
+    pub(crate) fn keys(self, map: &ScriptValue) -> Vec<String> {
         let mut keys: Vec<String> = Vec::new();
         for (key, _) in map.maps.iter().flat_map(|open| self.map_entries(*open)) {
             if !keys.contains(&key) {
@@ -337,7 +337,7 @@ impl<'a> Types<'a> {
     }
 
     /// Declaration of a name that is visible at a token: the last one before it whose block contains the token.
-    pub fn declaration(self, name: &str, from: usize) -> Option<Declaration> {
+    pub(crate) fn declaration(self, name: &str, from: usize) -> Option<Declaration> {
         let candidates =
             (0..from.min(self.source.tokens.len())).rev().filter(|i| self.source.get(*i) == name);
         let seen = self.first_visible(candidates.filter_map(|token| self.declaration_at(token)), from);
@@ -345,7 +345,7 @@ impl<'a> Types<'a> {
     }
 
     /// The first of some declarations of a name that is visible at a token. The declarations are given in backward order.
-    pub fn first_visible(
+    pub(crate) fn first_visible(
         self,
         candidates: impl Iterator<Item = Declaration>,
         from: usize,
@@ -379,7 +379,7 @@ impl<'a> Types<'a> {
     }
 
     /// The declaration whose name is this token.
-    pub fn declaration_at(self, token: usize) -> Option<Declaration> {
+    pub(crate) fn declaration_at(self, token: usize) -> Option<Declaration> {
         let source = self.source;
         let kind = match (source.token_before(token, 1), source.get(token + 1)) {
             ("let" | "const", _) => DeclarationKind::Variable,
@@ -447,7 +447,7 @@ impl<'a> Types<'a> {
     }
 
     /// Value of a declared name.
-    pub fn declared_value(self, declaration: &Declaration) -> ScriptValue {
+    pub(crate) fn declared_value(self, declaration: &Declaration) -> ScriptValue {
         let Some(types) = self.with_next_depth() else { return ScriptValue::default() };
         let (source, token) = (self.source, declaration.token);
         match declaration.kind {
@@ -512,7 +512,7 @@ impl<'a> Types<'a> {
     }
 
     /// Token that ends the statement that contains a token.
-    pub fn statement_end(self, from: usize) -> usize {
+    pub(crate) fn statement_end(self, from: usize) -> usize {
         let source = self.source;
         let mut index = from;
         while index < source.tokens.len() {
@@ -567,7 +567,7 @@ impl<'a> Types<'a> {
 }
 
 /// Keywords of the language.
-pub const KEYWORDS: [&str; 27] = [
+pub(crate) const KEYWORDS: [&str; 27] = [
     "let", "const", "fn", "if", "else", "for", "in", "while", "loop", "do", "until", "return", "break",
     "continue", "switch", "true", "false", "import", "export", "as", "private", "throw", "try", "catch",
     "this", "global", "is",

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-pub struct View<'v> {
+pub(crate) struct View<'v> {
     pub source: &'v Source,
     pub project: &'v Project,
     /// Folder of the script.
@@ -32,17 +32,17 @@ pub struct View<'v> {
 
 impl View<'_> {
     /// The same context for another text.
-    pub fn with_source<'s>(&'s self, source: &'s Source) -> View<'s> {
+    pub(crate) fn with_source<'s>(&'s self, source: &'s Source) -> View<'s> {
         let View { project, folder, tests_root, files, modules, fps, snippets, .. } = *self;
         View { source, project, folder, tests_root, files, modules, budget: Budget::default(), fps, snippets }
     }
 
-    pub fn types(&self) -> Types<'_> {
+    pub(crate) fn types(&self) -> Types<'_> {
         Types::new(self.source, self.modules, &self.budget)
     }
 
     /// Contents of a file, if the script has a folder.
-    pub fn contents(&self, name: &str) -> Option<Contents> {
+    pub(crate) fn contents(&self, name: &str) -> Option<Contents> {
         Some(self.files.borrow_mut().contents(self.project, self.folder?, self.tests_root, name))
     }
 
@@ -111,7 +111,7 @@ pub(crate) struct OpenModules<'m> {
 }
 
 /// Modules that were read from files, with their modification times.
-pub type ModuleFiles = BTreeMap<PathBuf, (Option<SystemTime>, Arc<Source>)>;
+pub(crate) type ModuleFiles = BTreeMap<PathBuf, (Option<SystemTime>, Arc<Source>)>;
 
 impl Modules for OpenModules<'_> {
     /// Path of a module. Only the folder of the script and the root of tests are searched, not the search paths of the project.

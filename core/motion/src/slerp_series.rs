@@ -65,7 +65,7 @@ pub(crate) struct SlerpSeries {
 
 impl SlerpSeries {
     #[inline(always)]
-    pub fn new(t: f32, terms: usize) -> SlerpSeries {
+    pub(crate) fn new(t: f32, terms: usize) -> SlerpSeries {
         let mut coefficients = [(0.0, 0.0); MAX_TERMS + 1];
         let u = 1.0 - t;
         let (uu, tt) = (u * u, t * t);
@@ -82,7 +82,7 @@ impl SlerpSeries {
 
     /// The weights of two keys, eight joints at a time.
     #[inline(always)]
-    pub fn weights<F: F8>(&self, d: F, terms: usize) -> (F, F) {
+    pub(crate) fn weights<F: F8>(&self, d: F, terms: usize) -> (F, F) {
         let terms = terms.min(MAX_TERMS);
         let (a, b) = self.coefficients[terms];
         let (mut wa, mut wb) = (F::splat(a), F::splat(b));

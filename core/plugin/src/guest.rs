@@ -159,27 +159,27 @@ mod host {
 /// Stubs for tests of the plugin's crate, in which no program hosts the plugin.
 #[cfg(not(target_arch = "wasm32"))]
 mod host {
-    pub fn read(_: *const u8, _: usize) -> i64 {
+    pub(super) fn read(_: *const u8, _: usize) -> i64 {
         -1
     }
-    pub fn read_ready_bytes(length: usize) -> Vec<u8> {
+    pub(super) fn read_ready_bytes(length: usize) -> Vec<u8> {
         vec![0; length]
     }
-    pub use crate::text_numbers::read_block as numbers;
-    pub fn progress(_: f32) -> i32 {
+    pub(super) use crate::text_numbers::read_block as numbers;
+    pub(super) fn progress(_: f32) -> i32 {
         1
     }
-    pub fn wants_clip(_: usize, _: *const u8, _: usize) -> i32 {
+    pub(super) fn wants_clip(_: usize, _: *const u8, _: usize) -> i32 {
         1
     }
-    pub fn snapshot(_: i64) -> usize {
+    pub(super) fn snapshot(_: i64) -> usize {
         0
     }
-    pub fn beside(_: *const u8, _: usize) -> u32 {
+    pub(super) fn beside(_: *const u8, _: usize) -> u32 {
         0
     }
-    pub fn write(_: u32, _: *const u8, _: usize) {}
-    pub fn panicked(_: *const u8, _: usize) {}
+    pub(super) fn write(_: u32, _: *const u8, _: usize) {}
+    pub(super) fn panicked(_: *const u8, _: usize) {}
 }
 
 /// Files beside the source, which the program reads.

@@ -106,7 +106,7 @@ struct FaultLog {
 
 impl EffectFaults {
     /// Records a fault. Of several places, the first one is kept.
-    pub fn record(&self, effect: &Effect, fault: Fault, place: FaultPlace) {
+    pub(crate) fn record(&self, effect: &Effect, fault: Fault, place: FaultPlace) {
         self.record_by_name(&effect.manifest().name, fault, place);
     }
 
@@ -117,7 +117,7 @@ impl EffectFaults {
     }
 
     /// Replaces faulty colors by magenta, and records their pixels.
-    pub fn replace_faulty_colors(
+    pub(crate) fn replace_faulty_colors(
         &self,
         effect: &Effect,
         colors: &mut [Vec4],
@@ -139,7 +139,7 @@ impl EffectFaults {
     }
 
     /// Reads the records of a device. `at`: position of the drawn part in the whole image.
-    pub fn read_device_records(&self, effects: &[Effect], records: &[u8], at: [u32; 2]) {
+    pub(crate) fn read_device_records(&self, effects: &[Effect], records: &[u8], at: [u32; 2]) {
         let records = records.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
         for (i, place) in records.enumerate().filter(|(_, place)| *place != NO_FAULT) {
             let (Some(effect), number) =
@@ -158,7 +158,7 @@ impl EffectFaults {
     }
 
     /// Warnings about faults that were not reported before.
-    pub fn take_warnings(&self, effects: &[Effect]) -> Vec<String> {
+    pub(crate) fn take_warnings(&self, effects: &[Effect]) -> Vec<String> {
         let mut fault_log = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let unreported = std::mem::take(&mut fault_log.unreported);
         let new = unreported.into_iter().filter(|(key, _)| fault_log.reported.insert(key.clone()));
@@ -166,7 +166,7 @@ impl EffectFaults {
     }
 
     /// Forgets all faults, because the effects are replaced.
-    pub fn clear(&self) {
+    pub(crate) fn clear(&self) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = FaultLog::default();
     }
 }

@@ -56,39 +56,39 @@ impl Neg for F4 {
 }
 
 impl F4 {
-    pub const ZERO: F4 = F4([0.0; 4]);
-    pub const ONE: F4 = F4([1.0; 4]);
+    pub(crate) const ZERO: F4 = F4([0.0; 4]);
+    pub(crate) const ONE: F4 = F4([1.0; 4]);
 
     #[inline(always)]
-    pub fn splat(v: f32) -> F4 {
+    pub(crate) fn splat(v: f32) -> F4 {
         F4([v; 4])
     }
     #[inline(always)]
-    pub fn map(self, f: impl Fn(f32) -> f32) -> F4 {
+    pub(crate) fn map(self, f: impl Fn(f32) -> f32) -> F4 {
         let a = self.0;
         F4([f(a[0]), f(a[1]), f(a[2]), f(a[3])])
     }
     /// `self < o ? self : o`, one instruction. Returns `o` if either is NaN.
     #[inline(always)]
-    pub fn min(self, o: F4) -> F4 {
+    pub(crate) fn min(self, o: F4) -> F4 {
         let (a, b) = (self.0, o.0);
         F4(std::array::from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] }))
     }
     #[inline(always)]
-    pub fn max(self, o: F4) -> F4 {
+    pub(crate) fn max(self, o: F4) -> F4 {
         let (a, b) = (self.0, o.0);
         F4(std::array::from_fn(|i| if a[i] > b[i] { a[i] } else { b[i] }))
     }
     #[inline(always)]
-    pub fn clamp(self, low: f32, high: f32) -> F4 {
+    pub(crate) fn clamp(self, low: f32, high: f32) -> F4 {
         self.max(F4::splat(low)).min(F4::splat(high))
     }
     #[inline(always)]
-    pub fn sqrt(self) -> F4 {
+    pub(crate) fn sqrt(self) -> F4 {
         self.map(f32::sqrt)
     }
     #[inline(always)]
-    pub fn mix(self, to: F4, t: F4) -> F4 {
+    pub(crate) fn mix(self, to: F4, t: F4) -> F4 {
         self * (F4::ONE - t) + to * t
     }
 }
@@ -151,24 +151,24 @@ impl Neg for V3 {
 
 impl V3 {
     #[inline(always)]
-    pub fn splat(v: Vec3) -> V3 {
+    pub(crate) fn splat(v: Vec3) -> V3 {
         V3 { x: F4::splat(v.x), y: F4::splat(v.y), z: F4::splat(v.z) }
     }
     #[inline(always)]
-    pub fn dot(self, o: V3) -> F4 {
+    pub(crate) fn dot(self, o: V3) -> F4 {
         self.x * o.x + self.y * o.y + self.z * o.z
     }
     #[inline(always)]
-    pub fn cross(self, o: V3) -> V3 {
+    pub(crate) fn cross(self, o: V3) -> V3 {
         V3 { x: self.y * o.z - self.z * o.y, y: self.z * o.x - self.x * o.z, z: self.x * o.y - self.y * o.x }
     }
     /// Unit vector of the same direction. A zero vector (a degenerate normal) stays zero instead of turning into NaN.
     #[inline(always)]
-    pub fn unit(self) -> V3 {
+    pub(crate) fn unit(self) -> V3 {
         self * (F4::ONE / self.dot(self).max(F4::splat(1e-20)).sqrt())
     }
     #[inline(always)]
-    pub fn mix(self, to: V3, t: F4) -> V3 {
+    pub(crate) fn mix(self, to: V3, t: F4) -> V3 {
         V3 { x: self.x.mix(to.x, t), y: self.y.mix(to.y, t), z: self.z.mix(to.z, t) }
     }
     #[inline(always)]
@@ -184,7 +184,7 @@ pub(crate) fn unit(v: Vec3) -> Vec3 {
 
 /// Perspective-correct barycentric weights of the four pixels.
 #[derive(Clone, Copy, Debug)]
-pub struct Weights {
+pub(crate) struct Weights {
     pub values: [F4; 3],
     /// Pixels in which the triangle is visible. The other pixels are only shaded for the differences between neighbors.
     pub visible: Mask,
@@ -192,15 +192,15 @@ pub struct Weights {
 
 impl Weights {
     #[inline(always)]
-    pub fn interpolate_scalar(&self, a: f32, b: f32, c: f32) -> F4 {
+    pub(crate) fn interpolate_scalar(&self, a: f32, b: f32, c: f32) -> F4 {
         self.values[0] * a + self.values[1] * b + self.values[2] * c
     }
     #[inline(always)]
-    pub fn interpolate_vec2(&self, [a, b, c]: [Vec2; 3]) -> [F4; 2] {
+    pub(crate) fn interpolate_vec2(&self, [a, b, c]: [Vec2; 3]) -> [F4; 2] {
         [self.interpolate_scalar(a.x, b.x, c.x), self.interpolate_scalar(a.y, b.y, c.y)]
     }
     #[inline(always)]
-    pub fn interpolate_vec3(&self, [a, b, c]: [Vec3; 3]) -> V3 {
+    pub(crate) fn interpolate_vec3(&self, [a, b, c]: [Vec3; 3]) -> V3 {
         V3 {
             x: self.interpolate_scalar(a.x, b.x, c.x),
             y: self.interpolate_scalar(a.y, b.y, c.y),

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// A file or a part of one. Numbers are little-endian, or big-endian where [`Bytes::big`] was requested.
 #[derive(Clone, Debug)]
-pub struct Bytes {
+pub(crate) struct Bytes {
     pub file: Arc<Vec<u8>>,
     pub range: Range<usize>,
     big: bool,
@@ -58,11 +58,11 @@ const NUMBER_TYPES: [NumberType; 10] = [
 ];
 
 impl Bytes {
-    pub fn new(file: Arc<Vec<u8>>, budget: &Budget) -> Bytes {
+    pub(crate) fn new(file: Arc<Vec<u8>>, budget: &Budget) -> Bytes {
         Bytes { range: 0..file.len(), file, big: false, budget: budget.clone() }
     }
 
-    pub fn slice(&self) -> &[u8] {
+    pub(crate) fn slice(&self) -> &[u8] {
         &self.file[self.range.clone()]
     }
 
@@ -81,7 +81,7 @@ impl Bytes {
         })
     }
 
-    pub fn part(&self, offset: i64, count: i64) -> Result<Bytes, NativeError> {
+    pub(crate) fn part(&self, offset: i64, count: i64) -> Result<Bytes, NativeError> {
         self.checked_slice(offset, count, "part")?;
         // `checked_slice` has checked both numbers.
         let start = self.range.start + offset as usize;
@@ -162,7 +162,7 @@ impl Bytes {
         Ok(Numbers::new(values, share))
     }
 
-    pub fn text(&self) -> Result<&str, NativeError> {
+    pub(crate) fn text(&self) -> Result<&str, NativeError> {
         std::str::from_utf8(self.slice()).map_err(|e| {
             native_error(format!("byte {} is not UTF-8 text", self.range.start + e.valid_up_to()))
         })
@@ -227,7 +227,7 @@ fn json_to_script_value(value: serde_json::Value) -> Result<Dynamic, NativeError
     })
 }
 
-pub fn register_bytes(engine: &mut Engine) {
+pub(crate) fn register_bytes(engine: &mut Engine) {
     engine.register_type_with_name::<Bytes>("Bytes");
     engine.register_fn("len", |b: &mut Bytes| b.slice().len() as i64);
     engine.register_get("len", |b: &mut Bytes| b.slice().len() as i64);

@@ -13,7 +13,7 @@ pub(crate) const MAX_ARRAY_LEN: usize = 1_000_000;
 /// Maximum depth of nested calls.
 pub(crate) const MAX_CALL_DEPTH: usize = 48;
 /// Maximum bytes of a text.
-pub const MAX_TEXT_BYTES: usize = 64 << 20;
+pub(crate) const MAX_TEXT_BYTES: usize = 64 << 20;
 
 /// Interpreter steps for one file, which take some seconds.
 const MAX_STEPS: u64 = 50_000_000;
@@ -24,7 +24,7 @@ const MAX_MANIFEST_STEPS: u64 = 10_000;
 const MAX_SECONDS: u64 = 60;
 
 /// Makes the engine of one import or export. `steps`: step limit, `None` for the default.
-pub fn build_engine(budget: &Budget, steps: Option<u64>) -> Engine {
+pub(crate) fn build_engine(budget: &Budget, steps: Option<u64>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     for name in ["eval", "sleep", "timestamp", "import", "export", "**"] {
         engine.disable_symbol(name);

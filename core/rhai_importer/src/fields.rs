@@ -10,7 +10,7 @@ use glam::Vec4;
 use rhai::{Dynamic, Map};
 
 /// An object map whose keys are checked. Every error names the function and the field.
-pub struct Fields<'a> {
+pub(crate) struct Fields<'a> {
     what: &'a str,
     map: &'a Map,
 }
@@ -20,7 +20,7 @@ pub struct Fields<'a> {
 #[error("{0}")]
 pub struct FieldError(String);
 
-pub type Result<T> = std::result::Result<T, FieldError>;
+pub(crate) type Result<T> = std::result::Result<T, FieldError>;
 
 impl From<String> for FieldError {
     fn from(text: String) -> FieldError {
@@ -50,7 +50,7 @@ fn value_or_type_name(value: &Dynamic) -> String {
 
 impl<'a> Fields<'a> {
     /// Refuses names that are not in `known`.
-    pub fn new(what: &'a str, map: &'a Map, known: &[&str]) -> Result<Fields<'a>> {
+    pub(crate) fn new(what: &'a str, map: &'a Map, known: &[&str]) -> Result<Fields<'a>> {
         match map.keys().find(|k| !known.contains(&k.as_str())) {
             None => Ok(Fields { what, map }),
             Some(key) => {
@@ -66,12 +66,12 @@ impl<'a> Fields<'a> {
     }
 
     /// Value of a field; `None` if it is missing or `()`.
-    pub fn value(&self, name: &str) -> Option<&'a Dynamic> {
+    pub(crate) fn value(&self, name: &str) -> Option<&'a Dynamic> {
         self.map.get(name).filter(|v| !v.is_unit())
     }
 
     /// Text of a field. Error: another type.
-    pub fn text(&self, name: &str) -> Result<Option<String>> {
+    pub(crate) fn text(&self, name: &str) -> Result<Option<String>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.clone().into_string() {
             Ok(text) => Ok(Some(text)),
@@ -80,7 +80,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Number of a field, int or float. Error: another type.
-    pub fn number(&self, name: &str) -> Result<Option<f64>> {
+    pub(crate) fn number(&self, name: &str) -> Result<Option<f64>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.as_float().or_else(|_| value.as_int().map(|i| i as f64)) {
             Ok(number) => Ok(Some(number)),
@@ -89,13 +89,13 @@ impl<'a> Fields<'a> {
     }
 
     /// Flag of a field. Error: another type.
-    pub fn flag(&self, name: &str) -> Result<Option<bool>> {
+    pub(crate) fn flag(&self, name: &str) -> Result<Option<bool>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         value.as_bool().map(Some).or_else(|_| self.wrong_type(name, "true or false", value))
     }
 
     /// Index of a joint, material or image, as `joint(…)`, `material(…)` or `image(…)` returned it.
-    pub fn index(&self, name: &str) -> Result<Option<u32>> {
+    pub(crate) fn index(&self, name: &str) -> Result<Option<u32>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.as_int().ok().and_then(|i| u32::try_from(i).ok()) {
             Some(index) => Ok(Some(index)),
@@ -104,7 +104,7 @@ impl<'a> Fields<'a> {
     }
 
     /// [`Fields::index`] for which a negative number means "none", as many formats write it.
-    pub fn optional_index(&self, name: &str) -> Result<Option<u32>> {
+    pub(crate) fn optional_index(&self, name: &str) -> Result<Option<u32>> {
         match self.value(name).and_then(|value| value.as_int().ok()) {
             Some(negative) if negative < 0 => Ok(None),
             _ => self.index(name),
@@ -112,7 +112,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Flat list of the numbers of a `Numbers`, an array of numbers, or an array of arrays of numbers; empty without the field.
-    pub fn numbers(&self, name: &str) -> Result<Vec<f64>> {
+    pub(crate) fn numbers(&self, name: &str) -> Result<Vec<f64>> {
         let Some(value) = self.value(name) else { return Ok(Vec::new()) };
         if let Some(numbers) = numbers::read_numbers(value) {
             return Ok(numbers);
@@ -126,12 +126,12 @@ impl<'a> Fields<'a> {
     }
 
     /// [`Fields::numbers`] as f32.
-    pub fn floats(&self, name: &str) -> Result<Vec<f32>> {
+    pub(crate) fn floats(&self, name: &str) -> Result<Vec<f32>> {
         Ok(self.numbers(name)?.into_iter().map(|v| v as f32).collect())
     }
 
     /// Linear RGBA color from 3 or 4 linear numbers, a CSS name or a hexadecimal color.
-    pub fn color(&self, name: &str) -> Result<Option<Vec4>> {
+    pub(crate) fn color(&self, name: &str) -> Result<Option<Vec4>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         if let Ok(text) = value.clone().into_string() {
             let color = choreo_plugin::color::parse(&text);
@@ -145,7 +145,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Flat list of whole numbers from 0, such as vertex indices; empty without the field. Error: a number is not one.
-    pub fn indices(&self, name: &str) -> Result<Vec<u32>> {
+    pub(crate) fn indices(&self, name: &str) -> Result<Vec<u32>> {
         let numbers = self.numbers(name)?;
         let whole = |(at, v): (usize, &f64)| match f64::from(*v as u32) == *v {
             true => Ok(*v as u32),
@@ -155,7 +155,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Converts an array of object maps by `read`. The maps may have the keys `known`. Empty without the field.
-    pub fn maps<T>(
+    pub(crate) fn maps<T>(
         &self,
         name: &str,
         known: &[&str],
@@ -176,7 +176,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Exactly `N` numbers.
-    pub fn vector<const N: usize>(&self, name: &str) -> Result<Option<[f32; N]>> {
+    pub(crate) fn vector<const N: usize>(&self, name: &str) -> Result<Option<[f32; N]>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         let numbers = self.floats(name)?;
         numbers

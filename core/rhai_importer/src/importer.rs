@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex, PoisonError, mpsc};
 pub const IMPORTER_ENDING: &str = ".importer.rhai";
 
 /// Stack size in bytes: enough for the nesting of calls and expressions that the engine allows, also in unoptimized builds.
-pub const STACK_BYTES: usize = 64 << 20;
+pub(crate) const STACK_BYTES: usize = 64 << 20;
 
 /// Interpreter steps that `claim` may take: few, because it also runs for files of other formats.
 const MAX_CLAIM_STEPS: u64 = 100_000;
@@ -107,7 +107,7 @@ impl RhaiImporter {
 }
 
 /// An option as a value of a script.
-pub fn option_to_script_value(option: &OptionValue) -> Dynamic {
+pub(crate) fn option_to_script_value(option: &OptionValue) -> Dynamic {
     match option {
         OptionValue::Number(v) => Dynamic::from_float(*v),
         OptionValue::Bool(v) => Dynamic::from_bool(*v),
@@ -235,7 +235,7 @@ pub(crate) fn call_manifest(ast: &AST, script: &ScriptSource) -> Result<Manifest
 }
 
 /// A text without the byte order mark that some editors put before it.
-pub fn strip_byte_order_mark(text: &str) -> &str {
+pub(crate) fn strip_byte_order_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
@@ -253,7 +253,7 @@ fn find_unclosed_comment(engine: &Engine, text: &str) -> Option<usize> {
 }
 
 /// The line (from 1) on which a function is defined.
-pub fn line_of_function(text: &str, function: &str) -> usize {
+pub(crate) fn line_of_function(text: &str, function: &str) -> usize {
     let starts = |l: &str| {
         let rest =
             l.trim_start().strip_prefix("fn ").map(str::trim_start).and_then(|r| r.strip_prefix(function));

@@ -17,7 +17,7 @@ struct LineRanges {
 
 /// Lines of a UTF-8 text in order. Copies share the byte ranges.
 #[derive(Clone, Debug)]
-pub struct Lines {
+pub(crate) struct Lines {
     bytes: Bytes,
     ranges: Arc<LineRanges>,
     /// The part of `ranges` that this value covers.
@@ -26,7 +26,7 @@ pub struct Lines {
 
 impl Lines {
     /// The lines of a text, without a byte order mark before them.
-    pub fn of(bytes: &Bytes) -> Result<Lines, NativeError> {
+    pub(crate) fn of(bytes: &Bytes) -> Result<Lines, NativeError> {
         let text = bytes.text()?;
         let start = text.as_ptr() as usize;
         let lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines();
@@ -137,7 +137,7 @@ impl IntoIterator for Lines {
 }
 
 /// The lines in order, one script value at a time.
-pub struct LinesIter {
+pub(crate) struct LinesIter {
     lines: Lines,
     next: i64,
 }
@@ -152,7 +152,7 @@ impl Iterator for LinesIter {
     }
 }
 
-pub fn register_lines(engine: &mut Engine) {
+pub(crate) fn register_lines(engine: &mut Engine) {
     engine.register_type_with_name::<Lines>("Lines");
     engine.register_iterator::<Lines>();
     engine.register_fn("len", |lines: &mut Lines| lines.range.len() as i64);

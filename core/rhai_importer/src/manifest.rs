@@ -5,7 +5,7 @@ use choreo_plugin::Manifest;
 use rhai::{Array, Dynamic, Map};
 
 /// Reads the manifest. Error: the value is no object map, or a field is missing or wrong.
-pub fn read_manifest(value: &Dynamic) -> Result<Manifest> {
+pub(crate) fn read_manifest(value: &Dynamic) -> Result<Manifest> {
     let map = value.read_lock::<Map>().ok_or("manifest() must return an object map #{ name: …, … }")?;
     let f = Fields::new("manifest", &map, &["name", "version", "about", "extensions", "magic", "options"])?;
     let name = f.text("name")?.ok_or("manifest: name is missing")?;

@@ -14,7 +14,7 @@ struct SharedValues {
 
 /// An array of f64. Copies share the values. Only `append` changes values; it copies them first if they are shared.
 #[derive(Clone, Debug)]
-pub struct Numbers(Arc<SharedValues>);
+pub(crate) struct Numbers(Arc<SharedValues>);
 
 impl Deref for Numbers {
     type Target = [f64];
@@ -180,7 +180,7 @@ fn interleave_columns(columns: &Array, budget: &Budget) -> Result<Numbers, Nativ
 }
 
 /// The numbers of an array, `Numbers` or script values.
-pub fn read_numbers(value: &Dynamic) -> Option<Vec<f64>> {
+pub(crate) fn read_numbers(value: &Dynamic) -> Option<Vec<f64>> {
     if let Some(numbers) = value.read_lock::<Numbers>() {
         return Some(numbers.to_vec());
     }
@@ -189,7 +189,7 @@ pub fn read_numbers(value: &Dynamic) -> Option<Vec<f64>> {
 }
 
 /// Parses the numbers of a text. Any character that cannot be part of a number separates: `1 2/3,4e-5`.
-pub fn parse_numbers(text: &str, budget: &Budget) -> Result<Numbers, NativeError> {
+pub(crate) fn parse_numbers(text: &str, budget: &Budget) -> Result<Numbers, NativeError> {
     let mut share = budget.reserve(0)?;
     let mut values = Vec::new();
     let is_part = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'-' | b'.');
@@ -244,7 +244,7 @@ impl IntoIterator for Numbers {
 }
 
 /// Iterator over the values, which are not copied.
-pub struct NumbersIter {
+pub(crate) struct NumbersIter {
     numbers: Numbers,
     next: usize,
 }
@@ -259,7 +259,7 @@ impl Iterator for NumbersIter {
     }
 }
 
-pub fn register_numbers(engine: &mut Engine, budget: &Budget) {
+pub(crate) fn register_numbers(engine: &mut Engine, budget: &Budget) {
     engine.register_type_with_name::<Numbers>("Numbers");
     engine.register_fn("len", |n: &mut Numbers| n.len() as i64);
     engine.register_get("len", |n: &mut Numbers| n.len() as i64);

@@ -32,7 +32,7 @@ struct PosedJoint {
 }
 
 /// Makes an object map from fields.
-pub fn object_map<const N: usize>(fields: [(&str, Dynamic); N]) -> Map {
+pub(crate) fn object_map<const N: usize>(fields: [(&str, Dynamic); N]) -> Map {
     fields.into_iter().map(|(name, value)| (name.into(), value)).collect()
 }
 
@@ -51,7 +51,7 @@ fn transform_property(name: &str, world_from_it: DAffine3) -> Dynamic {
 
 const TRANSFORM_PROPERTIES: [&str; 3] = ["position", "rotation", "matrix"];
 
-pub fn register_pose(engine: &mut Engine, scene: &ExportedScene) {
+pub(crate) fn register_pose(engine: &mut Engine, scene: &ExportedScene) {
     let evaluator = Mutex::new(scene.evaluator());
     let stage = scene.stage.clone();
     let pose = move |seconds: f64| -> Result<Pose, NativeError> {

@@ -107,7 +107,7 @@ fn rotate_vectors(budget: &Budget, turns: &Dynamic, vectors: &Dynamic) -> Result
     })
 }
 
-pub fn register_quaternions(engine: &mut Engine, budget: &Budget) {
+pub(crate) fn register_quaternions(engine: &mut Engine, budget: &Budget) {
     let b = budget.clone();
     engine
         .register_fn("quaternion", move |axis: Array, radians: f64| axis_angle_quaternion(&b, axis, radians));

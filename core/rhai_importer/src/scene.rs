@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 
 /// The asset that an import is building.
-pub struct BuildInProgress {
+pub(crate) struct BuildInProgress {
     pub builder: AssetBuilder,
     pub needs: ImportScope,
     /// Requests for files beside the source, which another thread reads.
@@ -25,9 +25,9 @@ pub struct BuildInProgress {
 }
 
 /// Name of a requested file, and the channel for its bytes or the error message.
-pub type FileRequest = (String, mpsc::Sender<Result<Arc<Vec<u8>>, String>>);
+pub(crate) type FileRequest = (String, mpsc::Sender<Result<Arc<Vec<u8>>, String>>);
 
-pub type SharedBuild = Arc<Mutex<BuildInProgress>>;
+pub(crate) type SharedBuild = Arc<Mutex<BuildInProgress>>;
 
 fn lock_build(scene: &SharedBuild) -> MutexGuard<'_, BuildInProgress> {
     scene.lock().unwrap_or_else(PoisonError::into_inner)
@@ -36,7 +36,7 @@ fn lock_build(scene: &SharedBuild) -> MutexGuard<'_, BuildInProgress> {
 /// Maximum number of warnings kept, so that a loop over vertices cannot fill the memory.
 const MAX_WARNINGS: usize = 1000;
 
-pub fn register_builders(engine: &mut Engine, scene: &SharedBuild, budget: &Budget) {
+pub(crate) fn register_builders(engine: &mut Engine, scene: &SharedBuild, budget: &Budget) {
     let s = scene.clone();
     engine.register_fn("joint", move |name: &str| add_joint(&s, name, None, &Map::new()));
     let s = scene.clone();

@@ -68,7 +68,7 @@ pub(crate) struct KnownNames {
 
 impl KnownNames {
     /// The functions and properties of an engine.
-    pub fn of(engine: &Engine) -> KnownNames {
+    pub(crate) fn of(engine: &Engine) -> KnownNames {
         let mut known = KnownNames::default();
         for signature in engine.gen_fn_signatures(true) {
             let name = signature.split('(').next().unwrap_or_default().trim();

@@ -27,25 +27,25 @@ pub(crate) struct ApiError {
 }
 
 impl ApiError {
-    pub fn new(message: impl Into<String>) -> ApiError {
+    pub(crate) fn new(message: impl Into<String>) -> ApiError {
         ApiError { message: message.into(), hint: None, focus: None, silent: false, fatal: false, rule: "" }
     }
     /// An error that follows from one that is already reported, so it is not shown.
-    pub fn silent() -> ApiError {
+    pub(crate) fn silent() -> ApiError {
         ApiError { silent: true, ..ApiError::new("") }
     }
-    pub fn hint(mut self, hint: impl Into<String>) -> ApiError {
+    pub(crate) fn hint(mut self, hint: impl Into<String>) -> ApiError {
         self.hint = Some(hint.into());
         self
     }
     /// Sets the rule of the warning. The hint states the comment that silences it.
-    pub fn rule(mut self, rule: &'static str) -> ApiError {
+    pub(crate) fn rule(mut self, rule: &'static str) -> ApiError {
         let how = format!("if it is intended, write // allow: {rule} in the line above");
         self.hint = Some(self.hint.map_or(how.clone(), |hint| format!("{hint}; {how}")));
         self.rule = rule;
         self
     }
-    pub fn focus(mut self, literal: impl Into<String>) -> ApiError {
+    pub(crate) fn focus(mut self, literal: impl Into<String>) -> ApiError {
         self.focus = Some(literal.into());
         self
     }

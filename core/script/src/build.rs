@@ -61,7 +61,7 @@ pub(crate) struct ScriptContext {
 
 /// The task of a run of the script.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RunMode {
+pub(crate) enum RunMode {
     /// The stage of the script. Test sections are not run.
     Stage,
     /// The list of test sections.
@@ -72,7 +72,7 @@ pub enum RunMode {
 
 impl ScriptContext {
     /// Name of the time limit that the script has exceeded, if any.
-    pub fn exceeded_time_limit(&self) -> Option<&'static str> {
+    pub(crate) fn exceeded_time_limit(&self) -> Option<&'static str> {
         if self.timeout.is_some_and(|timeout| timeout.check().is_err()) {
             return Some("timeout");
         }
@@ -80,7 +80,7 @@ impl ScriptContext {
         deadline.is_some_and(|d| Instant::now() > d).then_some("seconds")
     }
 
-    pub fn test(&self) -> MutexGuard<'_, TestState> {
+    pub(crate) fn test(&self) -> MutexGuard<'_, TestState> {
         self.test.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -123,7 +123,7 @@ impl ScriptContext {
     }
 
     /// Adds a diagnostic, unless its error is silent or a comment in the script allows its rule.
-    pub fn add_diagnostic(&self, severity: Severity, place: &Place, error: &ApiError) {
+    pub(crate) fn add_diagnostic(&self, severity: Severity, place: &Place, error: &ApiError) {
         self.add_diagnostic_at(None, severity, place, error);
     }
 
@@ -148,7 +148,7 @@ impl ScriptContext {
     }
 
     /// Waits for all files that are being loaded, so that errors of unused files are reported, too.
-    pub fn wait_for_loads(&self) {
+    pub(crate) fn wait_for_loads(&self) {
         let loads: Vec<Arc<Load>> = {
             let stage_draft = self.stage_draft.lock().unwrap_or_else(PoisonError::into_inner);
             stage_draft.loads.iter().map(|l| l.load.clone()).collect()
@@ -161,7 +161,7 @@ impl ScriptContext {
 
     /// Waits for the asset of a `load` call. A failed import is reported once, at the place of that call; calls that use the
     /// asset get a silent error.
-    pub fn asset(&self, load: &Load) -> Result<Arc<Asset>, ApiError> {
+    pub(crate) fn asset(&self, load: &Load) -> Result<Arc<Asset>, ApiError> {
         // Time spent loading is added to the script's deadline. Failed and finished loads add none, because a script could
         // request them without end.
         let before = Instant::now();
@@ -309,14 +309,14 @@ pub(crate) struct LoadDraft {
 
 /// Numbers of procedural meshes, vertices and texels made so far, which are compared with limits.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct ProceduralTotals {
+pub(crate) struct ProceduralTotals {
     pub meshes: usize,
     pub vertices: u64,
     pub texels: u64,
 }
 
 /// A variable of the script that nothing reads.
-pub struct UnusedVariable {
+pub(crate) struct UnusedVariable {
     pub name: String,
     pub at: Place,
 }
@@ -330,7 +330,7 @@ pub(crate) struct FrameCallbackDraft {
 }
 
 /// A bound clip. Its source clip and asset are kept alive, so that their addresses, the key, stay valid.
-pub struct BoundClip {
+pub(crate) struct BoundClip {
     pub clip: Arc<Clip>,
     pub _from: Arc<Clip>,
     pub _onto: Arc<Asset>,
@@ -373,7 +373,7 @@ pub(crate) struct ActorDraft {
 
 /// A fade of the whole image from a color or to it.
 #[derive(Clone, Copy)]
-pub struct FadeDraft {
+pub(crate) struct FadeDraft {
     /// Index of its panel among the 2D layers.
     pub layer: usize,
     /// True for a fade to the color, false for a fade from the color.
@@ -383,7 +383,7 @@ pub struct FadeDraft {
 }
 
 /// A call of `attach` or `detach`.
-pub struct ParentDraft {
+pub(crate) struct ParentDraft {
     pub parent: Parenting,
     pub until: Option<Time>,
     pub at: Place,
@@ -402,7 +402,7 @@ impl ActorDraft {
 
     /// The placement that `.at`, `.move_by`, `.turn` and `.rotate` change: in the last parent with a start time, else the actor's
     /// own.
-    pub fn placement_mut(&mut self) -> &mut Placement {
+    pub(crate) fn placement_mut(&mut self) -> &mut Placement {
         match self.parents.last_mut().map(|draft| &mut draft.parent) {
             Some(parent) if parent.start > Time::MIN && parent.to.is_some() => {
                 parent.keep = false;
@@ -414,7 +414,7 @@ impl ActorDraft {
 }
 
 /// The cues of a `play` call and of the `then` calls that follow it.
-pub struct Chain {
+pub(crate) struct Chain {
     pub actor: usize,
     /// Weight of each joint, 0 to 1; `None`: no mask.
     pub mask: Option<Vec<f32>>,
@@ -425,7 +425,7 @@ pub struct Chain {
 }
 
 impl Chain {
-    pub fn new(actor: usize) -> Chain {
+    pub(crate) fn new(actor: usize) -> Chain {
         Chain { actor, mask: None, mode: LayerMode::Override, priority: None, weight_keys: None }
     }
 
@@ -463,7 +463,7 @@ pub(crate) struct CueDraft {
 
 impl CueDraft {
     /// A cue of a chain with default options.
-    pub fn new(chain: usize, clip: Arc<Clip>, at: Place) -> CueDraft {
+    pub(crate) fn new(chain: usize, clip: Arc<Clip>, at: Place) -> CueDraft {
         CueDraft {
             cue: Cue::new(clip),
             chain,
@@ -484,7 +484,7 @@ impl CueDraft {
     }
 
     /// Whether the weight is above 0 at any time.
-    pub fn has_weight(&self) -> bool {
+    pub(crate) fn has_weight(&self) -> bool {
         match &self.cue.weight_keys {
             Some(keys) => keys.values.iter().any(|v| *v > 0.0),
             None => self.cue.weight > 0.0,
@@ -518,7 +518,7 @@ impl StageDraft {
     }
 
     /// Keeps a printed line. Lines beyond the limit (in bytes) are only counted.
-    pub fn print(&mut self, line: &str, limit: u64) {
+    pub(crate) fn print(&mut self, line: &str, limit: u64) {
         let bytes = line.len() as u64 + 1;
         if self.lines_beyond_limit > 0 || self.printed_bytes + bytes > limit {
             self.lines_beyond_limit += 1;
@@ -539,7 +539,7 @@ impl StageDraft {
     }
 
     /// Adds a diagnostic, unless an equal one has been added. Diagnostics beyond the limit are only counted.
-    pub fn add_diagnostic(&mut self, diagnostic: Diagnostic) {
+    pub(crate) fn add_diagnostic(&mut self, diagnostic: Diagnostic) {
         self.add_diagnostic_at(self.current_order, diagnostic);
     }
 
@@ -558,7 +558,7 @@ impl StageDraft {
     }
 
     /// The error that states how many diagnostics are beyond the limit, if any.
-    pub fn error_about_limit(&self) -> Option<Diagnostic> {
+    pub(crate) fn error_about_limit(&self) -> Option<Diagnostic> {
         let count = self.diagnostics_beyond_limit;
         let noun = if count == 1 { "message" } else { "messages" };
         (count > 0).then(|| Diagnostic::error(format!("and {count} more {noun}")))
@@ -569,7 +569,7 @@ impl StageDraft {
     }
 
     /// The load of a procedural asset. A call at the same place that made the same asset before shares its load.
-    pub fn add_procedural_load(&mut self, asset: &Arc<Asset>, at: &Place) -> Arc<Load> {
+    pub(crate) fn add_procedural_load(&mut self, asset: &Arc<Asset>, at: &Place) -> Arc<Load> {
         // A loop makes the same asset many times at one place.
         let known =
             |l: &&LoadDraft| l.load.at == *at && l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
@@ -587,7 +587,7 @@ impl StageDraft {
     }
 
     /// The load of a file that is being imported. A call at the same place that loaded the file before shares its load.
-    pub fn add_import_load(&mut self, import: Arc<Import>, at: &Place, clips_only: bool) -> Arc<Load> {
+    pub(crate) fn add_import_load(&mut self, import: Arc<Import>, at: &Place, clips_only: bool) -> Arc<Load> {
         let known = |l: &&LoadDraft| l.load.at == *at && l.load.is_of(&import);
         if let Some(known) = self.loads.iter().find(known) {
             return known.load.clone();
@@ -600,44 +600,44 @@ impl StageDraft {
     }
 
     /// Marks all loads of an asset as used.
-    pub fn mark_used(&mut self, asset: &Arc<Asset>) {
+    pub(crate) fn mark_used(&mut self, asset: &Arc<Asset>) {
         let is_of_asset = |l: &&mut LoadDraft| l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
         self.loads.iter_mut().filter(is_of_asset).for_each(|l| l.is_used = true);
     }
 
     /// The draft of the actor with this index.
-    pub fn actor(&mut self, id: usize) -> Result<&mut ActorDraft, ApiError> {
+    pub(crate) fn actor(&mut self, id: usize) -> Result<&mut ActorDraft, ApiError> {
         // Handles of another stage should not get here. The index is checked all the same, so that nothing can panic.
         self.actors.get_mut(id).ok_or_else(|| ApiError::new("this actor is not on this stage"))
     }
 
-    pub fn cue(&mut self, id: usize) -> Result<&mut CueDraft, ApiError> {
+    pub(crate) fn cue(&mut self, id: usize) -> Result<&mut CueDraft, ApiError> {
         self.cues.get_mut(id).ok_or_else(|| ApiError::new("this cue is not on this stage"))
     }
 
-    pub fn camera(&mut self, id: usize) -> Result<&mut CameraDraft, ApiError> {
+    pub(crate) fn camera(&mut self, id: usize) -> Result<&mut CameraDraft, ApiError> {
         self.cameras.get_mut(id).ok_or_else(|| ApiError::new("this camera is not on this stage"))
     }
 
-    pub fn light(&mut self, id: usize) -> Result<&mut StageLight, ApiError> {
+    pub(crate) fn light(&mut self, id: usize) -> Result<&mut StageLight, ApiError> {
         self.lights.get_mut(id).ok_or_else(|| ApiError::new("this light is not on this stage"))
     }
 
-    pub fn layer_2d(&mut self, id: usize) -> Result<&mut Layer2d, ApiError> {
+    pub(crate) fn layer_2d(&mut self, id: usize) -> Result<&mut Layer2d, ApiError> {
         self.layers_2d.get_mut(id).ok_or_else(|| ApiError::new("this 2D layer is not on this stage"))
     }
 
-    pub fn sky(&mut self) -> Result<&mut Sky, ApiError> {
+    pub(crate) fn sky(&mut self) -> Result<&mut Sky, ApiError> {
         self.sky.as_mut().ok_or_else(|| ApiError::new("this sky is not on this stage"))
     }
 
-    pub fn effect(&mut self, id: usize) -> Result<&mut EffectUse, ApiError> {
+    pub(crate) fn effect(&mut self, id: usize) -> Result<&mut EffectUse, ApiError> {
         self.effects.get_mut(id).ok_or_else(|| ApiError::new("this effect is not on this stage"))
     }
 }
 
 /// Returns an error if `count` objects of the kind `what` already reach the limit.
-pub fn check_limit(count: usize, what: &str, limits: &Limits) -> Result<(), ApiError> {
+pub(crate) fn check_limit(count: usize, what: &str, limits: &Limits) -> Result<(), ApiError> {
     let (name, limit) = match what {
         "actors" => ("actors", limits.actors),
         "cameras" => ("cameras", limits.cameras),

@@ -35,7 +35,7 @@ pub(crate) struct FileStamp {
 }
 
 impl FileStamp {
-    pub fn of(path: &Path) -> Option<FileStamp> {
+    pub(crate) fn of(path: &Path) -> Option<FileStamp> {
         let data = std::fs::metadata(path).ok()?;
         Some(FileStamp { size: data.len(), modified: data.modified().ok()? })
     }

@@ -10,7 +10,7 @@ use choreo_stage::{Cut, Repeat};
 use std::sync::Arc;
 
 /// Adds warnings about the drafts to `notes`, before they are resolved to a stage.
-pub fn check_drafts(stage_draft: &StageDraft, notes: &mut Vec<(Severity, Place, ApiError)>) {
+pub(crate) fn check_drafts(stage_draft: &StageDraft, notes: &mut Vec<(Severity, Place, ApiError)>) {
     let mut warn = |rule: &'static str, place: &Place, text: String| {
         notes.push((Severity::Warning, place.clone(), ApiError { rule, ..ApiError::new(text) }));
     };

@@ -17,7 +17,7 @@ type RootMotionEntry = (RootMotionDraft, Option<Arc<CueRootMotion>>);
 
 /// Cache of the results.
 #[derive(Default)]
-pub struct ClipAnalyses {
+pub(crate) struct ClipAnalyses {
     root_motions: BTreeMap<ClipRange, Vec<RootMotionEntry>>,
     footsteps: BTreeMap<ClipRange, Option<Arc<Footsteps>>>,
     gaits: BTreeMap<ClipRange, Gait>,
@@ -25,7 +25,7 @@ pub struct ClipAnalyses {
 
 /// The gait of a character in a clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Gait {
+pub(crate) enum Gait {
     /// Walks, runs or crawls, on the spot or not.
     Walks,
     /// Stands on all its feet.
@@ -44,7 +44,7 @@ fn clip_range(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> ClipRange 
 }
 
 /// Root motion of a cue on the base layer, if the cue or its actor requests it.
-pub fn root_motion(
+pub(crate) fn root_motion(
     stage_draft: &StageDraft,
     draft: &CueDraft,
     analyses: &mut ClipAnalyses,
@@ -98,7 +98,7 @@ fn footsteps(
 ///
 /// # Errors
 /// Returns an error that states why the phases cannot be matched.
-pub fn phase_matched_fade(
+pub(crate) fn phase_matched_fade(
     stage_draft: &StageDraft,
     drafts: [usize; 2],
     cues: [&Cue; 2],
@@ -135,7 +135,7 @@ pub fn phase_matched_fade(
 }
 
 /// The gait of a character in the trimmed part of a clip.
-pub fn gait(asset: &Asset, cue: &Cue, analyses: &mut ClipAnalyses) -> Gait {
+pub(crate) fn gait(asset: &Asset, cue: &Cue, analyses: &mut ClipAnalyses) -> Gait {
     let find = || {
         let skeleton = &asset.skeleton;
         let feet = find_feet(skeleton);
@@ -157,7 +157,7 @@ pub fn gait(asset: &Asset, cue: &Cue, analyses: &mut ClipAnalyses) -> Gait {
 }
 
 /// The fades of a base layer between a walking and a standing clip.
-pub fn standing_fades(asset: &Asset, cues: &[Cue], analyses: &mut ClipAnalyses) -> Vec<StandingFade> {
+pub(crate) fn standing_fades(asset: &Asset, cues: &[Cue], analyses: &mut ClipAnalyses) -> Vec<StandingFade> {
     let mut fades: Vec<StandingFade> = Vec::new();
     for pair in cues.windows(2) {
         let [before, cue] = pair else { continue };

@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 const CLIP_METHODS: [&str; 3] = ["clip", "clips", "joints"];
 
 /// Places of `load(…)` calls whose file is used for its clips only.
-pub fn find_clips_only_loads(ast: &AST, source: &str) -> Vec<Place> {
+pub(crate) fn find_clips_only_loads(ast: &AST, source: &str) -> Vec<Place> {
     // A function that the script defines by one of these names could use the asset in any way.
     if ast.iter_functions().any(|f| CLIP_METHODS.contains(&f.name) || f.name == "load") {
         return Vec::new();
@@ -91,7 +91,7 @@ pub fn find_clips_only_loads(ast: &AST, source: &str) -> Vec<Place> {
 
 /// Clips that a script can play: those named in its calls of `clip`. The result is all clips if a name is not a literal, if the
 /// script calls `clips`, or if modules or function pointers could call `clip`.
-pub fn played_clips(ast: &AST) -> PlayedClips {
+pub(crate) fn played_clips(ast: &AST) -> PlayedClips {
     let mut names = BTreeSet::new();
     let mut all = ast.iter_functions().any(|f| f.name == "clip");
     let mut call = |call: &FnCallExpr| match (call.name.as_str(), call.args.last()) {

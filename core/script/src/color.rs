@@ -4,12 +4,12 @@ use crate::api_error::ApiError;
 use glam::{Vec3, Vec4};
 
 /// Linear value of one sRGB channel, 0 to 1.
-pub fn linear_from_srgb(srgb: f64) -> f32 {
+pub(crate) fn linear_from_srgb(srgb: f64) -> f32 {
     choreo_asset::linear_from_srgb(srgb) as f32
 }
 
 /// Linear RGBA of a CSS name or `#rgb`, `#rrggbb`, `#rrggbbaa`.
-pub fn parse_color(text: &str) -> Result<Vec4, ApiError> {
+pub(crate) fn parse_color(text: &str) -> Result<Vec4, ApiError> {
     choreo_plugin::color::parse(text).map_err(|e| ApiError::new(e.message))
 }
 
@@ -18,7 +18,7 @@ pub const KELVIN_RANGE: (f64, f64) = (1667.0, 25_000.0);
 
 /// Linear sRGB color of a black body, brightest channel 1. Chromaticity of the Planckian locus after Kim et al.,
 /// US patent 7 024 034 (2002), valid from 1667 K to 25 000 K; then CIE xyY → XYZ → linear sRGB.
-pub fn black_body_color(t: f64) -> Vec3 {
+pub(crate) fn black_body_color(t: f64) -> Vec3 {
     let (t1, t2, t3) = (1e3 / t, 1e6 / (t * t), 1e9 / (t * t * t));
     let x = if t <= 4000.0 {
         -0.2661239 * t3 - 0.2343589 * t2 + 0.8776956 * t1 + 0.179910

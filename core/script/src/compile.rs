@@ -15,7 +15,7 @@ pub(crate) const FORBIDDEN_NAMES: &[(&str, &str)] = &[
 ];
 
 /// A scope with the constants of every script and module.
-pub fn scope_with_constants() -> Scope<'static> {
+pub(crate) fn scope_with_constants() -> Scope<'static> {
     let mut scope = Scope::new();
     scope.push_constant("PI", std::f64::consts::PI).push_constant("TAU", std::f64::consts::TAU);
     scope
@@ -27,13 +27,13 @@ pub(crate) const CONSTANTS: &[(&str, &str)] =
 
 /// Parses a script. An unclosed comment is an error: Rhai itself ignores the rest of the text without one. To detect it, the
 /// script is parsed again with a `;` appended: the last token stays the same only inside a comment.
-pub fn compile(engine: &Engine, context: &ScriptContext, text: &str) -> Result<AST, ParseError> {
+pub(crate) fn compile(engine: &Engine, context: &ScriptContext, text: &str) -> Result<AST, ParseError> {
     compile_in_scope(engine, context, text, &scope_with_constants())
 }
 
 /// A variable that is used without being declared before.
 #[derive(Clone, Debug)]
-pub struct UnknownVariable {
+pub(crate) struct UnknownVariable {
     pub name: String,
     pub at: Position,
 }
@@ -135,7 +135,7 @@ fn compile_in_scope(
 }
 
 /// Whether scripts must not use a name.
-pub fn is_forbidden(name: &str) -> bool {
+pub(crate) fn is_forbidden(name: &str) -> bool {
     FORBIDDEN_NAMES.iter().any(|(refused, _)| *refused == name)
 }
 

@@ -6,7 +6,7 @@ use choreo_stage::{Cue, Repeat};
 
 impl CueDraft {
     /// The cue of the stage, with its start time, signed speed and trim.
-    pub fn cue(&self, start: Time) -> Cue {
+    pub(crate) fn cue(&self, start: Time) -> Cue {
         Cue {
             start,
             speed: if self.reverse { -self.cue.speed } else { self.cue.speed },
@@ -16,19 +16,19 @@ impl CueDraft {
     }
 
     /// Start and end of the played part of the clip, in clip time: the trim, else the whole clip.
-    pub fn trim_or_whole(&self) -> (Time, Time) {
+    pub(crate) fn trim_or_whole(&self) -> (Time, Time) {
         self.trim.unwrap_or((Time::ZERO, self.cue.clip.duration))
     }
 
     /// Duration of the trimmed part, played once at its speed.
-    pub fn length(&self) -> Time {
+    pub(crate) fn length(&self) -> Time {
         let (start, end) = self.trim_or_whole();
         (end - start).scaled(1.0 / self.cue.speed)
     }
 
     /// Repeat mode that the script sets, else the default: a layer plays once, and so does a cue without `until` that another
     /// cue follows; all other cues loop.
-    pub fn repeat_mode(&self, is_layer: bool) -> Repeat {
+    pub(crate) fn repeat_mode(&self, is_layer: bool) -> Repeat {
         let once = is_layer || (self.has_successor && self.until.is_none());
         self.repeat.unwrap_or(if once { Repeat::Once } else { Repeat::Loop })
     }
@@ -71,7 +71,7 @@ fn start_and_end(
 }
 
 /// Start and end of the cue with this index.
-pub fn times_of_cue(stage_draft: &StageDraft, id: usize) -> (Time, Option<Time>) {
+pub(crate) fn times_of_cue(stage_draft: &StageDraft, id: usize) -> (Time, Option<Time>) {
     // The cue and its predecessors, last to first. Chains can be too long for recursion.
     let mut ids = vec![id];
     while let Some(before) = ids.last().and_then(|id| stage_draft.cues[*id].predecessor) {

@@ -22,7 +22,7 @@ pub(crate) struct Def {
 
 /// Type of a call's result. A failed call returns a placeholder of the same type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ResultType {
+pub(crate) enum ResultType {
     Nothing,
     /// The receiver, for chaining.
     Receiver,
@@ -32,23 +32,23 @@ pub enum ResultType {
 }
 
 impl Def {
-    pub const fn in_frames(mut self) -> Def {
+    pub(crate) const fn in_frames(mut self) -> Def {
         self.is_for_frames = true;
         self
     }
 
-    pub const fn options(mut self, options: fn() -> String) -> Def {
+    pub(crate) const fn options(mut self, options: fn() -> String) -> Def {
         self.options = Some(options);
         self
     }
 
-    pub const fn in_tests(mut self) -> Def {
+    pub(crate) const fn in_tests(mut self) -> Def {
         self.is_for_tests = true;
         self
     }
 
     /// The description, then a paragraph for each group of options or aspect.
-    pub fn about(&self) -> Vec<String> {
+    pub(crate) fn about(&self) -> Vec<String> {
         let mut items: Vec<String> = Vec::new();
         for line in self.doc {
             let line = line.trim_start();
@@ -67,7 +67,7 @@ impl Def {
     }
 
     /// Lists of argument names, one for each number of arguments that a form allows.
-    pub fn forms(&self) -> Vec<Vec<&'static str>> {
+    pub(crate) fn forms(&self) -> Vec<Vec<&'static str>> {
         let mut forms = Vec::new();
         for form in self.args.split('|') {
             let names: Vec<&str> = form.split(',').map(str::trim).filter(|n| !n.is_empty()).collect();
@@ -80,7 +80,7 @@ impl Def {
     }
 
     /// Usage without the type of the receiver: `turn(degrees)`, `at(x, y, z) or at(point)`.
-    pub fn usage(&self) -> String {
+    pub(crate) fn usage(&self) -> String {
         self.usages(self.name).join(" or ")
     }
 
@@ -113,7 +113,7 @@ pub(crate) struct Defs {
 }
 
 impl Defs {
-    pub fn iter(&self) -> impl Iterator<Item = &'static Def> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &'static Def> {
         self.all.iter().map(|(_, def)| *def)
     }
 }

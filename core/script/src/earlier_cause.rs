@@ -6,7 +6,7 @@ use crate::tokens::{ScriptToken, TokenKind, tokens};
 use rhai::{LexError, ParseErrorType};
 
 /// An error about the cause of a parser error, with the line and column of the cause, from 1.
-pub struct EarlierCause {
+pub(crate) struct EarlierCause {
     pub line: usize,
     pub column: usize,
     pub error: ApiError,
@@ -21,7 +21,7 @@ struct Brackets<'t> {
 
 impl EarlierCause {
     /// The cause of an error that the parser found at a line and column.
-    pub fn find(kind: &ParseErrorType, at: (usize, usize), text: &str) -> Option<EarlierCause> {
+    pub(crate) fn find(kind: &ParseErrorType, at: (usize, usize), text: &str) -> Option<EarlierCause> {
         let may_miss_bracket = match kind {
             ParseErrorType::MissingToken(token, _) => matches!(&**token, ")" | "]" | "}" | ","),
             ParseErrorType::UnexpectedEOF => true,

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 /// Makes the engine of one run, with the script API and the limits of `context`.
-pub fn make_engine(context: &Arc<ScriptContext>) -> Engine {
+pub(crate) fn make_engine(context: &Arc<ScriptContext>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     engine.register_global_module(BasicBlobPackage::new().as_shared_module());
     let mut globals = rhai::Module::new();

@@ -20,24 +20,24 @@ use std::sync::PoisonError;
 
 /// An API error with its place, as a value that the interpreter throws.
 #[derive(Clone, Debug)]
-pub struct Thrown {
+pub(crate) struct Thrown {
     pub error: ApiError,
     pub place: Place,
 }
 
 /// Wraps an API error for the interpreter.
-pub fn throw(error: ApiError, place: Place) -> Box<EvalAltResult> {
+pub(crate) fn throw(error: ApiError, place: Place) -> Box<EvalAltResult> {
     Box::new(EvalAltResult::ErrorRuntime(Dynamic::from(Thrown { error, place }), Position::NONE))
 }
 
 /// The error that a script uses a forbidden name.
-pub fn forbidden_name_error(name: &str) -> ApiError {
+pub(crate) fn forbidden_name_error(name: &str) -> ApiError {
     let why = FORBIDDEN_NAMES.iter().find(|(n, _)| *n == name).map_or("", |(_, why)| why);
     ApiError::new(format!("\"{name}\" cannot be used in a script: {why}"))
 }
 
 /// Place and message of an error of the interpreter. `file`: the script that was run.
-pub fn explain_error(error: &EvalAltResult, file: &str, context: &ScriptContext) -> (Place, ApiError) {
+pub(crate) fn explain_error(error: &EvalAltResult, file: &str, context: &ScriptContext) -> (Place, ApiError) {
     let place = |at: Position| Place {
         file: file.to_string(),
         line: at.line().unwrap_or(0),

@@ -9,7 +9,7 @@ use choreo_text::{fallbacks, needs_shaping};
 use std::collections::BTreeMap;
 
 /// Warns about characters that are drawn in a system font, in no font, or without the shaping that their writing system needs.
-pub fn warn_about_missing_characters(c: &Call, font: &Font, words: &str) {
+pub(crate) fn warn_about_missing_characters(c: &Call, font: &Font, words: &str) {
     let missing = font.missing(words);
     let mut by_system_font: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let mut without_font = Vec::new();

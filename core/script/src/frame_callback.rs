@@ -29,7 +29,7 @@ struct Budget {
 }
 
 /// Name of the limit that the callback on this thread has exceeded after `steps` steps, if any.
-pub fn exceeded_limit(steps: u64) -> Option<&'static str> {
+pub(crate) fn exceeded_limit(steps: u64) -> Option<&'static str> {
     let budget = BUDGET.get();
     if steps > budget.steps {
         return Some("frame_operations");
@@ -40,12 +40,12 @@ pub fn exceeded_limit(steps: u64) -> Option<&'static str> {
 }
 
 /// Whether a callback runs on this thread.
-pub fn in_frame() -> bool {
+pub(crate) fn in_frame() -> bool {
     FRAME_EDITS.with_borrow(Option::is_some)
 }
 
 /// Changes the edits of the callback that runs on this thread, if any.
-pub fn edit_frame(change: impl FnOnce(&mut FrameEdits)) {
+pub(crate) fn edit_frame(change: impl FnOnce(&mut FrameEdits)) {
     FRAME_EDITS.with_borrow_mut(|frame| {
         if let Some(edits) = frame {
             change(edits);
@@ -75,7 +75,7 @@ impl std::fmt::Debug for ScriptCallback {
 impl ScriptCallback {
     /// A callback. `script`: hash that identifies the script with its parameters and files; `callback_count`: number of callbacks
     /// of the stage, which share the limits of a frame.
-    pub fn new(
+    pub(crate) fn new(
         engine: Arc<Engine>,
         context: Arc<ScriptContext>,
         draft: FrameCallbackDraft,
@@ -103,7 +103,7 @@ impl ScriptCallback {
     }
 
     /// Runs the callback and returns its value; the edits are dropped.
-    pub fn value_at(&self, time: Time) -> Result<Dynamic, crate::Diagnostic> {
+    pub(crate) fn value_at(&self, time: Time) -> Result<Dynamic, crate::Diagnostic> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
         let native_context = self.native_context.create_context(&self.engine);
         BUDGET.set(self.budget());

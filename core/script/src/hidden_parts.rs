@@ -13,7 +13,7 @@ pub(crate) struct HiddenParts {
 
 impl HiddenParts {
     /// The asset with an empty mesh for each mesh instance in `hidden`. Instance indices, morph weights and joints stay the same.
-    pub fn copy_without(&mut self, whole: &Arc<Asset>, hidden: BTreeSet<u32>) -> Arc<Asset> {
+    pub(crate) fn copy_without(&mut self, whole: &Arc<Asset>, hidden: BTreeSet<u32>) -> Arc<Asset> {
         if hidden.is_empty() {
             return whole.clone();
         }

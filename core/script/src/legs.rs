@@ -6,7 +6,7 @@ use choreo_motion::{HumanBone, HumanoidJoints, Skeleton};
 use choreo_stage::{Leg, find_legs};
 
 /// The legs found by joint names, else those that end in the feet that the file declares.
-pub fn legs(asset: &Asset) -> Vec<Leg> {
+pub(crate) fn legs(asset: &Asset) -> Vec<Leg> {
     let found = find_legs(&asset.skeleton);
     if !found.is_empty() {
         return found;
@@ -18,7 +18,7 @@ pub fn legs(asset: &Asset) -> Vec<Leg> {
 
 /// The hips if they are an ancestor of all legs, else the lowest common ancestor of the legs. In some skeletons the legs are
 /// children of the spine, with the pelvis beside them.
-pub fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
+pub(crate) fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
     let parents = asset.skeleton.parents();
     let ancestors = |leg: &Leg| std::iter::successors(parents[leg.hip as usize], |j| parents[*j as usize]);
     let (first, others) = legs.split_first()?;

@@ -7,7 +7,7 @@ use choreo_asset::Asset;
 use std::sync::{Arc, OnceLock};
 
 /// The result of one call of `load` or of a function that makes an asset. All copies of its handle share it.
-pub struct Load {
+pub(crate) struct Load {
     import: Option<Arc<Import>>,
     /// Set when the load has ended: the asset, or `None` if the import has failed.
     asset: OnceLock<Option<Arc<Asset>>>,
@@ -26,19 +26,19 @@ impl std::fmt::Debug for Load {
 
 impl Load {
     /// The load of an asset that a script has made.
-    pub fn procedural(asset: &Arc<Asset>, at: &Place) -> Load {
+    pub(crate) fn procedural(asset: &Arc<Asset>, at: &Place) -> Load {
         let name = asset.name.clone();
         Load { import: None, asset: OnceLock::from(Some(asset.clone())), name, at: at.clone(), order: 0 }
     }
 
     /// The load of a file that is being imported. `order`: sort key of its error among the messages of the script.
-    pub fn importing(import: Arc<Import>, at: &Place, order: u64) -> Load {
+    pub(crate) fn importing(import: Arc<Import>, at: &Place, order: u64) -> Load {
         let name = import.name().to_string();
         Load { import: Some(import), asset: OnceLock::new(), name, at: at.clone(), order }
     }
 
     /// The load of a call that failed.
-    pub fn failed() -> Load {
+    pub(crate) fn failed() -> Load {
         Load {
             import: None,
             asset: OnceLock::from(None),
@@ -49,17 +49,17 @@ impl Load {
     }
 
     /// Whether this is the load of an import.
-    pub fn is_of(&self, import: &Arc<Import>) -> bool {
+    pub(crate) fn is_of(&self, import: &Arc<Import>) -> bool {
         self.import.as_ref().is_some_and(|own| Arc::ptr_eq(own, import))
     }
 
     /// The asset, if it is available already.
-    pub fn ready(&self) -> Option<&Arc<Asset>> {
+    pub(crate) fn ready(&self) -> Option<&Arc<Asset>> {
         self.asset.get().and_then(Option::as_ref)
     }
 
     /// Waits for the asset. If the import has failed, the first call returns the error, and later ones `Err(None)`.
-    pub fn wait(&self) -> Result<Arc<Asset>, Option<LoadError>> {
+    pub(crate) fn wait(&self) -> Result<Arc<Asset>, Option<LoadError>> {
         if let Some(result) = self.asset.get() {
             return result.clone().ok_or(None);
         }

@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 pub(crate) const EMPTY_MODULE: &str = "\0";
 
 /// The module resolver of the engine.
-pub struct Modules {
+pub(crate) struct Modules {
     context: Weak<ScriptContext>,
     state: Mutex<LoadedModules>,
 }
@@ -29,7 +29,7 @@ struct LoadedModules {
 }
 
 impl Modules {
-    pub fn new(context: Arc<ScriptContext>) -> Modules {
+    pub(crate) fn new(context: Arc<ScriptContext>) -> Modules {
         // A weak reference, because `context` keeps the engine alive through the contexts of callbacks.
         Modules { context: Arc::downgrade(&context), state: Mutex::default() }
     }

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A parsed script, and what is known about it before it runs.
-pub struct ParsedScript {
+pub(crate) struct ParsedScript {
     pub ast: AST,
     /// Functions that the script defines, with their number of arguments.
     pub functions: Arc<Vec<(String, usize)>>,
@@ -22,14 +22,14 @@ pub struct ParsedScript {
 
 /// The error of a text that cannot be parsed, and the unknown variables before its place.
 #[derive(Clone, Debug)]
-pub struct ParseFailure {
+pub(crate) struct ParseFailure {
     pub error: ParseError,
     pub unknown: Vec<UnknownVariable>,
 }
 
 impl ParsedScript {
     /// Parses a script. `name`: its name in messages.
-    pub fn new(
+    pub(crate) fn new(
         engine: &Engine,
         context: &ScriptContext,
         name: &str,

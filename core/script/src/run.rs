@@ -143,7 +143,7 @@ pub(crate) struct Opened {
 }
 
 /// Finds and reads a script file. `root`: see [`Folders::with_root`].
-pub fn open(
+pub(crate) fn open(
     path: &Path,
     root: Option<&Path>,
     mode: RunMode,
@@ -241,7 +241,7 @@ pub(crate) fn on_script_thread<T: Send + 'static>(
 }
 
 /// Makes the engine of a run and starts its time limit.
-pub fn begin(name: &str, text: &str, context: &Arc<ScriptContext>) -> Arc<Engine> {
+pub(crate) fn begin(name: &str, text: &str, context: &Arc<ScriptContext>) -> Arc<Engine> {
     context.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
     let engine = Arc::new(engine::make_engine(context));
     *context.engine.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&engine);
@@ -251,7 +251,7 @@ pub fn begin(name: &str, text: &str, context: &Arc<ScriptContext>) -> Arc<Engine
 }
 
 /// Runs the statements of a parsed script. Errors, those of parsing included, are added to the diagnostics of the draft.
-pub fn execute(
+pub(crate) fn execute(
     engine: &Engine,
     name: &str,
     context: &ScriptContext,

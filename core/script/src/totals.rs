@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// The error that a total over all actors exceeds its limit, at the place of the first actor with which it does.
-pub fn error_of_totals(stage_draft: &StageDraft, limits: &Limits) -> Option<(Place, ApiError)> {
+pub(crate) fn error_of_totals(stage_draft: &StageDraft, limits: &Limits) -> Option<(Place, ApiError)> {
     let mut sums = [
         ("joints", limits.joints, 0u64),
         ("instances", limits.instances, 0),

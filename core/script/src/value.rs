@@ -99,7 +99,7 @@ pub(crate) struct SceneRef(pub usize);
 
 /// Image sequence. All images have the same size.
 #[derive(Clone, Debug)]
-pub struct ImageSequenceRef {
+pub(crate) struct ImageSequenceRef {
     pub images: Arc<dyn ImageSource>,
     pub hashes: Vec<ContentHash>,
     /// Alpha mode that is sufficient for all images.
@@ -120,7 +120,7 @@ pub(crate) struct ImageRef {
 }
 
 impl ImageRef {
-    pub fn dead() -> ImageRef {
+    pub(crate) fn dead() -> ImageRef {
         ImageRef {
             image: Arc::new(Image::default()),
             file: None,
@@ -131,7 +131,7 @@ impl ImageRef {
     }
 
     /// The image with its pixels, decoded if needed.
-    pub fn decoded(&self) -> Result<Arc<Image>, ApiError> {
+    pub(crate) fn decoded(&self) -> Result<Arc<Image>, ApiError> {
         let Some(file) = &self.file else { return Ok(self.image.clone()) };
         file.decode().map_err(|problem| decoding_error("image", &file.name, problem))
     }
@@ -167,7 +167,7 @@ pub(crate) struct ExpectRef {
 }
 
 impl ExpectRef {
-    pub fn dead() -> ExpectRef {
+    pub(crate) fn dead() -> ExpectRef {
         ExpectRef {
             id: DEAD,
             stage: 0,
@@ -180,7 +180,7 @@ impl ExpectRef {
     }
 
     /// The expectation with its claim. `source`: the line of the script.
-    pub fn expectation(&self, claim: Claim, place: Place, source: String) -> Expectation {
+    pub(crate) fn expectation(&self, claim: Claim, place: Place, source: String) -> Expectation {
         Expectation {
             place,
             source,
@@ -199,7 +199,7 @@ macro_rules! handles {
     ($($name:ident: $handle:ty, $is_dead:expr, $dead:expr;)*) => {
         /// The types of handles, by the names that scripts and messages use.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum HandleKind {
+        pub(crate) enum HandleKind {
             /// No receiver: a function.
             None,
             $($name),*
@@ -208,7 +208,7 @@ macro_rules! handles {
         impl HandleKind {
             const HANDLES: &[HandleKind] = &[$(HandleKind::$name),*];
 
-            pub fn name(self) -> &'static str {
+            pub(crate) fn name(self) -> &'static str {
                 match self {
                     HandleKind::None => "",
                     $(HandleKind::$name => stringify!($name)),*
@@ -240,7 +240,7 @@ macro_rules! handles {
         }
 
         /// The result of a failed call: a dead handle of a kind.
-        pub fn dead(kind: HandleKind) -> Dynamic {
+        pub(crate) fn dead(kind: HandleKind) -> Dynamic {
             match kind {
                 HandleKind::None => Dynamic::UNIT,
                 $(HandleKind::$name => Dynamic::from($dead)),*
@@ -271,13 +271,13 @@ handles! {
 
 impl HandleKind {
     /// The handle type of a name, such as "Actor".
-    pub fn from_name(name: &str) -> Option<HandleKind> {
+    pub(crate) fn from_name(name: &str) -> Option<HandleKind> {
         HandleKind::HANDLES.iter().copied().find(|k| k.name() == name)
     }
 }
 
 /// The handle type of a value; [`HandleKind::None`] for other values.
-pub fn kind_of(v: &Dynamic) -> HandleKind {
+pub(crate) fn kind_of(v: &Dynamic) -> HandleKind {
     let id = v.type_id();
     HandleKind::HANDLES.iter().copied().find(|k| k.type_id() == id).unwrap_or(HandleKind::None)
 }

@@ -69,7 +69,7 @@ impl Walk {
     /// # Errors
     /// Returns an error if the point is nearer than 0.05 m, if the arrival is too early, or if the point to face is the point of
     /// arrival.
-    pub fn new(plan: WalkPlan) -> Result<Walk, ApiError> {
+    pub(crate) fn new(plan: WalkPlan) -> Result<Walk, ApiError> {
         let WalkPlan { from, start, rotation, point, front, fade, pace, face } = plan;
         let path = (point - start).with_y(0.0);
         let metres = path.length();
@@ -128,7 +128,7 @@ impl Walk {
     }
 
     /// The rotation of the actor at the end.
-    pub fn final_rotation(&self) -> DQuat {
+    pub(crate) fn final_rotation(&self) -> DQuat {
         self.rotations.last().map_or(DQuat::IDENTITY, |(_, rotation)| *rotation)
     }
 

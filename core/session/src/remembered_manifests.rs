@@ -13,7 +13,7 @@ const MAX_BYTES: u64 = 64 << 10;
 
 /// The manifest of a plugin. Compiles the plugin only if the cache has no manifest for its hash. A manifest that was tampered with is detected when
 /// the plugin is used.
-pub fn manifest(plugin: &[u8]) -> Result<Manifest, WasmError> {
+pub(crate) fn manifest(plugin: &[u8]) -> Result<Manifest, WasmError> {
     choreo_wasm_plugin::check()?;
     let Some(folder) = folder() else { return choreo_wasm_plugin::manifest(plugin) };
     let name = PathBuf::from(format!("{}-{ABI}", blake3::hash(plugin).to_hex()));

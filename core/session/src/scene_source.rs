@@ -88,6 +88,6 @@ impl SceneSource {
     }
 }
 
-pub fn is_script(path: &Path) -> bool {
+pub(crate) fn is_script(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"))
 }

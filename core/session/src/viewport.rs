@@ -198,7 +198,7 @@ pub(crate) struct ViewEvaluators {
 }
 
 impl ViewEvaluators {
-    pub fn at(&mut self, request: &FrameRequest, time: Time) -> Result<Snapshot, StageError> {
+    pub(crate) fn at(&mut self, request: &FrameRequest, time: Time) -> Result<Snapshot, StageError> {
         let FrameRequest { scene, camera, overrides, .. } = request;
         self.set_scene(request);
         let stage = self.base_stage(scene);
@@ -249,7 +249,7 @@ impl ViewEvaluators {
     }
 
     /// The stage with all view overrides and the effects that the view adds.
-    pub fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
+    pub(crate) fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
         self.set_scene(request);
         self.with_additions(request).unwrap_or_else(|| self.base_stage(&request.scene))
     }

@@ -63,7 +63,7 @@ pub(crate) struct ActorScratch {
 }
 
 impl ActorScratch {
-    pub fn for_actors(actors: Vec<usize>) -> ActorScratch {
+    pub(crate) fn for_actors(actors: Vec<usize>) -> ActorScratch {
         ActorScratch { requested_actors: Some(actors), ..ActorScratch::default() }
     }
 
@@ -75,7 +75,7 @@ impl ActorScratch {
     }
 
     /// Recomputes the world transforms of all actors, after joints that carry other actors have moved.
-    pub fn place(&mut self, stage: &Stage, actors: &mut [ActorState]) {
+    pub(crate) fn place(&mut self, stage: &Stage, actors: &mut [ActorState]) {
         place_actors(stage, self, actors);
     }
 }

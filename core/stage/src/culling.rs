@@ -40,7 +40,7 @@ struct PoseRadius {
 }
 
 impl PoseBounds {
-    pub fn new(stage: &Stage) -> PoseBounds {
+    pub(crate) fn new(stage: &Stage) -> PoseBounds {
         PoseBounds(stage.actors.iter().map(|actor| pose_radius(stage, actor)).collect())
     }
 }
@@ -250,7 +250,7 @@ pub(crate) struct Culling<'a> {
 
 impl Culling<'_> {
     /// Fills `out` with one flag per actor: whether it is culled.
-    pub fn run(&self, out: &mut Vec<bool>) {
+    pub(crate) fn run(&self, out: &mut Vec<bool>) {
         out.clear();
         out.resize(self.actors.len(), false);
         let (Some(camera), Some((casting, softness))) = (&self.camera, self.shadow_casting_lights()) else {

@@ -44,13 +44,13 @@ pub(crate) struct FramingCache {
 }
 
 impl FramingCache {
-    pub fn new(stage: &Stage, foot_locks: FootLocks) -> FramingCache {
+    pub(crate) fn new(stage: &Stage, foot_locks: FootLocks) -> FramingCache {
         let boxes = (0..=stage.cameras.len()).map(|_| OnceLock::new()).collect();
         FramingCache { boxes, views: Mutex::default(), foot_locks }
     }
 
     /// State of a camera that frames the stage from an azimuth and elevation in radians.
-    pub fn frame_camera(
+    pub(crate) fn frame_camera(
         &self,
         stage: &Stage,
         index: Option<usize>,

@@ -225,12 +225,12 @@ pub(crate) struct SpringSimulation {
 
 impl SpringSimulation {
     /// Number of poses computed for steps of the grid.
-    pub fn pose_count(&self) -> usize {
+    pub(crate) fn pose_count(&self) -> usize {
         self.scratch.as_ref().map_or(0, |s| s.actors.total_pose_count)
     }
 
     /// Spring bones simulated for the last snapshot.
-    pub fn bone_count(&self) -> usize {
+    pub(crate) fn bone_count(&self) -> usize {
         self.bone_count
     }
 }

@@ -27,7 +27,7 @@ pub(crate) struct SectionResult {
 }
 
 /// Outcome of a section before it is run.
-pub fn new_outcome(case: &Case) -> Outcome {
+pub(crate) fn new_outcome(case: &Case) -> Outcome {
     match &case.section {
         Ok(info) => Outcome::new(&case.file, &info.name, info.line),
         Err(_) => Outcome::new(&case.file, "", 0),
@@ -38,7 +38,7 @@ fn result_without_files(outcome: Outcome) -> SectionResult {
     SectionResult { outcome, files: Vec::new(), pictures: Vec::new(), is_reusable: false }
 }
 
-pub fn run(
+pub(crate) fn run(
     case: &Case,
     registry: &Registry,
     options: &TestOptions,

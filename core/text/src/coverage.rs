@@ -213,7 +213,7 @@ const MAX_CURVE_ERROR: f32 = 0.02;
 
 impl<'a> OutlineFlattener<'a> {
     /// `add` gets the two ends of each edge, in pixels.
-    pub fn new(
+    pub(crate) fn new(
         add: &'a mut dyn FnMut([f32; 2], [f32; 2]),
         origin: [f32; 2],
         scale: f32,

@@ -121,12 +121,12 @@ pub(crate) enum ProjectError {
 
 impl FileOptions {
     /// The options without a file.
-    pub fn base_source(&self) -> &SceneSource {
+    pub(crate) fn base_source(&self) -> &SceneSource {
         &self.base_source
     }
 
     /// The source of a file, including the folders of its project. Fails if its `choreo.toml` has an error.
-    pub fn source(&self, input: PathBuf) -> Result<SceneSource, ProjectError> {
+    pub(crate) fn source(&self, input: PathBuf) -> Result<SceneSource, ProjectError> {
         let name = format!("{}-view", self.app.name);
         let of_project = match self.project_file {
             true => choreo_command_line::project_folders(&input, &self.app)?,
@@ -157,7 +157,7 @@ pub fn clap_command(app: &App) -> clap::Command {
     Args::command().display_name(&name).bin_name(&name).version(app.version)
 }
 
-pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<ViewerOptions, ExitCode> {
+pub(crate) fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<ViewerOptions, ExitCode> {
     let name = format!("{}-view", app.name);
     let matches = clap_command(app).try_get_matches_from(args);
     let args = matches.and_then(|matches| Args::from_arg_matches(&matches)).map_err(|error| {

@@ -25,7 +25,7 @@ const MAX_BYTES: usize = 256 << 10;
 const MAX_ARRAY_PARAMETERS: usize = 8;
 
 /// A compiled effect.
-pub struct Code {
+pub(crate) struct Code {
     pub program: Program,
     /// The functions of the passes before the last, if the passes have textures.
     pub passes: Vec<Program>,
@@ -34,7 +34,7 @@ pub struct Code {
 
 /// Type of the result of an effect's function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Output {
+pub(crate) enum Output {
     /// Numbers, as the hook requires.
     Numbers,
     Strokes,
@@ -49,7 +49,7 @@ pub enum Output {
 pub(crate) type Declared = (String, String, HostFunction);
 
 /// The author's text, and the texts that are made from it.
-pub struct Text {
+pub(crate) struct Text {
     /// Name of the text in messages.
     pub file: String,
     /// The text without a byte order mark.
@@ -71,7 +71,7 @@ pub struct Text {
 
 impl Text {
     /// Checks what can be checked without parsing, and reads the header comment.
-    pub fn read(file: &str, text: &str) -> Result<(Text, Manifest, Header), EffectError> {
+    pub(crate) fn read(file: &str, text: &str) -> Result<(Text, Manifest, Header), EffectError> {
         let author = header::without_byte_order_mark(text).to_string();
         let is_typed = typed_parameters::is_typed(&author);
         let mut text = Text {
@@ -245,7 +245,7 @@ fn function_bodies(text: &str) -> Vec<FunctionBody> {
 const STACK_BYTES: usize = 64 << 20;
 
 /// Compiles the function of a text whose header is read, and tries it.
-pub fn compile(text: &Text, header: &Header, manifest: &Manifest) -> Result<Code, EffectError> {
+pub(crate) fn compile(text: &Text, header: &Header, manifest: &Manifest) -> Result<Code, EffectError> {
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().name("effect".into()).stack_size(STACK_BYTES);
         match thread

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec2, Vec4};
 
 /// A function that the shader supplies to the effect's function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HostFunction {
+pub(crate) enum HostFunction {
     /// Counts a round of a loop; implemented in the machine.
     CountRound,
     Picture,
@@ -39,7 +39,7 @@ pub enum HostFunction {
 }
 
 /// The functions and images that are available to an effect's function while it runs.
-pub trait Environment {
+pub(crate) trait Environment {
     /// The image that `host` reads by pixel; `None` for all other functions.
     fn image(&self, _host: HostFunction) -> Option<EffectImage<'_>> {
         None
@@ -76,7 +76,7 @@ impl Environment for Placeholder {
 }
 
 /// An effect's textures.
-pub struct Textures<'a>(pub &'a [EffectTexture]);
+pub(crate) struct Textures<'a>(pub &'a [EffectTexture]);
 
 impl Environment for Textures<'_> {
     fn call(&self, host: HostFunction, arguments: &[u32]) -> [u32; 4] {

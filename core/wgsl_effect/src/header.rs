@@ -41,7 +41,7 @@ const MAX_OVERLAY_HISTORY: u32 = 64;
 
 /// The hook of an effect, and the settings of its header comment.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Header {
+pub(crate) struct Header {
     pub hook: Hook,
     /// The effect on surfaces returns alpha.
     pub see_through: bool,
@@ -101,7 +101,7 @@ impl Default for Amount {
 }
 
 impl Amount {
-    pub fn of(self, parameters: &[f32]) -> f32 {
+    pub(crate) fn of(self, parameters: &[f32]) -> f32 {
         let parameter = |index: usize| parameters.get(index).copied().unwrap_or(0.0);
         match self {
             Amount::Number(number) => number,
@@ -113,17 +113,17 @@ impl Amount {
 
 impl Header {
     /// The signature of the effect's function.
-    pub fn signature(&self) -> &'static Signature {
+    pub(crate) fn signature(&self) -> &'static Signature {
         if self.pass_lines.is_empty() { signature(self.hook) } else { &NAMED_PASS }
     }
 
     /// Names of the functions that the renderers call, `effect` last.
-    pub fn functions(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn functions(&self) -> impl Iterator<Item = &str> {
         self.pass_lines.iter().map(|line| line.name.as_str()).chain(["effect"])
     }
 
     /// The surface inputs that the effect reads; `text` are those that its function names.
-    pub fn inputs(&self, text: SurfaceInputs, parameters: &[f32]) -> SurfaceInputs {
+    pub(crate) fn inputs(&self, text: SurfaceInputs, parameters: &[f32]) -> SurfaceInputs {
         let mut inputs = SurfaceInputs {
             normals: text.normals || self.inputs.normals,
             uvs: text.uvs || self.inputs.uvs,
@@ -213,12 +213,12 @@ pub fn effect_name(text: &str) -> Option<String> {
 }
 
 /// A text without the byte order mark that some editors put before it.
-pub fn without_byte_order_mark(text: &str) -> &str {
+pub(crate) fn without_byte_order_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
 /// Reads the settings of a header comment.
-pub fn read(text: &str, manifest: &Manifest) -> Result<Header, HeaderError> {
+pub(crate) fn read(text: &str, manifest: &Manifest) -> Result<Header, HeaderError> {
     let joints = parse_joint_lines(text, manifest)?;
     let textures = parse_texture_lines(text, manifest)?;
     let names: Vec<&str> = textures.iter().map(|texture| texture.name.as_str()).collect();
@@ -491,7 +491,7 @@ fn parse_flag_amount(name: &str, value: &str, manifest: &Manifest) -> Result<Amo
 }
 
 /// `radius to 8`: passes before the last are halved until the parameter, a share of the image's height, is 8 pixels or less.
-pub fn parse_halving(value: &str, manifest: &Manifest) -> Result<Scale, HeaderMistake> {
+pub(crate) fn parse_halving(value: &str, manifest: &Manifest) -> Result<Scale, HeaderMistake> {
     let read = || {
         let (length, most) = value.split_once(" to ")?;
         let (_, index) = number_parameter(length.trim(), manifest)?;
@@ -587,7 +587,7 @@ fn parse_joint_lines(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, 
 }
 
 /// Lines of the header comment, numbered from 0.
-pub fn comment_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+pub(crate) fn comment_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with("//"))
 }
 

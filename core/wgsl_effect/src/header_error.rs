@@ -75,7 +75,7 @@ pub(crate) enum HeaderMistake {
 
 impl HeaderMistake {
     /// The mistake at a line; `line` is counted from 0.
-    pub fn at(self, line: usize) -> HeaderError {
+    pub(crate) fn at(self, line: usize) -> HeaderError {
         HeaderError { line: line + 1, mistake: self }
     }
 }

@@ -11,7 +11,7 @@ const MAX_ROUNDS: u64 = 1024;
 const MAX_BOUND: i64 = 1_000_000;
 
 /// A text whose loops are counted where needed.
-pub struct Bounded {
+pub(crate) struct Bounded {
     /// The text; its line breaks are unchanged.
     pub text: String,
     /// Places of the counted loops, lines and columns from 1, in the order of their numbers.
@@ -19,7 +19,7 @@ pub struct Bounded {
 }
 
 /// Adds counting to the loops of a text that the parser accepts.
-pub fn bounded(text: &str) -> Bounded {
+pub(crate) fn bounded(text: &str) -> Bounded {
     let tokens: Vec<(usize, &str)> = Tokens::of(text).collect();
     let words = LoopCounter {
         constants: constants(&tokens),

@@ -15,7 +15,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Lowers a module. `host` returns the code that runs in place of a function with this name.
-pub fn lower(
+pub(crate) fn lower(
     module: &Module,
     info: &ModuleInfo,
     entry: Handle<Function>,

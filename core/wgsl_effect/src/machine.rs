@@ -13,15 +13,15 @@ use glam::Vec4;
 
 /// The step limit was reached. A single lane took too many steps itself; several lanes may have reached the limit only together.
 #[derive(Debug)]
-pub struct TooLong;
+pub(crate) struct TooLong;
 
 /// Numbers of lanes for which there are kernels.
-pub trait Width<const N: usize> {
+pub(crate) trait Width<const N: usize> {
     fn kernel(kernels: &Kernels) -> Kernel<N>;
 }
 
 /// Supported widths: one pixel, a quad of a surface, and a part of a row.
-pub struct Lanes;
+pub(crate) struct Lanes;
 
 impl Width<1> for Lanes {
     fn kernel(kernels: &Kernels) -> Kernel<1> {
@@ -42,7 +42,7 @@ impl Width<32> for Lanes {
 }
 
 /// The registers of a running program. Lanes are bits of a mask, so `N` is at most 32.
-pub struct Machine<const N: usize> {
+pub(crate) struct Machine<const N: usize> {
     registers: Vec<Column<N>>,
     /// Steps of the last run: exact for one lane, an upper bound for each of several lanes.
     pub steps: u32,
@@ -72,7 +72,7 @@ where
     Lanes: Width<N>,
 {
     /// Makes a machine whose lanes all have the same parameters, given as the numbers of the manifest.
-    pub fn new(program: &Program, parameters: &[f32]) -> Machine<N> {
+    pub(crate) fn new(program: &Program, parameters: &[f32]) -> Machine<N> {
         const { assert!(N <= 32) };
         let mut registers = vec![Column::ZERO; program.registers as usize];
         for (register, bits) in &program.constants {
@@ -90,7 +90,7 @@ where
     }
 
     /// Sets an argument of the entry function in one lane. Only components that the program reads are set.
-    pub fn set(&mut self, program: &Program, argument: usize, lane: usize, bits: &[u32]) {
+    pub(crate) fn set(&mut self, program: &Program, argument: usize, lane: usize, bits: &[u32]) {
         let first = program.entry().arguments[argument].first;
         for component in &program.inputs[argument] {
             self.registers[(first + component) as usize].0[lane] = bits[*component as usize];
@@ -99,7 +99,7 @@ where
 
     /// Sets an argument in many lanes. `component` returns one component of a lane's value.
     #[inline(always)]
-    pub fn fill<T>(
+    pub(crate) fn fill<T>(
         &mut self,
         program: &Program,
         argument: usize,
@@ -117,7 +117,7 @@ where
 
     /// Passes the first four components of the entry function's result to `set`, for as many lanes as `out` has.
     #[inline(always)]
-    pub fn read<T>(&self, program: &Program, out: &mut [T], set: impl Fn(&mut T, [f32; 4])) {
+    pub(crate) fn read<T>(&self, program: &Program, out: &mut [T], set: impl Fn(&mut T, [f32; 4])) {
         let Registers { first, count } = program.entry().result;
         let zero = Column::ZERO;
         let column = |i: u32| if i < count { &self.registers[(first + i) as usize] } else { &zero };
@@ -128,24 +128,24 @@ where
     }
 
     /// A machine with one lane of this one, with its arguments.
-    pub fn lane(&self, program: &Program, lane: usize) -> Machine<1> {
+    pub(crate) fn lane(&self, program: &Program, lane: usize) -> Machine<1> {
         let registers = self.registers.iter().map(|column| Column([column.0[lane]])).collect();
         debug_assert_eq!(self.registers.len(), program.registers as usize);
         Machine { registers, steps: 0, endless: [0; 1] }
     }
 
     /// A component of the entry function's result.
-    pub fn float(&self, program: &Program, lane: usize, component: u32) -> f32 {
+    pub(crate) fn float(&self, program: &Program, lane: usize, component: u32) -> f32 {
         f32::from_bits(self.bits(program, lane, component))
     }
 
-    pub fn bits(&self, program: &Program, lane: usize, component: u32) -> u32 {
+    pub(crate) fn bits(&self, program: &Program, lane: usize, component: u32) -> u32 {
         let result = program.entry().result;
         if component < result.count { self.registers[(result.first + component) as usize].0[lane] } else { 0 }
     }
 
     /// Runs the entry function for the first `lanes` lanes.
-    pub fn run(
+    pub(crate) fn run(
         &mut self,
         program: &Program,
         lanes: usize,

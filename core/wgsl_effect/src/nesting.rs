@@ -40,7 +40,7 @@ struct Scan {
 }
 
 /// Refuses a text that is nested too deeply. Brackets that do not match are left to the parser.
-pub fn check(text: &str) -> Result<(), TooDeep> {
+pub(crate) fn check(text: &str) -> Result<(), TooDeep> {
     let mut scan = Scan { open: vec![Level::default()], ..Scan::default() };
     let mut before = "";
     for (start, token) in Tokens::of(text) {

@@ -35,7 +35,7 @@ pub(crate) enum IntegerOperator {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Conversion {
+pub(crate) enum Conversion {
     FloatToInt,
     FloatToUint,
     FloatToBool,
@@ -47,16 +47,16 @@ pub enum Conversion {
 /// A component in all lanes, as bits.
 #[derive(Clone, Copy)]
 #[repr(align(16))]
-pub struct Column<const N: usize>(pub [u32; N]);
+pub(crate) struct Column<const N: usize>(pub [u32; N]);
 
 impl<const N: usize> Column<N> {
-    pub const ZERO: Column<N> = Column([0; N]);
+    pub(crate) const ZERO: Column<N> = Column([0; N]);
 
-    pub fn splat(bits: u32) -> Column<N> {
+    pub(crate) fn splat(bits: u32) -> Column<N> {
         Column([bits; N])
     }
 
-    pub fn float(&self, lane: usize) -> f32 {
+    pub(crate) fn float(&self, lane: usize) -> f32 {
         f32::from_bits(self.0[lane])
     }
 
@@ -75,7 +75,7 @@ pub(crate) struct Operands {
 }
 
 /// The columns of an operation: operands are in `low`, results at the beginning of `high`.
-pub struct Columns<'a, const N: usize> {
+pub(crate) struct Columns<'a, const N: usize> {
     pub low: &'a [Column<N>],
     pub high: &'a mut [Column<N>],
     /// The lanes that are active.
@@ -166,10 +166,10 @@ fn set_lanes<const N: usize>(out: &mut Column<N>, f: impl Fn(usize) -> u32) {
 }
 
 /// A function that applies an operator lane by lane.
-pub type Kernel<const N: usize> = fn(&Operands, &mut Columns<N>);
+pub(crate) type Kernel<const N: usize> = fn(&Operands, &mut Columns<N>);
 
 /// The kernel of an operator. It is chosen once, so that running it costs only a call.
-pub fn kernel<const N: usize>(operator: Operator) -> Kernel<N> {
+pub(crate) fn kernel<const N: usize>(operator: Operator) -> Kernel<N> {
     match operator {
         Operator::Float(FloatOperator::Negate) => |of, columns| columns.map_unary(of, |a| -a),
         Operator::Float(FloatOperator::Binary(operator)) => float_binary(operator),

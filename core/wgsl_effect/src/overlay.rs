@@ -15,7 +15,7 @@ use glam::{DVec3, Vec4};
 pub(crate) const MAX_FRAME_STEPS: u32 = 20_000_000;
 
 /// The inputs of an overlay in a frame.
-pub struct OverlayInputs<'a> {
+pub(crate) struct OverlayInputs<'a> {
     pub program: &'a Program,
     pub header: &'a Header,
     pub textures: &'a [EffectTexture],
@@ -39,7 +39,7 @@ struct OverlayGeometry {
 }
 
 impl OverlayInputs<'_> {
-    pub fn run(&self, scene: &EffectScene) -> Overlay {
+    pub(crate) fn run(&self, scene: &EffectScene) -> Overlay {
         let time = scene.snapshot.time.as_secs() as f32;
         let mut made = OverlayGeometry::default();
         if self.header.of_scene {
@@ -182,11 +182,11 @@ impl OverlayInputs<'_> {
 }
 
 /// Joint of a bone, and the number of its parent bone.
-pub type Bone = (u32, Option<u32>);
+pub(crate) type Bone = (u32, Option<u32>);
 
 /// The bones of an actor, by number.
 #[derive(Default)]
-pub struct Bones {
+pub(crate) struct Bones {
     /// The bones, then further joints that the header names.
     pub all: Vec<Bone>,
     pub count: u32,

@@ -9,7 +9,7 @@ use choreo_plugin::{MAX_COLOR, Manifest};
 /// Largest whole number of a parameter: f32 holds all whole numbers up to it exactly.
 const MAX_WHOLE_NUMBER: f64 = 16_777_216.0;
 
-pub fn parse_manifest(text: &str) -> Result<Manifest, HeaderError> {
+pub(crate) fn parse_manifest(text: &str) -> Result<Manifest, HeaderError> {
     let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
     for (i, line) in comment_lines(text) {
         let line = line.trim().trim_start_matches('/').trim();
@@ -93,7 +93,7 @@ fn parse_parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeaderMis
 }
 
 /// Reads a file name, and whether its colors are sRGB: `paper.png` or `bumps.png as data`. White has no file name, or only `data`.
-pub fn parse_image(text: &str) -> (&str, bool) {
+pub(crate) fn parse_image(text: &str) -> (&str, bool) {
     let text = text.trim();
     match text.strip_suffix("data").map(str::trim_end) {
         Some("") => ("", false),
@@ -103,7 +103,7 @@ pub fn parse_image(text: &str) -> (&str, bool) {
 }
 
 /// The text between the brackets of `word(…)`.
-pub fn call_argument<'a>(value: &'a str, word: &str) -> Option<&'a str> {
+pub(crate) fn call_argument<'a>(value: &'a str, word: &str) -> Option<&'a str> {
     value.strip_prefix(word)?.strip_prefix('(')?.strip_suffix(')')
 }
 
@@ -185,7 +185,7 @@ fn parse_ranged_value(
     Ok(Some(made.unit(unit)))
 }
 
-pub fn parse_identifier(name: &str) -> Result<&str, HeaderMistake> {
+pub(crate) fn parse_identifier(name: &str) -> Result<&str, HeaderMistake> {
     let mut chars = name.chars();
     let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
         && chars.all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')

@@ -32,7 +32,7 @@ pub(crate) enum Scale {
 
 impl Scale {
     /// Downscale factor, per axis.
-    pub fn factor(self, size: [u32; 2], parameters: &[f32]) -> u32 {
+    pub(crate) fn factor(self, size: [u32; 2], parameters: &[f32]) -> u32 {
         match self {
             Scale::Fraction(parts) => parts,
             Scale::Halved(length, most) => {

@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::thread::LocalKey;
 
 /// A machine, and the program and the bits of the parameters for which it was made.
-pub struct PooledMachine<M> {
+pub(crate) struct PooledMachine<M> {
     program: u64,
     parameters: Vec<u32>,
     machine: M,
@@ -42,7 +42,7 @@ pooled!(32, ROWS);
 const MAX_POOLED_MACHINES: usize = 12;
 
 /// Lends a machine for a program and its parameters.
-pub fn with_machine<M: Pooled>(program: &Program, parameters: &[f32], run: impl FnOnce(&mut M)) {
+pub(crate) fn with_machine<M: Pooled>(program: &Program, parameters: &[f32], run: impl FnOnce(&mut M)) {
     let bits = || parameters.iter().map(|p| p.to_bits());
     let taken = M::pool().with_borrow_mut(|all| {
         let at = all

@@ -19,19 +19,19 @@ pub(crate) type Register = u32;
 
 /// Consecutive registers that hold the components of one value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Registers {
+pub(crate) struct Registers {
     pub first: Register,
     pub count: u32,
 }
 
 impl Registers {
-    pub fn iter(self) -> impl Iterator<Item = Register> {
+    pub(crate) fn iter(self) -> impl Iterator<Item = Register> {
         self.first..self.first + self.count
     }
 }
 
 /// A lowered module.
-pub struct Program {
+pub(crate) struct Program {
     /// Number that is unique among all programs of the process.
     pub id: u64,
     pub registers: u32,
@@ -49,7 +49,7 @@ pub struct Program {
 }
 
 impl Program {
-    pub fn entry(&self) -> &Routine {
+    pub(crate) fn entry(&self) -> &Routine {
         &self.routines[self.entry]
     }
 }
@@ -64,21 +64,21 @@ pub(crate) struct Routine {
 
 /// Kernels of an operation, one for each width of machines.
 #[derive(Clone, Copy)]
-pub struct Kernels {
+pub(crate) struct Kernels {
     pub one: Kernel<1>,
     pub quad: Kernel<4>,
     pub row: Kernel<32>,
 }
 
 impl Kernels {
-    pub fn of(operator: Operator) -> Kernels {
+    pub(crate) fn of(operator: Operator) -> Kernels {
         Kernels { one: kernel(operator), quad: kernel(operator), row: kernel(operator) }
     }
 }
 
 /// An operation on a few components. It writes all lanes; inactive lanes never read such a result.
 #[derive(Clone, Copy)]
-pub struct Compute {
+pub(crate) struct Compute {
     pub kernels: Kernels,
     /// The first result; the others follow it. Results are behind the operands.
     pub out: Register,
@@ -86,7 +86,7 @@ pub struct Compute {
 }
 
 /// A statement, or an operation.
-pub enum Node {
+pub(crate) enum Node {
     /// This number of statements follows, up to the next one at which lanes may diverge.
     Steps(u32),
     Compute(Compute),
@@ -144,14 +144,14 @@ pub enum Node {
 }
 
 /// A case of a switch; `value` is `None` for `default`.
-pub struct Case {
+pub(crate) struct Case {
     pub value: Option<u32>,
     pub body: Vec<Node>,
     pub fall_through: bool,
 }
 
 /// A feature that the evaluator does not support, and its place.
-pub struct Unsupported {
+pub(crate) struct Unsupported {
     pub what: String,
     pub span: Span,
 }

@@ -117,7 +117,7 @@ pub(crate) struct SceneCalls {
 
 impl SceneCalls {
     /// The calls of an author's text for a hook. A function that the text declares itself is the author's own.
-    pub fn of(author: &str, hook: Hook) -> SceneCalls {
+    pub(crate) fn of(author: &str, hook: Hook) -> SceneCalls {
         let (called, declared) = functions_of(author);
         let mut calls = SceneCalls::default();
         if hook != Hook::Image {

@@ -7,7 +7,7 @@ use naga::{ScalarKind, TypeInner, UniqueArena};
 pub(crate) const MAX_COMPONENTS: usize = choreo_plugin::parameters::MAX_PARAMETER_NUMBERS;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ComponentKind {
+pub(crate) enum ComponentKind {
     Float,
     Int,
     Uint,
@@ -16,7 +16,7 @@ pub enum ComponentKind {
 
 impl ComponentKind {
     /// Bits of a component of this type, made from a number of an effect's parameters.
-    pub fn bits_of(self, number: f32) -> u32 {
+    pub(crate) fn bits_of(self, number: f32) -> u32 {
         match self {
             ComponentKind::Float => number.to_bits(),
             ComponentKind::Int => number as i32 as u32,
@@ -38,7 +38,7 @@ pub(crate) fn component_kinds(inner: &TypeInner, types: &UniqueArena<naga::Type>
 
 /// Layout of a type in components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape {
+pub(crate) struct Shape {
     /// Kind of scalars, vectors and matrices.
     pub kind: ComponentKind,
     pub size: usize,
@@ -61,7 +61,7 @@ fn kind(scalar: naga::Scalar) -> Option<ComponentKind> {
 }
 
 /// Shape of a type; `None` for a type that effects do not need (textures, 16- and 64-bit numbers, arrays without a size).
-pub fn shape(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Option<Shape> {
+pub(crate) fn shape(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Option<Shape> {
     let plain = |kind, size, columns, step| Some(Shape { kind, size, columns, step, is_pointer: false });
     match *inner {
         TypeInner::Scalar(scalar) => plain(kind(scalar)?, 1, 0, 0),

@@ -159,8 +159,8 @@ const OVERLAY: Signature = Signature {
         ),
     ],
 };
-pub const LINE_STRUCT: &str = "Line";
-pub const TRIANGLE_STRUCT: &str = "Triangle";
+pub(crate) const LINE_STRUCT: &str = "Line";
+pub(crate) const TRIANGLE_STRUCT: &str = "Triangle";
 pub(crate) const LATTICE_STRUCT: &str = "Lattice";
 
 /// The order of the members of [`choreo_plugin::InvertedHull`].
@@ -173,8 +173,8 @@ const OUTLINE: Signature = Signature {
     with_history: &[],
 };
 /// The struct of an effect's parameters.
-pub const PARAMETERS: &str = "Parameters";
-pub const WIREFRAME: &str = "Wireframe";
+pub(crate) const PARAMETERS: &str = "Parameters";
+pub(crate) const WIREFRAME: &str = "Wireframe";
 
 /// The shutter of a frame: number of images, how long it is open, and the share of that before the frame.
 const SHUTTER: Signature = Signature {
@@ -186,7 +186,7 @@ const SHUTTER: Signature = Signature {
     with_history: &[],
 };
 
-pub fn signature(hook: choreo_plugin::Hook) -> &'static Signature {
+pub(crate) fn signature(hook: choreo_plugin::Hook) -> &'static Signature {
     use choreo_plugin::Hook;
     match hook {
         Hook::Surface => &SURFACE,
@@ -203,7 +203,7 @@ pub fn signature(hook: choreo_plugin::Hook) -> &'static Signature {
 
 impl Signature {
     /// Names of the types that the shader declares.
-    pub fn structs(&self) -> impl Iterator<Item = &'static str> {
+    pub(crate) fn structs(&self) -> impl Iterator<Item = &'static str> {
         self.declared
             .split("struct ")
             .filter_map(|text| text.split(' ').next())
@@ -211,7 +211,7 @@ impl Signature {
     }
 
     /// Whether a function has this signature.
-    pub fn fits(&self, module: &Module, function: &naga::Function) -> bool {
+    pub(crate) fn fits(&self, module: &Module, function: &naga::Function) -> bool {
         let types = &module.types;
         let is = |part: &ValueType, ty: naga::Handle<naga::Type>| match (part, &types[ty].inner) {
             (ValueType::Scalar(kind), TypeInner::Scalar(s)) => s.kind == *kind && s.width == 4,

@@ -35,7 +35,7 @@ pub(crate) fn suggest_hook_line(message: &str, header: &Header, declared: &[Decl
 }
 
 /// Suggests the line of the header comment that an undefined `halo_at` needs: it reads the texture of a pass.
-pub fn suggest_pass_line(message: &str, header: &Header) -> String {
+pub(crate) fn suggest_pass_line(message: &str, header: &Header) -> String {
     let endings = ["_at", "_uv", "_size"];
     let texture = undefined_name(message).and_then(|name| endings.iter().find_map(|e| name.strip_suffix(e)));
     match texture.filter(|name| header.hook == Hook::Image && !name.is_empty()) {
@@ -45,7 +45,7 @@ pub fn suggest_pass_line(message: &str, header: &Header) -> String {
 }
 
 /// Suggests `p[slope]` in place of `p.slope`, if `slope` is a parameter.
-pub fn suggest_parameter_index(message: &str, manifest: &Manifest) -> Option<String> {
+pub(crate) fn suggest_parameter_index(message: &str, manifest: &Manifest) -> Option<String> {
     let name = message.strip_prefix("invalid field accessor `")?.split('`').next()?;
     let is_one = manifest.options.iter().any(|option| option.name == name);
     is_one.then(|| format!("; write p[{name}], or declare p: Parameters"))
@@ -103,7 +103,7 @@ const BUILT_IN: [&str; 46] = [
 
 /// `; did you mean "amount"?` if a name is similar to one of the program, of the text, or a built-in one. `declared`: declarations of the
 /// program below the text.
-pub fn suggest_name<'a>(
+pub(crate) fn suggest_name<'a>(
     message: &str,
     text: &'a str,
     declared: &'a str,

@@ -11,7 +11,7 @@ pub(crate) struct Tokens<'a> {
 }
 
 impl<'a> Tokens<'a> {
-    pub fn of(text: &'a str) -> Tokens<'a> {
+    pub(crate) fn of(text: &'a str) -> Tokens<'a> {
         Tokens { text, at: 0 }
     }
 }
@@ -53,7 +53,7 @@ impl<'a> Iterator for Tokens<'a> {
 }
 
 /// Line and column of a byte, both from 1; columns are counted in characters.
-pub fn line_and_column(text: &str, byte: usize) -> (usize, usize) {
+pub(crate) fn line_and_column(text: &str, byte: usize) -> (usize, usize) {
     let before = &text[..byte];
     let line_start = before.rfind('\n').map_or(0, |n| n + 1);
     (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)

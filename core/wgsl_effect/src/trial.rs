@@ -9,14 +9,14 @@ use choreo_plugin::{Hook, Manifest, OptionKind, OptionSpec};
 use glam::DVec3;
 
 /// The part of an effect that takes too long.
-pub struct SlowPart {
+pub(crate) struct SlowPart {
     pub what: String,
     /// Number of the counted loop; `None`: the whole function.
     pub in_loop: Option<u32>,
 }
 
 /// Runs the function for a few pixels (places, vertices, lights, lines), with the smallest, the default and the largest parameters.
-pub fn run_trials(program: &Program, header: &Header, manifest: &Manifest) -> Result<(), SlowPart> {
+pub(crate) fn run_trials(program: &Program, header: &Header, manifest: &Manifest) -> Result<(), SlowPart> {
     for p in trial_parameters(manifest) {
         let mut most = 0;
         for arguments in trial_arguments(header, &p) {

@@ -18,7 +18,7 @@ pub(crate) fn is_typed(text: &str) -> bool {
 }
 
 /// WGSL of the struct, of a constant for each choice of a text parameter, and of the function that reads curves.
-pub fn declarations(manifest: &Manifest) -> String {
+pub(crate) fn declarations(manifest: &Manifest) -> String {
     let numbers = manifest.options.iter().filter(|o| o.number_count() > 0);
     let members: Vec<String> = numbers.map(|o| format!("{}: {}", o.name, type_of(o))).collect();
     // A struct has at least one member.
@@ -40,7 +40,7 @@ pub fn declarations(manifest: &Manifest) -> String {
 }
 
 /// Constants for the choices of text parameters, such as `MODE_SOFT`, with their values.
-pub fn choice_constants(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
+pub(crate) fn choice_constants(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
     manifest.options.iter().flat_map(|option| {
         let one_of: &[String] = match &option.kind {
             OptionKind::Text { one_of, .. } => one_of,
@@ -55,7 +55,7 @@ pub fn choice_constants(manifest: &Manifest) -> impl Iterator<Item = (String, us
 }
 
 /// The text as shaders use it: the author's function is renamed, and called by a function `effect` with the signature of the hook.
-pub fn adapt_text(text: &str, manifest: &Manifest, signature: &Signature) -> String {
+pub(crate) fn adapt_text(text: &str, manifest: &Manifest, signature: &Signature) -> String {
     let head = signature.text.replace(PARAMETERS, &array_type(manifest));
     let arguments: Vec<&str> =
         head.split(['(', ',', ')']).filter_map(|part| part.split_once(':')).map(|p| p.0.trim()).collect();

@@ -17,7 +17,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 });
 
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Skeleton;
+pub(crate) struct Skeleton;
 
 impl EffectPlugin for Skeleton {
     fn manifest(&self) -> &Manifest {

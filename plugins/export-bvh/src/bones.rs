@@ -4,7 +4,7 @@ use choreo_plugin::glam::{DAffine3, DMat3, DQuat, DVec3};
 use choreo_plugin::stage::{Actor, ActorState};
 
 /// The bones of one actor, parents first.
-pub struct Bones {
+pub(crate) struct Bones {
     pub names: Vec<String>,
     parents: Vec<Option<usize>>,
     children: Vec<Vec<usize>>,
@@ -19,14 +19,14 @@ pub struct Bones {
 }
 
 /// World positions (metres) and rotations relative to the rest pose, in the order of the bones.
-pub struct Pose {
+pub(crate) struct Pose {
     positions: Vec<DVec3>,
     rotations: Vec<DQuat>,
 }
 
 impl Bones {
     /// The bones, scaled like the actor at the first frame. Several roots are put below an added root with the actor's name.
-    pub fn of(actor: &Actor, first: &ActorState) -> Bones {
+    pub(crate) fn of(actor: &Actor, first: &ActorState) -> Bones {
         let skeleton = &actor.asset.skeleton;
         let joint_roots = skeleton.parents().iter().filter(|parent| parent.is_none()).count();
         let added_root = joint_roots != 1;
@@ -81,7 +81,7 @@ impl Bones {
     }
 
     /// End of a leaf bone relative to its joint: half of the bone's offset, because joints have no length.
-    pub fn end_site_offset(&self, bone: usize) -> DVec3 {
+    pub(crate) fn end_site_offset(&self, bone: usize) -> DVec3 {
         self.offsets[bone] * 0.5
     }
 
@@ -97,7 +97,7 @@ impl Bones {
     }
 
     /// World positions and rotations in a frame.
-    pub fn pose(&self, state: &ActorState) -> Pose {
+    pub(crate) fn pose(&self, state: &ActorState) -> Pose {
         let mut pose = Pose { positions: Vec::new(), rotations: Vec::new() };
         if self.added_root {
             pose.push(&state.world_from_model, DQuat::IDENTITY);

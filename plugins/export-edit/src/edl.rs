@@ -10,7 +10,7 @@ fn timecode(frame: i64, fps: i64) -> String {
     format!("{:02}:{:02}:{:02}:{:02}", secs / 3600, secs / 60 % 60, secs % 60, frame % fps)
 }
 
-pub fn write(scene: &ExportedScene, media: &str, out: &mut dyn Write) -> Result<(), ExportError> {
+pub(crate) fn write(scene: &ExportedScene, media: &str, out: &mut dyn Write) -> Result<(), ExportError> {
     let fps = scene.fps.as_fps().round().max(1.0) as i64;
     let shots = shots(scene);
     if shots.len() > 999 {

@@ -68,7 +68,7 @@ fn missing_media(name: &str) -> Value {
 }
 
 /// The scene as a timeline: a track of shots, tracks of titles, and a track for each animation layer of each actor.
-pub fn timeline(scene: &ExportedScene, media: &str) -> Value {
+pub(crate) fn timeline(scene: &ExportedScene, media: &str) -> Value {
     let make = Objects { rate: scene.fps.as_fps() };
     let mut tracks = vec![shots_track(&make, scene, media)];
     for (index, lane) in non_overlapping_lanes(titles(scene)).iter().enumerate() {

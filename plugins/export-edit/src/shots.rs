@@ -4,7 +4,7 @@ use choreo_plugin::ExportedScene;
 
 /// The span of time that one camera shows.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Shot {
+pub(crate) struct Shot {
     /// The camera's name.
     pub camera: String,
     /// First frame, and the frame after the last.
@@ -14,13 +14,13 @@ pub struct Shot {
 }
 
 /// Number of frames of the scene.
-pub fn frame_count(scene: &ExportedScene) -> i64 {
+pub(crate) fn frame_count(scene: &ExportedScene) -> i64 {
     scene.fps.frames_in(scene.stage.settings.length).max(1)
 }
 
 /// The shots of the scene in order. A shot begins at the first frame at or after its cut. Cuts to the camera that is already on, and
 /// cuts that no frame shows, are left out.
-pub fn shots(scene: &ExportedScene) -> Vec<Shot> {
+pub(crate) fn shots(scene: &ExportedScene) -> Vec<Shot> {
     let (stage, total) = (&scene.stage, frame_count(scene));
     let name = |camera: usize| stage.cameras.get(camera).map_or("camera", |camera| &camera.name).to_string();
     let mut shots = vec![Shot { camera: name(0), frames: (0, total), dissolve: 0 }];

@@ -11,7 +11,7 @@ const LOWER_THIRD_TOP: f64 = 2.0 / 3.0;
 const SIDE_MARGIN: f64 = 0.25;
 
 /// A text, and when it is shown.
-pub struct Title<'a> {
+pub(crate) struct Title<'a> {
     pub words: &'a str,
     pub from: Time,
     pub until: Time,
@@ -20,7 +20,7 @@ pub struct Title<'a> {
 }
 
 /// The texts of the scene by start time. Texts outside its length are left out.
-pub fn titles(scene: &ExportedScene) -> Vec<Title<'_>> {
+pub(crate) fn titles(scene: &ExportedScene) -> Vec<Title<'_>> {
     let length = scene.stage.settings.length;
     let shown = |layer: &'_ Layer2d| (layer.start.max(Time::ZERO), layer.end.unwrap_or(length).min(length));
     let mut titles: Vec<Title<'_>> = Vec::new();
@@ -47,7 +47,7 @@ fn srt_time(time: Time) -> String {
 }
 
 /// Writes the subtitles, or `all` texts. Returns the number of texts left out.
-pub fn write(scene: &ExportedScene, all: bool, out: &mut dyn Write) -> std::io::Result<usize> {
+pub(crate) fn write(scene: &ExportedScene, all: bool, out: &mut dyn Write) -> std::io::Result<usize> {
     let (subtitles, others): (Vec<_>, Vec<_>) =
         titles(scene).into_iter().partition(|title| all || title.is_subtitle);
     for (index, title) in subtitles.iter().enumerate() {

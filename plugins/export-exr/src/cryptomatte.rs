@@ -12,7 +12,7 @@ pub(crate) struct Cryptomatte<'a> {
 
 impl Cryptomatte<'_> {
     /// Header attributes, as (name, value).
-    pub fn attributes(&self) -> Vec<(String, String)> {
+    pub(crate) fn attributes(&self) -> Vec<(String, String)> {
         // The first seven digits of the hash of the layer's name tell the layers of a file apart.
         let key = &format!("{:08x}", id_of(self.layer))[..7];
         let manifest: BTreeMap<&str, String> =
@@ -27,7 +27,7 @@ impl Cryptomatte<'_> {
     }
 
     /// Float channels, two ranks to a layer of four: id and share (R, G), id and share (B, A).
-    pub fn channels(&self) -> Vec<(String, Vec<f32>)> {
+    pub(crate) fn channels(&self) -> Vec<(String, Vec<f32>)> {
         let ids: Vec<f32> = self.matte.names.iter().map(|name| f32::from_bits(id_of(name))).collect();
         let mut all = Vec::new();
         for (rank, shares) in self.matte.ranks.iter().enumerate() {

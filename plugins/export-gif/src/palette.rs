@@ -14,7 +14,7 @@ struct Cell {
 }
 
 /// A color quantizer. Its buffers are reused from frame to frame.
-pub struct Quantizer {
+pub(crate) struct Quantizer {
     counts: Vec<u32>,
     /// Palette entry + 1 for each cell; 0 = not looked up yet.
     nearest: Vec<u16>,
@@ -39,7 +39,7 @@ fn center(key: usize) -> [u8; 3] {
 }
 
 impl Quantizer {
-    pub fn new() -> Quantizer {
+    pub(crate) fn new() -> Quantizer {
         Quantizer {
             counts: vec![0; CELLS],
             nearest: vec![0; CELLS],
@@ -50,7 +50,7 @@ impl Quantizer {
     }
 
     /// Restores an earlier palette and its error at that time.
-    pub fn restore(&mut self, palette: Vec<[u8; 3]>, made_for: f64) {
+    pub(crate) fn restore(&mut self, palette: Vec<[u8; 3]>, made_for: f64) {
         (self.palette, self.made_for) = (palette, made_for);
         self.nearest.fill(0);
     }
@@ -62,7 +62,7 @@ impl Quantizer {
 
     /// Prepares the palette for a frame. True where a new palette was made; false where the last one is still good enough: an
     /// unchanged palette keeps still parts of the image identical to the bit.
-    pub fn prepare(&mut self, rgba: &[u8], colors: usize) -> bool {
+    pub(crate) fn prepare(&mut self, rgba: &[u8], colors: usize) -> bool {
         self.counts.fill(0);
         for p in rgba.as_chunks::<4>().0 {
             self.counts[key([p[0], p[1], p[2]])] += 1;
@@ -96,7 +96,7 @@ impl Quantizer {
 
     /// Index of the palette entry nearest to the cell of a color; the palette must not be empty. The cell decides, not the color,
     /// so the result does not depend on which of the cell's colors is requested first.
-    pub fn entry(&mut self, color: [u8; 3]) -> u8 {
+    pub(crate) fn entry(&mut self, color: [u8; 3]) -> u8 {
         let k = key(color);
         if self.nearest[k] == 0 {
             let color = center(k);

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// State besides the canvas that the next frame depends on.
 #[derive(Debug, PartialEq)]
-pub struct ResumeState {
+pub(crate) struct ResumeState {
     pub frames: u64,
     pub global_palette: bool,
     /// Mean squared error of the palette on the frame it was made for.
@@ -15,7 +15,7 @@ pub struct ResumeState {
 }
 
 impl ResumeState {
-    pub fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         let mut bytes = self.frames.to_le_bytes().to_vec();
         bytes.push(self.global_palette.into());
         bytes.extend(self.made_for.to_bits().to_le_bytes());
@@ -23,7 +23,7 @@ impl ResumeState {
         bytes
     }
 
-    pub fn read(bytes: &[u8]) -> Option<ResumeState> {
+    pub(crate) fn read(bytes: &[u8]) -> Option<ResumeState> {
         let (frames, rest) = bytes.split_first_chunk::<8>()?;
         let (&global, rest) = rest.split_first()?;
         let (made_for, rest) = rest.split_first_chunk::<8>()?;
@@ -39,7 +39,7 @@ impl ResumeState {
 }
 
 /// The canvas of a player after the first `frames` frames.
-pub fn canvas(so_far: &mut dyn Read, size: (u16, u16), frames: u64) -> Result<Vec<[u8; 3]>, String> {
+pub(crate) fn canvas(so_far: &mut dyn Read, size: (u16, u16), frames: u64) -> Result<Vec<[u8; 3]>, String> {
     let failed = |e: gif::DecodingError| format!("the unfinished GIF cannot be read: {e}");
     let mut options = gif::DecodeOptions::new();
     options.set_color_output(gif::ColorOutput::RGBA);
@@ -67,22 +67,22 @@ pub fn canvas(so_far: &mut dyn Read, size: (u16, u16), frames: u64) -> Result<Ve
 }
 
 /// A writer that discards its input until it is opened.
-pub struct Gate {
+pub(crate) struct Gate {
     out: Box<dyn Write + Send>,
     is_open: Arc<AtomicBool>,
 }
 
-pub struct Opener(Arc<AtomicBool>);
+pub(crate) struct Opener(Arc<AtomicBool>);
 
 impl Gate {
-    pub fn closed(out: Box<dyn Write + Send>) -> (Gate, Opener) {
+    pub(crate) fn closed(out: Box<dyn Write + Send>) -> (Gate, Opener) {
         let open = Arc::new(AtomicBool::new(false));
         (Gate { out, is_open: open.clone() }, Opener(open))
     }
 }
 
 impl Opener {
-    pub fn open(self) {
+    pub(crate) fn open(self) {
         self.0.store(true, Ordering::Relaxed);
     }
 }

@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 /// The document and its parts, while they are made.
 #[derive(Default)]
-pub struct Parts<'a> {
+pub(crate) struct Parts<'a> {
     pub document: Document,
     pub buffer: Buffer<'a>,
     pub textures: Textures,
@@ -36,11 +36,11 @@ pub struct Parts<'a> {
 }
 
 /// Key of a written mesh: asset, mesh, skin, whether it is the skinned part, and the document's materials.
-pub type MeshKey = (usize, u32, Option<u32>, bool, Vec<Option<Index>>);
+pub(crate) type MeshKey = (usize, u32, Option<u32>, bool, Vec<Option<Index>>);
 
 /// The nodes of an actor.
 #[derive(Clone, Debug, Default)]
-pub struct ActorNodes {
+pub(crate) struct ActorNodes {
     pub root: Index,
     /// Nodes of the first joint of each character drawn; an asset with placements has one for each placement.
     pub characters: Vec<Index>,
@@ -49,7 +49,7 @@ pub struct ActorNodes {
 }
 
 impl<'a> Parts<'a> {
-    pub fn push(&mut self, node: Node) -> Index {
+    pub(crate) fn push(&mut self, node: Node) -> Index {
         self.document.nodes.push(node);
         self.document.nodes.len() as Index - 1
     }
@@ -59,7 +59,7 @@ impl<'a> Parts<'a> {
     }
 
     /// Adds an actor that is visible at some time.
-    pub fn actor(&mut self, stage: &'a Stage, baked: &Baked<'_>, index: usize) -> ActorNodes {
+    pub(crate) fn actor(&mut self, stage: &'a Stage, baked: &Baked<'_>, index: usize) -> ActorNodes {
         let actor = &stage.actors[index];
         let materials = self.actor_materials(actor, baked, index);
         let still = baked.still_rig(actor, index);

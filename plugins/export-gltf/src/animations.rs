@@ -15,7 +15,7 @@ use serde_json::json;
 use std::collections::BTreeMap;
 
 /// The glTF nodes of all animated objects.
-pub struct Nodes {
+pub(crate) struct Nodes {
     /// One entry for each actor; `None` for actors that are never visible.
     pub actors: Vec<Option<ActorNodes>>,
     pub shots: Vec<ShotNode>,
@@ -23,11 +23,11 @@ pub struct Nodes {
 }
 
 /// The samplers of a track set: joint of the rig, path, sampler.
-pub type WrittenSet = Vec<(u32, Path, Sampler)>;
+pub(crate) type WrittenSet = Vec<(u32, Path, Sampler)>;
 
 /// An animation under construction.
 #[derive(Default)]
-pub struct Builder {
+pub(crate) struct Builder {
     animation: Animation,
     /// Index of each sampler by its accessors, so that channels share equal ones.
     sampler_of_accessors: BTreeMap<(Index, Index), Index>,
@@ -53,7 +53,7 @@ impl Builder {
         self.channel(sampler, Target { node: None, path: "pointer", extensions: Some(Box::new(extensions)) });
     }
 
-    pub fn finish(self, name: &str, parts: &mut Parts<'_>) {
+    pub(crate) fn finish(self, name: &str, parts: &mut Parts<'_>) {
         if !self.animation.channels.is_empty() {
             parts.document.animations.push(Animation { name: name.into(), ..self.animation });
         }
@@ -61,7 +61,13 @@ impl Builder {
 }
 
 /// Adds a single animation; with `split`, one for each actor, and one for cameras and lights.
-pub fn add<'a>(parts: &mut Parts<'a>, stage: &Stage, mut baked: Baked<'a>, nodes: &Nodes, split: bool) {
+pub(crate) fn add<'a>(
+    parts: &mut Parts<'a>,
+    stage: &Stage,
+    mut baked: Baked<'a>,
+    nodes: &Nodes,
+    split: bool,
+) {
     let start = baked.start;
     let sets: Vec<TrackSet<'a>> = std::mem::take(&mut baked.sets);
     let samplers: Vec<WrittenSet> = sets.into_iter().map(|set| write_set(parts, set, start)).collect();

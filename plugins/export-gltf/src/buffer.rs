@@ -9,12 +9,12 @@ use std::io::{Result, Write};
 use std::sync::Arc;
 
 /// Component types and buffer targets of glTF.
-pub const U8: u16 = 5121;
-pub const U16: u16 = 5123;
-pub const U32: u16 = 5125;
-pub const F32: u16 = 5126;
-pub const VERTICES: u16 = 34962;
-pub const INDICES: u16 = 34963;
+pub(crate) const U8: u16 = 5121;
+pub(crate) const U16: u16 = 5123;
+pub(crate) const U32: u16 = 5125;
+pub(crate) const F32: u16 = 5126;
+pub(crate) const VERTICES: u16 = 34962;
+pub(crate) const INDICES: u16 = 34963;
 
 /// Writes one part of the buffer, whose length is known.
 type WritePart<'a> = Box<dyn Fn(&mut dyn Write) -> Result<()> + 'a>;
@@ -23,7 +23,7 @@ type WritePart<'a> = Box<dyn Fn(&mut dyn Write) -> Result<()> + 'a>;
 const CHUNK: usize = 4096;
 
 /// One element of an accessor.
-pub trait Row {
+pub(crate) trait Row {
     const BYTES: u64;
     fn put(self, out: &mut Vec<u8>);
 }
@@ -56,7 +56,7 @@ pub(crate) fn each_chunk<R: Row>(
 }
 
 #[derive(Default)]
-pub struct Buffer<'a> {
+pub(crate) struct Buffer<'a> {
     pub accessors: Vec<Accessor>,
     pub views: Vec<BufferView>,
     /// The content of each view, with its length in bytes.
@@ -77,17 +77,21 @@ impl<'a> Buffer<'a> {
     }
 
     /// Adds a view of raw bytes, such as an image.
-    pub fn bytes(&mut self, bytes: Arc<Vec<u8>>) -> Index {
+    pub(crate) fn bytes(&mut self, bytes: Arc<Vec<u8>>) -> Index {
         self.add(bytes.len() as u64, None, Box::new(move |out| out.write_all(&bytes)))
     }
 
     /// Adds a view whose content is computed as it is written; `make` must write exactly `length` bytes.
-    pub fn add_computed(&mut self, length: u64, make: impl Fn(&mut dyn Write) -> Result<()> + 'a) -> Index {
+    pub(crate) fn add_computed(
+        &mut self,
+        length: u64,
+        make: impl Fn(&mut dyn Write) -> Result<()> + 'a,
+    ) -> Index {
         self.add(length, None, Box::new(make))
     }
 
     /// Adds an accessor with a view of its own, whose rows are computed as they are written. Equal content is stored once.
-    pub fn array<R: Row>(
+    pub(crate) fn array<R: Row>(
         &mut self,
         row: impl Fn(usize) -> R + 'a,
         target: Option<u16>,
@@ -112,17 +116,17 @@ impl<'a> Buffer<'a> {
         index
     }
 
-    pub fn accessor(&mut self, accessor: Accessor) -> Index {
+    pub(crate) fn accessor(&mut self, accessor: Accessor) -> Index {
         self.accessors.push(accessor);
         self.accessors.len() as Index - 1
     }
 
     /// Length of the whole buffer, bytes.
-    pub fn length(&self) -> u64 {
+    pub(crate) fn length(&self) -> u64 {
         self.length
     }
 
-    pub fn write(&self, out: &mut dyn Write) -> Result<()> {
+    pub(crate) fn write(&self, out: &mut dyn Write) -> Result<()> {
         for (length, part) in &self.parts {
             part(out)?;
             let padding = length.next_multiple_of(4) - length;
@@ -134,13 +138,13 @@ impl<'a> Buffer<'a> {
 
 impl Accessor {
     /// An accessor without bounds, for [`Buffer::array`].
-    pub fn of(component_type: u16, shape: &'static str, count: usize) -> Accessor {
+    pub(crate) fn of(component_type: u16, shape: &'static str, count: usize) -> Accessor {
         let (min, max) = (Vec::new(), Vec::new());
         Accessor { buffer_view: None, byte_offset: 0, component_type, count, shape, min, max }
     }
 
     /// Sets the minimum and maximum of each of `N` components.
-    pub fn bounded<const N: usize>(mut self, rows: impl Iterator<Item = [f32; N]>) -> Accessor {
+    pub(crate) fn bounded<const N: usize>(mut self, rows: impl Iterator<Item = [f32; N]>) -> Accessor {
         let (mut min, mut max) = ([f32::INFINITY; N], [f32::NEG_INFINITY; N]);
         for row in rows {
             for i in 0..N {

@@ -11,13 +11,13 @@ use serde_json::{Map, Value, json};
 
 /// Camera and node of a shot in the document.
 #[derive(Clone, Copy, Debug)]
-pub struct ShotNode {
+pub(crate) struct ShotNode {
     pub node: Index,
     pub camera: Index,
 }
 
 /// Adds the cameras of all shots.
-pub fn of_stage(parts: &mut Parts<'_>, stage: &Stage, baked: &Baked<'_>) -> Vec<ShotNode> {
+pub(crate) fn of_stage(parts: &mut Parts<'_>, stage: &Stage, baked: &Baked<'_>) -> Vec<ShotNode> {
     let [width, height] = stage.settings.size.map(|n| n.max(1) as f32);
     let mut out = Vec::new();
     for (number, shot) in baked.shots.iter().enumerate() {

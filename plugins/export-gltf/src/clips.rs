@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// A scene in which one actor plays one clip.
-pub struct ClipScene {
+pub(crate) struct ClipScene {
     /// Index of the actor in the stage.
     actor: usize,
     name: String,
@@ -18,7 +18,7 @@ pub struct ClipScene {
 }
 
 /// The scene with all actors at rest, placed as at the start.
-pub fn at_rest(scene: &ExportedScene) -> ExportedScene {
+pub(crate) fn at_rest(scene: &ExportedScene) -> ExportedScene {
     let mut stage = Stage::clone(&scene.stage);
     stage.frame_callbacks = Vec::new();
     for actor in &mut stage.actors {
@@ -46,7 +46,7 @@ fn without_motion(actor: &Actor) -> Actor {
 
 /// Each clip once for each asset that plays it. `root` is the root motion option: "clip" keeps it, "in_place" removes it,
 /// "traveling" moves it to the actor's node.
-pub fn of_stage(scene: &ExportedScene, root: &str) -> Vec<ClipScene> {
+pub(crate) fn of_stage(scene: &ExportedScene, root: &str) -> Vec<ClipScene> {
     let mut seen = BTreeSet::new();
     let mut names = BTreeSet::new();
     let mut out = Vec::new();
@@ -83,7 +83,7 @@ fn clip_scene(scene: &ExportedScene, actor: &Actor, clip: &Arc<Clip>, root: &str
 }
 
 /// Bakes all clips. Returns the largest error too, with its time in the clip.
-pub fn bake<'a>(
+pub(crate) fn bake<'a>(
     clips: &'a [ClipScene],
     tolerance: f64,
 ) -> Result<(Vec<Baked<'a>>, ExportDeviation), StageError> {
@@ -100,7 +100,7 @@ pub fn bake<'a>(
 }
 
 /// Adds an animation for each clip.
-pub fn add<'a>(
+pub(crate) fn add<'a>(
     parts: &mut Parts<'a>,
     clips: &'a [ClipScene],
     baked: Vec<Baked<'a>>,

@@ -4,11 +4,11 @@ use serde::Serialize;
 use serde_json::Value;
 
 /// Index into one of the document's lists.
-pub type Index = u32;
+pub(crate) type Index = u32;
 
 #[derive(Default, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Document {
+pub(crate) struct Document {
     pub asset: Value,
     pub scene: Index,
     pub scenes: Vec<Scene>,
@@ -45,7 +45,7 @@ pub struct Document {
 }
 
 #[derive(Default, Serialize)]
-pub struct Scene {
+pub(crate) struct Scene {
     #[serde(skip_serializing_if = "String::is_empty")]
     pub name: String,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -55,7 +55,7 @@ pub struct Scene {
 }
 
 #[derive(Default, Serialize)]
-pub struct Node {
+pub(crate) struct Node {
     pub name: String,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub children: Vec<Index>,
@@ -80,7 +80,7 @@ pub struct Node {
 }
 
 #[derive(Clone, Serialize)]
-pub struct Mesh {
+pub(crate) struct Mesh {
     pub name: String,
     pub primitives: Vec<Primitive>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -88,7 +88,7 @@ pub struct Mesh {
 }
 
 #[derive(Clone, Serialize)]
-pub struct Primitive {
+pub(crate) struct Primitive {
     /// Accessor index by attribute name.
     pub attributes: serde_json::Map<String, Value>,
     pub indices: Index,
@@ -102,26 +102,26 @@ pub struct Primitive {
 
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Skin {
+pub(crate) struct Skin {
     pub joints: Vec<Index>,
     pub inverse_bind_matrices: Index,
 }
 
 #[derive(Default, Serialize)]
-pub struct Animation {
+pub(crate) struct Animation {
     pub name: String,
     pub channels: Vec<Channel>,
     pub samplers: Vec<Sampler>,
 }
 
 #[derive(Serialize)]
-pub struct Channel {
+pub(crate) struct Channel {
     pub sampler: Index,
     pub target: Target,
 }
 
 #[derive(Serialize)]
-pub struct Target {
+pub(crate) struct Target {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub node: Option<Index>,
     pub path: &'static str,
@@ -130,7 +130,7 @@ pub struct Target {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
-pub struct Sampler {
+pub(crate) struct Sampler {
     pub input: Index,
     pub interpolation: &'static str,
     pub output: Index,
@@ -138,7 +138,7 @@ pub struct Sampler {
 
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Accessor {
+pub(crate) struct Accessor {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub buffer_view: Option<Index>,
     #[serde(skip_serializing_if = "is_zero")]
@@ -155,7 +155,7 @@ pub struct Accessor {
 
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct BufferView {
+pub(crate) struct BufferView {
     pub buffer: Index,
     pub byte_offset: u64,
     pub byte_length: u64,

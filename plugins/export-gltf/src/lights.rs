@@ -11,13 +11,13 @@ use choreo_plugin::stage::{LightState, Stage, default_sun};
 use serde_json::{Map, Value, json};
 
 #[derive(Default)]
-pub struct Lights {
+pub(crate) struct Lights {
     pub list: Vec<Value>,
 }
 
 /// A light of the stage, with its node and index in the document.
 #[derive(Clone, Copy, Debug)]
-pub struct LightNode {
+pub(crate) struct LightNode {
     pub light: usize,
     pub kind: LightKind,
     pub node: Index,
@@ -25,7 +25,7 @@ pub struct LightNode {
 }
 
 impl Lights {
-    pub fn add(&mut self, name: &str, light: &Light) -> Index {
+    pub(crate) fn add(&mut self, name: &str, light: &Light) -> Index {
         let mut out = Map::new();
         out.insert("name".into(), name.into());
         // All light types of KHR_lights_punctual. Another kind would have to be written as one of these, and reported as a loss.
@@ -53,7 +53,7 @@ impl Lights {
 }
 
 /// Adds the lights of the stage, or the default sun of a stage without lights.
-pub fn of_stage(parts: &mut Parts<'_>, stage: &Stage, baked: &Baked<'_>) -> Vec<LightNode> {
+pub(crate) fn of_stage(parts: &mut Parts<'_>, stage: &Stage, baked: &Baked<'_>) -> Vec<LightNode> {
     let in_files = stage.actors.iter().any(|a| a.file_lights && !a.asset.lights.is_empty());
     if stage.lights.is_empty() && stage.sky.is_none() && !in_files {
         let sun = default_sun();

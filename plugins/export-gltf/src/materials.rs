@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 const F0_OF_GLASS: f32 = 0.04;
 
 #[derive(Default)]
-pub struct Materials {
+pub(crate) struct Materials {
     pub list: Vec<Value>,
     /// Extensions in use.
     pub extensions: BTreeSet<&'static str>,
@@ -24,7 +24,7 @@ pub struct Materials {
 impl Materials {
     /// The index of a material. Equal materials share one, unless `own`: the material is animated. `uvs`: the texture coordinate
     /// sets of its primitives; textures that need another set are left out.
-    pub fn add(
+    pub(crate) fn add(
         &mut self,
         textures: &mut Textures,
         asset: &Asset,

@@ -11,7 +11,7 @@ const UNIT_LENGTH_TOLERANCE: f32 = 5e-4;
 
 /// Either the skinned or the unskinned primitives of a mesh; `None` where there are none. `material` maps a material of the asset
 /// to the document's.
-pub fn mesh<'a>(
+pub(crate) fn mesh<'a>(
     buffer: &mut Buffer<'a>,
     mesh: &'a Mesh,
     skin: Option<&Skin>,
@@ -173,7 +173,7 @@ fn targets<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive, number: usize)
 }
 
 /// The accessor of a skin's inverse bind matrices.
-pub fn inverse_bind<'a>(buffer: &mut Buffer<'a>, skin: &'a Skin) -> Index {
+pub(crate) fn inverse_bind<'a>(buffer: &mut Buffer<'a>, skin: &'a Skin) -> Index {
     let matrix = move |index: usize| {
         let mut m = skin.inverse_bind.get(index).copied().unwrap_or(Mat4::IDENTITY);
         // glTF requires the fourth row 0 0 0 1 (§3.7.3.1).

@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 /// Image formats that glTF allows.
 const FORMATS: &[ImageFileFormat] = &[ImageFileFormat::Png, ImageFileFormat::Jpeg, ImageFileFormat::WebP];
 
-pub struct Textures {
+pub(crate) struct Textures {
     images: ImageFiles,
     pub samplers: Vec<Value>,
     pub textures: Vec<Value>,
@@ -45,7 +45,7 @@ impl Default for Textures {
 
 impl Textures {
     /// A textureInfo; `None` where the asset lacks the image.
-    pub fn info(&mut self, asset: &Asset, texture: &TextureRef) -> Option<Map<String, Value>> {
+    pub(crate) fn info(&mut self, asset: &Asset, texture: &TextureRef) -> Option<Map<String, Value>> {
         let image = asset.images.get(texture.image as usize).filter(|i| i.width > 0 && i.height > 0)?;
         let image = self.images.number(image);
         let sampler = self.sampler(texture.sampler);
@@ -100,7 +100,7 @@ impl Textures {
     ///
     /// # Errors
     /// An image cannot be encoded as PNG, or a file cannot be written.
-    pub fn beside(&self, stem: &str, files: &mut dyn SceneFiles) -> Result<Vec<Value>, ExportError> {
+    pub(crate) fn beside(&self, stem: &str, files: &mut dyn SceneFiles) -> Result<Vec<Value>, ExportError> {
         let mut out = Vec::new();
         for (number, file) in self.images.files()?.into_iter().enumerate() {
             let ending = self.images.ending(number);

@@ -5,7 +5,7 @@
 use choreo_motion::FrameRate;
 use std::io::{self, Write};
 
-pub struct Muxer {
+pub(crate) struct Muxer {
     width: u16,
     height: u16,
     fps: FrameRate,
@@ -26,7 +26,7 @@ pub struct Muxer {
 const KEY_FRAME_FLAG: u32 = 1 << 31;
 
 impl Muxer {
-    pub fn new(width: u16, height: u16, fps: FrameRate, provenance: Vec<(String, String)>) -> Muxer {
+    pub(crate) fn new(width: u16, height: u16, fps: FrameRate, provenance: Vec<(String, String)>) -> Muxer {
         Muxer {
             width,
             height,
@@ -43,7 +43,7 @@ impl Muxer {
     }
 
     /// Adds a NAL unit, with its Annex B start code, to the current image. Parameter sets go to the index instead.
-    pub fn nal(&mut self, nal: &[u8], out: &mut dyn Write) -> io::Result<()> {
+    pub(crate) fn nal(&mut self, nal: &[u8], out: &mut dyn Write) -> io::Result<()> {
         let nal = nal.strip_prefix(&[0, 0, 0, 1]).or(nal.strip_prefix(&[0, 0, 1])).unwrap_or(nal);
         // nal_unit_type, H.264 table 7-1.
         match nal.first().map(|b| b & 31) {
@@ -113,7 +113,7 @@ impl Muxer {
     }
 
     /// All boxes before the image data.
-    pub fn head(&self) -> io::Result<Vec<u8>> {
+    pub(crate) fn head(&self) -> io::Result<Vec<u8>> {
         if self.sizes.is_empty() || self.sps.len() < 4 || self.pps.is_empty() {
             return Err(io::Error::other("an MP4 needs at least one image, and there was none"));
         }

@@ -22,7 +22,7 @@ use std::rc::Rc;
 const MAX_ROTATION_STEP: f32 = 0.05;
 
 /// The inputs that actors are written from.
-pub struct ActorWriter<'a, 'b> {
+pub(crate) struct ActorWriter<'a, 'b> {
     pub stage: &'a Stage,
     pub baked: &'b Baked<'a>,
     pub sets: &'b Sets<'a>,
@@ -32,11 +32,11 @@ pub struct ActorWriter<'a, 'b> {
 }
 
 /// Paths of written animations, by the track set that moves the joints.
-pub type KnownAnimations = BTreeMap<usize, String>;
+pub(crate) type KnownAnimations = BTreeMap<usize, String>;
 
 impl<'a> ActorWriter<'a, '_> {
     /// The prim of an actor.
-    pub fn actor(
+    pub(crate) fn actor(
         &self,
         index: usize,
         name: &str,

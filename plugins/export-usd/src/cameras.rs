@@ -20,7 +20,12 @@ const DEFAULT_FAR: f32 = 1e6;
 /// The largest error of a field of view between two keys, radians.
 const ANGLE_TOLERANCE: f64 = 5e-5;
 
-pub fn of_stage<'a>(stage: &Stage, baked: &Baked<'_>, frames: Frames, names: &mut Names) -> Vec<Prim<'a>> {
+pub(crate) fn of_stage<'a>(
+    stage: &Stage,
+    baked: &Baked<'_>,
+    frames: Frames,
+    names: &mut Names,
+) -> Vec<Prim<'a>> {
     let [width, height] = stage.settings.size.map(|n| f64::from(n.max(1)));
     let several = baked.shots.len() > 1;
     let name = |number: usize, shot: &Shot| match several {

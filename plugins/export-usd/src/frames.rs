@@ -4,13 +4,13 @@ use choreo_plugin::motion::{FrameRate, Time};
 use std::rc::Rc;
 
 #[derive(Clone, Copy, Debug)]
-pub struct Frames {
+pub(crate) struct Frames {
     pub start: Time,
     pub rate: FrameRate,
 }
 
 impl Frames {
-    pub fn per_second(&self) -> f64 {
+    pub(crate) fn per_second(&self) -> f64 {
         f64::from(self.rate.num) / f64::from(self.rate.den)
     }
 
@@ -21,13 +21,13 @@ impl Frames {
     }
 
     /// The time code of a time. A frame's time gives a whole number, although ticks are rounded.
-    pub fn time_code(&self, time: Time) -> f64 {
+    pub(crate) fn time_code(&self, time: Time) -> f64 {
         let frames = self.duration_in_frames(time - self.start);
         let whole = frames.round();
         if (frames - whole).abs() < 0.49 * self.duration_in_frames(Time(1)) { whole } else { frames }
     }
 
-    pub fn time_codes(&self, times: &[Time]) -> Rc<[f64]> {
+    pub(crate) fn time_codes(&self, times: &[Time]) -> Rc<[f64]> {
         times.iter().map(|time| self.time_code(*time)).collect()
     }
 }

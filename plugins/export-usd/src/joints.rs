@@ -11,7 +11,7 @@ use choreo_plugin::motion::Transform;
 /// Largest difference of a matrix entry between equal bind transforms.
 const MATRIX_TOLERANCE: f64 = 1e-5;
 
-pub struct Joints {
+pub(crate) struct Joints {
     /// Path of each joint, `Hips/Spine`.
     pub paths: Vec<String>,
     /// The names in the asset; `None` unless all are distinct and none is empty.
@@ -24,19 +24,19 @@ pub struct Joints {
 }
 
 /// A skin whose joints are those of the skeleton.
-pub struct BoundSkin {
+pub(crate) struct BoundSkin {
     pub joints: Vec<u32>,
     /// Model space of the skeleton from mesh space, at bind time.
     pub geometry: DMat4,
 }
 
-pub fn matrix(t: &Transform) -> DMat4 {
+pub(crate) fn matrix(t: &Transform) -> DMat4 {
     let rotation: DQuat = t.rotation.as_dquat().normalize();
     DMat4::from_scale_rotation_translation(t.scale.as_dvec3(), rotation, t.translation.as_dvec3())
 }
 
 /// Model from joint, for each joint.
-pub fn in_model(asset: &Asset, locals: &[Transform]) -> Vec<DMat4> {
+pub(crate) fn in_model(asset: &Asset, locals: &[Transform]) -> Vec<DMat4> {
     let mut out: Vec<DMat4> = Vec::with_capacity(locals.len());
     for (local, parent) in locals.iter().zip(asset.skeleton.parents()) {
         let own = matrix(local);
@@ -46,7 +46,7 @@ pub fn in_model(asset: &Asset, locals: &[Transform]) -> Vec<DMat4> {
 }
 
 impl Joints {
-    pub fn of(asset: &Asset) -> Joints {
+    pub(crate) fn of(asset: &Asset) -> Joints {
         let skeleton = &asset.skeleton;
         let mut names: Vec<Names> = vec![Names::default(); skeleton.len() + 1];
         let mut paths: Vec<String> = Vec::with_capacity(skeleton.len());

@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 /// The number type of one component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Component {
+pub(crate) enum Component {
     Bool,
     Int,
     Half,
@@ -18,7 +18,7 @@ pub enum Component {
 
 /// Type of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Type {
+pub(crate) struct Type {
     /// Name of the type in `.usda`.
     pub name: &'static str,
     /// Type code in crate files.
@@ -33,10 +33,10 @@ const fn attribute_type(name: &'static str, code: u8, component: Component, widt
 }
 
 pub(crate) const BOOL: Type = attribute_type("bool", 1, Component::Bool, 1);
-pub const INT: Type = attribute_type("int", 3, Component::Int, 1);
-pub const FLOAT: Type = attribute_type("float", 8, Component::Float, 1);
-pub const DOUBLE: Type = attribute_type("double", 9, Component::Double, 1);
-pub const STRING: Type = attribute_type("string", 10, Component::Text, 1);
+pub(crate) const INT: Type = attribute_type("int", 3, Component::Int, 1);
+pub(crate) const FLOAT: Type = attribute_type("float", 8, Component::Float, 1);
+pub(crate) const DOUBLE: Type = attribute_type("double", 9, Component::Double, 1);
+pub(crate) const STRING: Type = attribute_type("string", 10, Component::Text, 1);
 pub(crate) const TOKEN: Type = attribute_type("token", 11, Component::Text, 1);
 pub(crate) const ASSET: Type = attribute_type("asset", 12, Component::Text, 1);
 pub(crate) const MATRIX4D: Type = attribute_type("matrix4d", 15, Component::Double, 16);
@@ -61,10 +61,10 @@ impl Type {
 }
 
 /// The number at an index; an element has [`Type::width`] numbers.
-pub type Numbers<'a> = Rc<dyn Fn(usize) -> f64 + 'a>;
+pub(crate) type Numbers<'a> = Rc<dyn Fn(usize) -> f64 + 'a>;
 
 #[derive(Clone)]
-pub enum Value<'a> {
+pub(crate) enum Value<'a> {
     /// Numbers made on demand. `count`: elements of an array, `None` for a single value.
     Numbers {
         count: Option<usize>,
@@ -76,33 +76,33 @@ pub enum Value<'a> {
 
 impl<'a> Value<'a> {
     /// A single value.
-    pub fn one(numbers: impl Into<Vec<f64>>) -> Value<'a> {
+    pub(crate) fn one(numbers: impl Into<Vec<f64>>) -> Value<'a> {
         let numbers = numbers.into();
         Value::Numbers { count: None, number: Rc::new(move |i| numbers[i]) }
     }
 
     /// An array whose numbers a function makes on demand.
-    pub fn array(count: usize, number: impl Fn(usize) -> f64 + 'a) -> Value<'a> {
+    pub(crate) fn array(count: usize, number: impl Fn(usize) -> f64 + 'a) -> Value<'a> {
         Value::Numbers { count: Some(count), number: Rc::new(number) }
     }
 
-    pub fn text(text: impl Into<String>) -> Value<'a> {
+    pub(crate) fn text(text: impl Into<String>) -> Value<'a> {
         Value::Text(text.into())
     }
 }
 
 /// Receives the numbers of one time sample.
-pub type RowSink<'t> = &'t mut dyn FnMut(&[f64]) -> Result<()>;
+pub(crate) type RowSink<'t> = &'t mut dyn FnMut(&[f64]) -> Result<()>;
 
 /// Time samples, with times in frames.
 #[derive(Clone)]
-pub struct Samples<'a> {
+pub(crate) struct Samples<'a> {
     pub times: Rc<[f64]>,
     pub values: SampleValues<'a>,
 }
 
 #[derive(Clone)]
-pub enum SampleValues<'a> {
+pub(crate) enum SampleValues<'a> {
     /// Numbers made on demand. `count`: as in [`Value`]. `each` hands over the numbers of one time after the other.
     Numbers {
         count: Option<usize>,
@@ -113,14 +113,14 @@ pub enum SampleValues<'a> {
 
 impl<'a> Samples<'a> {
     /// Samples from a list that has `width` numbers for each time.
-    pub fn of(times: Rc<[f64]>, count: Option<usize>, width: usize, numbers: Vec<f64>) -> Samples<'a> {
+    pub(crate) fn of(times: Rc<[f64]>, count: Option<usize>, width: usize, numbers: Vec<f64>) -> Samples<'a> {
         let each = move |take: RowSink<'_>| numbers.chunks(width.max(1)).try_for_each(&mut *take);
         Samples { times, values: SampleValues::Numbers { count, each: Rc::new(each) } }
     }
 }
 
 #[derive(Clone)]
-pub struct Attribute<'a> {
+pub(crate) struct Attribute<'a> {
     pub name: String,
     pub value_type: Type,
     pub is_array: bool,
@@ -134,21 +134,21 @@ pub struct Attribute<'a> {
 }
 
 #[derive(Clone)]
-pub enum Property<'a> {
+pub(crate) enum Property<'a> {
     Attribute(Attribute<'a>),
     Relationship { name: &'static str, targets: Vec<String> },
 }
 
 /// A value in a metadata dictionary.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Meta {
+pub(crate) enum Meta {
     Double(f64),
     Text(String),
     Dictionary(Vec<(String, Meta)>),
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Specifier {
+pub(crate) enum Specifier {
     #[default]
     Def,
     Over,
@@ -156,7 +156,7 @@ pub enum Specifier {
 }
 
 #[derive(Clone, Default)]
-pub struct Prim<'a> {
+pub(crate) struct Prim<'a> {
     pub name: String,
     pub specifier: Specifier,
     /// Name of the schema, "Mesh"; empty for overs.
@@ -172,16 +172,16 @@ pub struct Prim<'a> {
 }
 
 impl<'a> Prim<'a> {
-    pub fn new(kind: &'static str, name: impl Into<String>) -> Prim<'a> {
+    pub(crate) fn new(kind: &'static str, name: impl Into<String>) -> Prim<'a> {
         Prim { name: name.into(), kind, ..Prim::default() }
     }
 
-    pub fn over(name: impl Into<String>) -> Prim<'a> {
+    pub(crate) fn over(name: impl Into<String>) -> Prim<'a> {
         Prim { name: name.into(), specifier: Specifier::Over, ..Prim::default() }
     }
 
     /// Adds an attribute, and returns it for further changes.
-    pub fn add_attribute(&mut self, value_type: Type, name: impl Into<String>) -> &mut Attribute<'a> {
+    pub(crate) fn add_attribute(&mut self, value_type: Type, name: impl Into<String>) -> &mut Attribute<'a> {
         let (is_array, uniform, value, samples) = (false, false, None, None);
         let (connection, interpolation, element_size) = (None, None, None);
         let name = name.into();
@@ -202,12 +202,17 @@ impl<'a> Prim<'a> {
         }
     }
 
-    pub fn set(&mut self, value_type: Type, name: impl Into<String>, value: Value<'a>) -> &mut Attribute<'a> {
+    pub(crate) fn set(
+        &mut self,
+        value_type: Type,
+        name: impl Into<String>,
+        value: Value<'a>,
+    ) -> &mut Attribute<'a> {
         self.add_attribute(value_type, name).set_value(value)
     }
 
     /// Sets an attribute to a single number or vector.
-    pub fn set_number(
+    pub(crate) fn set_number(
         &mut self,
         value_type: Type,
         name: impl Into<String>,
@@ -238,20 +243,20 @@ impl<'a> Attribute<'a> {
         self.name.starts_with("userProperties:")
     }
 
-    pub fn set_value(&mut self, value: Value<'a>) -> &mut Self {
+    pub(crate) fn set_value(&mut self, value: Value<'a>) -> &mut Self {
         self.is_array = matches!(value, Value::Numbers { count: Some(_), .. } | Value::Texts(_));
         self.value = Some(value);
         self
     }
 
-    pub fn set_samples(&mut self, samples: Samples<'a>) -> &mut Self {
+    pub(crate) fn set_samples(&mut self, samples: Samples<'a>) -> &mut Self {
         self.is_array = matches!(samples.values, SampleValues::Numbers { count: Some(_), .. });
         self.samples = Some(samples);
         self
     }
 
     /// Sets the interpolation of a primvar: "vertex", "constant".
-    pub fn set_interpolation(&mut self, interpolation: &'static str) -> &mut Self {
+    pub(crate) fn set_interpolation(&mut self, interpolation: &'static str) -> &mut Self {
         self.interpolation = Some(interpolation);
         self
     }
@@ -259,7 +264,7 @@ impl<'a> Attribute<'a> {
 
 /// A whole file.
 #[derive(Clone, Default)]
-pub struct Layer<'a> {
+pub(crate) struct Layer<'a> {
     pub default_prim: String,
     /// End of the timeline, in frames.
     pub end: f64,

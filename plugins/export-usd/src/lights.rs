@@ -21,7 +21,7 @@ const LIGHT_RADIUS: f32 = 0.01;
 /// Intensity of a normalized sphere light for one candela. The luminance is intensity ÷ 4πr², and a viewer sees a disk of πr².
 const SPHERE_INTENSITY_PER_CANDELA: f32 = 4.0;
 
-pub fn of_stage<'a>(
+pub(crate) fn of_stage<'a>(
     stage: &Stage,
     baked: &Baked<'_>,
     (frames, names): (Frames, &mut Names),
@@ -64,7 +64,7 @@ pub fn of_stage<'a>(
 ///
 /// # Errors
 /// The sky's image cannot be written as OpenEXR.
-pub fn of_sky<'a>(
+pub(crate) fn of_sky<'a>(
     stage: &Stage,
     baked: &Baked<'_>,
     (is_package, names): (bool, &mut Names),
@@ -174,7 +174,7 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
 }
 
 /// Adds the lights of an actor's file, placed at their joints in the pose at the start.
-pub fn of_file(prim: &mut Prim<'_>, asset: &Asset, still: &[Transform]) {
+pub(crate) fn of_file(prim: &mut Prim<'_>, asset: &Asset, still: &[Transform]) {
     let in_model = joints::in_model(asset, still);
     let mut names = Names::default();
     for file_light in &asset.lights {

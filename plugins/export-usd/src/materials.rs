@@ -10,12 +10,12 @@ use choreo_plugin::glam::{Affine2, Vec3, Vec4};
 
 /// The shader network of a material. Materials that differ only in numbers have the same shaders and inputs.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Network {
+pub(crate) struct Network {
     pub shaders: Vec<Shader>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shader {
+pub(crate) struct Shader {
     pub name: String,
     id: &'static str,
     pub inputs: Vec<Input>,
@@ -23,14 +23,14 @@ pub struct Shader {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub struct Input {
+pub(crate) struct Input {
     pub name: &'static str,
     pub value_type: Type,
     pub value: InputValue,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub enum InputValue {
+pub(crate) enum InputValue {
     Numbers(Vec<f32>),
     Text(String),
     /// Connection to an output of another shader of the network: `normal.outputs:rgb`.
@@ -39,7 +39,7 @@ pub enum InputValue {
 
 /// The asset data that a shader network depends on.
 #[derive(Clone, Copy)]
-pub struct MaterialContext<'a> {
+pub(crate) struct MaterialContext<'a> {
     pub asset: &'a Asset,
     /// Whether all primitives with the material have the first and the second set of texture coordinates.
     pub uvs: [bool; 2],
@@ -72,7 +72,7 @@ impl TextureSampling {
 }
 
 /// The shader network of a material, the surface shader first.
-pub fn network(
+pub(crate) fn network(
     m: &Material,
     material_context: MaterialContext<'_>,
     textures: &mut Textures,
@@ -293,7 +293,7 @@ fn with_v_flipped(a: &Affine2) -> ([f32; 2], f32, [f32; 2]) {
 
 impl Network {
     /// The material with all its shaders. `path`: the path that the prim will have.
-    pub fn prim<'a>(&self, name: &str, path: &str, display_name: &str) -> Prim<'a> {
+    pub(crate) fn prim<'a>(&self, name: &str, path: &str, display_name: &str) -> Prim<'a> {
         let mut out = Prim::new("Material", name);
         out.display_name = (display_name != name && !display_name.is_empty()).then(|| display_name.into());
         out.add_attribute(TOKEN, "outputs:surface").connection =
@@ -321,7 +321,7 @@ impl Network {
     }
 
     /// The numbers of a shader input; `None` where it has none.
-    pub fn numbers(&self, shader: usize, input: usize) -> Option<&[f32]> {
+    pub(crate) fn numbers(&self, shader: usize, input: usize) -> Option<&[f32]> {
         match &self.shaders.get(shader)?.inputs.get(input)?.value {
             InputValue::Numbers(numbers) => Some(numbers),
             _ => None,

@@ -7,7 +7,7 @@ use choreo_plugin::asset::{Mesh, MorphTarget, Primitive, Topology};
 use choreo_plugin::glam::{DMat4, Vec3};
 
 /// How a mesh follows a skeleton.
-pub enum Binding<'a> {
+pub(crate) enum Binding<'a> {
     /// Skinned: each vertex follows its weighted joints. `joints`: the skeleton's joint for each joint of the skin.
     Skin { joints: &'a [u32], geometry: DMat4 },
     /// Rigid: the whole mesh follows one joint.
@@ -15,11 +15,11 @@ pub enum Binding<'a> {
 }
 
 /// A matrix in USD's convention: stored row by row, with row vectors multiplied from the left.
-pub fn matrix<'a>(m: &DMat4) -> Value<'a> {
+pub(crate) fn matrix<'a>(m: &DMat4) -> Value<'a> {
     Value::one(m.to_cols_array().to_vec())
 }
 
-pub fn matrices<'a>(list: Vec<DMat4>) -> Value<'a> {
+pub(crate) fn matrices<'a>(list: Vec<DMat4>) -> Value<'a> {
     let numbers: Vec<f64> = list.iter().flat_map(DMat4::to_cols_array).collect();
     Value::array(list.len(), move |i| numbers[i])
 }
@@ -29,7 +29,7 @@ fn vectors<'a>(list: &'a [Vec3]) -> Value<'a> {
 }
 
 /// The prim of a primitive; `None` where the primitive draws nothing.
-pub fn prim<'a>(name: &str, primitive: &'a Primitive, double_sided: bool) -> Option<Prim<'a>> {
+pub(crate) fn prim<'a>(name: &str, primitive: &'a Primitive, double_sided: bool) -> Option<Prim<'a>> {
     if primitive.indices.is_empty() || primitive.positions.is_empty() {
         return None;
     }
@@ -47,7 +47,7 @@ pub fn prim<'a>(name: &str, primitive: &'a Primitive, double_sided: bool) -> Opt
 }
 
 /// Minimum and maximum of positions, as an `extent`.
-pub fn extent(positions: &[Vec3]) -> [Vec3; 2] {
+pub(crate) fn extent(positions: &[Vec3]) -> [Vec3; 2] {
     let low = positions.iter().copied().fold(Vec3::INFINITY, Vec3::min);
     let high = positions.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
     [low, high]
@@ -111,7 +111,12 @@ fn points<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
 }
 
 /// Binds a mesh to the skeleton of its model.
-pub fn bind_to_skeleton<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skeleton: &str) {
+pub(crate) fn bind_to_skeleton<'a>(
+    out: &mut Prim<'a>,
+    p: &'a Primitive,
+    binding: Binding<'_>,
+    skeleton: &str,
+) {
     out.api.push("SkelBindingAPI");
     out.add_relationship("skel:skeleton", vec![skeleton.into()]);
     let geometry = match &binding {

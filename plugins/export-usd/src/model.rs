@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// A model that has been written to the layer.
-pub struct Model<'a> {
+pub(crate) struct Model<'a> {
     pub asset: &'a Asset,
     /// Path of the prim in the layer.
     pub path: String,
@@ -26,14 +26,14 @@ pub struct Model<'a> {
     pub materials: Vec<Option<ModelMaterial>>,
 }
 
-pub struct ModelMaterial {
+pub(crate) struct ModelMaterial {
     pub name: String,
     pub network: Network,
 }
 
 /// Textures and losses, collected while models are made.
 #[derive(Default)]
-pub struct Common {
+pub(crate) struct Common {
     pub textures: Textures,
     pub losses: BTreeSet<&'static str>,
 }
@@ -54,7 +54,7 @@ struct ModelBuilder<'a, 'c> {
 
 /// Makes the model of an asset. `has_rig`: it needs a skeleton, because an actor moves its joints, or it has skins or morph
 /// targets.
-pub fn model<'a>(
+pub(crate) fn model<'a>(
     asset: &'a Arc<Asset>,
     name: &str,
     (parent, has_rig): (&str, bool),
@@ -105,7 +105,7 @@ fn skeleton<'a>(joints: &Joints) -> Prim<'a> {
 }
 
 /// The texture coordinate sets, and whether vertex colors, that all primitives with a material have.
-pub fn material_context(asset: &Asset, material: Option<u32>) -> MaterialContext<'_> {
+pub(crate) fn material_context(asset: &Asset, material: Option<u32>) -> MaterialContext<'_> {
     let with_it = || asset.meshes.iter().flat_map(|m| &m.primitives).filter(|p| p.material == material);
     let is_whole = |count: usize, p: &Primitive| count == p.positions.len();
     MaterialContext {
@@ -259,7 +259,7 @@ impl<'a> ModelBuilder<'a, '_> {
 }
 
 /// Places a prim by a matrix. A prim at the origin gets no transform, unless it refers to another prim, which may have one.
-pub fn place<'a>(prim: &mut Prim<'a>, at: &DMat4) {
+pub(crate) fn place<'a>(prim: &mut Prim<'a>, at: &DMat4) {
     if *at != DMat4::IDENTITY || prim.reference.is_some() {
         prim.set(MATRIX4D, "xformOp:transform", meshes::matrix(at));
         prim.set_uniform_tokens("xformOpOrder", vec!["xformOp:transform".into()]);
@@ -267,7 +267,7 @@ pub fn place<'a>(prim: &mut Prim<'a>, at: &DMat4) {
 }
 
 /// A point instancer with the copies of a prototype, which the caller adds below it.
-pub fn instancer<'a>(name: &str, copies: &[Affine3A], prototype: String) -> Prim<'a> {
+pub(crate) fn instancer<'a>(name: &str, copies: &[Affine3A], prototype: String) -> Prim<'a> {
     let parts: std::rc::Rc<[Transform]> =
         copies.iter().map(|copy| rig::decompose(&widen(copy), &Transform::IDENTITY)).collect();
     let mut out = Prim::new("PointInstancer", name);
@@ -288,6 +288,6 @@ pub fn instancer<'a>(name: &str, copies: &[Affine3A], prototype: String) -> Prim
 }
 
 /// The class prim that holds all models. Programs do not draw it by itself.
-pub fn library<'a>(name: &str, models: Vec<Prim<'a>>) -> Prim<'a> {
+pub(crate) fn library<'a>(name: &str, models: Vec<Prim<'a>>) -> Prim<'a> {
     Prim { specifier: Specifier::Class, children: models, ..Prim::new("Scope", name) }
 }

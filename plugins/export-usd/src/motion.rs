@@ -14,7 +14,7 @@ use choreo_plugin::stage::Actor;
 use std::rc::Rc;
 
 /// Baked track sets, shared by the prims that are written from them.
-pub type Sets<'a> = [Rc<TrackSet<'a>>];
+pub(crate) type Sets<'a> = [Rc<TrackSet<'a>>];
 
 /// The values of a track as time samples.
 fn track_samples<'a>(set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) -> Samples<'a> {
@@ -54,7 +54,7 @@ pub(crate) fn add_transform_ops<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usi
 }
 
 /// Replaces the value of an attribute by time samples.
-pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
+pub(crate) fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
     if let Some(crate::layer::Property::Attribute(attribute)) = prim.properties.get_mut(property) {
         attribute.value = None;
         attribute.set_samples(samples);
@@ -62,7 +62,12 @@ pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
 }
 
 /// Places an actor over time. A hidden actor is invisible, and has size 0 for programs that ignore visibility.
-pub fn place_actor<'a>(prim: &mut Prim<'a>, at: &Transform, sets: &[&Rc<TrackSet<'a>>], frames: Frames) {
+pub(crate) fn place_actor<'a>(
+    prim: &mut Prim<'a>,
+    at: &Transform,
+    sets: &[&Rc<TrackSet<'a>>],
+    frames: Frames,
+) {
     let property_indices = add_transform_ops(prim, at);
     for set in sets {
         let own = set.tracks.iter().enumerate().filter(|(_, track)| track.joint == 0);
@@ -176,7 +181,7 @@ fn instance_weights<'a>(
 }
 
 /// The SkelAnimation of an actor's joints and morph targets; `None` where nothing moves.
-pub fn animation<'a>(
+pub(crate) fn animation<'a>(
     model: &Model<'a>,
     (index, actor): (usize, &'a Actor),
     (baked, sets, frames): (&Baked<'a>, &Sets<'a>, Frames),

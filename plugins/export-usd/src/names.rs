@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 /// The name as an identifier: an underscore for each disallowed character, the code point for each letter of another script.
-pub fn identifier(name: &str) -> String {
+pub(crate) fn identifier(name: &str) -> String {
     let mut out = String::new();
     for c in name.chars() {
         match c {
@@ -23,11 +23,11 @@ pub fn identifier(name: &str) -> String {
 
 /// The identifiers that siblings have taken.
 #[derive(Clone, Debug, Default)]
-pub struct Names(BTreeSet<String>);
+pub(crate) struct Names(BTreeSet<String>);
 
 impl Names {
     /// An identifier that no sibling has yet; it is taken from then on.
-    pub fn add_unique(&mut self, name: &str) -> String {
+    pub(crate) fn add_unique(&mut self, name: &str) -> String {
         let bare = identifier(name);
         let mut name = bare.clone();
         let mut number = 2;

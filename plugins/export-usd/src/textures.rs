@@ -14,7 +14,7 @@ const FORMATS: &[ImageFileFormat] = &[ImageFileFormat::Png, ImageFileFormat::Jpe
 /// Suffix of a file's name, and its bytes.
 type NamedFile = (String, Arc<Vec<u8>>);
 
-pub struct Textures {
+pub(crate) struct Textures {
     /// Stem of the file names.
     pub stem: String,
     images: ImageFiles,
@@ -30,7 +30,7 @@ impl Default for Textures {
 
 impl Textures {
     /// The path of an image, relative to the layer.
-    pub fn image_path(&mut self, image: &Arc<Image>) -> String {
+    pub(crate) fn image_path(&mut self, image: &Arc<Image>) -> String {
         let number = self.images.number(image);
         format!("./{}{}", self.stem, self.images.ending(number))
     }
@@ -40,7 +40,7 @@ impl Textures {
     ///
     /// # Errors
     /// The panorama cannot be encoded as OpenEXR.
-    pub fn sky(&mut self, panorama: &Panorama, is_package: bool) -> Result<String, ExportError> {
+    pub(crate) fn sky(&mut self, panorama: &Panorama, is_package: bool) -> Result<String, ExportError> {
         let (ending, _) = self.sky.insert(match &panorama.file {
             Some(file) if !is_package => ("_sky.hdr".into(), file.clone()),
             _ => ("_sky.exr".into(), Arc::new(exr_of(panorama)?)),
@@ -52,7 +52,7 @@ impl Textures {
     ///
     /// # Errors
     /// An image cannot be encoded as PNG.
-    pub fn files(&self) -> Result<Vec<NamedFile>, ExportError> {
+    pub(crate) fn files(&self) -> Result<Vec<NamedFile>, ExportError> {
         let files = self.images.files()?.into_iter().enumerate();
         let images = files.map(|(number, file)| (self.images.ending(number), file.bytes));
         Ok(images.chain(self.sky.clone()).collect())

@@ -7,10 +7,10 @@ use choreo_motion::Transform;
 use glam::{DVec3, Quat};
 
 /// Joint limit, far above any motion capture; bounds the memory of joints and their bones.
-pub const MAX_JOINTS: usize = 16_384;
+pub(crate) const MAX_JOINTS: usize = 16_384;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Channel {
+pub(crate) enum Channel {
     /// Position along x, y or z: 0, 1, 2.
     Position(usize),
     /// Rotation around x, y or z, degrees.
@@ -18,7 +18,7 @@ pub enum Channel {
 }
 
 #[derive(Clone, Debug)]
-pub struct Joint {
+pub(crate) struct Joint {
     pub name: String,
     pub parent: Option<u32>,
     /// Offset in the file's units.
@@ -28,7 +28,7 @@ pub struct Joint {
 }
 
 impl Joint {
-    pub fn rest(&self, convention: &Convention) -> Transform {
+    pub(crate) fn rest(&self, convention: &Convention) -> Transform {
         let offset = self.offset * convention.scale;
         let (translation, rotation) = match self.parent {
             Some(_) => (offset, Quat::IDENTITY),
@@ -40,7 +40,7 @@ impl Joint {
 
 /// The file after the hierarchy: its bytes from MOTION on, and the number of their first line.
 #[derive(Clone, Copy, Debug)]
-pub struct MotionText<'a> {
+pub(crate) struct MotionText<'a> {
     pub bytes: &'a [u8],
     pub line: usize,
 }
@@ -101,7 +101,7 @@ impl<'a> Tokens<'a> {
     }
 }
 
-pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, MotionText<'a>)> {
+pub(crate) fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, MotionText<'a>)> {
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let mut tokens = Tokens { bytes: text, at: 0, line: 1 };
     let first = tokens.expect_word("HIERARCHY")?;
@@ -234,7 +234,7 @@ fn finish<'a>(
 
 impl<'a> MotionText<'a> {
     /// The lines after MOTION.
-    pub fn lines(&self) -> Option<Lines<'a>> {
+    pub(crate) fn lines(&self) -> Option<Lines<'a>> {
         let mut lines = Lines::from(self.bytes, self.line);
         lines.next().map(|_| lines)
     }

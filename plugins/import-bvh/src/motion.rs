@@ -11,10 +11,10 @@ use std::sync::Arc;
 /// Frame limit: 46 hours at 60 Hz.
 pub(crate) const MAX_FRAMES: i64 = 10_000_000;
 /// Limit of key times, the same in all importers: about 115 days, seconds.
-pub const MAX_SECS: f64 = 1e7;
+pub(crate) const MAX_SECS: f64 = 1e7;
 
 /// Reads the clip; `None` where the file has no frames.
-pub fn read(
+pub(crate) fn read(
     rest: MotionText<'_>,
     joints: &[Joint],
     convention: &Convention,

@@ -15,7 +15,7 @@ const UNITS: [(f64, f64, &str); 5] = [
 ];
 
 /// Guesses the metres in a unit. A warning states the guess.
-pub fn guess(joints: &[Joint], notes: &Notes) -> f64 {
+pub(crate) fn guess(joints: &[Joint], notes: &Notes) -> f64 {
     let mut at: Vec<DVec3> = Vec::with_capacity(joints.len());
     for joint in joints {
         at.push(joint.parent.map_or(DVec3::ZERO, |p| at[p as usize]) + joint.offset);

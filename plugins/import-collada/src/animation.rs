@@ -42,7 +42,7 @@ impl Channels {
     }
 }
 
-pub fn read(
+pub(crate) fn read(
     xml: &Xml<'_>,
     tree: &Tree<'_>,
     (morphs, objects): (&[MorphTargets], &Objects<'_>),

@@ -16,22 +16,22 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 /// Tolerance: radians for rotations, relative for scales, and relative to the node's longest translation for lengths.
-pub const TOLERANCE: f64 = 5e-5;
+pub(crate) const TOLERANCE: f64 = 5e-5;
 /// Halvings of an interval between two keys, at most.
-pub const MAX_DEPTH: u32 = 9;
+pub(crate) const MAX_DEPTH: u32 = 9;
 /// Keys of one node, at most.
 pub(crate) const MAX_KEYS: usize = 1_000_000;
 
 /// The values of a transform element that a channel drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Component {
+pub(crate) enum Component {
     All,
     One(usize),
 }
 
 impl Component {
     /// Parses `.X`, `.ANGLE`, `(2)` or `(3)(0)`; the last form is column and row of a matrix.
-    pub fn of(member: &str, kind: TransformKind) -> Option<Component> {
+    pub(crate) fn of(member: &str, kind: TransformKind) -> Option<Component> {
         if member.is_empty() {
             return Some(Component::All);
         }
@@ -63,7 +63,7 @@ impl Component {
     }
 }
 
-pub struct Bound {
+pub(crate) struct Bound {
     pub element: usize,
     pub component: Component,
     pub sampler: Rc<Sampler>,
@@ -128,7 +128,7 @@ struct Key {
 }
 
 /// The curves of one joint. Errors have no place yet.
-pub fn joint(
+pub(crate) fn joint(
     xml: &Xml<'_>,
     tree: &Tree<'_>,
     joint: u32,
@@ -226,7 +226,11 @@ fn curves(
 }
 
 /// Start, end, and all key times between them.
-pub fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, end: Time) -> Vec<Time> {
+pub(crate) fn key_times<'s>(
+    samplers: impl Iterator<Item = &'s Sampler>,
+    start: Time,
+    end: Time,
+) -> Vec<Time> {
     let mut times = vec![start, end];
     let mut first = end;
     let mut last = start;
@@ -309,7 +313,7 @@ fn refine(
 }
 
 /// The morph weights of one mesh instance as one curve, with keys at all key times.
-pub fn weights(
+pub(crate) fn weights(
     xml: &Xml<'_>,
     morph: &MorphTargets,
     samplers: &[(usize, Rc<Sampler>)],

@@ -11,7 +11,7 @@ use glam::{DMat4, Mat4, Vec3};
 use std::rc::Rc;
 
 /// A morphed mesh instance, to which animations refer.
-pub struct MorphTargets {
+pub(crate) struct MorphTargets {
     pub controller: NodeId,
     pub joint: u32,
     /// Weights where no clip drives them.
@@ -19,7 +19,7 @@ pub struct MorphTargets {
 }
 
 /// Skin weights by position of the geometry.
-pub struct Weights {
+pub(crate) struct Weights {
     /// Index of each position's first influence; has one more entry than there are positions.
     starts: Vec<u32>,
     pairs: Vec<(u16, f32)>,
@@ -27,7 +27,7 @@ pub struct Weights {
     pub influences: usize,
 }
 
-pub struct SkinData {
+pub(crate) struct SkinData {
     pub skin: Skin,
     pub weights: Weights,
 }
@@ -36,7 +36,13 @@ pub struct SkinData {
 const MAX_INFLUENCES: usize = 8;
 
 /// Reads a skin. `roots`: joints below which joint names are searched first. `carrier`: the joint used in place of missing ones.
-pub fn skin(xml: &Xml<'_>, tree: &Tree<'_>, skin: Node<'_>, roots: &[u32], carrier: u32) -> Result<SkinData> {
+pub(crate) fn skin(
+    xml: &Xml<'_>,
+    tree: &Tree<'_>,
+    skin: Node<'_>,
+    roots: &[u32],
+    carrier: u32,
+) -> Result<SkinData> {
     let bind_shape = match child(skin, "bind_shape_matrix") {
         Some(m) => matrix(&xml.array::<16>(m)?),
         None => DMat4::IDENTITY,
@@ -95,7 +101,7 @@ pub fn skin(xml: &Xml<'_>, tree: &Tree<'_>, skin: Node<'_>, roots: &[u32], carri
     Ok(SkinData { skin: out, weights })
 }
 
-pub fn matrix(values: &[f64]) -> DMat4 {
+pub(crate) fn matrix(values: &[f64]) -> DMat4 {
     let mut m = DMat4::IDENTITY;
     if values.len() >= 16 {
         m = DMat4::from_cols_slice(&values[..16]).transpose();
@@ -185,12 +191,12 @@ fn weights(xml: &Xml<'_>, skin: Node<'_>, joints: usize) -> Result<Weights> {
 
 impl Weights {
     /// Number of positions that have weights.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
     /// Appends the influences of a position, filled up to `influences`. Positions beyond the list follow the first joint.
-    pub fn of(&self, position: u32, joints: &mut Vec<u16>, weights: &mut Vec<f32>) {
+    pub(crate) fn of(&self, position: u32, joints: &mut Vec<u16>, weights: &mut Vec<f32>) {
         let at = position as usize;
         let range = match (self.starts.get(at), self.starts.get(at + 1)) {
             (Some(a), Some(b)) => *a as usize..*b as usize,
@@ -206,7 +212,7 @@ impl Weights {
     }
 }
 
-pub struct Morph {
+pub(crate) struct Morph {
     pub weights: Vec<f32>,
     pub names: Vec<String>,
     /// Offset of each position of the base, by target.
@@ -214,7 +220,7 @@ pub struct Morph {
 }
 
 /// Reads a morph. `positions_of` reads the positions of a target's geometry.
-pub fn morph<'a>(
+pub(crate) fn morph<'a>(
     xml: &Xml<'a>,
     morph: Node<'a>,
     base: &Geometry,
@@ -263,7 +269,7 @@ pub fn morph<'a>(
 }
 
 impl Morph {
-    pub fn targets(&self, origin: &[u32]) -> Vec<MorphTarget> {
+    pub(crate) fn targets(&self, origin: &[u32]) -> Vec<MorphTarget> {
         let target = |offsets: &Vec<Vec3>| MorphTarget {
             positions: origin.iter().map(|o| offsets[*o as usize]).collect(),
             ..MorphTarget::default()

@@ -15,7 +15,7 @@ use std::rc::Rc;
 
 /// One face list (`<triangles>`, `<polylist>` …) as a primitive, without skin, and with normals only where the file has them.
 #[derive(Clone)]
-pub struct Submesh {
+pub(crate) struct Submesh {
     pub primitive: Primitive,
     /// Index of each vertex's position in the source.
     pub origin: Vec<u32>,
@@ -24,14 +24,14 @@ pub struct Submesh {
     pub uv_sets: Vec<usize>,
 }
 
-pub struct Geometry {
+pub(crate) struct Geometry {
     pub name: String,
     pub parts: Vec<Submesh>,
     /// Positions of the source, in metres.
     pub positions: Rc<Vec<Vec3>>,
 }
 
-pub fn read(xml: &Xml<'_>, geometry: Node<'_>, metres: f64, srgb: bool) -> Result<Geometry> {
+pub(crate) fn read(xml: &Xml<'_>, geometry: Node<'_>, metres: f64, srgb: bool) -> Result<Geometry> {
     let name = label_of(geometry).unwrap_or("mesh").to_string();
     let mut out = Geometry { name, parts: Vec::new(), positions: Rc::default() };
     let Some(mesh) = child(geometry, "mesh") else {

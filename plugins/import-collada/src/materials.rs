@@ -11,7 +11,7 @@ use choreo_plugin::Files;
 use glam::{Affine2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
-pub struct Materials<'f> {
+pub(crate) struct Materials<'f> {
     pub textures: Option<Textures>,
     pub files: &'f dyn Files,
     pub srgb: bool,
@@ -46,7 +46,7 @@ struct Value {
 }
 
 impl<'f> Materials<'f> {
-    pub fn new(textures: bool, files: &'f dyn Files, srgb: bool) -> Materials<'f> {
+    pub(crate) fn new(textures: bool, files: &'f dyn Files, srgb: bool) -> Materials<'f> {
         let textures = textures.then(Textures::default);
         Materials {
             textures,
@@ -59,7 +59,7 @@ impl<'f> Materials<'f> {
     }
 
     /// The material that an instance binds to a material symbol of its mesh.
-    pub fn bind(
+    pub(crate) fn bind(
         &mut self,
         xml: &Xml<'_>,
         instance: Node<'_>,

@@ -28,7 +28,7 @@ impl<'a> InstancedShape<'a> {
     }
 }
 
-pub struct Builder<'x, 'a, 'f> {
+pub(crate) struct Builder<'x, 'a, 'f> {
     pub xml: &'x Xml<'a>,
     pub tree: &'x Tree<'a>,
     pub materials: Materials<'f>,
@@ -43,7 +43,12 @@ pub struct Builder<'x, 'a, 'f> {
 }
 
 impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
-    pub fn new(xml: &'x Xml<'a>, tree: &'x Tree<'a>, materials: Materials<'f>, smooth_rad: f64) -> Self {
+    pub(crate) fn new(
+        xml: &'x Xml<'a>,
+        tree: &'x Tree<'a>,
+        materials: Materials<'f>,
+        smooth_rad: f64,
+    ) -> Self {
         Builder {
             xml,
             tree,
@@ -57,7 +62,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
         }
     }
 
-    pub fn build(&mut self, asset: &mut Asset) -> Result<()> {
+    pub(crate) fn build(&mut self, asset: &mut Asset) -> Result<()> {
         let mut placed = Vec::new();
         for (joint, node) in (0u32..).zip(self.tree.joints.iter().map(|j| j.node)) {
             for element in node.children() {

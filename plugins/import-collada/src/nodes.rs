@@ -14,7 +14,7 @@ const MAX_JOINTS: usize = 65_536;
 const SHEAR_TOLERANCE: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TransformKind {
+pub(crate) enum TransformKind {
     Matrix,
     Translate,
     Rotate,
@@ -24,14 +24,14 @@ pub enum TransformKind {
 
 /// One transform element of a node. The first element is the leftmost factor of the product.
 #[derive(Clone, Debug)]
-pub struct TransformElement<'a> {
+pub(crate) struct TransformElement<'a> {
     pub sid: &'a str,
     pub kind: TransformKind,
     /// 16, 3, 4, 3 or 9 numbers, as in the file (matrices by rows, angles in degrees).
     pub values: Vec<f64>,
 }
 
-pub struct Joint<'a> {
+pub(crate) struct Joint<'a> {
     pub node: Node<'a>,
     pub parent: Option<u32>,
     pub name: String,
@@ -41,12 +41,12 @@ pub struct Joint<'a> {
 /// Conversion of the file's units and axes to metres and +Y up: translations are scaled, and the roots are rotated, which their
 /// children follow. Joints keep their own axes.
 #[derive(Clone, Copy, Debug)]
-pub struct Convention {
+pub(crate) struct Convention {
     pub metres: f64,
     pub up: DMat4,
 }
 
-pub struct Tree<'a> {
+pub(crate) struct Tree<'a> {
     pub joints: Vec<Joint<'a>>,
     /// Joints of each XML element; several where it is instanced.
     pub of_element: HashMap<NodeId, Vec<u32>>,
@@ -54,7 +54,7 @@ pub struct Tree<'a> {
 }
 
 impl TransformElement<'_> {
-    pub fn matrix(&self) -> DMat4 {
+    pub(crate) fn matrix(&self) -> DMat4 {
         let v = &self.values;
         match self.kind {
             TransformKind::Matrix => DMat4::from_cols_slice(v).transpose(),
@@ -83,14 +83,14 @@ impl TransformElement<'_> {
 
 impl Convention {
     /// Converts a matrix between lengths in the file's units to metres, by scaling its translation.
-    pub fn scaled(&self, mut m: DMat4) -> DMat4 {
+    pub(crate) fn scaled(&self, mut m: DMat4) -> DMat4 {
         let t = m.w_axis.truncate() * self.metres;
         m.w_axis = t.extend(m.w_axis.w);
         m
     }
 
     /// Parent-from-joint matrix of a transform stack.
-    pub fn local(&self, stack: &[TransformElement<'_>], root: bool) -> DMat4 {
+    pub(crate) fn local(&self, stack: &[TransformElement<'_>], root: bool) -> DMat4 {
         let product = stack.iter().map(TransformElement::matrix).reduce(|m, e| m * e);
         let file = product.unwrap_or(DMat4::IDENTITY);
         let scaled = self.scaled(file);
@@ -99,7 +99,7 @@ impl Convention {
 }
 
 impl<'a> Tree<'a> {
-    pub fn read(xml: &Xml<'a>, convention: Convention) -> Result<Tree<'a>> {
+    pub(crate) fn read(xml: &Xml<'a>, convention: Convention) -> Result<Tree<'a>> {
         let mut tree = Tree { joints: Vec::new(), of_element: HashMap::new(), convention };
         let Some(scene) = scene(xml) else { return Ok(tree) };
         let mut open: Vec<(Node<'a>, Option<u32>)> =
@@ -121,7 +121,7 @@ impl<'a> Tree<'a> {
         Ok(tree)
     }
 
-    pub fn skeleton(&self, xml: &Xml<'a>) -> Result<Skeleton> {
+    pub(crate) fn skeleton(&self, xml: &Xml<'a>) -> Result<Skeleton> {
         let mut rest = Vec::with_capacity(self.joints.len());
         for joint in &self.joints {
             let m = self.convention.local(&joint.stack, joint.parent.is_none());
@@ -145,7 +145,7 @@ impl<'a> Tree<'a> {
     }
 }
 
-pub fn transform(parts: &Trs) -> Transform {
+pub(crate) fn transform(parts: &Trs) -> Transform {
     Transform {
         translation: parts.translation.as_vec3(),
         rotation: parts.rotation.as_quat().normalize(),
@@ -229,7 +229,13 @@ fn stack<'a>(xml: &Xml<'_>, node: Node<'a>) -> Result<Vec<TransformElement<'a>>>
 
 /// Finds a joint of a skin by name: by sid below the skeleton's roots, by sid anywhere, by id, then by name. `is_id` puts ids
 /// first.
-pub fn find_joint(xml: &Xml<'_>, tree: &Tree<'_>, roots: &[u32], name: &str, is_id: bool) -> Option<u32> {
+pub(crate) fn find_joint(
+    xml: &Xml<'_>,
+    tree: &Tree<'_>,
+    roots: &[u32],
+    name: &str,
+    is_id: bool,
+) -> Option<u32> {
     let below = |joint: u32| -> bool {
         let mut at = Some(joint);
         while let Some(j) = at {

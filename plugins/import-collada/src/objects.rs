@@ -17,7 +17,7 @@ const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
 const EQUAL_AT: f64 = 5.0;
 
 /// A camera or light of the asset, with the file's element that it instances.
-pub struct Object<'a, T> {
+pub(crate) struct Object<'a, T> {
     pub element: Node<'a>,
     /// The element that holds the numbers: the lens of a camera, or the light type.
     pub numbers_of: Node<'a>,
@@ -26,7 +26,7 @@ pub struct Object<'a, T> {
 
 /// Numbers of a lens or light by element name; a color is stored as `r`, `g` and `b`.
 #[derive(Clone, Debug, Default)]
-pub struct Numbers(BTreeMap<&'static str, f64>);
+pub(crate) struct Numbers(BTreeMap<&'static str, f64>);
 
 /// Names of all numbers except those of colors.
 const NAMES: [&str; 12] = [
@@ -45,7 +45,7 @@ const NAMES: [&str; 12] = [
 ];
 
 impl Numbers {
-    pub fn read(xml: &Xml<'_>, parent: Node<'_>) -> Result<Numbers> {
+    pub(crate) fn read(xml: &Xml<'_>, parent: Node<'_>) -> Result<Numbers> {
         let mut out = Numbers::default();
         for name in NAMES {
             if let Some(number) = xml.child_number(parent, name)? {
@@ -58,12 +58,12 @@ impl Numbers {
         Ok(out)
     }
 
-    pub fn get(&self, name: &str) -> Option<f64> {
+    pub(crate) fn get(&self, name: &str) -> Option<f64> {
         self.0.get(name).copied()
     }
 
     /// Sets a number; false where no number has this name.
-    pub fn set(&mut self, name: &str, number: f64) -> bool {
+    pub(crate) fn set(&mut self, name: &str, number: f64) -> bool {
         let known = NAMES.iter().chain(&["r", "g", "b"]).find(|known| **known == name);
         known.is_some_and(|known| {
             self.0.insert(*known, number);
@@ -77,7 +77,7 @@ impl Numbers {
     }
 
     /// The full vertical angle of a perspective lens, radians.
-    pub fn angle(&self) -> Option<f64> {
+    pub(crate) fn angle(&self) -> Option<f64> {
         let across = |x: f64| {
             2.0 * libm::atan(libm::tan(x.to_radians() / 2.0) / self.aspect().unwrap_or(DEFAULT_ASPECT))
         };
@@ -85,14 +85,14 @@ impl Numbers {
     }
 
     /// The full height of an orthographic view, in the file's units: magnifications are half extents.
-    pub fn height(&self) -> f64 {
+    pub(crate) fn height(&self) -> f64 {
         let across = |x: f64| 2.0 * x / self.aspect().unwrap_or(DEFAULT_ASPECT);
         self.get("ymag").map(|y| 2.0 * y).or_else(|| self.get("xmag").map(across)).unwrap_or(2.0)
     }
 
     /// A light of the given type; `None` for unsupported types. A directional light of color 1 makes a white surface white: π lux. Other
     /// lights get an inverse-square falloff that equals their attenuation at five metres.
-    pub fn light(&self, kind: &str, metres: f64) -> Option<Light> {
+    pub(crate) fn light(&self, kind: &str, metres: f64) -> Option<Light> {
         let value = |name, default: f64| self.get(name).unwrap_or(default);
         let color = Vec3::from(["r", "g", "b"].map(|name| value(name, 1.0).max(0.0) as f32));
         let strength = f64::from(color.max_element()).max(1.0);
@@ -116,7 +116,7 @@ impl Numbers {
     }
 }
 
-pub fn cameras<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, AssetCamera>>> {
+pub(crate) fn cameras<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, AssetCamera>>> {
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_camera") {
@@ -176,7 +176,7 @@ fn projection(xml: &Xml<'_>, lens: Node<'_>, metres: f64) -> Result<Option<Proje
     })
 }
 
-pub fn lights<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, AssetLight>>> {
+pub(crate) fn lights<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, AssetLight>>> {
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_light") {
@@ -217,7 +217,7 @@ fn name(node: Node<'_>) -> String {
 }
 
 /// Metres in a unit, and the upward axis.
-pub fn convention(xml: &Xml<'_>) -> (f64, &'static str) {
+pub(crate) fn convention(xml: &Xml<'_>) -> (f64, &'static str) {
     let asset = child(xml.root(), "asset");
     let unit = asset.and_then(|a| child(a, "unit"));
     let metres = unit.map_or(1.0, |unit| metres(xml, unit));

@@ -15,14 +15,14 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 /// The cameras and lights of the asset, with their elements.
-pub struct Objects<'a> {
+pub(crate) struct Objects<'a> {
     pub cameras: Vec<Object<'a, AssetCamera>>,
     pub lights: Vec<Object<'a, AssetLight>>,
     pub metres: f64,
 }
 
 /// A number of a camera or light that a channel drives.
-pub struct Driven {
+pub(crate) struct Driven {
     /// The `<camera>` or `<light>`.
     pub object: NodeId,
     name: String,
@@ -31,7 +31,7 @@ pub struct Driven {
 }
 
 /// The names (see [`Numbers`]) of the numbers that a channel drives; `None` where it drives nothing that is read.
-pub fn names(element: Node<'_>, member: &str) -> Option<Vec<String>> {
+pub(crate) fn names(element: Node<'_>, member: &str) -> Option<Vec<String>> {
     let colors = ["r", "g", "b"].map(String::from);
     match (name_of(element), member) {
         ("color", "") => Some(colors.to_vec()),
@@ -47,12 +47,16 @@ pub fn names(element: Node<'_>, member: &str) -> Option<Vec<String>> {
 
 impl Driven {
     /// One driven number for each name, from consecutive values of the sampler.
-    pub fn all(object: NodeId, names: Vec<String>, sampler: &Rc<Sampler>) -> impl Iterator<Item = Driven> {
+    pub(crate) fn all(
+        object: NodeId,
+        names: Vec<String>,
+        sampler: &Rc<Sampler>,
+    ) -> impl Iterator<Item = Driven> {
         let driven = move |(component, name)| Driven { object, name, component, sampler: sampler.clone() };
         names.into_iter().enumerate().map(driven)
     }
 
-    pub fn sampler(&self) -> &Rc<Sampler> {
+    pub(crate) fn sampler(&self) -> &Rc<Sampler> {
         &self.sampler
     }
 }
@@ -78,7 +82,7 @@ impl AnimatedObject<'_> {
 }
 
 /// The property curves of all cameras and lights.
-pub fn curves(
+pub(crate) fn curves(
     xml: &Xml<'_>,
     objects: &Objects<'_>,
     driven: &[Driven],

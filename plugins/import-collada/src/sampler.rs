@@ -10,7 +10,7 @@ use choreo_motion::Time;
 const MAX_SECS: f64 = 1e7;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interpolation {
+pub(crate) enum Interpolation {
     Step,
     Linear,
     Bezier,
@@ -18,7 +18,7 @@ pub enum Interpolation {
 }
 
 /// Keys at increasing times, with `width` values each.
-pub struct Sampler {
+pub(crate) struct Sampler {
     pub times: Vec<Time>,
     pub values: Vec<f64>,
     pub width: usize,
@@ -29,7 +29,7 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    pub fn read(xml: &Xml<'_>, node: Node<'_>) -> Result<Sampler> {
+    pub(crate) fn read(xml: &Xml<'_>, node: Node<'_>) -> Result<Sampler> {
         let mut sampler = Sampler {
             times: Vec::new(),
             values: Vec::new(),
@@ -148,18 +148,18 @@ impl Sampler {
     }
 
     /// Whether any interpolation is STEP, and whether all are.
-    pub fn steps(&self) -> (bool, bool) {
+    pub(crate) fn steps(&self) -> (bool, bool) {
         let step = |i: &Interpolation| *i == Interpolation::Step;
         (self.interpolation.iter().any(step), self.interpolation.iter().all(step))
     }
 
     /// Whether all interpolations are STEP or LINEAR.
-    pub fn is_plain(&self) -> bool {
+    pub(crate) fn is_plain(&self) -> bool {
         self.interpolation.iter().all(|i| matches!(i, Interpolation::Step | Interpolation::Linear))
     }
 
     /// The key at or before a time, and the fraction of the way to the next key.
-    pub fn locate(&self, time: Time) -> (usize, f64) {
+    pub(crate) fn locate(&self, time: Time) -> (usize, f64) {
         let after = self.times.partition_point(|t| *t <= time);
         if after == 0 {
             return (0, 0.0);
@@ -174,12 +174,12 @@ impl Sampler {
     }
 
     /// One value at a time; constant before the first and after the last key.
-    pub fn value(&self, time: Time, component: usize) -> f64 {
+    pub(crate) fn value(&self, time: Time, component: usize) -> f64 {
         self.value_at(self.locate(time), component)
     }
 
     /// All values at a time, as many as fit into `out`.
-    pub fn row(&self, time: Time, out: &mut [f64]) {
+    pub(crate) fn row(&self, time: Time, out: &mut [f64]) {
         let at = self.locate(time);
         out.iter_mut().enumerate().for_each(|(component, v)| *v = self.value_at(at, component));
     }

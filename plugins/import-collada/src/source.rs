@@ -5,7 +5,7 @@ use crate::xml::{Xml, child, children, name_of, texts};
 use choreo_importer_kit::Result;
 
 /// Floats of a source, with the accessor's layout.
-pub struct Floats {
+pub(crate) struct Floats {
     pub values: Vec<f32>,
     pub offset: usize,
     pub stride: usize,
@@ -14,7 +14,7 @@ pub struct Floats {
 
 impl Floats {
     /// The first `N` numbers of an element; missing ones are zero.
-    pub fn get<const N: usize>(&self, index: usize) -> [f32; N] {
+    pub(crate) fn get<const N: usize>(&self, index: usize) -> [f32; N] {
         let start = self.offset + index * self.stride;
         std::array::from_fn(|i| {
             if i < self.stride { self.values.get(start + i).copied().unwrap_or(0.0) } else { 0.0 }
@@ -51,7 +51,7 @@ fn layout(
     Ok((offset, stride, count))
 }
 
-pub fn floats(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result<Floats> {
+pub(crate) fn floats(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result<Floats> {
     let Some(array) = child(source, "float_array") else {
         return Err(xml.problem(source, "has no float_array"));
     };
@@ -61,7 +61,7 @@ pub fn floats(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result<
 }
 
 /// Numbers of a source in f64, and the stride: for times, matrices and tangents.
-pub fn doubles(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result<(Vec<f64>, usize)> {
+pub(crate) fn doubles(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result<(Vec<f64>, usize)> {
     let Some(array) = child(source, "float_array") else {
         return Err(xml.problem(source, "has no float_array"));
     };
@@ -75,7 +75,7 @@ pub fn doubles(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result
 }
 
 /// The words of a Name_array or IDREF_array, and whether they are ids.
-pub fn names<'a>(xml: &Xml<'_>, source: Node<'a>) -> Result<(Vec<&'a str>, bool)> {
+pub(crate) fn names<'a>(xml: &Xml<'_>, source: Node<'a>) -> Result<(Vec<&'a str>, bool)> {
     let array =
         child(source, "Name_array").map(|a| (a, false)).or(child(source, "IDREF_array").map(|a| (a, true)));
     let Some((array, ids)) = array else {
@@ -89,7 +89,7 @@ pub fn names<'a>(xml: &Xml<'_>, source: Node<'a>) -> Result<(Vec<&'a str>, bool)
 
 /// One `<input>`.
 #[derive(Clone, Copy)]
-pub struct Input<'a> {
+pub(crate) struct Input<'a> {
     pub semantic: &'a str,
     pub source: Node<'a>,
     pub offset: usize,
@@ -100,7 +100,7 @@ pub struct Input<'a> {
 const MAX_OFFSET: usize = 255;
 
 /// The inputs of an element. `VERTEX` is replaced by the inputs of `<vertices>`, at its offset.
-pub fn inputs<'a>(xml: &Xml<'a>, element: Node<'a>) -> Result<Vec<Input<'a>>> {
+pub(crate) fn inputs<'a>(xml: &Xml<'a>, element: Node<'a>) -> Result<Vec<Input<'a>>> {
     let mut out = Vec::new();
     for input in children(element, "input") {
         let number = |name: &str, default: usize| match input.attribute(name) {

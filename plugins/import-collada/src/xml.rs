@@ -8,10 +8,10 @@ use roxmltree::{Document, Error, ParsingOptions};
 use std::cell::OnceCell;
 use std::collections::HashMap;
 
-pub use roxmltree::NodeId;
+pub(crate) use roxmltree::NodeId;
 
 /// An element of the document.
-pub type Node<'a> = roxmltree::Node<'a, 'a>;
+pub(crate) type Node<'a> = roxmltree::Node<'a, 'a>;
 
 /// End of the warning for an instance that refers to nothing.
 pub(crate) const LEFT_OUT: &str = "it is left out";
@@ -21,7 +21,7 @@ const MAX_NODES: u32 = 4_000_000;
 const MAX_ATTRIBUTES: usize = 256;
 
 /// Parses a text. An error has its line and column.
-pub fn parse(text: &str) -> Result<Document<'_>> {
+pub(crate) fn parse(text: &str) -> Result<Document<'_>> {
     let at = |line: usize, column: usize, what: String| {
         Problem::new(format!("line {line}, column {column}"), what)
             .hint("the file was cut off or is no XML; export or copy it again")
@@ -81,7 +81,7 @@ fn shown_text(text: &str) -> String {
     text.chars().take(200).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
 }
 
-pub struct Xml<'a> {
+pub(crate) struct Xml<'a> {
     doc: &'a Document<'a>,
     /// Library elements and nodes are kept apart, because exporters give a camera and its node the same id.
     ids: HashMap<&'a str, Node<'a>>,
@@ -96,7 +96,12 @@ pub struct Xml<'a> {
 type Values<'a, T> = std::result::Result<Vec<T>, (usize, &'a [u8])>;
 
 impl<'a> Xml<'a> {
-    pub fn new(doc: &'a Document<'a>, files: &'a dyn Files, notes: &'a Notes, budget: &'a Budget) -> Xml<'a> {
+    pub(crate) fn new(
+        doc: &'a Document<'a>,
+        files: &'a dyn Files,
+        notes: &'a Notes,
+        budget: &'a Budget,
+    ) -> Xml<'a> {
         let (mut ids, mut nodes) = (HashMap::new(), HashMap::new());
         for node in doc.descendants() {
             if let Some(id) = node.attribute("id") {
@@ -109,12 +114,12 @@ impl<'a> Xml<'a> {
         Xml { doc, ids, nodes, ends_of_lines: OnceCell::new(), notes, budget, progress }
     }
 
-    pub fn root(&self) -> Node<'a> {
+    pub(crate) fn root(&self) -> Node<'a> {
         self.doc.root_element()
     }
 
     /// The place of an element for messages: `library_geometries/geometry "Cube"/mesh (line 12)`.
-    pub fn place(&self, node: Node<'_>) -> String {
+    pub(crate) fn place(&self, node: Node<'_>) -> String {
         let mut parts: Vec<String> = node
             .ancestors()
             .filter(|n| n.parent_element().is_some())
@@ -132,11 +137,11 @@ impl<'a> Xml<'a> {
         format!("{} (line {line})", parts.join("/"))
     }
 
-    pub fn problem(&self, node: Node<'_>, what: impl Into<String>) -> Problem {
+    pub(crate) fn problem(&self, node: Node<'_>, what: impl Into<String>) -> Problem {
         Problem::new(self.place(node), what)
     }
 
-    pub fn warn(&self, node: Node<'_>, what: impl Into<String>) {
+    pub(crate) fn warn(&self, node: Node<'_>, what: impl Into<String>) {
         self.notes.warn(self.place(node), what);
     }
 
@@ -151,7 +156,7 @@ impl<'a> Xml<'a> {
     }
 
     /// The element that a reference `#id` in an attribute names.
-    pub fn resolve_reference(&self, node: Node<'_>, attribute: &str) -> Result<Node<'a>> {
+    pub(crate) fn resolve_reference(&self, node: Node<'_>, attribute: &str) -> Result<Node<'a>> {
         let Some(url) = node.attribute(attribute) else {
             return Err(self.problem(node, format!("has no {attribute}")));
         };
@@ -164,7 +169,7 @@ impl<'a> Xml<'a> {
 
     /// The element that an instance (`instance_camera`, `instance_light` …) refers to, if it is of the given kind. Any other
     /// reference gives a warning, which ends with `instead`, what is done about it.
-    pub fn resolve_instance(
+    pub(crate) fn resolve_instance(
         &self,
         instance: Node<'_>,
         url: &str,
@@ -182,13 +187,13 @@ impl<'a> Xml<'a> {
     }
 
     /// The numbers of an element's text.
-    pub fn numbers(&self, node: Node<'_>) -> Result<Vec<f64>> {
+    pub(crate) fn numbers(&self, node: Node<'_>) -> Result<Vec<f64>> {
         let values = self.values(node, |rest| Some(next_number(rest)?.map(Some)))?;
         values.map_err(|(index, word)| self.invalid_value(node, index, word, "a finite number"))
     }
 
     /// The numbers as 32-bit floats, which take half of the memory.
-    pub fn floats(&self, node: Node<'_>) -> Result<Vec<f32>> {
+    pub(crate) fn floats(&self, node: Node<'_>) -> Result<Vec<f32>> {
         let values = self.values(node, |rest| {
             Some(next_number(rest)?.map(|v| Some(v as f32).filter(|v| v.is_finite())))
         })?;
@@ -196,7 +201,7 @@ impl<'a> Xml<'a> {
     }
 
     /// Integers from −1, which skins use.
-    pub fn integers(&self, node: Node<'_>) -> Result<Vec<i32>> {
+    pub(crate) fn integers(&self, node: Node<'_>) -> Result<Vec<i32>> {
         let values = self.values(node, |rest| {
             Some(next_integer(rest)?.map(|v| i32::try_from(v).ok().filter(|v| *v >= -1)))
         })?;
@@ -236,14 +241,14 @@ impl<'a> Xml<'a> {
     }
 
     /// Exactly `N` numbers, else an error.
-    pub fn array<const N: usize>(&self, node: Node<'_>) -> Result<[f64; N]> {
+    pub(crate) fn array<const N: usize>(&self, node: Node<'_>) -> Result<[f64; N]> {
         let numbers = self.numbers(node)?;
         <[f64; N]>::try_from(numbers.as_slice())
             .map_err(|_| self.problem(node, format!("has {} numbers, but needs {N}", numbers.len())))
     }
 
     /// Exactly one number, else an error.
-    pub fn number(&self, node: Node<'_>) -> Result<f64> {
+    pub(crate) fn number(&self, node: Node<'_>) -> Result<f64> {
         self.array::<1>(node).map(|[v]| v)
     }
 
@@ -252,7 +257,7 @@ impl<'a> Xml<'a> {
         child(node, name).map(|n| self.number(n)).transpose()
     }
 
-    pub fn charge(&self, node: Node<'_>, count: usize, size: usize) -> Result<()> {
+    pub(crate) fn charge(&self, node: Node<'_>, count: usize, size: usize) -> Result<()> {
         self.budget.charge(count as u64, size).at(|| self.place(node))
     }
 
@@ -262,21 +267,21 @@ impl<'a> Xml<'a> {
 }
 
 /// Child elements with a name.
-pub fn children<'a>(node: Node<'a>, name: &'static str) -> impl Iterator<Item = Node<'a>> {
+pub(crate) fn children<'a>(node: Node<'a>, name: &'static str) -> impl Iterator<Item = Node<'a>> {
     node.children().filter(move |n| name_of(*n) == name)
 }
 
-pub fn child<'a>(node: Node<'a>, name: &'static str) -> Option<Node<'a>> {
+pub(crate) fn child<'a>(node: Node<'a>, name: &'static str) -> Option<Node<'a>> {
     children(node, name).next()
 }
 
 /// The first element of this name at any depth below.
-pub fn descendant<'a>(node: Node<'a>, name: &'static str) -> Option<Node<'a>> {
+pub(crate) fn descendant<'a>(node: Node<'a>, name: &'static str) -> Option<Node<'a>> {
     node.descendants().skip(1).find(|n| name_of(*n) == name)
 }
 
 /// The name of an element without the prefix of its namespace; empty for texts and comments.
-pub fn name_of(node: Node<'_>) -> &str {
+pub(crate) fn name_of(node: Node<'_>) -> &str {
     node.tag_name().name()
 }
 
@@ -286,12 +291,12 @@ pub(crate) fn label_of(node: Node<'_>) -> Option<&str> {
 }
 
 /// Text nodes directly in the element; comments split texts.
-pub fn texts(node: Node<'_>) -> impl Iterator<Item = &str> {
+pub(crate) fn texts(node: Node<'_>) -> impl Iterator<Item = &str> {
     node.children().filter(|n| n.is_text()).filter_map(|n| n.text())
 }
 
 /// The first text of an element, trimmed.
-pub fn text_of(node: Node<'_>) -> &str {
+pub(crate) fn text_of(node: Node<'_>) -> &str {
     texts(node).next().unwrap_or_default().trim()
 }
 

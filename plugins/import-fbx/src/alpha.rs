@@ -4,7 +4,7 @@ use choreo_asset::{AlphaMode, Image};
 
 /// Source of a material's alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Alpha {
+pub(crate) enum Alpha {
     /// The alpha of the base color.
     Constant,
     /// The alpha channel of the base color texture.
@@ -14,7 +14,7 @@ pub enum Alpha {
 /// Share of half-transparent texels above which they are more than antialiased edges, so that the material is blended.
 const SOFT_SHARE: f64 = 0.1;
 
-pub fn alpha_mode(image: &Image) -> AlphaMode {
+pub(crate) fn alpha_mode(image: &Image) -> AlphaMode {
     let mut clear = 0usize;
     let mut soft = 0usize;
     for alpha in image.rgba.chunks_exact(4).map(|p| p[3]) {

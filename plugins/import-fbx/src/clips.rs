@@ -28,7 +28,7 @@ const MAX_KEY_SECS: f64 = 1e7;
 /// Largest difference from rest that counts as still: in metres, in quaternion components, and in scale.
 const STILL_TOLERANCE: f32 = 1e-6;
 
-pub fn read(
+pub(crate) fn read(
     file: &File<'_>,
     tree: &Tree,
     visible_meshes: &[VisibleMesh<'_>],
@@ -89,7 +89,7 @@ fn time_span(stack: &AnimStack, driven: &DrivenProperties<'_>) -> Result<Span> {
     }
 }
 
-pub struct ClipBuilder<'a, 'f> {
+pub(crate) struct ClipBuilder<'a, 'f> {
     pub file: &'a File<'f>,
     tree: &'a Tree,
     visible_meshes: &'a [VisibleMesh<'f>],
@@ -107,7 +107,7 @@ pub struct ClipBuilder<'a, 'f> {
 type PartsByIntervals<'a> = BTreeMap<Vec<(Time, Time)>, Vec<TransformPart<'a>>>;
 
 impl ClipBuilder<'_, '_> {
-    pub fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         place_of(&self.stack.element)
     }
 
@@ -401,4 +401,4 @@ impl ClipBuilder<'_, '_> {
 
 const TRANSFORM_PATHS: [Path; 3] = [Path::Translation, Path::Rotation, Path::Scale];
 /// Properties of the parts of a transform: the first three of [`local::TRANSFORM_INPUTS`].
-pub const TRANSFORM_PROPERTIES: [&str; 3] = [local::TRANSLATION, local::ROTATION, local::SCALING];
+pub(crate) const TRANSFORM_PROPERTIES: [&str; 3] = [local::TRANSLATION, local::ROTATION, local::SCALING];

@@ -6,7 +6,7 @@ use ufbx::{AnimCurve, Interpolation, Keyframe};
 
 /// The cubic c₀ + c₁u + c₂u² + c₃u³, u from 0 to 1, between two times of the clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Piece {
+pub(crate) struct Piece {
     pub from: Time,
     pub to: Time,
     pub c: [f64; 4],
@@ -21,20 +21,26 @@ const DEFAULT_WEIGHT_TOLERANCE: f64 = 2e-6;
 
 /// Range of a clip on the file's timeline.
 #[derive(Clone, Copy, Debug)]
-pub struct Span {
+pub(crate) struct Span {
     pub begin: Time,
     pub end: Time,
 }
 
 impl Span {
-    pub fn length(self) -> Time {
+    pub(crate) fn length(self) -> Time {
         self.end - self.begin
     }
 }
 
 /// Appends the curve over the whole clip, without gaps. The first and last values hold outside the keys. `tolerance` is in the
 /// curve's own unit.
-pub fn pieces(curve: Option<&AnimCurve>, constant: f64, span: Span, tolerance: f64, out: &mut Vec<Piece>) {
+pub(crate) fn pieces(
+    curve: Option<&AnimCurve>,
+    constant: f64,
+    span: Span,
+    tolerance: f64,
+    out: &mut Vec<Piece>,
+) {
     let keys: &[Keyframe] = curve.map_or(&[], |c| &c.keyframes);
     let mut list = PieceList { span, out, end: Time::ZERO };
     let [first, .., last] = keys else {
@@ -96,16 +102,16 @@ impl PieceList<'_> {
 }
 
 impl Piece {
-    pub fn start(&self) -> f64 {
+    pub(crate) fn start(&self) -> f64 {
         self.c[0]
     }
 
-    pub fn end(&self) -> f64 {
+    pub(crate) fn end(&self) -> f64 {
         ((self.c[3] + self.c[2]) + self.c[1]) + self.c[0]
     }
 
     /// The same polynomial on a part of the piece's time range.
-    pub fn part(&self, from: Time, to: Time) -> Piece {
+    pub(crate) fn part(&self, from: Time, to: Time) -> Piece {
         if from == self.from && to == self.to {
             return *self;
         }

@@ -20,7 +20,7 @@ struct Entry<'a> {
     value: &'a AnimValue,
 }
 
-pub struct DrivenProperties<'a> {
+pub(crate) struct DrivenProperties<'a> {
     layers: Vec<&'a AnimLayer>,
     /// Animated properties by element, in the order of layers.
     entries: BTreeMap<u32, (ElementType, Vec<Entry<'a>>)>,
@@ -28,14 +28,14 @@ pub struct DrivenProperties<'a> {
 }
 
 /// The curves of a node that a single layer drives.
-pub struct NodeCurves<'a> {
+pub(crate) struct NodeCurves<'a> {
     pub local: LocalTransform,
     values: [Option<&'a AnimValue>; 3],
     /// Scales that are not inherited, helper by helper. They multiply the node's translation, or the scale of a scale helper.
     pub factors: Vec<ScaleFactor<'a>>,
 }
 
-pub struct ScaleFactor<'a> {
+pub(crate) struct ScaleFactor<'a> {
     value: Option<&'a AnimValue>,
     rest: DVec3,
 }
@@ -45,7 +45,7 @@ fn curves(value: &AnimValue) -> impl Iterator<Item = &AnimCurve> {
 }
 
 /// Source of a property outside transforms.
-pub enum PropertySource<'a> {
+pub(crate) enum PropertySource<'a> {
     Nothing,
     One(&'a AnimValue),
     /// Curves of several layers, or a connected property.
@@ -53,7 +53,7 @@ pub enum PropertySource<'a> {
 }
 
 impl<'a> DrivenProperties<'a> {
-    pub fn new(stack: &'a AnimStack) -> DrivenProperties<'a> {
+    pub(crate) fn new(stack: &'a AnimStack) -> DrivenProperties<'a> {
         let layers: Vec<&AnimLayer> = stack.anim.layers.into_iter().collect();
         let mut entries: BTreeMap<u32, (ElementType, Vec<Entry<'a>>)> = BTreeMap::new();
         for (index, layer) in layers.iter().enumerate() {
@@ -80,7 +80,7 @@ impl<'a> DrivenProperties<'a> {
     }
 
     /// Elements (by id) with a curve that ends within the span and then repeats or continues, instead of holding its value.
-    pub fn repeating_elements(&self, span: Span) -> BTreeSet<u32> {
+    pub(crate) fn repeating_elements(&self, span: Span) -> BTreeSet<u32> {
         let (begin, end) = (span.begin.as_secs(), span.end.as_secs());
         let goes_on = |curve: &AnimCurve| {
             let before =
@@ -93,7 +93,7 @@ impl<'a> DrivenProperties<'a> {
     }
 
     /// Moving nodes (by `typed_id`): those with curves, and those that a moving scale helper affects.
-    pub fn nodes(&self, scene: &Scene) -> Vec<u32> {
+    pub(crate) fn nodes(&self, scene: &Scene) -> Vec<u32> {
         let moves = |node: &Node| {
             let drives = |id: &u32| {
                 self.entries
@@ -107,7 +107,7 @@ impl<'a> DrivenProperties<'a> {
     }
 
     /// The curves of a node; `None` where they have no closed form: blended layers, animated pivots, connections.
-    pub fn node_curves(&self, node: &Node) -> Option<NodeCurves<'a>> {
+    pub(crate) fn node_curves(&self, node: &Node) -> Option<NodeCurves<'a>> {
         let local = LocalTransform::new(node).filter(|_| !self.has_overrides)?;
         let values = self.single_layer_transform(&node.element)?;
         let factor = |helper: &Node| {
@@ -145,7 +145,7 @@ impl<'a> DrivenProperties<'a> {
     }
 
     /// Whether a node, or a helper whose scale affects it, is among these elements.
-    pub fn contains_node(elements: &BTreeSet<u32>, node: &Node) -> bool {
+    pub(crate) fn contains_node(elements: &BTreeSet<u32>, node: &Node) -> bool {
         let of = |n: &Node| elements.contains(&n.element.element_id);
         of(node) || helpers(node).into_iter().any(of)
     }
@@ -163,7 +163,7 @@ impl<'a> DrivenProperties<'a> {
             .flat_map(|e| curves(e.value))
     }
 
-    pub fn property_source(&self, element: &Element, name: &str) -> PropertySource<'a> {
+    pub(crate) fn property_source(&self, element: &Element, name: &str) -> PropertySource<'a> {
         let Some((_, list)) = self.entries.get(&element.element_id) else { return PropertySource::Nothing };
         let named: Vec<&Entry<'a>> = list.iter().filter(|e| e.name == name).collect();
         let Some(last) = named.last() else { return PropertySource::Nothing };
@@ -178,13 +178,13 @@ impl<'a> DrivenProperties<'a> {
     }
 
     /// Curves of a blend channel's weight; empty where nothing drives it.
-    pub fn weight_curves(&self, channel: &BlendChannel) -> Vec<&'a AnimCurve> {
+    pub(crate) fn weight_curves(&self, channel: &BlendChannel) -> Vec<&'a AnimCurve> {
         let Some((_, list)) = self.entries.get(&channel.element.element_id) else { return Vec::new() };
         list.iter().filter(|e| e.name == WEIGHT_PROPERTY).flat_map(|e| curves(e.value)).collect()
     }
 
     /// Animated properties that are neither transforms, nor blend weights, nor `known` for their element.
-    pub fn other_properties(&self, known: impl Fn(u32, &str) -> bool) -> BTreeMap<u32, Vec<&'a str>> {
+    pub(crate) fn other_properties(&self, known: impl Fn(u32, &str) -> bool) -> BTreeMap<u32, Vec<&'a str>> {
         let mut out = BTreeMap::new();
         for (id, (kind, list)) in &self.entries {
             let known = |name: &str| match kind {
@@ -235,11 +235,11 @@ fn helpers(node: &Node) -> Vec<&Node> {
 }
 
 impl<'a> ScaleFactor<'a> {
-    pub fn drives(&self) -> bool {
+    pub(crate) fn drives(&self) -> bool {
         self.value.is_some()
     }
 
-    pub fn curve(&self, axis: usize) -> (Option<&'a AnimCurve>, f64) {
+    pub(crate) fn curve(&self, axis: usize) -> (Option<&'a AnimCurve>, f64) {
         match self.value {
             Some(value) => {
                 let v = &value.default_value;
@@ -252,12 +252,12 @@ impl<'a> ScaleFactor<'a> {
 
 impl<'a> NodeCurves<'a> {
     /// Whether the stack has curves for a part: 0 translation, 1 rotation, 2 scale.
-    pub fn drives(&self, part: usize) -> bool {
+    pub(crate) fn drives(&self, part: usize) -> bool {
         self.values[part].is_some()
     }
 
     /// The curve of a part along an axis, and the value where it has no curve.
-    pub fn curve(&self, part: usize, axis: usize) -> (Option<&'a AnimCurve>, f64) {
+    pub(crate) fn curve(&self, part: usize, axis: usize) -> (Option<&'a AnimCurve>, f64) {
         match self.values[part] {
             Some(value) => {
                 let v = &value.default_value;
@@ -268,7 +268,7 @@ impl<'a> NodeCurves<'a> {
     }
 
     /// The value of a part that is treated as constant: that of its first keys, else at rest.
-    pub fn rest(&self, part: usize) -> DVec3 {
+    pub(crate) fn rest(&self, part: usize) -> DVec3 {
         if let Some(value) = self.values[part] {
             let v = &value.default_value;
             let first = |axis: usize, otherwise: f64| {

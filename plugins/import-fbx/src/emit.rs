@@ -22,7 +22,7 @@ struct Key {
 }
 
 /// Number of parts into which each interval is cut, so that the member that needs most is close enough.
-pub fn part_counts(members: &[TransformPart<'_>], accuracy: Accuracy) -> Vec<u32> {
+pub(crate) fn part_counts(members: &[TransformPart<'_>], accuracy: Accuracy) -> Vec<u32> {
     let Some(first) = members.first() else { return Vec::new() };
     let mut out = vec![1; first.curves.intervals.len()];
     for (interval, parts) in out.iter_mut().enumerate() {
@@ -52,7 +52,7 @@ fn path_tolerance(path: Path, accuracy: Accuracy) -> f64 {
 }
 
 /// Key times of the divided intervals. No part is shorter than a tick.
-pub fn key_times(intervals: &[(Time, Time)], parts: &[u32]) -> Vec<Time> {
+pub(crate) fn key_times(intervals: &[(Time, Time)], parts: &[u32]) -> Vec<Time> {
     let mut out: Vec<Time> = Vec::with_capacity(parts.iter().map(|n| *n as usize + 1).sum());
     for ((from, to), parts) in intervals.iter().zip(parts) {
         if out.last() != Some(from) {
@@ -68,7 +68,12 @@ fn part_time(from: Time, to: Time, k: u32, parts: u32) -> Time {
 }
 
 /// The keys of one member at these times.
-pub fn member_keys(member: &TransformPart<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
+pub(crate) fn member_keys(
+    member: &TransformPart<'_>,
+    parts: &[u32],
+    times: &[Time],
+    accuracy: Accuracy,
+) -> Keys {
     let mut latest = RotationCache::default();
     let key_intervals = KeyIntervals { intervals: &member.curves.intervals, parts, times };
     let tolerance = path_tolerance(member.path, accuracy);
@@ -77,14 +82,14 @@ pub fn member_keys(member: &TransformPart<'_>, parts: &[u32], times: &[Time], ac
 
 /// Intervals without gaps except at jumps, the number of parts of each, and the key times that follow from both.
 #[derive(Clone, Copy)]
-pub struct KeyIntervals<'a> {
+pub(crate) struct KeyIntervals<'a> {
     pub intervals: &'a [(Time, Time)],
     pub parts: &'a [u32],
     pub times: &'a [Time],
 }
 
 /// Keys of any function that gives value and slope within each interval: lines where they stay within `tolerance`, else cubics.
-pub fn spline_keys(
+pub(crate) fn spline_keys(
     key_intervals: KeyIntervals<'_>,
     path: Path,
     tolerance: f64,

@@ -11,7 +11,7 @@ const MAX_IMAGE_BYTES: u64 = 1 << 30;
 
 /// Largest error of a clip against the file's own curves, anywhere between keys.
 #[derive(Clone, Copy, Debug)]
-pub struct Accuracy {
+pub(crate) struct Accuracy {
     /// Keys a second, joined by straight lines, instead of the limits below.
     pub rate: Option<f64>,
     pub radians: f64,
@@ -33,7 +33,7 @@ impl Accuracy {
     }
 }
 
-pub struct File<'a> {
+pub(crate) struct File<'a> {
     pub scene: &'a Scene,
     pub files: &'a dyn Files,
     pub needs: ImportScope,
@@ -48,7 +48,7 @@ pub struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    pub fn new(
+    pub(crate) fn new(
         scene: &'a Scene,
         size: usize,
         files: &'a dyn Files,
@@ -73,7 +73,7 @@ impl<'a> File<'a> {
     }
 
     /// Charges memory to the budget before it is allocated.
-    pub fn charge(&self, count: usize, size: usize, place: impl FnOnce() -> String) -> Result<()> {
+    pub(crate) fn charge(&self, count: usize, size: usize, place: impl FnOnce() -> String) -> Result<()> {
         self.budget.charge(count as u64, size).at(place)
     }
 
@@ -82,7 +82,7 @@ impl<'a> File<'a> {
         matches!(self.scene.metadata.exporter, Exporter::BlenderBinary | Exporter::BlenderAscii)
     }
 
-    pub fn origin(&self) -> Origin {
+    pub(crate) fn origin(&self) -> Origin {
         let metadata = &self.scene.metadata;
         let version = metadata.version;
         let encoding = if metadata.ascii { "text" } else { "binary" };
@@ -107,7 +107,7 @@ impl<'a> File<'a> {
 }
 
 /// Name of an element for messages, as the authoring program shows it: `node "Hips"`. An element without a name has a number.
-pub fn place_of(element: &Element) -> String {
+pub(crate) fn place_of(element: &Element) -> String {
     let kind = format!("{:?}", element.type_).to_ascii_lowercase();
     match element.name.as_ref() {
         "" => format!("{kind}[{}]", element.typed_id),

@@ -7,7 +7,7 @@ use crate::nodes;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use ufbx::Node;
 
-pub struct Geometry {
+pub(crate) struct Geometry {
     place: DAffine3,
     /// Matrix of normals, with determinant ±1, so that their lengths are kept as far as possible.
     normals: DMat3,
@@ -21,7 +21,7 @@ fn f64s(v: &ufbx::Vec3) -> DVec3 {
 
 impl Geometry {
     /// The geometric transform of a helper that is no joint; `None` for all other nodes.
-    pub fn of(holder: &Node) -> Option<Geometry> {
+    pub(crate) fn of(holder: &Node) -> Option<Geometry> {
         let local = LocalTransform::new(holder).filter(|_| nodes::is_folded(holder))?;
         let place = local.matrix_at_rest();
         let m = place.matrix3;
@@ -35,17 +35,17 @@ impl Geometry {
         Some(Geometry { place, normals: cofactors * factor, mirrors: determinant < 0.0 })
     }
 
-    pub fn point(&self, p: &ufbx::Vec3) -> Vec3 {
+    pub(crate) fn point(&self, p: &ufbx::Vec3) -> Vec3 {
         self.place.transform_point3(f64s(p)).as_vec3()
     }
 
-    pub fn normal(&self, n: &ufbx::Vec3) -> Vec3 {
+    pub(crate) fn normal(&self, n: &ufbx::Vec3) -> Vec3 {
         let turned = self.normals * f64s(n);
         let length = turned.length();
         if length > 0.0 && length.is_finite() { (turned / length).as_vec3() } else { vec3(n) }
     }
 
-    pub fn offset(&self, v: Vec3) -> Vec3 {
+    pub(crate) fn offset(&self, v: Vec3) -> Vec3 {
         self.place.transform_vector3(v.as_dvec3()).as_vec3()
     }
 

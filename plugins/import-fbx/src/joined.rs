@@ -11,7 +11,7 @@ const JUMP_TOLERANCE: f64 = 1e-9;
 
 /// Polynomials of several curves over shared intervals. A gap between two intervals is a jump of all curves.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct JoinedCurves {
+pub(crate) struct JoinedCurves {
     pub intervals: Vec<(Time, Time)>,
     /// Polynomials of each interval, one for each curve.
     pieces: Vec<[f64; 4]>,
@@ -20,7 +20,7 @@ pub struct JoinedCurves {
 
 impl JoinedCurves {
     /// Joins curves without gaps, as [`crate::curve::pieces`] makes them.
-    pub fn new(curves: &[&[Piece]]) -> JoinedCurves {
+    pub(crate) fn new(curves: &[&[Piece]]) -> JoinedCurves {
         let width = curves.len();
         let mut out = JoinedCurves { curve_count: width, ..JoinedCurves::default() };
         let mut at = vec![0; width];
@@ -68,7 +68,7 @@ impl JoinedCurves {
         self.intervals.retain(kept);
     }
 
-    pub fn is_constant(&self) -> bool {
+    pub(crate) fn is_constant(&self) -> bool {
         let Some(first) = self.pieces.get(..self.curve_count) else { return true };
         let flat = |c: &[f64; 4], first: &[f64; 4]| c[0] == first[0] && c[1..] == [0.0; 3];
         self.pieces.chunks_exact(self.curve_count).all(|row| row.iter().zip(first).all(|(c, f)| flat(c, f)))
@@ -90,7 +90,12 @@ impl JoinedCurves {
     }
 
     /// Three numbers or fewer, each mapped by a function that also returns its derivative: values, and changes over the interval.
-    pub fn numbers(&self, interval: usize, u: f64, map: impl Fn(f64) -> (f64, f64)) -> ([f64; 4], [f64; 4]) {
+    pub(crate) fn numbers(
+        &self,
+        interval: usize,
+        u: f64,
+        map: impl Fn(f64) -> (f64, f64),
+    ) -> ([f64; 4], [f64; 4]) {
         let (mut values, mut changes) = ([0.0; 4], [0.0; 4]);
         for (k, c) in self.pieces[interval * self.curve_count..][..self.curve_count].iter().enumerate() {
             let (value, slope) = map(c[0] + u * (c[1] + u * (c[2] + u * c[3])));
@@ -129,7 +134,7 @@ fn exponential_derivative_bounds([a, b, c]: [f64; 3]) -> [f64; 4] {
 }
 
 /// One animated part of a node's transform: translation, rotation or scale.
-pub struct TransformPart<'a> {
+pub(crate) struct TransformPart<'a> {
     pub joint: u32,
     pub path: Path,
     pub local: &'a LocalTransform,
@@ -161,7 +166,7 @@ fn product_bounds(a: &Bounds, b: &Bounds) -> Bounds {
 
 /// Cache of the latest Euler rotation: neighboring intervals share their end angles.
 #[derive(Default)]
-pub struct RotationCache(Option<(DVec3, EulerRotation)>);
+pub(crate) struct RotationCache(Option<(DVec3, EulerRotation)>);
 
 impl RotationCache {
     fn euler_rotation(&mut self, local: &LocalTransform, degrees: DVec3) -> EulerRotation {
@@ -178,7 +183,7 @@ impl RotationCache {
 
 impl TransformPart<'_> {
     /// The exact value and its change over the interval, at a position `u` in the interval.
-    pub fn at(&self, interval: usize, u: f64, latest: &mut RotationCache) -> ([f64; 4], [f64; 4]) {
+    pub(crate) fn at(&self, interval: usize, u: f64, latest: &mut RotationCache) -> ([f64; 4], [f64; 4]) {
         let (mut value, mut slope) = self.value_and_slope(interval, 0, u);
         for first in &self.factors {
             let (factor, change) = self.value_and_slope(interval, *first, u);

@@ -6,14 +6,14 @@ use std::sync::Arc;
 
 /// How values are interpolated between two keys.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Blend {
+pub(crate) enum Blend {
     Numbers,
     /// Quaternions, along the shorter arc.
     Rotation,
 }
 
 /// Times and values of one curve.
-pub struct Keys {
+pub(crate) struct Keys {
     pub interpolation: Interpolation,
     pub times: Vec<Time>,
     pub values: Vec<f32>,
@@ -21,7 +21,7 @@ pub struct Keys {
 
 /// Simplifies rows of `width` numbers at strictly increasing times: to one key where nothing changes, and to STEP where all
 /// changes are jumps.
-pub fn simplify_keys(times: Vec<Time>, values: Vec<f32>, width: usize, blend: Blend) -> Keys {
+pub(crate) fn simplify_keys(times: Vec<Time>, values: Vec<f32>, width: usize, blend: Blend) -> Keys {
     let row = |i: usize| &values[i * width..(i + 1) * width];
     let same =
         |a: &[f32], b: &[f32]| a == b || blend == Blend::Rotation && a.iter().zip(b).all(|(a, b)| *a == -*b);
@@ -43,10 +43,10 @@ pub fn simplify_keys(times: Vec<Time>, values: Vec<f32>, width: usize, blend: Bl
 
 /// Stores equal lists of key times once.
 #[derive(Default)]
-pub struct SharedTimes(BTreeMap<Vec<Time>, Arc<[Time]>>);
+pub(crate) struct SharedTimes(BTreeMap<Vec<Time>, Arc<[Time]>>);
 
 impl SharedTimes {
-    pub fn share(&mut self, times: Vec<Time>) -> Arc<[Time]> {
+    pub(crate) fn share(&mut self, times: Vec<Time>) -> Arc<[Time]> {
         if let Some(known) = self.0.get(&times) {
             return known.clone();
         }

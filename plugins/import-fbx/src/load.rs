@@ -13,7 +13,7 @@ use ufbx::{
 };
 
 /// Greatest depth of the node tree.
-pub const MAX_DEPTH: u32 = 4096;
+pub(crate) const MAX_DEPTH: u32 = 4096;
 /// Memory limit, as a factor of the file size plus a constant. It applies to each of three: ufbx's temporary data, its result,
 /// and the importer's own data. The first is freed before the third grows, so all together stay within 16 times the file size
 /// plus 64 MiB.
@@ -25,7 +25,7 @@ pub(crate) fn memory_limit(file_size: usize) -> usize {
     file_size.saturating_mul(MEMORY_PER_FILE_BYTE).saturating_add(BASE_MEMORY)
 }
 
-pub fn allocator(file_size: usize) -> AllocatorOpts {
+pub(crate) fn allocator(file_size: usize) -> AllocatorOpts {
     AllocatorOpts {
         memory_limit: memory_limit(file_size),
         // Smaller chunks than the default, which small files would not fill.
@@ -43,7 +43,7 @@ const FINE_PROGRESS_INTERVAL_BYTES: u64 = 256;
 
 /// Loads a file from memory; ufbx opens no files itself. A file that fails is read again with finer progress, to find the place
 /// of the error.
-pub fn load(bytes: &[u8], needs: ImportScope, files: &dyn Files) -> Result<SceneRoot> {
+pub(crate) fn load(bytes: &[u8], needs: ImportScope, files: &dyn Files) -> Result<SceneRoot> {
     load_once(bytes, needs, files, PROGRESS_INTERVAL_BYTES).or_else(|(problem, cancelled)| match cancelled {
         true => Err(problem),
         false => {

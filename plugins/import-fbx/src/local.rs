@@ -6,11 +6,11 @@ use choreo_motion::Transform;
 use glam::{DAffine3, DQuat, DVec3};
 use ufbx::{MirrorAxis, Node, PropFlags, RotationOrder};
 
-pub const TRANSLATION: &str = "Lcl Translation";
-pub const ROTATION: &str = "Lcl Rotation";
+pub(crate) const TRANSLATION: &str = "Lcl Translation";
+pub(crate) const ROTATION: &str = "Lcl Rotation";
 pub(crate) const SCALING: &str = "Lcl Scaling";
 /// All properties that the local transform depends on.
-pub const TRANSFORM_INPUTS: [&str; 10] = [
+pub(crate) const TRANSFORM_INPUTS: [&str; 10] = [
     TRANSLATION,
     ROTATION,
     SCALING,
@@ -25,7 +25,7 @@ pub const TRANSFORM_INPUTS: [&str; 10] = [
 
 /// T · Roff · Rp · Rpre · R · Rpost⁻¹ · Rp⁻¹ · Soff · Sp · S · Sp⁻¹ (FBX SDK, "Computing transformation matrices").
 #[derive(Clone, Debug)]
-pub struct LocalTransform {
+pub(crate) struct LocalTransform {
     /// Translation, rotation and scale at rest, in the file's units and degrees.
     pub translation: DVec3,
     pub rotation: DVec3,
@@ -54,7 +54,7 @@ pub struct LocalTransform {
 
 /// An Euler rotation, with the partial products that its rate of change needs.
 #[derive(Clone, Copy, Debug)]
-pub struct EulerRotation {
+pub(crate) struct EulerRotation {
     parts: [DQuat; 3],
     /// Product of the first two rotations, and of all three.
     first_two: DQuat,
@@ -70,7 +70,7 @@ fn quaternion(q: &ufbx::Quat) -> DQuat {
 }
 
 /// A property of the node at rest; `None` where it has none.
-pub fn property(node: &Node, name: &str) -> Option<DVec3> {
+pub(crate) fn property(node: &Node, name: &str) -> Option<DVec3> {
     let prop = node.element.props.find_prop(name)?;
     let v = &prop.value_vec4;
     (!prop.flags.has_any(PropFlags::NO_VALUE)).then(|| DVec3::new(v.x, v.y, v.z))
@@ -78,7 +78,7 @@ pub fn property(node: &Node, name: &str) -> Option<DVec3> {
 
 impl LocalTransform {
     /// `None` for the root, whose transform ufbx makes up.
-    pub fn new(node: &Node) -> Option<LocalTransform> {
+    pub(crate) fn new(node: &Node) -> Option<LocalTransform> {
         if node.is_root {
             return None;
         }
@@ -129,22 +129,22 @@ impl LocalTransform {
     }
 
     /// Metres in a unit of the file.
-    pub fn metres(&self) -> f64 {
+    pub(crate) fn metres(&self) -> f64 {
         self.metres.abs()
     }
 
     /// Whether rotation or scale moves the node's origin, and whether scale does.
-    pub fn swings(&self) -> (bool, bool) {
+    pub(crate) fn swings(&self) -> (bool, bool) {
         let scaled = self.scaled_lever_arm != DVec3::ZERO;
         (scaled || self.lever_arm != DVec3::ZERO, scaled)
     }
 
-    pub fn euler_rotation(&self, degrees: DVec3) -> EulerRotation {
+    pub(crate) fn euler_rotation(&self, degrees: DVec3) -> EulerRotation {
         euler_rotation(self.rotation_axis_order, degrees)
     }
 
     /// The node's rotation for an Euler rotation, with the fixed rotations around it.
-    pub fn rotation_of(&self, euler_rotation: &EulerRotation) -> DQuat {
+    pub(crate) fn rotation_of(&self, euler_rotation: &EulerRotation) -> DQuat {
         self.mirror_rotation(self.with_fixed_rotations(euler_rotation.product))
     }
 
@@ -253,7 +253,7 @@ impl LocalTransform {
     }
 
     /// The transform at rest.
-    pub fn at_rest(&self) -> Transform {
+    pub(crate) fn at_rest(&self) -> Transform {
         let euler_rotation = self.euler_rotation(self.rotation);
         let rotation = self.rotation_of(&euler_rotation);
         let length = rotation.length();
@@ -303,7 +303,7 @@ fn axis_times(axis: usize, q: DQuat) -> DQuat {
 }
 
 /// Euler rotation about X, then Y, then Z.
-pub fn euler(degrees: DVec3) -> DQuat {
+pub(crate) fn euler(degrees: DVec3) -> DQuat {
     euler_rotation(Some([0, 1, 2]), degrees).product
 }
 

@@ -13,14 +13,14 @@ use ufbx::{MaterialMap, ShaderType, Texture};
 const DIELECTRIC_F0: f32 = 0.04;
 
 /// A material, and the data to finish it with when its images are decoded.
-pub struct MaterialDraft {
+pub(crate) struct MaterialDraft {
     pub material: Material,
     /// Names of further texture coordinate sets that its textures use.
     pub uv_names: Vec<String>,
     pub alpha: Alpha,
 }
 
-pub fn read(file: &File<'_>, table: &mut ImageTable) -> Result<Vec<MaterialDraft>> {
+pub(crate) fn read(file: &File<'_>, table: &mut ImageTable) -> Result<Vec<MaterialDraft>> {
     let scene = file.scene;
     file.charge(scene.materials.len(), size_of::<MaterialDraft>() + 64, || "materials".into())?;
     // The first mesh with the material determines which set a name means.

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use ufbx::{Node, SubdivisionDisplayMode};
 
 /// A mesh on a shown node.
-pub struct VisibleMesh<'a> {
+pub(crate) struct VisibleMesh<'a> {
     pub joint: u32,
     /// The node of the file. A helper below it may hold the mesh instead: `holder`.
     pub node: &'a Node,
@@ -22,7 +22,7 @@ pub struct VisibleMesh<'a> {
 }
 
 /// Shown meshes in the order of their joints. Warns about objects that are not shown, with the reason.
-pub fn visible_meshes<'a>(file: &File<'a>, tree: &Tree) -> Vec<VisibleMesh<'a>> {
+pub(crate) fn visible_meshes<'a>(file: &File<'a>, tree: &Tree) -> Vec<VisibleMesh<'a>> {
     let mut out = Vec::new();
     for (joint, id) in &tree.holders {
         let Some(holder) = file.scene.nodes.as_ref().get(*id) else { continue };
@@ -62,7 +62,7 @@ pub fn visible_meshes<'a>(file: &File<'a>, tree: &Tree) -> Vec<VisibleMesh<'a>> 
     out
 }
 
-pub fn read(
+pub(crate) fn read(
     file: &File<'_>,
     tree: &Tree,
     visible_meshes: &[VisibleMesh<'_>],

@@ -9,7 +9,7 @@ use glam::Vec3;
 use ufbx::{BlendChannel, BlendShape, Mesh};
 
 /// A morph target: offsets of every point of the mesh.
-pub struct Target {
+pub(crate) struct Target {
     pub positions: Vec<Vec3>,
     /// Empty where the file has no normals for the shape.
     pub normals: Vec<Vec3>,
@@ -17,22 +17,22 @@ pub struct Target {
 
 impl Target {
     /// Applies the geometric transform that the mesh's points have.
-    pub fn apply_geometry(&mut self, geometry: &Geometry) {
+    pub(crate) fn apply_geometry(&mut self, geometry: &Geometry) {
         self.positions.iter_mut().for_each(|p| *p = geometry.offset(*p));
         self.normals.iter_mut().for_each(|n| *n = geometry.normal_offset(*n));
     }
 }
 
 /// All blend channels of a mesh, in the order of its morph targets.
-pub fn channels(mesh: &Mesh) -> impl Iterator<Item = &BlendChannel> {
+pub(crate) fn channels(mesh: &Mesh) -> impl Iterator<Item = &BlendChannel> {
     mesh.blend_deformers.as_ref().iter().flat_map(|d| d.channels.as_ref().iter()).map(|c| c.as_ref())
 }
 
-pub fn count(mesh: &Mesh) -> usize {
+pub(crate) fn count(mesh: &Mesh) -> usize {
     channels(mesh).map(|c| c.keyframes.len()).sum()
 }
 
-pub fn names(mesh: &Mesh) -> Vec<String> {
+pub(crate) fn names(mesh: &Mesh) -> Vec<String> {
     let mut out = Vec::new();
     for channel in channels(mesh) {
         let full = channel.keyframes.as_ref().iter().map(|k| k.target_weight).fold(f64::MIN, f64::max);
@@ -51,7 +51,7 @@ pub fn names(mesh: &Mesh) -> Vec<String> {
 }
 
 /// Morph weights where no clip drives them.
-pub fn rest_weights(mesh: &Mesh) -> Vec<f32> {
+pub(crate) fn rest_weights(mesh: &Mesh) -> Vec<f32> {
     let mut out = Vec::with_capacity(count(mesh));
     channels(mesh).for_each(|channel| append_shape_weights(channel, channel.weight, &mut out));
     out
@@ -89,7 +89,7 @@ pub(crate) fn append_shape_weights(channel: &BlendChannel, weight: f64, out: &mu
 }
 
 /// Weights of the channel at which the weights of its shapes bend: those of the shapes, and 0 where shapes lie on both sides.
-pub fn bend_weights(channel: &BlendChannel) -> Vec<f64> {
+pub(crate) fn bend_weights(channel: &BlendChannel) -> Vec<f64> {
     let mut out: Vec<f64> = channel.keyframes.as_ref().iter().map(|k| k.target_weight).collect();
     out.retain(|p| p.is_finite());
     if out.iter().any(|p| *p < 0.0) && out.iter().any(|p| *p > 0.0) {
@@ -100,7 +100,7 @@ pub fn bend_weights(channel: &BlendChannel) -> Vec<f64> {
     out
 }
 
-pub fn targets(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Result<Vec<Target>> {
+pub(crate) fn targets(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Result<Vec<Target>> {
     let mut out = Vec::new();
     for key in channels(mesh).flat_map(|c| c.keyframes.as_ref()) {
         out.push(target(file, mesh, &key.shape, place)?);

@@ -7,7 +7,7 @@ use choreo_importer_kit::{Problem, Result};
 use choreo_motion::{Skeleton, Transform};
 use ufbx::{ElementType, Node, PropFlags};
 
-pub struct Tree {
+pub(crate) struct Tree {
     pub skeleton: Skeleton,
     /// Joint of each node of the file, by `typed_id`; `None` for ufbx's root, which belongs to no object of the file.
     pub joint_of_node: Vec<Option<u32>>,
@@ -17,7 +17,7 @@ pub struct Tree {
     pub visible: Vec<bool>,
 }
 
-pub fn read(file: &File<'_>) -> Result<Tree> {
+pub(crate) fn read(file: &File<'_>) -> Result<Tree> {
     let scene = file.scene;
     let count = scene.nodes.len();
     file.charge(count, 512, || "nodes".into())?;
@@ -111,7 +111,7 @@ pub(crate) fn is_folded(node: &Node) -> bool {
 }
 
 /// The node of the file that a helper belongs to; any other node itself.
-pub fn owner(mut node: &Node) -> &Node {
+pub(crate) fn owner(mut node: &Node) -> &Node {
     while node.is_geometry_transform_helper || node.is_scale_helper {
         let Some(parent) = &node.parent else { break };
         node = parent;

@@ -33,7 +33,7 @@ fn name(element: &ufbx::Element, node: &Node) -> String {
 }
 
 /// A camera or light of the file, with its index in the asset, which clips refer to.
-pub struct Object<'a> {
+pub(crate) struct Object<'a> {
     pub index: u32,
     pub camera: Option<&'a Camera>,
     pub light: Option<&'a ufbx::Light>,
@@ -48,7 +48,11 @@ impl Object<'_> {
     }
 }
 
-pub fn cameras<'a>(file: &File<'a>, tree: &Tree, objects: &mut Vec<Object<'a>>) -> Result<Vec<AssetCamera>> {
+pub(crate) fn cameras<'a>(
+    file: &File<'a>,
+    tree: &Tree,
+    objects: &mut Vec<Object<'a>>,
+) -> Result<Vec<AssetCamera>> {
     let mut out = Vec::new();
     for (joint, id) in &tree.holders {
         let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };
@@ -90,7 +94,11 @@ fn projection(camera: &Camera) -> Result<Projection> {
     }
 }
 
-pub fn lights<'a>(file: &File<'a>, tree: &Tree, objects: &mut Vec<Object<'a>>) -> Result<Vec<AssetLight>> {
+pub(crate) fn lights<'a>(
+    file: &File<'a>,
+    tree: &Tree,
+    objects: &mut Vec<Object<'a>>,
+) -> Result<Vec<AssetLight>> {
     let mut out = Vec::new();
     for (joint, id) in &tree.holders {
         let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };

@@ -77,14 +77,14 @@ fn channels<'a>(object: &Object<'a>) -> Vec<Channel<'a>> {
 }
 
 /// Whether a property of a camera or light is read here, or is known to have no visible effect.
-pub fn is_known(object: &Object<'_>, name: &str) -> bool {
+pub(crate) fn is_known(object: &Object<'_>, name: &str) -> bool {
     channels(object).iter().any(|c| c.name == name)
         || object.camera.is_some() && value_conversion::PROJECTION_PROPERTIES.contains(&name)
 }
 
 impl ClipBuilder<'_, '_> {
     /// Curves of all cameras and lights. Curves that only hold the value at rest are left out.
-    pub fn property_curves(&mut self) -> Result<Vec<PropertyCurve>> {
+    pub(crate) fn property_curves(&mut self) -> Result<Vec<PropertyCurve>> {
         let mut out: Vec<PropertyCurve> = Vec::new();
         for object in self.objects {
             for channel in channels(object) {

@@ -13,7 +13,7 @@ const PROBES: [f64; 2] = [0.375, 0.7];
 
 /// The kind of a part of a row, which determines how its error is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub(crate) enum Quantity {
     Translation,
     Rotation,
     Scale,
@@ -21,7 +21,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    pub fn width(self) -> usize {
+    pub(crate) fn width(self) -> usize {
         match self {
             Quantity::Translation | Quantity::Scale => 3,
             Quantity::Rotation => 4,
@@ -60,7 +60,7 @@ impl Quantity {
 }
 
 /// Rows of numbers at shared times; `parts` describes the layout of a row.
-pub struct Rows<'a> {
+pub(crate) struct Rows<'a> {
     pub parts: &'a [Quantity],
     pub times: Vec<Time>,
     pub values: Vec<f64>,
@@ -68,7 +68,7 @@ pub struct Rows<'a> {
 
 /// Adds rows until lines between them are close enough. `evaluate` appends the row of a time. `has_room` is called before each
 /// addition; `false` stops adding.
-pub fn refine(
+pub(crate) fn refine(
     rows: Rows<'_>,
     accuracy: Accuracy,
     mut evaluate: impl FnMut(Time, &mut Vec<f64>),

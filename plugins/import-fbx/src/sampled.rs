@@ -12,7 +12,7 @@ use ufbx::{Anim, AnimCurve, Interpolation, Keyframe};
 const MAX_SEGMENTS: usize = 1 << 16;
 
 /// Sample times of the clip, increasing and distinct: keys, both sides of steps, and regular samples where a curve bends.
-pub fn sample_times<'a>(
+pub(crate) fn sample_times<'a>(
     file: &File<'_>,
     curves: impl Iterator<Item = &'a AnimCurve>,
     span: Span,
@@ -55,13 +55,13 @@ pub fn sample_times<'a>(
 }
 
 /// Whether the curve is constant between two keys.
-pub fn is_flat(a: &Keyframe, b: &Keyframe) -> bool {
+pub(crate) fn is_flat(a: &Keyframe, b: &Keyframe) -> bool {
     let straight = a.interpolation != Interpolation::Cubic || a.right.dy == 0.0 && b.left.dy == 0.0;
     a.value == b.value && straight
 }
 
 /// Regular samples including both ends, for curves that repeat beyond their keys.
-pub fn even_times(file: &File<'_>, span: Span, place: &dyn Fn() -> String) -> Result<Vec<Time>> {
+pub(crate) fn even_times(file: &File<'_>, span: Span, place: &dyn Fn() -> String) -> Result<Vec<Time>> {
     let count = ((span.length().as_secs() * file.rate) as usize).saturating_add(2);
     file.charge(count, 8, place)?;
     let at = |k: usize| Time::from_secs(k as f64 / file.rate);
@@ -71,7 +71,7 @@ pub fn even_times(file: &File<'_>, span: Span, place: &dyn Fn() -> String) -> Re
 }
 
 /// Sampled translation, rotation and scale of a node. Rows are added until lines between them are close enough.
-pub fn sample_node<'p>(
+pub(crate) fn sample_node<'p>(
     file: &File<'_>,
     anim: &Anim,
     node: &ufbx::Node,
@@ -87,7 +87,7 @@ pub fn sample_node<'p>(
     sample_rows(file, &[Quantity::Translation, Quantity::Rotation, Quantity::Scale], times, evaluate, place)
 }
 
-pub fn sample_rows<'p>(
+pub(crate) fn sample_rows<'p>(
     file: &File<'_>,
     parts: &'p [Quantity],
     times: Vec<Time>,

@@ -15,7 +15,7 @@ const MAX_INFLUENCES: usize = 8;
 const MAX_JOINTS: usize = 1 << 16;
 
 /// Influences of each point of a mesh, `influences` a point, with weights that sum to 1.
-pub struct Weights {
+pub(crate) struct Weights {
     pub influences: usize,
     pub joints: Vec<u16>,
     pub weights: Vec<f32>,
@@ -28,7 +28,7 @@ fn deformer(mesh: &Mesh) -> Option<&SkinDeformer> {
 
 /// The joints and inverse bind matrices of a mesh on one node. The node itself comes after the clusters, and carries the points
 /// without influence.
-pub fn skin(file: &File<'_>, tree: &Tree, visible_mesh: &VisibleMesh<'_>) -> Result<Option<Skin>> {
+pub(crate) fn skin(file: &File<'_>, tree: &Tree, visible_mesh: &VisibleMesh<'_>) -> Result<Option<Skin>> {
     let Some(deformer) = deformer(visible_mesh.mesh) else { return Ok(None) };
     let place = || place_of(&deformer.element);
     let mut skin = Skin::default();
@@ -52,7 +52,7 @@ pub fn skin(file: &File<'_>, tree: &Tree, visible_mesh: &VisibleMesh<'_>) -> Res
     Ok(Some(skin))
 }
 
-pub fn weights(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Result<Option<Weights>> {
+pub(crate) fn weights(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Result<Option<Weights>> {
     let Some(deformer) = deformer(mesh) else { return Ok(None) };
     let of_node = deformer.clusters.len();
     if of_node >= MAX_JOINTS {

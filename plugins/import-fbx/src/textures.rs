@@ -18,7 +18,7 @@ use ufbx::{Texture, TextureType, WrapMode};
 const FIRST_COMBINED_INDEX: u32 = 1 << 30;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Channel {
+pub(crate) enum Channel {
     Red,
     Green,
     Blue,
@@ -30,7 +30,7 @@ pub enum Channel {
 
 /// One channel of a combined image.
 #[derive(Clone, Copy)]
-pub struct ChannelSource<'a> {
+pub(crate) struct ChannelSource<'a> {
     pub texture: &'a Texture,
     pub channel: Channel,
     pub invert: bool,
@@ -41,7 +41,7 @@ type Recipe = [Option<(u32, Channel, bool)>; 4];
 
 /// The images that materials request; equal ones are stored once.
 #[derive(Default)]
-pub struct ImageTable {
+pub(crate) struct ImageTable {
     /// Image index by texture; `None` where it has no image.
     image_of_texture: BTreeMap<u32, Option<u32>>,
     encoded: Vec<Encoded<Bytes>>,
@@ -49,11 +49,11 @@ pub struct ImageTable {
 }
 
 impl ImageTable {
-    pub fn encoded(&self) -> &[Encoded<Bytes>] {
+    pub(crate) fn encoded(&self) -> &[Encoded<Bytes>] {
         &self.encoded
     }
 
-    pub fn texture_ref(
+    pub(crate) fn texture_ref(
         &mut self,
         file: &File<'_>,
         texture: &Texture,
@@ -64,7 +64,7 @@ impl ImageTable {
     }
 
     /// A texture whose red, green, blue and alpha come from the sources; `None` where none of them has an image.
-    pub fn combined_texture_ref(
+    pub(crate) fn combined_texture_ref(
         &mut self,
         file: &File<'_>,
         sources: [Option<ChannelSource<'_>>; 4],
@@ -94,7 +94,7 @@ impl ImageTable {
     }
 
     /// Index of a texture's image; `None`, with a warning, where it cannot be found or read.
-    pub fn image_index(&mut self, file: &File<'_>, texture: &Texture) -> Result<Option<u32>> {
+    pub(crate) fn image_index(&mut self, file: &File<'_>, texture: &Texture) -> Result<Option<u32>> {
         if !file.needs.textures {
             return Ok(None);
         }
@@ -143,7 +143,7 @@ impl ImageTable {
     }
 
     /// The images of the asset. Keeps those that materials use, and updates the materials' references.
-    pub fn finish(
+    pub(crate) fn finish(
         &self,
         file: &File<'_>,
         decoded: Vec<Result<Arc<Image>>>,

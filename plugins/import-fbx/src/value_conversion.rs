@@ -10,7 +10,7 @@ const MM_PER_INCH: f64 = 25.4;
 
 /// How a property of a camera gives its full vertical angle (radians), or the height of its view (metres).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ValueConversion {
+pub(crate) enum ValueConversion {
     /// Proportional to the value.
     Proportional(f64),
     /// A horizontal angle in degrees, for images with this ratio of width to height.
@@ -21,7 +21,7 @@ pub enum ValueConversion {
 
 impl ValueConversion {
     /// The value, and its derivative with respect to the property.
-    pub fn at(self, v: f64) -> (f64, f64) {
+    pub(crate) fn at(self, v: f64) -> (f64, f64) {
         match self {
             ValueConversion::Proportional(factor) => (v * factor, factor),
             ValueConversion::HorizontalAngle(aspect) => {
@@ -36,13 +36,13 @@ impl ValueConversion {
     }
 
     /// Whether the value is proportional to the property, so that a cubic of one is a cubic of the other.
-    pub fn is_proportional(self) -> bool {
+    pub(crate) fn is_proportional(self) -> bool {
         matches!(self, ValueConversion::Proportional(_))
     }
 }
 
 /// The property that the projection depends on, the function of it, and its value at rest.
-pub fn of_camera(camera: &Camera) -> (&'static str, ValueConversion, f64) {
+pub(crate) fn of_camera(camera: &Camera) -> (&'static str, ValueConversion, f64) {
     if camera.projection_mode == ProjectionMode::Orthographic {
         let zoom = camera.element.props.find_prop("OrthoZoom").map_or(1.0, |p| p.value_vec4.x);
         let zoom = if zoom == 0.0 { 1.0 } else { zoom };
@@ -66,7 +66,7 @@ pub fn of_camera(camera: &Camera) -> (&'static str, ValueConversion, f64) {
 }
 
 /// All properties that may define a camera's field of view. Those that [`of_camera`] does not return have no effect.
-pub const PROJECTION_PROPERTIES: [&str; 5] =
+pub(crate) const PROJECTION_PROPERTIES: [&str; 5] =
     ["FieldOfView", "FieldOfViewX", "FieldOfViewY", "FocalLength", "OrthoZoom"];
 
 #[cfg(test)]

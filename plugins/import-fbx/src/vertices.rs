@@ -15,13 +15,13 @@ use ufbx::{Face, Mesh, MeshPart, VertexVec2, VertexVec3, VertexVec4};
 
 /// Attributes of the points of a mesh besides their positions.
 #[derive(Clone, Copy)]
-pub struct PointAttributes<'a> {
+pub(crate) struct PointAttributes<'a> {
     pub weights: Option<&'a Weights>,
     pub targets: &'a [Target],
     pub geometry: Option<&'a Geometry>,
 }
 
-pub fn build_primitives(
+pub(crate) fn build_primitives(
     file: &File<'_>,
     mesh: &Mesh,
     slots: &[u32],

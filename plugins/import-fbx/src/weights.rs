@@ -9,18 +9,18 @@ use choreo_importer_kit::Result;
 use choreo_motion::Time;
 use ufbx::{Anim, AnimCurve, BlendChannel};
 
-pub const WEIGHT_PROPERTY: &str = "DeformPercent";
+pub(crate) const WEIGHT_PROPERTY: &str = "DeformPercent";
 
 /// A channel's weight (1 for 100 percent), linear between keys.
-pub struct WeightTrack(Vec<(Time, f64)>);
+pub(crate) struct WeightTrack(Vec<(Time, f64)>);
 
 impl WeightTrack {
-    pub fn still(channel: &BlendChannel) -> WeightTrack {
+    pub(crate) fn still(channel: &BlendChannel) -> WeightTrack {
         WeightTrack(vec![(Time::ZERO, channel.weight)])
     }
 
     /// `repeats`: a curve of the channel repeats or continues beyond its keys.
-    pub fn new(
+    pub(crate) fn new(
         file: &File<'_>,
         anim: &Anim,
         channel: &BlendChannel,
@@ -41,11 +41,11 @@ impl WeightTrack {
         Ok(WeightTrack(add_bends(channel, keys)))
     }
 
-    pub fn times(&self) -> impl Iterator<Item = Time> {
+    pub(crate) fn times(&self) -> impl Iterator<Item = Time> {
         self.0.iter().map(|k| k.0)
     }
 
-    pub fn at(&self, time: Time) -> f64 {
+    pub(crate) fn at(&self, time: Time) -> f64 {
         let next = self.0.partition_point(|k| k.0 <= time);
         match (next.checked_sub(1).map(|i| self.0[i]), self.0.get(next)) {
             (Some((from, a)), Some((to, b))) => {

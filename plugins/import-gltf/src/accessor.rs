@@ -10,7 +10,7 @@ const MAX_ZERO_ELEMENTS: u64 = 1 << 24;
 
 /// How integer components become floats.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Integers {
+pub(crate) enum Integers {
     /// Normalized only where the accessor's `normalized` is set (KHR_mesh_quantization has plain integers).
     AsFlagged,
     /// Always normalized, as colors, weights and animation outputs are. Writers forget the flag.
@@ -18,7 +18,7 @@ pub enum Integers {
 }
 
 /// Elements of an accessor that were decoded from compressed data, tightly packed.
-pub struct Decoded {
+pub(crate) struct Decoded {
     pub component: ComponentType,
     pub count: usize,
     pub bytes: Vec<u8>,
@@ -51,7 +51,11 @@ impl Strided<'_> {
 
 impl File<'_> {
     /// Elements of `N` floats. Integers are converted. Fails on values that are not finite.
-    pub fn read_floats<const N: usize>(&self, index: usize, integers: Integers) -> Result<Vec<[f32; N]>> {
+    pub(crate) fn read_floats<const N: usize>(
+        &self,
+        index: usize,
+        integers: Integers,
+    ) -> Result<Vec<[f32; N]>> {
         let normalized =
             integers == Integers::Normalized || self.root.accessors.get(index).is_some_and(|a| a.normalized);
         let out = self.read_elements::<N, f32>(index, |source, component| {
@@ -87,7 +91,7 @@ impl File<'_> {
     }
 
     /// Unsigned integers, not normalized: indices and joints.
-    pub fn read_integers<const N: usize>(&self, index: usize) -> Result<Vec<[u32; N]>> {
+    pub(crate) fn read_integers<const N: usize>(&self, index: usize) -> Result<Vec<[u32; N]>> {
         // Checked first, because an accessor without data has no bytes whose decoding could fail.
         if let Some(accessor) = self.root.accessors.get(index)
             && let Checked::Valid(component) = accessor.component_type
@@ -100,7 +104,7 @@ impl File<'_> {
         self.read_elements::<N, u32>(index, read_unsigned)
     }
 
-    pub fn count(&self, index: usize) -> Result<u64> {
+    pub(crate) fn count(&self, index: usize) -> Result<u64> {
         if let Some(decoded) = self.unpacked_primitive.borrow().attributes.get(&index) {
             return Ok(decoded.count as u64);
         }
@@ -109,7 +113,7 @@ impl File<'_> {
     }
 
     /// Number of components of an element; `None` where the file names an unknown type.
-    pub fn width(&self, index: usize) -> Option<usize> {
+    pub(crate) fn width(&self, index: usize) -> Option<usize> {
         match self.root.accessors.get(index)?.type_ {
             Checked::Valid(t) => Some(t.multiplicity()),
             Checked::Invalid => None,

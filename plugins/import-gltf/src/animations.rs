@@ -13,9 +13,9 @@ use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
 /// Latest key time, seconds (about 115 days). Later keys are taken for damage.
-pub const MAX_KEY_SECS: f32 = 1e7;
+pub(crate) const MAX_KEY_SECS: f32 = 1e7;
 
-pub fn read(file: &File<'_>, tree: &Tree) -> Result<Vec<Arc<Clip>>> {
+pub(crate) fn read(file: &File<'_>, tree: &Tree) -> Result<Vec<Arc<Clip>>> {
     let mut times = BTreeMap::new();
     let morphs = morph_counts(file);
     let mut clips = Vec::with_capacity(file.root.animations.len());

@@ -16,7 +16,7 @@ const CHUNK_BIN: u32 = 0x004E_4942;
 pub(crate) const MAX_JSON_OBJECTS: usize = 2 << 20;
 pub(crate) const MAX_JSON_VALUES: usize = 32 << 20;
 
-pub struct Container<'a> {
+pub(crate) struct Container<'a> {
     pub json: &'a [u8],
     /// Byte offset of the JSON in the file, for messages.
     pub json_offset: usize,
@@ -38,11 +38,11 @@ pub(crate) fn json_chunk(glb: &[u8]) -> &[u8] {
 }
 
 /// The JSON without a byte order mark, which some editors and exporters put before it.
-pub fn without_byte_order_mark(json: &[u8]) -> &[u8] {
+pub(crate) fn without_byte_order_mark(json: &[u8]) -> &[u8] {
     json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json)
 }
 
-pub fn split(bytes: &[u8]) -> Result<Container<'_>> {
+pub(crate) fn split(bytes: &[u8]) -> Result<Container<'_>> {
     if !bytes.starts_with(GLB_MAGIC) {
         let json = without_byte_order_mark(bytes);
         let json_offset = bytes.len() - json.len();
@@ -107,7 +107,7 @@ fn truncated(place: String, have: usize, need: usize) -> Problem {
 }
 
 /// Parses the JSON into its typed form. Valid JSON that the typed form refuses is repaired and parsed again.
-pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
+pub(crate) fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
     let count = |letter: u8| container.json.iter().filter(|b| **b == letter).count();
     for (letters, limit, what) in
         [(&b"{"[..], MAX_JSON_OBJECTS, "objects"), (b",[", MAX_JSON_VALUES, "values")]

@@ -11,14 +11,14 @@ use gltf::json::validation::Checked;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-pub const NAME: &str = "KHR_draco_mesh_compression";
+pub(crate) const NAME: &str = "KHR_draco_mesh_compression";
 
 /// Working memory of the decoder for each triangle, bytes: its tables of edges, for each attribute with seams.
 const DECODER_BYTES_PER_TRIANGLE: u64 = 200;
 
 /// The contents of a compressed primitive.
 #[derive(Default)]
-pub struct Unpacked {
+pub(crate) struct Unpacked {
     /// A triangle list, whatever the mode of the primitive.
     pub indices: Option<Vec<u32>>,
     /// Decoded attribute values, by accessor index.
@@ -27,7 +27,7 @@ pub struct Unpacked {
 
 /// Decodes a primitive that has no uncompressed data. A file that does not require the extension should have such data too, which
 /// is exact and costs less.
-pub fn unpack(file: &File<'_>, primitive: &Primitive, place: &dyn Fn() -> String) -> Result<Unpacked> {
+pub(crate) fn unpack(file: &File<'_>, primitive: &Primitive, place: &dyn Fn() -> String) -> Result<Unpacked> {
     let extension = primitive.extensions.as_ref().and_then(|e| e.others.get(NAME));
     let Some(extension) = extension.filter(|_| is_needed(file, primitive)) else {
         return Ok(Unpacked::default());

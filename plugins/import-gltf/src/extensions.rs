@@ -36,7 +36,7 @@ const SUPPORTED_EXTENSIONS: &[&str] = &[
 const DDS_EXTENSION: &str = "MSFT_texture_dds";
 
 /// `profile_extensions`: the extensions that the profile reads.
-pub fn check(file: &File<'_>, needs: ImportScope, profile_extensions: &[&str]) -> Result<()> {
+pub(crate) fn check(file: &File<'_>, needs: ImportScope, profile_extensions: &[&str]) -> Result<()> {
     let asset = &file.root.asset;
     let needed = asset.min_version.as_ref().unwrap_or(&asset.version);
     let readable = match asset.min_version.is_some() {

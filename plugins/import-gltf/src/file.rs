@@ -17,9 +17,9 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 /// Limit of all bytes decoded from one file together: many accessors can refer to the same bytes.
-pub const MAX_DECODED_BYTES: u64 = 2 << 30;
+pub(crate) const MAX_DECODED_BYTES: u64 = 2 << 30;
 
-pub struct File<'a> {
+pub(crate) struct File<'a> {
     pub root: Root,
     pub pointers: Pointers,
     /// The chosen variant of KHR_materials_variants.
@@ -35,7 +35,7 @@ pub struct File<'a> {
     pub notes: Notes,
 }
 
-pub enum Bytes<'a> {
+pub(crate) enum Bytes<'a> {
     Borrowed(&'a [u8]),
     Shared(Arc<Vec<u8>>),
     Owned(Vec<u8>),
@@ -53,7 +53,7 @@ impl Deref for Bytes<'_> {
 }
 
 impl<'a> File<'a> {
-    pub fn new(
+    pub(crate) fn new(
         (root, pointers): (Root, Pointers),
         container: &Container<'a>,
         files: &'a dyn Files,
@@ -78,21 +78,21 @@ impl<'a> File<'a> {
         file
     }
 
-    pub fn warn(&self, place: impl Into<String>, text: impl Into<String>) {
+    pub(crate) fn warn(&self, place: impl Into<String>, text: impl Into<String>) {
         self.notes.warn(place, text);
     }
 
     /// The file as a profile sees it; `tree` is `None` before the nodes are read.
-    pub fn document<'d>(&'d self, tree: Option<&'d Tree>) -> Document<'d> {
+    pub(crate) fn document<'d>(&'d self, tree: Option<&'d Tree>) -> Document<'d> {
         Document { root: &self.root, notes: &self.notes, budget: &self.budget, tree }
     }
 
-    pub fn into_warnings(self) -> Vec<Warning> {
+    pub(crate) fn into_warnings(self) -> Vec<Warning> {
         self.notes.into_warnings()
     }
 
     /// Charges `count` items of `size` bytes to the budget, before they are allocated.
-    pub fn charge(&self, count: u64, size: usize) -> Result<()> {
+    pub(crate) fn charge(&self, count: u64, size: usize) -> Result<()> {
         self.budget.charge(count, size)
     }
 
@@ -159,7 +159,7 @@ impl<'a> File<'a> {
     }
 
     /// The bytes of a buffer view and its stride (0 = tightly packed). `user`: the referring element, for errors.
-    pub fn view(&self, index: usize, user: impl Fn() -> String) -> Result<(&[u8], usize)> {
+    pub(crate) fn view(&self, index: usize, user: impl Fn() -> String) -> Result<(&[u8], usize)> {
         let view = element(&self.root.buffer_views, index, "bufferViews", &user)?;
         let place = || format!("bufferViews[{index}]");
         let stride = view.byte_stride.map_or(0, |s| s.0);

@@ -4,13 +4,13 @@ use choreo_asset::{Image, Material, TextureRef};
 use std::sync::Arc;
 
 /// A material with a specular-glossiness texture, now its specular color texture, whose alpha channel holds glossiness.
-pub struct Glossy {
+pub(crate) struct Glossy {
     pub material: usize,
     pub factor: f32,
 }
 
 /// Adds roughness textures to the materials, one for each distinct texture and factor. Needs the decoded images.
-pub fn convert(glossy: &[Glossy], materials: &mut [Material], images: &mut Vec<Arc<Image>>) {
+pub(crate) fn convert(glossy: &[Glossy], materials: &mut [Material], images: &mut Vec<Arc<Image>>) {
     let mut made: Vec<(u32, f32, u32)> = Vec::new();
     for Glossy { material, factor } in glossy {
         let Some(material) = materials.get_mut(*material) else { continue };

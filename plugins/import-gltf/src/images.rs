@@ -9,13 +9,13 @@ use choreo_importer_kit::search;
 
 /// Images in the order in which materials request them.
 #[derive(Default)]
-pub struct ImageTable<'a> {
+pub(crate) struct ImageTable<'a> {
     /// Asset image of each file image that was requested; `Some(None)` where it cannot be read.
     index_of_file_image: Vec<Option<Option<u32>>>,
     pub entries: Vec<Encoded<Slice<'a>>>,
 }
 
-pub enum Slice<'a> {
+pub(crate) enum Slice<'a> {
     View(&'a [u8]),
     Loaded(Bytes<'a>),
 }
@@ -31,7 +31,12 @@ impl AsRef<[u8]> for Slice<'_> {
 
 impl<'a> ImageTable<'a> {
     /// The asset image of a file image; `None`, with a warning, where it cannot be read. Equal images of a file are added once.
-    pub fn index_of(&mut self, file: &'a File<'_>, file_image: usize, user: &str) -> Result<Option<u32>> {
+    pub(crate) fn index_of(
+        &mut self,
+        file: &'a File<'_>,
+        file_image: usize,
+        user: &str,
+    ) -> Result<Option<u32>> {
         element(&file.root.images, file_image, "images", || user.to_string())?;
         self.index_of_file_image.resize(file.root.images.len(), None);
         if let Some(known) = self.index_of_file_image[file_image] {

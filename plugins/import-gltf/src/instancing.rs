@@ -8,10 +8,10 @@ use glam::{Affine3A, Quat, Vec3};
 use serde_json::Value;
 use std::sync::Arc;
 
-pub const NAME: &str = "EXT_mesh_gpu_instancing";
+pub(crate) const NAME: &str = "EXT_mesh_gpu_instancing";
 
 /// The joint-from-mesh transform of every copy; empty where the node lacks the extension.
-pub fn read_copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
+pub(crate) fn read_copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
     let extension = file.root.nodes[node].extensions.as_ref().and_then(|e| e.others.get(NAME));
     let Some(extension) = extension else { return Ok([].into()) };
     let place = || format!("nodes[{node}].extensions.{NAME}");

@@ -64,7 +64,11 @@ impl Extension<'_, '_, '_, '_, '_> {
 }
 
 /// Reads the layers of a metallic-roughness material; other materials have none.
-pub fn read(reader: &mut Reader<'_, '_, '_>, others: &Map<String, Value>, out: &mut Material) -> Result<()> {
+pub(crate) fn read(
+    reader: &mut Reader<'_, '_, '_>,
+    others: &Map<String, Value>,
+    out: &mut Material,
+) -> Result<()> {
     if out.shading != Shading::MetallicRoughness {
         return Ok(());
     }

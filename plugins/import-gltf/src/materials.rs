@@ -19,7 +19,7 @@ use json::texture::{MagFilter, MinFilter, WrappingMode};
 const DIELECTRIC_F0: f32 = 0.04;
 
 /// Reads the materials, and lists those that [`crate::glossiness`] must finish.
-pub fn read<'a>(
+pub(crate) fn read<'a>(
     file: &'a File<'_>,
     images: &mut ImageTable<'a>,
     wants_textures: bool,

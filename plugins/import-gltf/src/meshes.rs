@@ -20,7 +20,7 @@ pub(crate) fn morph_counts(file: &File<'_>) -> Vec<usize> {
     file.root.meshes.iter().map(|m| m.primitives.iter().map(targets).max().unwrap_or(0)).collect()
 }
 
-pub fn read(file: &File<'_>, materials: &[Material]) -> Result<Vec<Arc<Mesh>>> {
+pub(crate) fn read(file: &File<'_>, materials: &[Material]) -> Result<Vec<Arc<Mesh>>> {
     let counts = morph_counts(file).into_iter().enumerate();
     counts.map(|(index, morphs)| Ok(Arc::new(read_mesh(file, index, morphs, materials)?))).collect()
 }
@@ -309,7 +309,7 @@ fn charge_split(file: &File<'_>, out: &Primitive, place: &dyn Fn() -> String) ->
 }
 
 /// The mesh instances on shown nodes.
-pub fn instances(
+pub(crate) fn instances(
     file: &File<'_>,
     tree: &Tree,
     meshes: &[Arc<Mesh>],

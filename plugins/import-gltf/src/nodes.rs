@@ -11,7 +11,7 @@ use gltf::json::scene::Node;
 /// Largest difference between a matrix and its decomposition, relative to its longest column, that counts as no shear.
 const SHEAR_TOLERANCE: f64 = 1e-4;
 
-pub struct Tree {
+pub(crate) struct Tree {
     pub skeleton: Skeleton,
     /// Joint of each node of the file; `None` outside the scene.
     pub joint_of_node: Vec<Option<u32>>,
@@ -22,7 +22,7 @@ pub struct Tree {
     pub scene_joint_count: usize,
 }
 
-pub fn read(file: &File<'_>, scene: Option<usize>) -> Result<Tree> {
+pub(crate) fn read(file: &File<'_>, scene: Option<usize>) -> Result<Tree> {
     let nodes = &file.root.nodes;
     let parents = parents(nodes)?;
     let roots = scene_roots(file, scene, &parents)?;

@@ -13,7 +13,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 /// Smallest outer angle of a spot light, radians: narrower spots light nothing.
 const MIN_OUTER_RAD: f32 = 1e-4;
 
-pub fn cameras(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetCamera>> {
+pub(crate) fn cameras(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetCamera>> {
     let mut out = Vec::new();
     for (joint, node) in tree.node_of_joint[..tree.scene_joint_count].iter().enumerate() {
         let Some(index) = file.root.nodes[*node].camera else { continue };
@@ -56,7 +56,7 @@ fn read_projection(file: &File<'_>, camera: &json::Camera, place: &str) -> Resul
     }
 }
 
-pub fn lights(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetLight>> {
+pub(crate) fn lights(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetLight>> {
     let listed = match file.root.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref()) {
         Some(list) => list.lights.as_slice(),
         None => &[],
@@ -120,7 +120,7 @@ fn read_punctual_light(
 }
 
 /// All skins of the file. A skin whose joints were not all read is empty; it is an error where a shown node uses it.
-pub fn skins(file: &File<'_>, tree: &Tree) -> Result<Vec<Skin>> {
+pub(crate) fn skins(file: &File<'_>, tree: &Tree) -> Result<Vec<Skin>> {
     let mut out = Vec::with_capacity(file.root.skins.len());
     let mut user = vec![None; file.root.skins.len()];
     for node in &tree.node_of_joint[..tree.scene_joint_count] {

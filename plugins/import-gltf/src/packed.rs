@@ -8,20 +8,20 @@ use serde_json::{Map, Value};
 const NAMES: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
 
 /// The compression extension of a buffer view and its content; `None` where the view is not compressed.
-pub fn of(extensions: &Map<String, Value>) -> Option<(&'static str, &Value)> {
+pub(crate) fn of(extensions: &Map<String, Value>) -> Option<(&'static str, &Value)> {
     NAMES.iter().find_map(|name| Some((*name, extensions.get(*name)?)))
 }
 
 /// Byte range of the compressed data, and its compression parameters.
 #[derive(Debug, PartialEq)]
-pub struct PackedView {
+pub(crate) struct PackedView {
     pub buffer: usize,
     pub offset: u64,
     pub length: u64,
     pub packed: Packed,
 }
 
-pub fn read(extension: &Value) -> Result<PackedView> {
+pub(crate) fn read(extension: &Value) -> Result<PackedView> {
     let number = |key: &str, default: Option<u64>| match extension.get(key) {
         None => default.ok_or_else(|| format!("has no {key}")),
         Some(value) => as_integer(value)

@@ -7,13 +7,13 @@ use gltf::json::animation::Property;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-pub const NAME: &str = "KHR_animation_pointer";
+pub(crate) const NAME: &str = "KHR_animation_pointer";
 
 /// Node index of channels that have a pointer instead, because the typed form requires a number.
 pub(crate) const NO_NODE: u32 = u32::MAX;
 
 /// Pointers by (animation, channel).
-pub type Pointers = BTreeMap<(usize, usize), String>;
+pub(crate) type Pointers = BTreeMap<(usize, usize), String>;
 
 /// Sets the node of every channel without one to [`NO_NODE`], and collects the channels' pointers. `None` where every channel has
 /// a node.
@@ -40,7 +40,7 @@ pub(crate) fn mark_channels(root: &mut Value) -> Option<Pointers> {
 }
 
 /// The meaning of a pointer in the asset.
-pub enum PointerTarget {
+pub(crate) enum PointerTarget {
     /// A property of a node, as in plain channels.
     Node(usize, Property),
     /// A property of each object that the file's element became: a camera on two nodes is two objects.
@@ -48,7 +48,7 @@ pub enum PointerTarget {
 }
 
 /// Resolves a pointer; `None` where it names nothing that can be animated.
-pub fn resolve_pointer(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<PointerTarget> {
+pub(crate) fn resolve_pointer(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<PointerTarget> {
     let steps: Vec<&str> = pointer.strip_prefix('/')?.split('/').collect();
     let number = |text: &str| text.parse::<usize>().ok();
     let things = |list: Vec<u32>, target: fn(u32) -> PropertyTarget, factor: f32| {

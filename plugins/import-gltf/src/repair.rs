@@ -8,7 +8,7 @@ use serde_json::Value;
 const MAX_WHOLE: f64 = (1u64 << 53) as f64;
 
 /// A JSON number as an integer, where it is one. JSON does not distinguish the two, and some programs write `1.0` for 1.
-pub fn as_integer(value: &Value) -> Option<u64> {
+pub(crate) fn as_integer(value: &Value) -> Option<u64> {
     value.as_u64().or_else(|| {
         let number = value.as_f64()?;
         (number.fract() == 0.0 && (0.0..=MAX_WHOLE).contains(&number)).then_some(number as u64)
@@ -16,7 +16,7 @@ pub fn as_integer(value: &Value) -> Option<u64> {
 }
 
 /// Parses a part of an extension, which the crate `gltf` keeps as JSON, into a type.
-pub fn typed<T: serde::de::DeserializeOwned>(value: &Value) -> serde_json::Result<T> {
+pub(crate) fn typed<T: serde::de::DeserializeOwned>(value: &Value) -> serde_json::Result<T> {
     let mut value = value.clone();
     write_whole_numbers(&mut value);
     serde_json::from_value(value)
@@ -24,7 +24,7 @@ pub fn typed<T: serde::de::DeserializeOwned>(value: &Value) -> serde_json::Resul
 
 /// Adds members that the specification allows files to omit, and writes integers without a fraction. Returns the pointers of
 /// `KHR_animation_pointer` channels; `None` where nothing had to be changed.
-pub fn repair(root: &mut Value) -> Option<Pointers> {
+pub(crate) fn repair(root: &mut Value) -> Option<Pointers> {
     let mut changed = false;
     for scene in root.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
         if let Some(scene) = scene.as_object_mut() {

@@ -7,7 +7,7 @@ use choreo_asset::Primitive;
 use gltf::json::mesh::{Primitive as JsonPrimitive, Semantic};
 use gltf::json::validation::Checked;
 
-pub fn read(
+pub(crate) fn read(
     file: &File<'_>,
     json: &JsonPrimitive,
     place: &dyn Fn() -> String,

@@ -22,7 +22,7 @@ pub(crate) fn data_uri(uri: &str) -> Option<Result<Vec<u8>>> {
 }
 
 /// A relative reference as a file name: percent-decoded.
-pub fn file_name(uri: &str) -> String {
+pub(crate) fn file_name(uri: &str) -> String {
     String::from_utf8_lossy(&percent_decoded(uri)).into_owned()
 }
 

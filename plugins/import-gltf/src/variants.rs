@@ -6,10 +6,10 @@ use crate::repair::as_integer;
 use gltf::json;
 use serde_json::Value;
 
-pub const NAME: &str = "KHR_materials_variants";
+pub(crate) const NAME: &str = "KHR_materials_variants";
 
 /// The index of the variant with this name; `None` for an empty name.
-pub fn find_variant(file: &File<'_>, name: &str) -> Result<Option<u64>> {
+pub(crate) fn find_variant(file: &File<'_>, name: &str) -> Result<Option<u64>> {
     let extensions = file.root.extensions.as_ref();
     let listed = extensions.and_then(|e| e.others.get(NAME)?.get("variants")?.as_array());
     let names: Vec<&str> = match listed {
@@ -32,7 +32,7 @@ pub fn find_variant(file: &File<'_>, name: &str) -> Result<Option<u64>> {
 }
 
 /// The primitive's material in the chosen variant, or its default material where no mapping names the variant.
-pub fn material(file: &File<'_>, primitive: &json::mesh::Primitive) -> Option<usize> {
+pub(crate) fn material(file: &File<'_>, primitive: &json::mesh::Primitive) -> Option<usize> {
     let own = primitive.material.map(|m| m.value());
     let Some(variant) = file.variant else { return own };
     let mappings =

@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3};
 
 /// A capsule and its ray grid: rings of rays between two poles.
 #[derive(Clone, Copy, Debug)]
-pub struct Grid {
+pub(crate) struct Grid {
     pub from: Vec3,
     pub to: Vec3,
     /// Rings over each round end, and along the straight part (`side_rings`).
@@ -21,7 +21,7 @@ pub struct Grid {
 }
 
 #[derive(Clone, Debug, Default)]
-pub struct Surface {
+pub(crate) struct Surface {
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
     pub indices: Vec<u32>,
@@ -45,7 +45,7 @@ fn ray_distance(field: &dyn Fn(Vec3) -> f32, origin: Vec3, direction: Vec3, reac
     outside
 }
 
-pub fn cast(field: &dyn Fn(Vec3) -> f32, grid: &Grid) -> Surface {
+pub(crate) fn cast(field: &dyn Fn(Vec3) -> f32, grid: &Grid) -> Surface {
     let axis = (grid.to - grid.from).try_normalize().unwrap_or(Vec3::Y);
     let (u, v) = axis.any_orthonormal_pair();
     // (origin, latitude) of each ring.
@@ -95,7 +95,7 @@ pub fn cast(field: &dyn Fn(Vec3) -> f32, grid: &Grid) -> Surface {
 
 /// A flat pane pressed onto a field from the front (+Z): an outline, and a height above the field.
 #[derive(Clone, Copy, Debug)]
-pub struct Lens {
+pub(crate) struct Lens {
     /// A point in front of the field.
     pub center: Vec3,
     /// Half width and half height of the superellipse |x/a|ᵖ + |y/b|ᵖ = 1.
@@ -106,7 +106,7 @@ pub struct Lens {
 }
 
 /// The pane with its rounded rim, closed by a ring below the field's surface.
-pub fn lens_surface(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
+pub(crate) fn lens_surface(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
     /// (share of the outline, share of the rise): the rim bends down over the outermost tenth.
     const RINGS: [(f32, f32); 7] =
         [(0.35, 1.0), (0.65, 1.0), (0.86, 1.0), (0.94, 0.92), (0.985, 0.62), (1.0, 0.0), (1.0, -1.5)];
@@ -150,7 +150,7 @@ pub fn lens_surface(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
 }
 
 /// The surface mirrored in x = 0.
-pub fn mirrored(surface: &Surface) -> Surface {
+pub(crate) fn mirrored(surface: &Surface) -> Surface {
     let flip = |v: &Vec3| Vec3::new(-v.x, v.y, v.z);
     Surface {
         positions: surface.positions.iter().map(flip).collect(),

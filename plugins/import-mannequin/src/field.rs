@@ -4,7 +4,7 @@
 
 use glam::{Vec3, vec3};
 
-pub fn sphere(p: Vec3, at: Vec3, radius: f32) -> f32 {
+pub(crate) fn sphere(p: Vec3, at: Vec3, radius: f32) -> f32 {
     (p - at).length() - radius
 }
 
@@ -19,7 +19,7 @@ pub(crate) fn ellipsoid(p: Vec3, at: Vec3, radii: Vec3) -> f32 {
 
 /// Convex hull of two balls, approximated by the distance to the nearest ball between them: exact where the radii are equal, a
 /// bound elsewhere.
-pub fn taper(p: Vec3, a: Vec3, ra: f32, b: Vec3, rb: f32) -> f32 {
+pub(crate) fn taper(p: Vec3, a: Vec3, ra: f32, b: Vec3, rb: f32) -> f32 {
     let ab = b - a;
     let h = ((p - a).dot(ab) / ab.length_squared()).clamp(0.0, 1.0);
     (p - a - ab * h).length() - (ra + (rb - ra) * h)
@@ -32,26 +32,26 @@ pub(crate) fn rounded_box(p: Vec3, at: Vec3, half: Vec3, rounding: f32) -> f32 {
 }
 
 /// The half-space below the plane through `at` with normal `up`.
-pub fn below(p: Vec3, at: Vec3, up: Vec3) -> f32 {
+pub(crate) fn below(p: Vec3, at: Vec3, up: Vec3) -> f32 {
     (p - at).dot(up)
 }
 
-pub fn smooth_union(a: f32, b: f32, k: f32) -> f32 {
+pub(crate) fn smooth_union(a: f32, b: f32, k: f32) -> f32 {
     let h = (k - (a - b).abs()).max(0.0) / k;
     a.min(b) - h * h * k * 0.25
 }
 
-pub fn smooth_difference(a: f32, b: f32, k: f32) -> f32 {
+pub(crate) fn smooth_difference(a: f32, b: f32, k: f32) -> f32 {
     smooth_intersection(a, -b, k)
 }
 
-pub fn smooth_intersection(a: f32, b: f32, k: f32) -> f32 {
+pub(crate) fn smooth_intersection(a: f32, b: f32, k: f32) -> f32 {
     let h = (k - (a - b).abs()).max(0.0) / k;
     a.max(b) + h * h * k * 0.25
 }
 
 /// The normalized gradient of a field, by central differences over 0.2 mm.
-pub fn gradient(field: &dyn Fn(Vec3) -> f32, p: Vec3) -> Vec3 {
+pub(crate) fn gradient(field: &dyn Fn(Vec3) -> f32, p: Vec3) -> Vec3 {
     const H: f32 = 2e-4;
     let d = |e: Vec3| field(p + e) - field(p - e);
     let g = vec3(d(Vec3::X * H), d(Vec3::Y * H), d(Vec3::Z * H));

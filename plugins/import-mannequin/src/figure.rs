@@ -10,14 +10,14 @@ use crate::field::{
 use crate::rig::{self, FINGERS, Side};
 use glam::{Vec3, vec2, vec3};
 
-pub const SHELL: u32 = 0;
-pub const JOINTS: u32 = 1;
+pub(crate) const SHELL: u32 = 0;
+pub(crate) const JOINTS: u32 = 1;
 pub(crate) const VISOR: u32 = 2;
 pub(crate) const EYES: u32 = 3;
 
 /// How joint weights vary over a part.
 #[derive(Clone, Copy)]
-pub enum Skinning {
+pub(crate) enum Skinning {
     Rigid(fn(Side) -> usize),
     /// (joint, coordinate along the axis at which it takes over from the joint before), and half the width of each transition,
     /// metres.
@@ -30,7 +30,7 @@ pub enum Skinning {
     Chest,
 }
 
-pub struct BodyPart {
+pub(crate) struct BodyPart {
     pub material: u32,
     /// Modeled on the left, mirrored to the right.
     pub paired: bool,
@@ -212,7 +212,7 @@ fn ball(field: fn(Vec3) -> f32, at: Vec3, reach: f32, joint: fn(Side) -> usize) 
 }
 
 /// A thin shape on the front of the head.
-pub struct Inlay {
+pub(crate) struct Inlay {
     pub material: u32,
     pub paired: bool,
     pub field: fn(Vec3) -> f32,
@@ -239,7 +239,7 @@ pub(crate) fn inlays() -> [Inlay; 2] {
 }
 
 /// The parts of the left half and the middle.
-pub fn parts() -> Vec<BodyPart> {
+pub(crate) fn parts() -> Vec<BodyPart> {
     let fingers = [finger::<0>(), finger::<1>(), finger::<2>(), finger::<3>(), finger::<4>()];
     trunk().into_iter().chain(leg()).chain(arm()).chain(fingers).collect()
 }

@@ -12,7 +12,7 @@ fn slope(before: (f32, f32), here: (f32, f32), after: (f32, f32)) -> f32 {
 }
 
 /// Cubic Hermite interpolation between keys a and b with the given slopes.
-pub fn hermite(t: f32, a: (f32, f32), slope_a: f32, b: (f32, f32), slope_b: f32) -> f32 {
+pub(crate) fn hermite(t: f32, a: (f32, f32), slope_a: f32, b: (f32, f32), slope_b: f32) -> f32 {
     let h = b.0 - a.0;
     let u = ((t - a.0) / h).clamp(0.0, 1.0);
     let (u2, u3) = (u * u, u * u * u);
@@ -22,7 +22,7 @@ pub fn hermite(t: f32, a: (f32, f32), slope_a: f32, b: (f32, f32), slope_b: f32)
 }
 
 /// Interpolates `(time, value)` keys in order. The end values are held outside, with zero slope.
-pub fn keys(t: f32, keys: &[(f32, f32)]) -> f32 {
+pub(crate) fn keys(t: f32, keys: &[(f32, f32)]) -> f32 {
     let Some(&first) = keys.first() else { return 0.0 };
     if t <= first.0 {
         return first.1;
@@ -35,7 +35,7 @@ pub fn keys(t: f32, keys: &[(f32, f32)]) -> f32 {
 }
 
 /// Interpolates keys like [`keys`], repeated with a period. The keys lie within one period; the first is not repeated at the end.
-pub fn cycle(t: f32, period: f32, keys: &[(f32, f32)]) -> f32 {
+pub(crate) fn cycle(t: f32, period: f32, keys: &[(f32, f32)]) -> f32 {
     let n = keys.len();
     if n < 2 {
         return keys.first().map_or(0.0, |k| k.1);
@@ -52,15 +52,15 @@ pub fn cycle(t: f32, period: f32, keys: &[(f32, f32)]) -> f32 {
 }
 
 /// Smoothstep 3u² − 2u³, from 0 at `from` to 1 at `to`.
-pub fn ease(t: f32, from: f32, to: f32) -> f32 {
+pub(crate) fn ease(t: f32, from: f32, to: f32) -> f32 {
     let u = ((t - from) / (to - from)).clamp(0.0, 1.0);
     u * u * (3.0 - 2.0 * u)
 }
 
 /// Cosine and sine of a phase in turns.
-pub fn cos(turns: f32) -> f32 {
+pub(crate) fn cos(turns: f32) -> f32 {
     libm::cosf(turns * core::f32::consts::TAU)
 }
-pub fn sin(turns: f32) -> f32 {
+pub(crate) fn sin(turns: f32) -> f32 {
     libm::sinf(turns * core::f32::consts::TAU)
 }

@@ -21,7 +21,7 @@ fn append(primitive: &mut Primitive, skinning: &Skinning, side: Side, surface: &
     }
 }
 
-pub fn build(scale: f32) -> Mesh {
+pub(crate) fn build(scale: f32) -> Mesh {
     let mut primitives: Vec<Primitive> = (0..MATERIALS)
         .map(|material| Primitive { influences: 4, material: Some(material), ..Primitive::default() })
         .collect();
@@ -45,7 +45,7 @@ pub fn build(scale: f32) -> Mesh {
     Mesh { name: "mannequin".into(), primitives, ..Mesh::default() }
 }
 
-pub fn skin(joints: &[Joint], scale: f32) -> Skin {
+pub(crate) fn skin(joints: &[Joint], scale: f32) -> Skin {
     Skin {
         joints: (0..joints.len() as u32).collect(),
         inverse_bind: joints

@@ -8,18 +8,18 @@ use glam::{EulerRot, Quat, Vec2, Vec3, vec3};
 
 /// Pitch bends forwards, yaw turns to the left, roll leans to the left.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Turn {
+pub(crate) struct Turn {
     pub pitch: f32,
     pub yaw: f32,
     pub roll: f32,
 }
 
-pub fn turn(pitch: f32, yaw: f32, roll: f32) -> Turn {
+pub(crate) fn turn(pitch: f32, yaw: f32, roll: f32) -> Turn {
     Turn { pitch, yaw, roll }
 }
 
 impl Turn {
-    pub fn rotation(self) -> Quat {
+    pub(crate) fn rotation(self) -> Quat {
         Quat::from_euler(
             EulerRot::YXZ,
             self.yaw.to_radians(),
@@ -34,7 +34,7 @@ impl Turn {
 
 /// Arm pose, relative to an arm that hangs straight down, palm to the thigh.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Arm {
+pub(crate) struct Arm {
     /// Abduction, sideways and up: 90 is the T-pose, negative values cross the body.
     pub raise: f32,
     /// Flexion, forwards and up, applied after `raise`.
@@ -75,7 +75,7 @@ impl Default for Arm {
 
 /// Foot pose. x and z are the floor point below the ankle when the sole is flat.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Foot {
+pub(crate) struct Foot {
     pub x: f32,
     pub z: f32,
     /// Height above the floor of the ball (pitch ≥ 0) or of the heel (pitch < 0), metres.
@@ -91,7 +91,7 @@ pub struct Foot {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
+pub(crate) struct Pose {
     /// Offset of the hips from rest, metres, in the facing direction's frame.
     pub hips: Vec3,
     pub pelvis: Turn,
@@ -123,7 +123,7 @@ impl Default for Pose {
 }
 
 /// Hip position, and rotations of all joints in authored axes.
-pub struct Authored {
+pub(crate) struct Authored {
     pub hips: Vec3,
     pub rotations: Vec<Quat>,
 }
@@ -181,7 +181,7 @@ fn soft_min(a: f32, b: f32, k: f32) -> f32 {
 }
 
 impl Pose {
-    pub fn solve(&self, joints: &[Joint]) -> Authored {
+    pub(crate) fn solve(&self, joints: &[Joint]) -> Authored {
         let mut rotations = vec![Quat::IDENTITY; joints.len()];
         let facing = ry(self.facing);
         let pelvis = self.pelvis.rotation();
@@ -231,7 +231,7 @@ impl Pose {
 
 impl Arm {
     /// Interpolates the angles: this pose at 0, the other at 1.
-    pub fn mix(&self, other: &Arm, share: f32) -> Arm {
+    pub(crate) fn mix(&self, other: &Arm, share: f32) -> Arm {
         let mix = |a: f32, b: f32| a + (b - a) * share;
         Arm {
             raise: mix(self.raise, other.raise),

@@ -6,12 +6,12 @@
 use choreo_motion::{Skeleton, SkeletonError, Transform};
 use glam::{Mat3, Quat, Vec3, vec3};
 
-pub const HIPS: usize = 0;
-pub const SPINE: usize = 1;
+pub(crate) const HIPS: usize = 0;
+pub(crate) const SPINE: usize = 1;
 pub(crate) const SPINE1: usize = 2;
 pub(crate) const SPINE2: usize = 3;
-pub const NECK: usize = 4;
-pub const HEAD: usize = 5;
+pub(crate) const NECK: usize = 4;
+pub(crate) const HEAD: usize = 5;
 const ARMS: usize = 7;
 const JOINTS_PER_ARM: usize = 19;
 const LEGS: usize = ARMS + 2 * JOINTS_PER_ARM;
@@ -31,7 +31,7 @@ pub(crate) const REST_HEIGHT: f32 = 1.75;
 
 /// A side of the body. 0 is the left, at +X.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
+pub(crate) enum Side {
     Left = 0,
     Right = 1,
 }
@@ -39,32 +39,32 @@ pub enum Side {
 impl Side {
     pub(crate) const BOTH: [Side; 2] = [Side::Left, Side::Right];
     /// +1 left, −1 right.
-    pub fn sign(self) -> f32 {
+    pub(crate) fn sign(self) -> f32 {
         if self == Side::Left { 1.0 } else { -1.0 }
     }
-    pub fn shoulder(self) -> usize {
+    pub(crate) fn shoulder(self) -> usize {
         ARMS + JOINTS_PER_ARM * self as usize
     }
-    pub fn arm(self) -> usize {
+    pub(crate) fn arm(self) -> usize {
         self.shoulder() + 1
     }
     pub(crate) fn fore_arm(self) -> usize {
         self.shoulder() + 2
     }
-    pub fn hand(self) -> usize {
+    pub(crate) fn hand(self) -> usize {
         self.shoulder() + 3
     }
     /// Joint of a finger segment. Finger 0 is the thumb, segment 0 begins at the knuckle.
-    pub fn finger(self, finger: usize, segment: usize) -> usize {
+    pub(crate) fn finger(self, finger: usize, segment: usize) -> usize {
         self.shoulder() + 4 + 3 * finger + segment
     }
     pub(crate) fn up_leg(self) -> usize {
         LEGS + JOINTS_PER_LEG * self as usize
     }
-    pub fn leg(self) -> usize {
+    pub(crate) fn leg(self) -> usize {
         self.up_leg() + 1
     }
-    pub fn foot(self) -> usize {
+    pub(crate) fn foot(self) -> usize {
         self.up_leg() + 2
     }
     pub(crate) fn toe_base(self) -> usize {
@@ -72,7 +72,7 @@ impl Side {
     }
 }
 
-pub struct Joint {
+pub(crate) struct Joint {
     pub name: String,
     pub parent: Option<usize>,
     /// Rest position in model space, metres.
@@ -98,7 +98,7 @@ fn axes(y: Vec3, x: Vec3) -> Quat {
 }
 
 /// All joints, parents first.
-pub fn joints() -> Vec<Joint> {
+pub(crate) fn joints() -> Vec<Joint> {
     let mut list: Vec<Joint> = Vec::with_capacity(JOINT_COUNT);
     let mut add = |name: String, parent: Option<usize>, at: Vec3, axes: Quat| {
         list.push(Joint { name: format!("mixamorig:{name}"), parent, at, axes });
@@ -167,7 +167,7 @@ pub fn joints() -> Vec<Joint> {
 }
 
 /// Rest rotation of a joint relative to its parent.
-pub fn rest_rotation(joints: &[Joint], joint: usize) -> Quat {
+pub(crate) fn rest_rotation(joints: &[Joint], joint: usize) -> Quat {
     match joints[joint].parent {
         Some(parent) => joints[parent].axes.conjugate() * joints[joint].axes,
         None => joints[joint].axes,
@@ -175,7 +175,7 @@ pub fn rest_rotation(joints: &[Joint], joint: usize) -> Quat {
 }
 
 /// The joints as a skeleton for the stage, scaled.
-pub fn skeleton(joints: &[Joint], scale: f32) -> Result<Skeleton, SkeletonError> {
+pub(crate) fn skeleton(joints: &[Joint], scale: f32) -> Result<Skeleton, SkeletonError> {
     let rest = (0..joints.len()).map(|i| {
         let joint = &joints[i];
         let translation = match joint.parent {

@@ -6,7 +6,7 @@ use glam::{Vec3, vec3};
 
 /// Four influences. Unused ones have weight 0; the weights sum to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Influences {
+pub(crate) struct Influences {
     pub joints: [u16; 4],
     pub weights: [f32; 4],
 }
@@ -30,7 +30,7 @@ impl Influences {
 }
 
 /// Influences of a vertex at `p` in the T-pose, on the side of the part.
-pub fn influences(skinning: &Skinning, side: Side, p: Vec3) -> Influences {
+pub(crate) fn influences(skinning: &Skinning, side: Side, p: Vec3) -> Influences {
     let mut out = Influences::default();
     match *skinning {
         Skinning::Rigid(joint) => out.push(joint(side), 1.0),

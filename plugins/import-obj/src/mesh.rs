@@ -10,7 +10,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// How positions become metres, how missing normals are made, and how colors are read.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub(crate) struct Settings {
     pub scale: f64,
     pub up_z: bool,
     /// Largest angle of a smooth edge, for faces with neither normals nor smoothing groups.
@@ -23,7 +23,7 @@ pub struct Settings {
 type Key = (u32, Shape, u32, bool);
 
 /// Primitives, each with its group: sorted by group, shape, and material in the file's order.
-pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Primitive)> {
+pub(crate) fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Primitive)> {
     let key = |index: usize| -> Key {
         let e = &model.elements[index];
         let normals =

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 /// A material as the library has it.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Mtl {
+pub(crate) struct Mtl {
     pub name: String,
     pub place: String,
     pub diffuse: Option<Vec3>,
@@ -28,7 +28,7 @@ pub struct Mtl {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Slot {
+pub(crate) enum Slot {
     Diffuse,
     Specular,
     Emissive,
@@ -44,7 +44,7 @@ pub enum Slot {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub struct Map {
+pub(crate) struct Map {
     pub file: String,
     pub scale: Vec2,
     pub offset: Vec2,
@@ -56,7 +56,7 @@ pub struct Map {
 }
 
 /// The materials of one library, in order. Faults are warnings only: a half-right material is better than none.
-pub fn read(bytes: &[u8], library: &str, notes: &Notes) -> Vec<Mtl> {
+pub(crate) fn read(bytes: &[u8], library: &str, notes: &Notes) -> Vec<Mtl> {
     let mut out: Vec<Mtl> = Vec::new();
     let mut unknown: BTreeMap<String, usize> = BTreeMap::new();
     for (line, text) in Lines::new(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes)) {
@@ -223,7 +223,7 @@ fn read_map(rest: &[u8]) -> Result<Map> {
 }
 
 /// Context in which materials are read.
-pub struct Source<'a> {
+pub(crate) struct Source<'a> {
     pub textures: Option<&'a mut Textures>,
     pub files: &'a dyn Files,
     pub budget: &'a Budget,
@@ -232,7 +232,7 @@ pub struct Source<'a> {
 }
 
 /// A material, and its bump map, if any: only the decoded image shows whether that is a normal map.
-pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureRef, f32)>) {
+pub(crate) fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureRef, f32)>) {
     let srgb = source.srgb;
     let color = |c: Vec3| Vec3::from(c.to_array().map(|c| linear_channel(c, srgb)));
     let mut diffuse = color(m.diffuse.unwrap_or(Vec3::splat(0.8)));

@@ -14,7 +14,7 @@ use std::io::Write;
 const MAX_GROUPS: usize = 65_536;
 const MAX_MATERIALS: usize = 65_536;
 /// Material index of elements before any `usemtl`.
-pub const NO_INDEX: u32 = u32::MAX;
+pub(crate) const NO_INDEX: u32 = u32::MAX;
 /// First entry of each list in the text for `tobj`: face vertices without texture coordinate or normal refer to it.
 const DEFAULT_ENTRIES: &[u8] = b"v 0 0 0 1 1 1\nvt nan nan\nvn nan nan nan";
 /// Names of the lists that a face vertex refers to.
@@ -23,7 +23,7 @@ const LIST_NAMES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 const FACE_VERTEX_BYTES: usize = 256;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Shape {
+pub(crate) enum Shape {
     Face,
     Line,
     Point,
@@ -31,7 +31,7 @@ pub enum Shape {
 
 /// A face, line or set of points. Its face vertices begin at `start` and end where those of the next element begin.
 #[derive(Clone, Copy, Debug)]
-pub struct Element {
+pub(crate) struct Element {
     pub start: u32,
     pub shape: Shape,
     pub group: u32,
@@ -43,7 +43,7 @@ pub struct Element {
 }
 
 #[derive(Debug, Default)]
-pub struct Model {
+pub(crate) struct Model {
     /// One common index for position, texture coordinate, normal and color of each face vertex.
     mesh: tobj::Mesh,
     /// Number of vertices in the file, used or not.
@@ -64,33 +64,33 @@ pub struct Model {
 
 impl Model {
     /// Number of vertices with distinct positions, texture coordinates or normals.
-    pub fn vertex_count(&self) -> usize {
+    pub(crate) fn vertex_count(&self) -> usize {
         self.mesh.positions.len() / 3
     }
 
     /// Vertices of an element.
-    pub fn face_vertices(&self, element: usize) -> &[u32] {
+    pub(crate) fn face_vertices(&self, element: usize) -> &[u32] {
         let start = self.elements[element].start as usize;
         let end = self.elements.get(element + 1).map_or(self.mesh.indices.len(), |e| e.start as usize);
         &self.mesh.indices[start..end]
     }
 
-    pub fn position(&self, vertex: u32) -> DVec3 {
+    pub(crate) fn position(&self, vertex: u32) -> DVec3 {
         DVec3::from_slice(&self.mesh.positions[3 * vertex as usize..])
     }
 
-    pub fn uv(&self, vertex: u32) -> Option<Vec2> {
+    pub(crate) fn uv(&self, vertex: u32) -> Option<Vec2> {
         let uv = &self.mesh.texcoords[2 * vertex as usize..];
         (!uv[0].is_nan()).then(|| Vec2::new(uv[0] as f32, uv[1] as f32))
     }
 
-    pub fn normal(&self, vertex: u32) -> Option<Vec3> {
+    pub(crate) fn normal(&self, vertex: u32) -> Option<Vec3> {
         let normal = DVec3::from_slice(&self.mesh.normals[3 * vertex as usize..]);
         (!normal.is_nan()).then(|| normal.as_vec3())
     }
 
     /// The color as stored; white where the file has no colors.
-    pub fn color(&self, vertex: u32) -> Vec3 {
+    pub(crate) fn color(&self, vertex: u32) -> Vec3 {
         match self.has_colors {
             true => DVec3::from_slice(&self.mesh.vertex_color[3 * vertex as usize..]).as_vec3(),
             false => Vec3::ONE,
@@ -99,7 +99,7 @@ impl Model {
 }
 
 /// Reads the file. Without `geometry`, only the names.
-pub fn read(
+pub(crate) fn read(
     bytes: &[u8],
     geometry: bool,
     progress: &Progress<'_>,

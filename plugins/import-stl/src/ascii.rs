@@ -9,7 +9,12 @@ use glam::Vec3;
 const MAX_SOLIDS: usize = 65_536;
 
 /// Reads the file. Without `geometry`, only the solids and their names.
-pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes) -> Result<Vec<Solid>> {
+pub(crate) fn read(
+    bytes: &[u8],
+    geometry: bool,
+    progress: &Progress<'_>,
+    notes: &Notes,
+) -> Result<Vec<Solid>> {
     let mut reader = Reader { notes, solids: Vec::new(), in_solid: false, facet: None, vertices: Vec::new() };
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let mut last = 1;

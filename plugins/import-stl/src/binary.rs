@@ -9,15 +9,15 @@ const HEADER: usize = 80;
 const TRIANGLE: usize = 50;
 
 /// The number of triangles in the header; `None` where the file is too short to have one.
-pub fn announced(bytes: &[u8]) -> Option<u32> {
+pub(crate) fn announced(bytes: &[u8]) -> Option<u32> {
     bytes.get(HEADER..HEADER + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes)
 }
 
-pub fn size(triangles: u32) -> u64 {
+pub(crate) fn size(triangles: u32) -> u64 {
     (HEADER + 4) as u64 + TRIANGLE as u64 * u64::from(triangles)
 }
 
-pub fn read(bytes: &[u8], progress: &Progress<'_>, notes: &Notes) -> Result<Solid> {
+pub(crate) fn read(bytes: &[u8], progress: &Progress<'_>, notes: &Notes) -> Result<Solid> {
     let Some(count) = announced(bytes) else {
         let what = format!("the file has {} bytes; a binary STL has at least {}", bytes.len(), HEADER + 4);
         return Err(Problem::new("byte 0", what)

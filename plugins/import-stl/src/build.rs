@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3, Vec4};
 /// things are 10 m long, and few of 10 mm are stored in metres.
 const MILLIMETRES_FROM: f32 = 10.0;
 
-pub fn asset(
+pub(crate) fn asset(
     source: &Source,
     solids: Vec<Solid>,
     format: &str,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-pub struct Archive {
+pub(crate) struct Archive {
     bytes: Arc<Vec<u8>>,
     /// Byte range of each file.
     files: BTreeMap<String, Range<usize>>,
@@ -33,7 +33,7 @@ fn long(bytes: &[u8], at: usize) -> Result<usize> {
 
 impl Archive {
     /// Reads the central directory at the end of the archive.
-    pub fn open(bytes: Arc<Vec<u8>>) -> Result<Archive> {
+    pub(crate) fn open(bytes: Arc<Vec<u8>>) -> Result<Archive> {
         let from = bytes.len().saturating_sub(65_557);
         let end = bytes[from..].windows(4).rposition(|w| w == b"PK\x05\x06");
         let end = from + end.ok_or_else(|| damaged("has no directory; the file is cut off"))?;
@@ -71,7 +71,7 @@ impl Archive {
         }
     }
 
-    pub fn read(&self, name: &str) -> Option<Arc<Vec<u8>>> {
+    pub(crate) fn read(&self, name: &str) -> Option<Arc<Vec<u8>>> {
         let range = self.files.get(name)?;
         Some(Arc::new(self.bytes[range.clone()].to_vec()))
     }

@@ -102,7 +102,7 @@ struct Path {
 /// Fields of a spec by name.
 type Fields<'f> = BTreeMap<&'f str, u64>;
 
-pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
+pub(crate) fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
     let all = Cursor { bytes, at: 0 };
     let mut head = all;
     head.take(8)?;

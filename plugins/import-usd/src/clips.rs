@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// Seconds from the start within which keys are read.
 const MAX_KEY_SECS: f64 = 1e6;
 
-pub struct Clips<'a> {
+pub(crate) struct Clips<'a> {
     pub budget: &'a Budget,
     pub notes: &'a Notes,
     pub start_time_code: f64,
@@ -24,7 +24,7 @@ pub struct Clips<'a> {
 impl Clips<'_> {
     /// Key times of time codes, with the codes that are kept: increasing, and within the limit. `None` where fewer than two are
     /// left.
-    pub fn key_times(&self, codes: &[f64]) -> Option<(Vec<f64>, Arc<[Time]>)> {
+    pub(crate) fn key_times(&self, codes: &[f64]) -> Option<(Vec<f64>, Arc<[Time]>)> {
         let mut kept: Vec<f64> = Vec::new();
         let mut times: Vec<Time> = Vec::new();
         for code in codes {
@@ -70,7 +70,7 @@ impl Clips<'_> {
     }
 
     /// Adds the curves of animated prim transforms.
-    pub fn add_prim_curves(&mut self, tree: &Tree<'_>) -> Result<()> {
+    pub(crate) fn add_prim_curves(&mut self, tree: &Tree<'_>) -> Result<()> {
         for node in &tree.nodes {
             let codes = transforms::sample_times(node.prim);
             let Some((codes, times)) = self.key_times(&codes) else { continue };
@@ -85,7 +85,7 @@ impl Clips<'_> {
     }
 
     /// Adds the curves of a skeleton's joints from a SkelAnimation.
-    pub fn add_skeleton_curves(&mut self, rig: &Rig<'_>, animation: &Prim, path: &str) -> Result<()> {
+    pub(crate) fn add_skeleton_curves(&mut self, rig: &Rig<'_>, animation: &Prim, path: &str) -> Result<()> {
         let own = animation.texts("joints");
         let parts = ["translations", "rotations", "scales"].map(|name| animation.attributes.get(name));
         let mut codes: Vec<f64> =
@@ -130,7 +130,12 @@ impl Clips<'_> {
     }
 
     /// Adds the curve of a mesh's blend shape weights from a SkelAnimation. Returns the weights at the start.
-    pub fn add_weight_curve(&mut self, joint: u32, shapes: &[String], animation: &Prim) -> Result<Vec<f32>> {
+    pub(crate) fn add_weight_curve(
+        &mut self,
+        joint: u32,
+        shapes: &[String],
+        animation: &Prim,
+    ) -> Result<Vec<f32>> {
         let tokens = animation.texts("blendShapes");
         let known: BTreeMap<&String, usize> = tokens.iter().zip(0..).collect();
         let places: Vec<Option<usize>> = shapes.iter().map(|shape| known.get(shape).copied()).collect();
@@ -152,7 +157,7 @@ impl Clips<'_> {
     }
 
     /// The clip of all curves; `None` where nothing is animated.
-    pub fn finish(self, name: &str, joints: usize) -> Result<Option<Clip>> {
+    pub(crate) fn finish(self, name: &str, joints: usize) -> Result<Option<Clip>> {
         if self.curves.is_empty() && self.properties.is_empty() {
             return Ok(None);
         }

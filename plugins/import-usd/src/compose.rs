@@ -17,13 +17,13 @@ const MAX_DEPTH: usize = 100;
 const MAX_PRIMS: usize = 500_000;
 
 /// Files beside the scene, and files in its packages: `robot.usdz[skin.png]`.
-pub struct Packages<'a> {
+pub(crate) struct Packages<'a> {
     files: &'a dyn Files,
     archives: RefCell<BTreeMap<String, Rc<Archive>>>,
 }
 
 impl<'a> Packages<'a> {
-    pub fn new(files: &'a dyn Files) -> Packages<'a> {
+    pub(crate) fn new(files: &'a dyn Files) -> Packages<'a> {
         Packages { files, archives: RefCell::default() }
     }
 
@@ -77,7 +77,7 @@ fn path_beside(layer_path: &str, file: &str) -> String {
     parts.join("/")
 }
 
-pub struct Composer<'a> {
+pub(crate) struct Composer<'a> {
     packages: &'a Packages<'a>,
     budget: &'a Budget,
     notes: &'a Notes,
@@ -87,12 +87,12 @@ pub struct Composer<'a> {
 }
 
 impl<'a> Composer<'a> {
-    pub fn new(packages: &'a Packages<'a>, budget: &'a Budget, notes: &'a Notes) -> Composer<'a> {
+    pub(crate) fn new(packages: &'a Packages<'a>, budget: &'a Budget, notes: &'a Notes) -> Composer<'a> {
         Composer { packages, budget, notes, stacks: BTreeMap::new(), prim_count: 0 }
     }
 
     /// The composed scene of a file, with the metadata of its root layer.
-    pub fn compose_scene(&mut self, name: &str, bytes: Arc<Vec<u8>>) -> Result<Layer> {
+    pub(crate) fn compose_scene(&mut self, name: &str, bytes: Arc<Vec<u8>>) -> Result<Layer> {
         let stack = self.load_layer_stack(name, Some(bytes), 0)?;
         let root = self.compose_prim((&stack, name), &stack.root, "", (None, 0))?;
         Ok(Layer { root, ..Layer::clone(&stack) })

@@ -6,20 +6,20 @@ use std::sync::Arc;
 /// A value: the numbers of a scalar, vector, matrix or array in one list, or texts (tokens, strings, asset paths). Quaternions
 /// are x, y, z, w.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Value {
+pub(crate) enum Value {
     Numbers(Arc<[f64]>),
     Texts(Arc<[String]>),
 }
 
 impl Value {
-    pub fn numbers(&self) -> &[f64] {
+    pub(crate) fn numbers(&self) -> &[f64] {
         match self {
             Value::Numbers(list) => list,
             Value::Texts(_) => &[],
         }
     }
 
-    pub fn texts(&self) -> &[String] {
+    pub(crate) fn texts(&self) -> &[String] {
         match self {
             Value::Numbers(_) => &[],
             Value::Texts(list) => list,
@@ -28,7 +28,7 @@ impl Value {
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Attribute {
+pub(crate) struct Attribute {
     /// Type name, `float3[]`.
     pub kind: String,
     pub value: Option<Value>,
@@ -40,7 +40,7 @@ pub struct Attribute {
 
 /// A reference or payload.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Reference {
+pub(crate) struct Reference {
     /// Asset path; empty for the same layer stack.
     pub file: String,
     /// Prim path; empty for the default prim.
@@ -50,7 +50,7 @@ pub struct Reference {
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Specifier {
+pub(crate) enum Specifier {
     #[default]
     Over,
     Def,
@@ -58,7 +58,7 @@ pub enum Specifier {
 }
 
 #[derive(Clone, Debug, Default)]
-pub struct Prim {
+pub(crate) struct Prim {
     pub name: String,
     pub specifier: Specifier,
     /// Schema type, "Mesh"; empty where the prim has none.
@@ -80,7 +80,7 @@ pub struct Prim {
 }
 
 #[derive(Clone, Debug, Default)]
-pub struct Layer {
+pub(crate) struct Layer {
     pub up_axis: Option<String>,
     pub metres_per_unit: Option<f64>,
     pub time_codes_per_second: Option<f64>,
@@ -93,39 +93,39 @@ pub struct Layer {
 }
 
 impl Prim {
-    pub fn child(&self, name: &str) -> Option<&Prim> {
+    pub(crate) fn child(&self, name: &str) -> Option<&Prim> {
         self.children.iter().find(|child| child.name == name)
     }
 
     /// The prim at an absolute path, `/a/b`.
-    pub fn at(&self, path: &str) -> Option<&Prim> {
+    pub(crate) fn at(&self, path: &str) -> Option<&Prim> {
         path.split('/').filter(|name| !name.is_empty()).try_fold(self, |prim, name| prim.child(name))
     }
 
     /// The numbers of an attribute; `None` where it has none.
-    pub fn numbers(&self, name: &str) -> Option<&[f64]> {
+    pub(crate) fn numbers(&self, name: &str) -> Option<&[f64]> {
         self.value(name).map(Value::numbers).filter(|list| !list.is_empty())
     }
 
-    pub fn number(&self, name: &str) -> Option<f64> {
+    pub(crate) fn number(&self, name: &str) -> Option<f64> {
         self.numbers(name).map(|list| list[0])
     }
 
-    pub fn texts(&self, name: &str) -> &[String] {
+    pub(crate) fn texts(&self, name: &str) -> &[String] {
         self.value(name).map(Value::texts).unwrap_or_default()
     }
 
-    pub fn text(&self, name: &str) -> &str {
+    pub(crate) fn text(&self, name: &str) -> &str {
         self.texts(name).first().map_or("", String::as_str)
     }
 
     /// The default value, or else the first sample.
-    pub fn value(&self, name: &str) -> Option<&Value> {
+    pub(crate) fn value(&self, name: &str) -> Option<&Value> {
         let attribute = self.attributes.get(name)?;
         attribute.value.as_ref().or_else(|| attribute.samples.first().map(|(_, value)| value))
     }
 
-    pub fn targets(&self, name: &str) -> &[String] {
+    pub(crate) fn targets(&self, name: &str) -> &[String] {
         self.relations.get(name).map(Vec::as_slice).unwrap_or_default()
     }
 }

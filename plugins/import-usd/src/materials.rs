@@ -9,7 +9,7 @@ use glam::{Affine2, DVec2, DVec3, Mat2, Vec2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
 /// The materials of a scene, with the texture coordinate names that each reads.
-pub struct Materials<'a> {
+pub(crate) struct Materials<'a> {
     pub root: &'a Prim,
     pub list: Vec<Material>,
     pub textures: Textures,
@@ -22,7 +22,7 @@ pub struct Materials<'a> {
 
 /// A material that has been read.
 #[derive(Clone, Debug, Default)]
-pub struct MaterialInfo {
+pub(crate) struct MaterialInfo {
     pub index: Option<u32>,
     pub uvs: [String; 2],
     /// The material reads vertex colors.
@@ -40,7 +40,7 @@ struct TextureInput {
 }
 
 impl<'a> Materials<'a> {
-    pub fn new(
+    pub(crate) fn new(
         root: &'a Prim,
         (files, budget, notes): (&'a dyn Files, &'a Budget, &'a Notes),
         wants_textures: bool,
@@ -50,7 +50,7 @@ impl<'a> Materials<'a> {
     }
 
     /// The material at a path, read on first use.
-    pub fn at(&mut self, path: &str) -> MaterialInfo {
+    pub(crate) fn at(&mut self, path: &str) -> MaterialInfo {
         if let Some(known) = self.info_of_path.get(path) {
             return known.clone();
         }

@@ -14,7 +14,7 @@ const SMOOTHING_ANGLE_DEG: f64 = 60.0;
 const MAX_INFLUENCES: usize = 8;
 
 /// The parts of a mesh to read, and the context for reading them.
-pub struct MeshContext<'a> {
+pub(crate) struct MeshContext<'a> {
     pub path: &'a str,
     pub budget: &'a Budget,
     pub notes: &'a Notes,
@@ -28,7 +28,7 @@ pub struct MeshContext<'a> {
 }
 
 /// The faces of a mesh that share a material.
-pub struct FaceSubset {
+pub(crate) struct FaceSubset {
     /// Face indices; `None`: all faces that no other subset has.
     pub faces: Option<Vec<u32>>,
     pub material: Option<u32>,
@@ -135,7 +135,7 @@ impl<'a> Faces<'a> {
 }
 
 /// The mesh of a prim; `None` where it has no faces.
-pub fn read_mesh(
+pub(crate) fn read_mesh(
     prim: &Prim,
     parts: &[FaceSubset],
     context: &MeshContext<'_>,
@@ -389,7 +389,7 @@ impl Influences {
 }
 
 /// Geometry bind transform: from mesh space to skeleton space at bind time.
-pub fn geometry_bind_transform(prim: &Prim) -> DMat4 {
+pub(crate) fn geometry_bind_transform(prim: &Prim) -> DMat4 {
     prim.numbers("primvars:skel:geomBindTransform").map_or(DMat4::IDENTITY, transforms::matrix)
 }
 

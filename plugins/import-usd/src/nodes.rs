@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
 /// A prim that becomes a joint.
-pub struct Node<'a> {
+pub(crate) struct Node<'a> {
     pub prim: &'a Prim,
     pub path: String,
     pub joint: u32,
@@ -18,7 +18,7 @@ pub struct Node<'a> {
 }
 
 /// The joints of a Skeleton prim.
-pub struct Rig<'a> {
+pub(crate) struct Rig<'a> {
     /// The asset's joint for each joint of the skeleton.
     pub joints: Vec<u32>,
     /// Index of each joint by its path.
@@ -27,7 +27,7 @@ pub struct Rig<'a> {
     pub bind_transforms: Vec<DMat4>,
 }
 
-pub struct Tree<'a> {
+pub(crate) struct Tree<'a> {
     pub root: &'a Prim,
     pub nodes: Vec<Node<'a>>,
     /// Index of each node by path.
@@ -52,7 +52,7 @@ const TYPES_WITHOUT_TRANSFORM: [&str; 8] = [
 ];
 
 impl<'a> Tree<'a> {
-    pub fn of(layer: &'a Layer) -> Result<Tree<'a>> {
+    pub(crate) fn of(layer: &'a Layer) -> Result<Tree<'a>> {
         let mut out = Tree {
             root: &layer.root,
             nodes: Vec::new(),
@@ -171,18 +171,18 @@ impl<'a> Tree<'a> {
         Ok(Rig { joints, index_of_path: known, bind_transforms: bind })
     }
 
-    pub fn node(&self, path: &str) -> Option<&Node<'a>> {
+    pub(crate) fn node(&self, path: &str) -> Option<&Node<'a>> {
         self.nodes.get(*self.index_of_path.get(path)?)
     }
 
-    pub fn skeleton(&mut self) -> Result<Skeleton> {
+    pub(crate) fn skeleton(&mut self) -> Result<Skeleton> {
         let (names, parents) = (std::mem::take(&mut self.names), std::mem::take(&mut self.parents));
         Skeleton::new(names, parents, std::mem::take(&mut self.rest))
             .map_err(|e| Problem::new("stage", e.to_string()))
     }
 
     /// The first value that `get` finds on the prim or an ancestor, nearest first.
-    pub fn inherited<R>(&self, node: &'a Node<'a>, get: impl Fn(&'a Prim) -> Option<R>) -> Option<R> {
+    pub(crate) fn inherited<R>(&self, node: &'a Node<'a>, get: impl Fn(&'a Prim) -> Option<R>) -> Option<R> {
         let above = node.ancestors.iter().rev().map(|index| self.nodes[*index].prim);
         std::iter::once(node.prim).chain(above).find_map(get)
     }

@@ -113,7 +113,7 @@ impl PrimAtTime<'_> {
 }
 
 /// Adds the cameras and lights of a tree, and the curves of their animated properties.
-pub fn add_cameras_and_lights(
+pub(crate) fn add_cameras_and_lights(
     tree: &Tree<'_>,
     metres: f64,
     clips: &mut Clips<'_>,

@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// Nesting of prims, values and dictionaries, at most.
 const MAX_DEPTH: usize = 96;
 
-pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
+pub(crate) fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
     // A number takes at least two bytes of text, and eight bytes in memory.
     budget.charge(bytes.len() as u64, 5)?;
     let at = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };

@@ -6,7 +6,7 @@ use choreo_motion::Transform;
 use glam::{DMat4, DQuat, DVec3};
 
 /// The numbers of an attribute at a time code: linear between samples, slerp for quaternions.
-pub fn numbers_at(attribute: &Attribute, code: f64) -> Vec<f64> {
+pub(crate) fn numbers_at(attribute: &Attribute, code: f64) -> Vec<f64> {
     let samples = &attribute.samples;
     let whole = |value: &crate::layer::Value| value.numbers().to_vec();
     let Some(first) = samples.first() else { return attribute.value.as_ref().map(whole).unwrap_or_default() };
@@ -28,18 +28,18 @@ pub fn numbers_at(attribute: &Attribute, code: f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a + (b - a) * t).collect()
 }
 
-pub fn quaternion(numbers: &[f64]) -> DQuat {
+pub(crate) fn quaternion(numbers: &[f64]) -> DQuat {
     let q = DQuat::from_slice(numbers);
     if q.length_squared() > 1e-12 { q.normalize() } else { DQuat::IDENTITY }
 }
 
 /// A matrix in USD's convention: stored row by row, with row vectors multiplied from the left.
-pub fn matrix(numbers: &[f64]) -> DMat4 {
+pub(crate) fn matrix(numbers: &[f64]) -> DMat4 {
     numbers.first_chunk::<16>().map_or(DMat4::IDENTITY, DMat4::from_cols_array)
 }
 
 /// Parent-from-prim matrix at a time code.
-pub fn local_matrix(prim: &Prim, code: f64) -> DMat4 {
+pub(crate) fn local_matrix(prim: &Prim, code: f64) -> DMat4 {
     let mut out = DMat4::IDENTITY;
     for full in prim.texts("xformOpOrder") {
         let (name, inverted) = match full.strip_prefix("!invert!") {
@@ -83,7 +83,7 @@ fn op_matrix(name: &str, numbers: &[f64]) -> DMat4 {
 const MAX_ROTATION_STEP: f64 = 1.0;
 
 /// Increasing times of all samples of the transform ops, with added times between samples of angles.
-pub fn sample_times(prim: &Prim) -> Vec<f64> {
+pub(crate) fn sample_times(prim: &Prim) -> Vec<f64> {
     let mut out: Vec<f64> = Vec::new();
     for name in prim.texts("xformOpOrder") {
         let name = name.strip_prefix("!invert!").unwrap_or(name);
@@ -104,7 +104,7 @@ pub fn sample_times(prim: &Prim) -> Vec<f64> {
 }
 
 /// Translation, rotation and scale of a matrix; the identity where they are not finite.
-pub fn to_transform(m: &DMat4) -> Transform {
+pub(crate) fn to_transform(m: &DMat4) -> Transform {
     let parts = decompose(m);
     let out = Transform {
         translation: parts.translation.as_vec3(),

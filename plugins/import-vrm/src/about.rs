@@ -8,7 +8,7 @@ use import_gltf::profile::Document;
 const MAX_TEXT_CHARS: usize = 300;
 
 /// Reads the metadata of VRM 1.0 ("meta.md").
-pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
+pub(crate) fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
     let mut about = About::new();
     if let Some(meta) = vrm.get("meta") {
         about.text(&meta, "title", "name");

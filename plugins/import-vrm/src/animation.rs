@@ -9,7 +9,7 @@ use import_gltf::profile::Document;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-pub fn read(document: &Document<'_>, vrma: &At<'_>, asset: &mut Asset) -> Result<()> {
+pub(crate) fn read(document: &Document<'_>, vrma: &At<'_>, asset: &mut Asset) -> Result<()> {
     crate::version(document, vrma, "1.0");
     about::read_animation(document, asset);
     human::read(document, vrma, asset)?;

@@ -11,7 +11,12 @@ use glam::{Vec2, Vec4};
 use import_gltf::profile::Document;
 
 /// Reads the expressions of VRM 1.0 ("expressions.md").
-pub fn read(document: &Document<'_>, vrm: &At<'_>, scope: ImportScope, asset: &mut Asset) -> Result<()> {
+pub(crate) fn read(
+    document: &Document<'_>,
+    vrm: &At<'_>,
+    scope: ImportScope,
+    asset: &mut Asset,
+) -> Result<()> {
     let Some(expressions) = vrm.get("expressions") else { return Ok(()) };
     let mut reader = ExpressionReader::new(document, scope, asset);
     for list in ["preset", "custom"] {

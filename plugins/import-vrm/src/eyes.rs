@@ -5,7 +5,7 @@ use choreo_asset::{Eyes, EyesMovedBy, RangeMap};
 use choreo_importer_kit::Result;
 use glam::Vec3;
 
-pub fn read(vrm: &At<'_>) -> Result<Option<Eyes>> {
+pub(crate) fn read(vrm: &At<'_>) -> Result<Option<Eyes>> {
     let Some(look) = vrm.get("lookAt") else { return Ok(None) };
     let maps =
         ["rangeMapHorizontalInner", "rangeMapHorizontalOuter", "rangeMapVerticalDown", "rangeMapVerticalUp"];

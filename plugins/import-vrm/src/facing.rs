@@ -30,7 +30,7 @@ fn rotation(q: Quat) -> Quat {
     Quat::from_xyzw(-q.x, q.y, -q.z, q.w)
 }
 
-pub fn turn(asset: &mut Asset) -> Result<()> {
+pub(crate) fn turn(asset: &mut Asset) -> Result<()> {
     let old = asset.skeleton.clone();
     let (mut names, mut parents) = (old.names().to_vec(), old.parents().to_vec());
     let turned = |t: &Transform| Transform {

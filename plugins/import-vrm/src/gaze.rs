@@ -17,7 +17,7 @@ const MAX_STEPS: usize = 128;
 const TICKS_A_STEP: i64 = Time::TICKS_PER_SECOND / 60;
 
 /// The four gaze curves; none where the clip does not rotate the joint.
-pub fn curves(clip: &Clip, joint: u32) -> Result<Vec<ExpressionCurve>, ClipError> {
+pub(crate) fn curves(clip: &Clip, joint: u32) -> Result<Vec<ExpressionCurve>, ClipError> {
     let turns = clip.curves().iter().find(|c| c.joint == joint && c.path == Path::Rotation);
     let Some(turns) = turns else { return Ok(Vec::new()) };
     let alone = Clip::new(clip.name.clone(), clip.joint_count(), vec![turns.clone()])?;

@@ -9,7 +9,7 @@ use import_gltf::profile::Document;
 use std::collections::BTreeMap;
 
 /// Reads an object: `{ "hips": { "node": 0 }, … }`.
-pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
+pub(crate) fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
     bones(document, vrm, asset, |humanoid, bones| {
         for (name, at) in humanoid.members("humanBones")? {
             bones.add(HumanBone::from_name(name), name, &at)?;

@@ -6,25 +6,25 @@ use serde_json::Value;
 
 /// A value and its place: `extensions.VRMC_vrm.humanoid.humanBones.hips`.
 #[derive(Clone, Debug)]
-pub struct At<'a> {
+pub(crate) struct At<'a> {
     value: &'a Value,
     place: String,
 }
 
 impl<'a> At<'a> {
-    pub fn new(value: &'a Value, place: String) -> At<'a> {
+    pub(crate) fn new(value: &'a Value, place: String) -> At<'a> {
         At { value, place }
     }
 
-    pub fn raw(&self) -> &'a Value {
+    pub(crate) fn raw(&self) -> &'a Value {
         self.value
     }
 
-    pub fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         self.place.clone()
     }
 
-    pub fn place_of(&self, key: &str) -> String {
+    pub(crate) fn place_of(&self, key: &str) -> String {
         format!("{}.{key}", self.place)
     }
 
@@ -37,17 +37,17 @@ impl<'a> At<'a> {
         self.value.get(key).filter(|v| !v.is_null())
     }
 
-    pub fn get(&self, key: &str) -> Option<At<'a>> {
+    pub(crate) fn get(&self, key: &str) -> Option<At<'a>> {
         Some(At { value: self.value(key)?, place: self.place_of(key) })
     }
 
     /// A member, or `null` where it is absent, which has no members itself.
-    pub fn part(&self, key: &str) -> At<'a> {
+    pub(crate) fn part(&self, key: &str) -> At<'a> {
         self.get(key).unwrap_or(At { value: &Value::Null, place: self.place_of(key) })
     }
 
     /// Elements of an array; none where the array is absent.
-    pub fn list(&self, key: &str) -> Result<impl Iterator<Item = At<'a>> + use<'a>> {
+    pub(crate) fn list(&self, key: &str) -> Result<impl Iterator<Item = At<'a>> + use<'a>> {
         let elements = match self.value(key) {
             None => &[],
             Some(v) => v.as_array().map(Vec::as_slice).ok_or_else(|| self.wrong(key, "must be an array"))?,
@@ -57,7 +57,7 @@ impl<'a> At<'a> {
     }
 
     /// Members of an object, by name; none where the object is absent.
-    pub fn members(&self, key: &str) -> Result<impl Iterator<Item = (&'a str, At<'a>)> + use<'a>> {
+    pub(crate) fn members(&self, key: &str) -> Result<impl Iterator<Item = (&'a str, At<'a>)> + use<'a>> {
         let object = match self.value(key) {
             None => None,
             Some(v) => Some(v.as_object().ok_or_else(|| self.wrong(key, "must be an object"))?),
@@ -67,7 +67,7 @@ impl<'a> At<'a> {
         Ok(members.map(move |(name, value)| (name.as_str(), At { value, place: format!("{place}.{name}") })))
     }
 
-    pub fn number(&self, key: &str) -> Result<Option<f32>> {
+    pub(crate) fn number(&self, key: &str) -> Result<Option<f32>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         match value.as_f64().map(|v| v as f32).filter(|v| v.is_finite()) {
             Some(v) => Ok(Some(v)),
@@ -79,12 +79,12 @@ impl<'a> At<'a> {
         Ok(self.number(key)?.unwrap_or(default))
     }
 
-    pub fn flag(&self, key: &str) -> Result<Option<bool>> {
+    pub(crate) fn flag(&self, key: &str) -> Result<Option<bool>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         value.as_bool().map(Some).ok_or_else(|| self.wrong(key, "must be true or false"))
     }
 
-    pub fn text(&self, key: &str) -> Option<&'a str> {
+    pub(crate) fn text(&self, key: &str) -> Option<&'a str> {
         self.value(key)?.as_str()
     }
 
@@ -94,7 +94,7 @@ impl<'a> At<'a> {
     }
 
     /// The first `N` numbers of an array, as VRM 0.x stores colors and tilings.
-    pub fn first<const N: usize>(&self, key: &str) -> Result<Option<[f32; N]>> {
+    pub(crate) fn first<const N: usize>(&self, key: &str) -> Result<Option<[f32; N]>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         let mut out = [0.0f32; N];
         for (i, slot) in out.iter_mut().enumerate() {
@@ -105,7 +105,7 @@ impl<'a> At<'a> {
     }
 
     /// An index into a list of the file; `None` for −1, as VRM 0.x writes it. VRM 0.x writers also store indices as floats.
-    pub fn index(&self, key: &str) -> Result<Option<usize>> {
+    pub(crate) fn index(&self, key: &str) -> Result<Option<usize>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         self.as_index(value, || self.place_of(key))
     }
@@ -129,7 +129,7 @@ impl<'a> At<'a> {
     }
 
     /// A vector `[x, y, z]`, or `{ "x": …, "y": …, "z": … }` as in VRM 0.x, where missing components are 0.
-    pub fn vec3(&self, key: &str) -> Result<Option<Vec3>> {
+    pub(crate) fn vec3(&self, key: &str) -> Result<Option<Vec3>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         let component = |i: usize| match value {
             Value::Array(list) if list.len() == 3 => list[i].as_f64(),

@@ -13,10 +13,10 @@ use std::sync::Arc;
 
 /// Counts materials with a drawing order of their own, which the renderers ignore.
 #[derive(Default)]
-pub struct DrawOrders(Cell<usize>);
+pub(crate) struct DrawOrders(Cell<usize>);
 
 impl DrawOrders {
-    pub fn warn(&self, document: &Document<'_>) {
+    pub(crate) fn warn(&self, document: &Document<'_>) {
         if self.0.get() > 0 {
             let materials = text::count(self.0.get(), "material");
             let has = if self.0.get() == 1 { "has" } else { "have" };
@@ -27,7 +27,7 @@ impl DrawOrders {
 }
 
 /// Reads `VRMC_materials_mtoon` 1.0. Base color, normals, emission and alpha are plain glTF and read already.
-pub fn read(
+pub(crate) fn read(
     at: &At<'_>,
     textures: &mut dyn MaterialTextures,
     material: &mut Material,

@@ -10,7 +10,7 @@ use glam::{DAffine3, Vec3};
 use import_gltf::profile::Document;
 use std::collections::{BTreeMap, BTreeSet};
 
-pub fn read(document: &Document<'_>, springs: &At<'_>, asset: &Asset) -> Result<Springs> {
+pub(crate) fn read(document: &Document<'_>, springs: &At<'_>, asset: &Asset) -> Result<Springs> {
     crate::version(document, springs, "1.0");
     let mut out = Springs::default();
     // Index in `out` of each collider of the file; `None` for colliders outside the scene.
@@ -62,7 +62,7 @@ pub fn read(document: &Document<'_>, springs: &At<'_>, asset: &Asset) -> Result<
 }
 
 /// The colliders of a spring's collider groups, without duplicates.
-pub fn colliders(document: &Document<'_>, at: &At<'_>, groups: &[Vec<u32>]) -> Result<Vec<u32>> {
+pub(crate) fn colliders(document: &Document<'_>, at: &At<'_>, groups: &[Vec<u32>]) -> Result<Vec<u32>> {
     let mut all = BTreeSet::new();
     for group in at.list("colliderGroups")? {
         let Some(index) = group.own_index()? else { continue };
@@ -74,7 +74,7 @@ pub fn colliders(document: &Document<'_>, at: &At<'_>, groups: &[Vec<u32>]) -> R
 }
 
 /// Drops joints that an earlier spring moves (§"Exception"), because two springs cannot move one joint.
-pub fn drop_duplicates(
+pub(crate) fn drop_duplicates(
     document: &Document<'_>,
     joints: Vec<SpringJoint>,
     swinging: &mut BTreeMap<u32, usize>,
@@ -137,7 +137,7 @@ fn is_above(skeleton: &Skeleton, above: u32, joint: u32) -> bool {
 }
 
 /// The origin of another joint in a joint's space.
-pub fn tail(model_from_joint: &DAffine3, model_from_other: &DAffine3) -> Vec3 {
+pub(crate) fn tail(model_from_joint: &DAffine3, model_from_other: &DAffine3) -> Vec3 {
     let tail = model_from_joint.inverse().transform_point3(model_from_other.translation).as_vec3();
     if tail.is_finite() { tail } else { Vec3::ZERO }
 }
@@ -160,7 +160,7 @@ fn spring_joint(document: &Document<'_>, at: &At<'_>, joint: u32) -> Result<Spri
 }
 
 /// Gravity with a unit direction. The length of the given direction multiplies the power, as in the specification.
-pub fn gravity(direction: Vec3, power: f32) -> (Vec3, f32) {
+pub(crate) fn gravity(direction: Vec3, power: f32) -> (Vec3, f32) {
     let length = direction.length();
     match direction.try_normalize() {
         Some(unit) if (power * length).is_finite() => (unit, power * length),
@@ -169,13 +169,13 @@ pub fn gravity(direction: Vec3, power: f32) -> (Vec3, f32) {
 }
 
 /// Reads numbers that must lie between 0 and a limit; others are clamped, with a warning.
-pub struct Numbers<'a, 'd> {
+pub(crate) struct Numbers<'a, 'd> {
     pub document: &'a Document<'d>,
     pub at: &'a At<'a>,
 }
 
 impl Numbers<'_, '_> {
-    pub fn within(&mut self, key: &str, default: f32, most: f32) -> Result<f32> {
+    pub(crate) fn within(&mut self, key: &str, default: f32, most: f32) -> Result<f32> {
         let given = self.at.number_or(key, default)?;
         let used = given.clamp(0.0, most);
         if used != given {

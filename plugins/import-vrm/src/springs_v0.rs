@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 const LAST_STICK: f64 = 0.07;
 
 /// Reads the springs. Vectors are in the axes of the rotated model ([`crate::facing`]), except tails, which that module rotates.
-pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &Asset) -> Result<Springs> {
+pub(crate) fn read(document: &Document<'_>, vrm: &At<'_>, asset: &Asset) -> Result<Springs> {
     let mut out = Springs::default();
     let Some(secondary) = vrm.get("secondaryAnimation") else { return Ok(out) };
     let mut groups: Vec<Vec<u32>> = Vec::new();

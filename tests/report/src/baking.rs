@@ -15,7 +15,7 @@ const AMPLITUDE_DEGREES: f64 = 30.0;
 const ARM_LENGTH: f64 = 0.45;
 const CLIP_SECS: f64 = 4.0;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let methods: Vec<(u32, Interpolation)> = [24, 30, 60, 120, 240]
         .map(|rate| (rate, Interpolation::Linear))
         .into_iter()

@@ -8,7 +8,7 @@ use choreo_plugin::{Effect, EffectImage};
 use glam::{DVec3, Vec3, Vec4};
 use std::hint::black_box;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Bloom",
         text: "Wide bloom is blurred in a smaller image: the Gaussian's 17 taps read pixels that are means \

@@ -119,7 +119,7 @@ fn reference_albedo(roughness: f64, nv: f64) -> f64 {
     sum / f64::from(DIRECTIONS_PER_DIMENSION * DIRECTIONS_PER_DIMENSION)
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     check_renderer()?;
     let mut errors = [(); METHODS.len()].map(|()| (ErrorStats::default(), String::new()));
     let titles: Vec<String> = VIEW_DEGREES.iter().map(|d| format!(">{d}°")).collect();

@@ -16,7 +16,7 @@ const CHOSEN_METHOD: &str = "f32 matrices, by depth (LocalToModel)";
 const METHODS: [&str; 4] =
     ["f64 matrices", CHOSEN_METHOD, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut by_length = vec![vec![ErrorStats::default(); LENGTHS.len()]; METHODS.len()];
     let mut nanos = vec![Nanos::default(); METHODS.len()];
     for (at, length) in LENGTHS.iter().enumerate() {

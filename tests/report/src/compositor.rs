@@ -259,7 +259,7 @@ fn measure_pass_costs(moment: &Moment, registry: &Registry) -> Result<Table, Str
     Ok(table)
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let moment = test_moment(&registry)?;
     Ok(Section {

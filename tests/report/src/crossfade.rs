@@ -14,7 +14,7 @@ const FADES: [(&str, f64, &str, f64); 6] = [
     ("Wave", 1.2, "Dance_Groove", 5.3),
 ];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let asset = scenes::mannequin()?;
     let skeleton = &asset.skeleton;
     let pose = |name: &str, share: f64| -> Result<Pose, String> {

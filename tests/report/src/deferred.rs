@@ -15,7 +15,7 @@ const SIZE: [u32; 2] = [1280, 720];
 const LIGHT_COUNTS: [usize; 4] = [1, 8, 64, 256];
 const OVERDRAW_LAYERS: [usize; 3] = [1, 3, 8];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Forward and deferred",
         text: "Forward rendering lights a surface when it is drawn, and nearer surfaces are drawn over it. \

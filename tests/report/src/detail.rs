@@ -26,7 +26,7 @@ const CROWD: &str = r##"
     camera("front").fov(40).at(0.0, 3.0, 9.0).look_at([0.0, 0.9, -4.0]);
 "##;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Levels of detail",
         text: "Models that are often so small that their triangles are smaller than pixels get simplified \

@@ -48,7 +48,7 @@ fn detail_name(detail: u32) -> String {
     format!("detail {detail}")
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let place = |i: usize| (i as f64 + 0.5) / MAP_SIDE_TEXELS as f64;
     let code = |x: usize, y: usize| (height_at(place(x), place(y)) * 255.0).round() as u8;
     let pixels: Vec<String> = (0..MAP_SIDE_TEXELS * MAP_SIDE_TEXELS)

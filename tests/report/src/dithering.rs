@@ -14,7 +14,7 @@ const BLOCK_SIDE: usize = 16;
 const METHODS: [&str; 4] =
     ["→ ranks of blue noise (the renderer's image)", "rounded", "ranks of Bayer, 8 × 8", "white noise"];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let exact = reference_gradient();
     let mut table = Table::new(
         format!(

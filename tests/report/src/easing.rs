@@ -81,7 +81,7 @@ impl Curve {
     }
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut random = Random(0xEA5E);
     let mut curves: Vec<Curve> = [
         [0.25, 0.1, 0.25, 1.0],

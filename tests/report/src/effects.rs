@@ -20,7 +20,7 @@ const COMPARISON_SIZE: [u32; 2] = [480, 272];
 /// Number of rounds; in each round all effects take turns.
 const ROUNDS: usize = 5;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     Ok(Section {
         title: "Effects",

@@ -87,7 +87,7 @@ impl IntegralTable {
     }
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     check_renderer()?;
     let tables = [IntegralTable::new(16), IntegralTable::new(64)];
     let reflected = |method: usize, roughness: f32, nv: f32| match method {

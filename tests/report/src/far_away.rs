@@ -21,7 +21,7 @@ const CHOSEN_METHOD: &str = "f64 world, camera-relative f32";
 const METHODS: [&str; 4] =
     ["f64 throughout", CHOSEN_METHOD, "f32 world and view", "f32 world, f32 subtracted from the camera"];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut by_distance = vec![vec![ErrorStats::default(); DISTANCES.len()]; METHODS.len()];
     let mut nanos = vec![Nanos::default(); METHODS.len()];
     for (at, (distance, _)) in DISTANCES.iter().enumerate() {

@@ -46,7 +46,7 @@ fn farm_with_scaled_storage(workers: usize, chunk: u64) -> Farm {
     Farm { workers, chunk, storage: (20e6 * workers as f64).max(EXAMPLE_FARM.storage), ..EXAMPLE_FARM }
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let plot = Lines {
         title: "Efficiency of a farm against the length of its chunks".into(),
         x: "frames of a chunk".into(),

@@ -7,7 +7,7 @@ use std::collections::{BinaryHeap, VecDeque};
 
 /// Parameters of a film, its machines, and shared resources. Times are in seconds.
 #[derive(Clone, Copy, Debug)]
-pub struct Farm {
+pub(crate) struct Farm {
     pub workers: usize,
     pub frames: u64,
     /// Number of frames in a chunk.
@@ -33,7 +33,7 @@ pub struct Farm {
 
 /// Method by which segments are joined into the film.
 #[derive(Clone, Copy, Debug)]
-pub enum Join {
+pub(crate) enum Join {
     /// One machine reads everything twice and writes it once. It handles this many bytes per second, and needs `fixed` seconds for anything
     /// else.
     One { bytes_per_second: f64, fixed: f64 },
@@ -44,7 +44,7 @@ pub enum Join {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// Seconds until the last segment is written, and until the film is.
     pub rendered: f64,
     pub joined: f64,
@@ -111,7 +111,7 @@ struct Run<'a> {
 
 impl Farm {
     /// A farm with one machine that draws one frame per second and waits for nothing.
-    pub const ONE_MACHINE: Farm = Farm {
+    pub(crate) const ONE_MACHINE: Farm = Farm {
         workers: 1,
         frames: 100,
         chunk: 10,
@@ -129,7 +129,7 @@ impl Farm {
         join: Join::One { bytes_per_second: 1e8, fixed: 0.0 },
     };
 
-    pub fn run(&self) -> Outcome {
+    pub(crate) fn run(&self) -> Outcome {
         let count = self.frames.div_ceil(self.chunk.max(1));
         let length = |i: u64| self.chunk.min(self.frames - i * self.chunk);
         let mut run = Run {

@@ -55,7 +55,7 @@ fn reference_rotation(secs: f64) -> DQuat {
     DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x)
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let mut choice =
         Choice::new("fbx_tolerance", "How far may rotations of an FBX file be off between keys?");

@@ -16,7 +16,7 @@ use std::hint::black_box;
 
 const SIZE: [u32; 2] = [640, 360];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Thin films",
         text: "The color of a film as thin as a wavelength of light is a sum over the whole spectrum. The \

@@ -25,7 +25,7 @@ const METHODS: [(&str, &str); 3] = [
     ("plant_feet", "anna.plant_feet();"),
 ];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let script = |planted: &str, cues: &str, actors: usize| {
         let text = format!(

@@ -15,7 +15,7 @@ const METHODS: [(u32, f64); 8] =
 /// Side in pixels of the blocks whose averages are compared: the eye averages the dots of dithering.
 const BLOCK_SIDE: usize = 4;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let stage = scenes::stage_of_script("01_first_dance.rhai", &registry)?;
     let moment = Moment::new(&stage, Time::from_secs(5.0), registry.effects()).map_err(|e| e.to_string())?;

@@ -111,7 +111,7 @@ fn scene(method: usize, wall: f64) -> Result<Scene, String> {
     Ok(Scene { resources, plan })
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut choice = Choice::new("glass", "Where is the background read behind a pane 0.25 m thick?");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;

@@ -154,7 +154,7 @@ fn add_errors(
         .for_each(|foot| _ = soles.add(foot.1.abs() * 1e3));
 }
 
-pub fn compare_hip_methods() -> Result<Choice, String> {
+pub(crate) fn compare_hip_methods() -> Result<Choice, String> {
     let asset = scenes::mannequin()?;
     let source = &*asset.skeleton;
     let body = target_skeleton(source)?;

@@ -18,7 +18,7 @@ const CONE_LIMIT: Limit = Limit::SwingTwist { axis: DVec3::Y, swing: 0.6, twist:
 /// Limit of a knee, which rotates about one axis.
 const HINGE_LIMIT: Limit = Limit::Hinge { axis: DVec3::X, angle: (-0.6, 0.6) };
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut free = compare_iterations("ik", "How does a chain of joints reach its target?", Limit::Free);
     free.reference = format!(
         "forward kinematics: distance of the end from a target in reach; chains of {BONE_COUNT} bones, about 1.2 \

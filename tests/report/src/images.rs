@@ -16,19 +16,19 @@ use std::sync::Arc;
 const TOLERANCE: u8 = 8;
 
 /// Stage of a script that uses no files.
-pub fn stage(text: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
+pub(crate) fn stage(text: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     let script = run_text("report.rhai", text, Path::new("."), registry, &ScriptOptions::default())
         .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
     Ok(Arc::new(script.stage))
 }
 
-pub fn draw_frame(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> {
+pub(crate) fn draw_frame(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> {
     renderer.submit(plan.clone()).map_err(|e| e.to_string())?;
     renderer.collect(None).map_err(|e| e.to_string())
 }
 
 /// The CPU renderer, and Vulkan if a driver is available.
-pub fn renderers(registry: &Registry) -> Vec<(&'static str, Box<dyn Renderer>)> {
+pub(crate) fn renderers(registry: &Registry) -> Vec<(&'static str, Box<dyn Renderer>)> {
     let effects = registry.effects();
     let mut all: Vec<(&str, Box<dyn Renderer>)> = vec![("CPU renderer", Box::new(CpuRenderer::new(effects)))];
     let options = GpuOptions { effects: effects.to_vec(), ..GpuOptions::default() };
@@ -39,7 +39,7 @@ pub fn renderers(registry: &Registry) -> Vec<(&'static str, Box<dyn Renderer>)> 
 }
 
 /// Error of an image against the reference: channel differences and ꟻLIP.
-pub fn error_row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
+pub(crate) fn error_row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
     let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
     let seen = flip(frame, truth).map_err(|e| e.to_string())?;
     let note = format!(
@@ -55,7 +55,7 @@ pub fn error_row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, Stri
 }
 
 /// Rows with the error and the cost of each image of one scene; for timing, all images are drawn in turns. The scene must be loaded.
-pub fn error_and_cost_rows(
+pub(crate) fn error_and_cost_rows(
     renderer: &mut dyn Renderer,
     methods: &[(String, Plan)],
     truth: &Frame,
@@ -73,7 +73,7 @@ pub fn error_and_cost_rows(
 }
 
 /// Process time in nanoseconds for each plan, drawn in turns for `secs` seconds. All plans must be drawable.
-pub fn measure_times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<Nanos> {
+pub(crate) fn measure_times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<Nanos> {
     let cell = RefCell::new(renderer);
     let case = |plan: &&Plan| {
         let (cell, plan) = (&cell, (*plan).clone());
@@ -83,6 +83,6 @@ pub fn measure_times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) ->
 }
 
 /// Encodes linear light from 0 to 1 as sRGB (IEC 61966-2-1).
-pub fn srgb_from_linear(linear: f64) -> f64 {
+pub(crate) fn srgb_from_linear(linear: f64) -> f64 {
     choreo_asset::srgb_from_linear(linear)
 }

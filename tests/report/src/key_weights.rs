@@ -96,7 +96,7 @@ fn errors(channel: &Channel, weights: [f64; 2]) -> Result<(ErrorStats, f64), Str
     Ok((error, place))
 }
 
-pub fn measure_part_counts() -> Result<(Choice, Table), String> {
+pub(crate) fn measure_part_counts() -> Result<(Choice, Table), String> {
     let mut choice = Choice::new("key_weights", "In how many parts is a span with weighted tangents stored?");
     choice.error_unit = "of the change";
     choice.reference = format!(

@@ -32,7 +32,7 @@ struct Reference {
     times: Vec<f64>,
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let references = references();
     let mut all = vec![ErrorStats::default(); METHODS.len()];
     let mut places = vec![String::new(); METHODS.len()];

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 const TEXTURE_SIDE: usize = 256;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut light = mips(&test_image(), BUDGET_SECS);
     light.key = "mip_light".into();
     light.choose("linear light, unrounded levels", "exact to the rounding of the last step");

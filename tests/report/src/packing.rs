@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3, Vec3};
 
 const VERTEX_COUNT: usize = 20_000;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Vertices on the GPU",
         text: "Positions and texture coordinates stay f32. An error of a normal is visible in highlights: \

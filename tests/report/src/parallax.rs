@@ -9,7 +9,7 @@ use std::array::from_fn;
 use std::f64::consts::TAU;
 use std::hint::black_box;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Parallax mapping",
         text: "A view ray continues below the surface until it hits the height map, 0.05 of a width deep; \

@@ -14,7 +14,7 @@ const SIZE: [u32; 2] = [1280, 720];
 const MAX_PASSES: usize = 8;
 const CROWD_SIZES: [usize; 2] = [1, 25];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Pre-skinning of characters",
         text: "The built-in figure, dancing, at 1280×720, alone and 25 times, lit by none to seven lamps, \

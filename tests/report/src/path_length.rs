@@ -90,7 +90,7 @@ fn span_length(method: usize, stretch: &SplineSpan, c: &[DVec3; 4]) -> f64 {
     }
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut random = Random(0xA11);
     let mut stretches: Vec<SplineSpan> =
         (0..100).map(|_| SplineSpan(std::array::from_fn(|_| random.direction() * 3.0))).collect();

@@ -4,7 +4,7 @@ use choreo_asset::Topology;
 use choreo_stage::{Snapshot, Stage};
 use glam::DVec3;
 
-pub struct Hit {
+pub(crate) struct Hit {
     pub point: DVec3,
     /// Normal of the triangle, on the side from which the ray came.
     pub normal: DVec3,
@@ -17,11 +17,11 @@ struct Shape {
     triangles: Vec<[DVec3; 3]>,
 }
 
-pub struct Shapes(Vec<Shape>);
+pub(crate) struct Shapes(Vec<Shape>);
 
 impl Shapes {
     /// Collects all meshes that have no skin.
-    pub fn of(stage: &Stage, snapshot: &Snapshot) -> Shapes {
+    pub(crate) fn of(stage: &Stage, snapshot: &Snapshot) -> Shapes {
         let mut shapes = Vec::new();
         for (actor, state) in stage.actors.iter().zip(&snapshot.actors) {
             let mut triangles = Vec::new();
@@ -45,7 +45,7 @@ impl Shapes {
     }
 
     /// First hit of a ray. `direction`: unit vector.
-    pub fn first_hit(&self, from: DVec3, direction: DVec3) -> Option<Hit> {
+    pub(crate) fn first_hit(&self, from: DVec3, direction: DVec3) -> Option<Hit> {
         let mut nearest = f64::INFINITY;
         let mut found = None;
         for shape in self.0.iter().filter(|s| s.crosses_bounds(from, direction)) {
@@ -64,7 +64,7 @@ impl Shapes {
     }
 
     /// Whether anything is hit along the ray.
-    pub fn is_blocked(&self, from: DVec3, direction: DVec3) -> bool {
+    pub(crate) fn is_blocked(&self, from: DVec3, direction: DVec3) -> bool {
         let near = self.0.iter().filter(|s| s.crosses_bounds(from, direction));
         near.flat_map(|s| &s.triangles).any(|t| ray_triangle_distance(t, from, direction).is_some())
     }

@@ -10,7 +10,7 @@ use choreo_motion::{Clip, FrameRate, Pose, Sample, Skeleton, Time};
 /// Tolerances in millimetres, in model space.
 const TOLERANCES: [f64; 6] = [0.01, 0.1, 0.5, 1.0, 2.0, 5.0];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let asset = scenes::mannequin()?;
     let skeleton = &asset.skeleton;
     let dance =

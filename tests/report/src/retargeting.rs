@@ -107,7 +107,7 @@ fn tolerance_name(radians: f64) -> String {
     format!("within {}°", quantity(radians.to_degrees()))
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let asset = scenes::mannequin()?;
     let source = &*asset.skeleton;
     let body = target_without_spine1(source)?;

@@ -78,7 +78,7 @@ fn accumulated_position(method: usize, turn: f64, metres: f64, loops: i64) -> DV
     }
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut errors = [[0.0f64; LOOP_COUNTS.len()]; METHODS.len()];
     for (fraction, metres) in WALKS {
         for (at, (loops, _)) in LOOP_COUNTS.iter().enumerate() {

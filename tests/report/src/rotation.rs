@@ -15,7 +15,7 @@ const AXIS_COUNT: usize = 12;
 const CHOSEN_METHOD: &str = "Sample (power series, as many terms as the keys need)";
 const SPLINE_METHOD: &str = "cubic spline with the true tangents";
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let names: Vec<&str> = METHODS.iter().map(|w| w.0).chain([SPLINE_METHOD, CHOSEN_METHOD]).collect();
     let mut by_degrees = vec![vec![ErrorStats::default(); DEGREES_BETWEEN_KEYS.len()]; names.len()];
     let mut all = vec![ErrorStats::default(); names.len()];

@@ -8,7 +8,7 @@ use choreo_bench::scene::{MeasuredScene, SceneChoices};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, DeviceKind, GpuOptions, Renderer, VulkanRenderer};
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let stage = scenes::stage_of_script("01_first_dance.rhai", &registry)?;
     let at = Time::from_secs(5.0);

@@ -108,7 +108,7 @@ fn compare_tolerances(
     Ok(choice)
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let scene = stage(SCENE, &registry)?;
     let mut gltf = compare_tolerances(&registry, &scene, ("out.glb", "gltf_export", "glTF"))?;

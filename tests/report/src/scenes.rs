@@ -16,7 +16,7 @@ impl choreo_plugin::Files for NoFiles {
 }
 
 /// The built-in character.
-pub fn mannequin() -> Result<Asset, String> {
+pub(crate) fn mannequin() -> Result<Asset, String> {
     let source = Source { name: import_mannequin::SOURCE_NAME.into(), bytes: Arc::default() };
     import_mannequin::Mannequin
         .import(&source, &NoFiles, ImportScope::ALL, &ImportOptions::default())
@@ -24,7 +24,7 @@ pub fn mannequin() -> Result<Asset, String> {
 }
 
 /// Stage of a script in the repository's folder `scripts`.
-pub fn stage_of_script(name: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
+pub(crate) fn stage_of_script(name: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(name);
     let script = run_file(&path, registry, &ScriptOptions::default())
         .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
@@ -32,7 +32,7 @@ pub fn stage_of_script(name: &str, registry: &Registry) -> Result<Arc<Stage>, St
 }
 
 /// Imports a single file with the importer that claims it.
-pub fn import_file(
+pub(crate) fn import_file(
     registry: &Registry,
     name: &str,
     bytes: Vec<u8>,

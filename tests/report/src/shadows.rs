@@ -24,7 +24,7 @@ const SOFTNESS: f64 = 0.01;
 /// Number of rays along a side of the softened area.
 const RAYS_PER_SIDE: usize = 6;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Shadow maps",
         text: "A fence of bars 3 cm wide, a ball and a leaning plank under a sun: thin objects, round \

@@ -14,7 +14,7 @@ const VERTEX_COUNT: usize = 4_000;
 const LIMB_RADIUS: f64 = 0.04;
 const ANGLES: [f64; 6] = [10.0, 45.0, 90.0, 120.0, 150.0, 175.0];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let (twist, table) = compare_methods();
     Ok(Section {
         title: "Skins",

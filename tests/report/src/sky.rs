@@ -4,7 +4,7 @@ use crate::{BUDGET_SECS, Section};
 use choreo_asset::Panorama;
 use choreo_bench::scene::sky::{diffuse, mirrored};
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let studio = Panorama::studio();
     Ok(Section {
         title: "Image-based light",

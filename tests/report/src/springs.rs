@@ -42,7 +42,7 @@ enum Method {
     ClosedForm,
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut free = vec![ErrorStats::default(); METHODS.len()];
     let mut worst_at = vec![(0.0, String::new()); METHODS.len()];
     let mut by_rate = vec![vec![ErrorStats::default(); FRAME_RATES.len()]; METHODS.len()];

@@ -55,7 +55,7 @@ fn encode(method: usize, light: f32, table: &[u8]) -> u8 {
     (code.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "sRGB",
         text: "Textures are decoded to light and frames encoded from it, pixel by pixel. Errors are in \

@@ -85,7 +85,7 @@ fn scene(pixels: f64) -> Result<Scene, String> {
     Ok(Scene { resources, plans })
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let mut choice = Choice::new("sub_frames", "How many sub-frames does a frame with motion blur take?");
     choice.error_unit = "% of white";

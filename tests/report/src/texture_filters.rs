@@ -107,7 +107,7 @@ fn mask_with_reference(frame: &Frame, truth: &Frame) -> Frame {
     Frame { rgba, ..truth.clone() }
 }
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let truth = reference_image();
     let mut choice =

@@ -19,7 +19,7 @@ const METHODS: [&str; 5] = [
     "f32, a frame's time added each frame",
 ];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let mut by_length = vec![vec![ErrorStats::default(); HOURS.len()]; METHODS.len()];
     let mut added = (0.0f64, 0.0f32);
     let (step64, step32) = (1001.0 / 30_000.0, 1001.0f32 / 30_000.0);

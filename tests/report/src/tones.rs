@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3, Vec4};
 /// Description of the colors of [`test_colors`].
 const COLORS_MEASURED: &str = "845 colors from −10 to +6 stops about middle gray";
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     check_formulas()?;
     Ok(Section {
         title: "Tone mapping",

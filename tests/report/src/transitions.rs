@@ -23,7 +23,7 @@ const OPTIONS: [(&str, &str); 6] = [
     ("crossfade of 0.4 s in step", ", #{ fade: 0.4, in_step: true }"),
 ];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let script = |first: &str, then: &str| {
         let text = format!(

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [480, 272];
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Cut-outs and transparent surfaces",
         text: "A cut-out by `discard` keeps or drops all samples of a pixel, so that four samples smooth \

@@ -6,7 +6,7 @@ use choreo_bench::scene::video::video;
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     let stage = scenes::stage_of_script("01_first_dance.rhai", &registry)?;
     let moment = Moment::new(&stage, Time::from_secs(5.0), registry.effects()).map_err(|e| e.to_string())?;

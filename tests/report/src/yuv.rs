@@ -13,7 +13,7 @@ const CHOSEN_METHOD: &str = "1/2^15 fixed point, [1 2 1] across (default)";
 
 type Convert = fn(&[u8]) -> Planes;
 
-pub fn section() -> Result<Section, String> {
+pub(crate) fn section() -> Result<Section, String> {
     let rgba = test_image();
     let exact = reference_planes(&rgba);
     let methods: [(&str, Convert); 5] = [

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 /// Measurements of one run of a program.
 #[derive(Clone, Copy, Debug)]
-pub struct Run {
+pub(crate) struct Run {
     pub cpu_secs: f64,
     pub wall_secs: f64,
     peak_mb: f64,
@@ -20,7 +20,7 @@ pub struct Run {
 
 /// `xtask measured PROGRAM ARGS…`: runs a program and prints its resource usage. A separate process is needed, because the system reports
 /// peak memory only for the largest child.
-pub fn measured(args: &[&str]) -> Result<(), String> {
+pub(crate) fn measured(args: &[&str]) -> Result<(), String> {
     let (program, rest) = args.split_first().ok_or("usage: xtask measured PROGRAM [ARG…]")?;
     let start = Instant::now();
     let run = Command::new(program)
@@ -54,7 +54,7 @@ fn usage_of_children() -> Result<(f64, f64), String> {
 }
 
 /// Value of a top-level field of a summary in JSON, without quotes.
-pub fn json_field(text: &str, name: &str) -> Option<String> {
+pub(crate) fn json_field(text: &str, name: &str) -> Option<String> {
     let (_, rest) = text.split_once(&format!("\"{name}\""))?;
     let value = rest.trim_start().strip_prefix(':')?.trim_start();
     match value.strip_prefix('"') {
@@ -87,7 +87,7 @@ fn measure(program: &Path, args: &[String], env: &[(&str, &Path)]) -> Result<Run
     }
 }
 
-pub fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
@@ -101,7 +101,7 @@ fn medians(runs: &[Run]) -> Run {
     }
 }
 
-pub struct Bench {
+pub(crate) struct Bench {
     choreo: PathBuf,
     work: PathBuf,
     repeats: usize,
@@ -109,18 +109,18 @@ pub struct Bench {
 
 impl Bench {
     /// Creates a bench with a folder for its files.
-    pub fn new(choreo: PathBuf, name: &str, repeats: usize) -> Result<Bench, String> {
+    pub(crate) fn new(choreo: PathBuf, name: &str, repeats: usize) -> Result<Bench, String> {
         let work = std::env::temp_dir().join(format!("choreo-{name}-{}", std::process::id()));
         std::fs::create_dir_all(work.join("frames")).map_err(|e| e.to_string())?;
         Ok(Bench { choreo, work, repeats })
     }
 
-    pub fn clean(&self) -> Result<(), String> {
+    pub(crate) fn clean(&self) -> Result<(), String> {
         std::fs::remove_dir_all(&self.work).map_err(|e| e.to_string())
     }
 
     /// One run of `choreo render SCRIPT -o OUT ARGS…`.
-    pub fn run_once(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
+    pub(crate) fn run_once(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
         let mut args = vec!["render".to_string(), script.display().to_string()];
         args.extend(["-o".to_string(), self.work.join(out).display().to_string(), "--quiet".to_string()]);
         args.extend(more.iter().map(|s| s.to_string()));
@@ -128,7 +128,7 @@ impl Bench {
     }
 
     /// Name of the device that draws the frames.
-    pub fn device(&self, script: &Path, search: &str, gpu: Option<&str>) -> Result<String, String> {
+    pub(crate) fn device(&self, script: &Path, search: &str, gpu: Option<&str>) -> Result<String, String> {
         let mut command = Command::new(&self.choreo);
         command.arg("render").arg(script).arg("-o").arg(self.work.join("device.png"));
         command.args(["--search", search, "--at", "0", "--json"]).current_dir(root());
@@ -139,7 +139,7 @@ impl Bench {
     }
 
     /// Medians of several runs with warm caches.
-    pub fn render(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
+    pub(crate) fn render(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
         self.run_once(script, out, more)?;
         let runs =
             (0..self.repeats).map(|_| self.run_once(script, out, more)).collect::<Result<Vec<_>, _>>()?;
@@ -163,7 +163,7 @@ impl Bench {
     }
 }
 
-pub fn bench(args: &[&str]) -> Result<(), String> {
+pub(crate) fn bench(args: &[&str]) -> Result<(), String> {
     let repeats = if args.contains(&"--quick") { 1 } else { 5 };
     let Some(assets) = assets() else {
         return Err("Knight.glb is needed: put the shared assets beside the checkout, or name their folder in CHOREO_ASSETS".into());

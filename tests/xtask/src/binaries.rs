@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 /// A test binary, and the names by which cargo refers to it.
-pub struct Binary {
+pub(crate) struct Binary {
     path: PathBuf,
     /// Folder of the package, which is the working directory of the test.
     package: PathBuf,
@@ -20,7 +20,7 @@ pub struct Binary {
 }
 
 /// Builds the test binaries of all packages.
-pub fn built() -> Result<Vec<Binary>, String> {
+pub(crate) fn built() -> Result<Vec<Binary>, String> {
     let arguments = ["test", "--workspace", "--no-run", "--message-format=json-render-diagnostics"];
     let output = cargo(&arguments).stdin(Stdio::null()).stderr(Stdio::inherit()).output();
     let output = output.map_err(|e| format!("cargo test did not start: {e}"))?;
@@ -77,7 +77,11 @@ impl Binary {
 }
 
 /// Runs the tests of all packages; `line` gets their output, one binary after another. Returns false if a test has failed.
-pub fn run(binaries: &[Binary], arguments: &[&str], mut line: impl FnMut(&str)) -> Result<bool, String> {
+pub(crate) fn run(
+    binaries: &[Binary],
+    arguments: &[&str],
+    mut line: impl FnMut(&str),
+) -> Result<bool, String> {
     let queue = Mutex::new(binaries.iter());
     let at_once = std::thread::available_parallelism().map_or(1, |n| n.get()).max(2);
     let (to, ended) = channel();
@@ -105,7 +109,7 @@ pub fn run(binaries: &[Binary], arguments: &[&str], mut line: impl FnMut(&str)) 
 }
 
 /// Runs a command and passes on the lines of its standard output and standard error.
-pub fn lines_of(mut command: Command, mut line: impl FnMut(&str)) -> Result<ExitStatus, String> {
+pub(crate) fn lines_of(mut command: Command, mut line: impl FnMut(&str)) -> Result<ExitStatus, String> {
     let name = command.get_program().display().to_string();
     let failed = |e: std::io::Error| format!("{name}: {e}");
     // Both streams share one pipe, so that the lines keep their order.

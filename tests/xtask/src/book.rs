@@ -7,7 +7,7 @@ use std::process::Command;
 /// Version of mdBook that is installed if none is found: the tests of the guide expect its anchors and its search.
 const VERSION: &str = "0.5.4";
 
-pub fn book() -> Result<(), String> {
+pub(crate) fn book() -> Result<(), String> {
     // Uses the profile of the tests, which have already built the crate: the renderer is optimized in it too.
     let out = website(cargo(&["run", "--quiet", "-p", "guide", "--"]))?;
     println!("wrote {}", out.join("index.html").display());
@@ -15,7 +15,7 @@ pub fn book() -> Result<(), String> {
 }
 
 /// Builds the website from the output of the program `guide`, and returns its folder.
-pub fn website(mut guide: Command) -> Result<PathBuf, String> {
+pub(crate) fn website(mut guide: Command) -> Result<PathBuf, String> {
     let out = target().join("guide");
     guide.arg(&out);
     run(guide, "the guide")?;

@@ -27,7 +27,7 @@ pub(crate) struct Shot {
     pub rgb: Vec<u8>,
 }
 
-pub fn contact(args: &[&str]) -> Result<(), String> {
+pub(crate) fn contact(args: &[&str]) -> Result<(), String> {
     let filter = args.first().copied().unwrap_or_default();
     let assets = assets().ok_or("the shared assets are needed; CHOREO_ASSETS names their folder")?;
     run(cargo(&["build", "--quiet", "--workspace", "--bin", "choreo"]), "cargo build")?;

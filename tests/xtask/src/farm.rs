@@ -42,7 +42,7 @@ const CHUNKS: usize = 24;
 const TIMEOUT_SECS: u64 = 600;
 
 /// Runs the test. `program`: path of an existing choreo; without it, choreo is built.
-pub fn farm(program: Option<&str>) -> Result<(), String> {
+pub(crate) fn farm(program: Option<&str>) -> Result<(), String> {
     let Some(root) = packages()? else {
         println!("SKIP 1: no packages of Slurm (Debian, with its registry)");
         return Ok(());

@@ -160,7 +160,7 @@ fn measure(jobs: &[Job], setting: &Setting, rounds: usize) -> Result<Vec<Cost>, 
     Ok(all.iter().map(cost).collect())
 }
 
-pub fn frames(args: &[&str]) -> Result<(), String> {
+pub(crate) fn frames(args: &[&str]) -> Result<(), String> {
     let rounds = if args.contains(&"--quick") { 1 } else { 5 };
     let gpu = args.iter().position(|a| *a == "--gpu").map(|i| args.get(i + 1).copied());
     if gpu == Some(None) {

@@ -51,7 +51,7 @@ const TARGETS: &[Target] = &[
 /// Largest seed in bytes: larger seeds slow the search down more than they help.
 const LARGEST_SEED: u64 = 64 << 10;
 
-pub fn fuzz(args: &[&str]) -> Result<(), String> {
+pub(crate) fn fuzz(args: &[&str]) -> Result<(), String> {
     let names: Vec<&str> = TARGETS.iter().map(|t| t.name).collect();
     let usage = || format!("usage: cargo xtask fuzz TARGET [--seconds N]; targets: {}", names.join(", "));
     let (name, seconds) = match args {

@@ -14,7 +14,7 @@ const DEFAULT_TIME: &str = "2.0";
 const TIME_OF_LESSON: [(&str, &str); 5] =
     [("01", "3.2"), ("05", "2.6"), ("08", "1.0"), ("19", "1.0"), ("26", "2.6")];
 
-pub fn lessons() -> Result<(), String> {
+pub(crate) fn lessons() -> Result<(), String> {
     run(cargo(&["build", "--quiet", "--workspace", "--bin", "choreo"]), "cargo build")?;
     let choreo = target().join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
     let work = target().join("lessons");

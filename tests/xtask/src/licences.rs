@@ -4,11 +4,11 @@ use crate::notices::Package;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Licenses that require only their text and the names of the authors.
-pub const PLAIN: &[&str] =
+pub(crate) const PLAIN: &[&str] =
     &["MIT", "Apache-2.0", "Zlib", "BSD-2-Clause", "BSD-3-Clause", "ISC", "CC0-1.0", "Unlicense", "0BSD"];
 
 /// Whether these licenses satisfy an SPDX expression with `OR`, `AND`, parentheses, and the old `/` for `OR`.
-pub fn satisfied(expression: &str, allowed: &[&str]) -> bool {
+pub(crate) fn satisfied(expression: &str, allowed: &[&str]) -> bool {
     let spaced = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
     let words: Vec<&str> = spaced.split_whitespace().collect();
     let mut rest = words.as_slice();
@@ -53,7 +53,7 @@ fn term_fits(words: &mut &[&str], allowed: &[&str]) -> bool {
 }
 
 /// Lists of deny.toml that are checked here; cargo-deny checks the rest, above all advisories.
-pub struct Deny {
+pub(crate) struct Deny {
     allow: Vec<String>,
     /// Crates with their additional licenses.
     exceptions: Vec<(String, Vec<String>)>,
@@ -64,7 +64,7 @@ pub struct Deny {
 
 impl Deny {
     /// Parses the lists; each entry must be on its own line.
-    pub fn read(text: &str) -> Deny {
+    pub(crate) fn read(text: &str) -> Deny {
         let list = |start: &str| -> Vec<Vec<String>> {
             let lines = text.lines().skip_while(|l| *l != start).skip(1).take_while(|l| *l != "]");
             let entries = lines.filter(|line| !line.trim_start().starts_with('#'));
@@ -81,7 +81,7 @@ impl Deny {
     }
 
     /// Violations of these lists in the dependency graph, one line each.
-    pub fn faults(&self, packages: &BTreeMap<String, Package>) -> Vec<String> {
+    pub(crate) fn faults(&self, packages: &BTreeMap<String, Package>) -> Vec<String> {
         let mut faults = Vec::new();
         for package in packages.values().filter(|p| !p.is_ours) {
             let name = &package.name;

@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 
 /// Target of the table on every system, since crates differ slightly between systems.
 const PLATFORM: &str = "x86_64-unknown-linux-gnu";
-pub const PROGRAMS: [(&str, &str); 2] = [("choreo", "`choreo`"), ("choreo-viewer", "`choreo-view`")];
+pub(crate) const PROGRAMS: [(&str, &str); 2] = [("choreo", "`choreo`"), ("choreo-viewer", "`choreo-view`")];
 const BEGIN: &str = "<!-- Written by `cargo xtask notices` from here to the end of the file. -->\n";
 
 /// Cargo's metadata of one crate in the lock file.
 #[derive(Debug)]
-pub struct Package {
+pub(crate) struct Package {
     pub name: String,
     pub version: String,
     /// SPDX expression.
@@ -31,7 +31,7 @@ pub struct Package {
 }
 
 /// The output of `cargo metadata`.
-pub fn output_of_metadata(options: &[&str]) -> Result<Value, String> {
+pub(crate) fn output_of_metadata(options: &[&str]) -> Result<Value, String> {
     let mut command = cargo(&["metadata", "--offline", "--locked", "--format-version", "1"]);
     let output = command.args(options).output().map_err(|e| format!("cargo metadata did not start: {e}"))?;
     if !output.status.success() {
@@ -41,7 +41,7 @@ pub fn output_of_metadata(options: &[&str]) -> Result<Value, String> {
 }
 
 /// Packages of the workspace's dependency graph, by cargo's identifier.
-pub fn packages() -> Result<BTreeMap<String, Package>, String> {
+pub(crate) fn packages() -> Result<BTreeMap<String, Package>, String> {
     let all = output_of_metadata(&["--filter-platform", PLATFORM])?;
     let mut packages: BTreeMap<String, Package> =
         list(&all["packages"]).map(|package| (text(&package["id"]), Package::new(package))).collect();
@@ -85,7 +85,7 @@ impl Package {
     }
 
     /// Version range that cargo considers compatible, so that a patch update does not change the notices: `1`, `0.25`, `0.0.7`.
-    pub fn range(&self) -> String {
+    pub(crate) fn range(&self) -> String {
         let numbers: Vec<&str> = self.version.split(['.', '-', '+']).take(3).collect();
         let zeros = numbers.iter().take_while(|n| **n == "0").count();
         numbers[..=zeros.min(numbers.len() - 1)].join(".")
@@ -93,7 +93,7 @@ impl Package {
 }
 
 /// Crates of other people that are linked into a program, by cargo's identifier. Procedural macros run at build time and are not included.
-pub fn linked(packages: &BTreeMap<String, Package>, program: &str) -> BTreeSet<String> {
+pub(crate) fn linked(packages: &BTreeMap<String, Package>, program: &str) -> BTreeSet<String> {
     let is_program = |(_, package): &(&String, &Package)| package.is_ours && package.name == program;
     let mut open: Vec<&String> = packages.iter().filter(is_program).map(|(id, _)| id).collect();
     let mut found = BTreeSet::new();
@@ -128,7 +128,7 @@ fn split_generated(file: &str) -> Result<(&str, &str), String> {
 }
 
 /// Rewrites the table and keeps the text above it. Fails if that text lacks something.
-pub fn notices() -> Result<(), String> {
+pub(crate) fn notices() -> Result<(), String> {
     let read = |path: &Path| std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()));
     let (path, packages) = (root().join("THIRD-PARTY.md"), packages()?);
     let text = format!("{}{}", split_generated(&read(&path)?)?.0, table(&packages));

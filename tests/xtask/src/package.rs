@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Writes the packages below `target/package` without building them, because building them against each other takes as long as a first
 /// build.
-pub fn package() -> Result<(), String> {
+pub(crate) fn package() -> Result<(), String> {
     let (public, private) = crates()?;
     let faults = faults(&public)?;
     if !faults.is_empty() {

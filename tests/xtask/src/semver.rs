@@ -11,7 +11,7 @@ const CRATES: [&str; 3] = ["choreo-plugin", "choreo-asset", "choreo-motion"];
 /// First version that can read the documentation format of the Rust toolchain in use.
 const TOOL: &str = "cargo-semver-checks@0.51.0";
 
-pub fn semver(commit: Option<&str>) -> Result<(), String> {
+pub(crate) fn semver(commit: Option<&str>) -> Result<(), String> {
     let Some(baseline) = commit.map(String::from).or_else(last_tag) else {
         println!(
             "SKIP 1: nothing is released: there is no tag to compare with; cargo xtask semver COMMIT names another baseline"

@@ -60,7 +60,7 @@ fn all_exist(files: &[&str]) -> bool {
     })
 }
 
-pub fn works(program: &str, args: &[&str]) -> bool {
+pub(crate) fn works(program: &str, args: &[&str]) -> bool {
     Command::new(program)
         .args(args)
         .stdin(Stdio::null())
@@ -72,7 +72,7 @@ pub fn works(program: &str, args: &[&str]) -> bool {
 
 /// Installs missing packages if apt and root (or sudo without a password) are available; otherwise prints the commands. Never fails: a test
 /// that lacks something reports it and is counted as skipped.
-pub fn install() {
+pub(crate) fn install() {
     let missing: Vec<_> = NEEDED_PACKAGES.iter().filter(|(_, _, files)| !all_exist(files)).collect();
     if missing.is_empty() {
         return;

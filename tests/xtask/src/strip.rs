@@ -12,7 +12,7 @@ const STRIPS: [(&str, &str, [&str; 5]); 2] = [
     ("scripts/11_root_motion.rhai", "in_step", ["2.0", "2.15", "2.3", "2.45", "2.6"]),
 ];
 
-pub fn strip() -> Result<(), String> {
+pub(crate) fn strip() -> Result<(), String> {
     let choreo = release_binary()?;
     let folder = root().join("tests/pictures");
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -33,7 +33,7 @@ pub fn strip() -> Result<(), String> {
 const FRAMES_IN_STRIP: usize = 20;
 
 /// Runs `cargo xtask strip SCRIPT`: twenty frames from the first to the last, row by row, in `target/strips/NAME.png`.
-pub fn of(script: &str) -> Result<(), String> {
+pub(crate) fn of(script: &str) -> Result<(), String> {
     let choreo = release_binary()?;
     let path = Path::new(script);
     let stem = |p: &Path| p.file_stem().map(|name| name.to_string_lossy().into_owned());

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-pub fn lint() -> Result<(), String> {
+pub(crate) fn lint() -> Result<(), String> {
     run(cargo(&["fmt", "--all", "--check"]), "cargo fmt --check")?;
     run(
         cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]),
@@ -18,7 +18,7 @@ pub fn lint() -> Result<(), String> {
     run(doc, "cargo doc")
 }
 
-pub fn test(args: &[&str]) -> Result<(), String> {
+pub(crate) fn test(args: &[&str]) -> Result<(), String> {
     let started = Instant::now();
     let (options, filters): (Vec<&str>, Vec<&str>) = args.iter().partition(|a| a.starts_with("--"));
     if let Some(unknown) = options.iter().find(|o| **o != "--no-install") {

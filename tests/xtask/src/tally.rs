@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 /// Totals and names of one run. A test prints `SKIP n: reason` for cases that it could not run; they are counted and shown.
 #[derive(Default)]
-pub struct Tally {
+pub(crate) struct Tally {
     pub passed: u64,
     pub failed: u64,
     pub skips: Vec<(u64, String)>,
@@ -31,7 +31,7 @@ struct Binary {
 
 impl Tally {
     /// Parses a line of `cargo test`; true if it should be shown. `tests_of` lists the tests of a test binary.
-    pub fn read(&mut self, line: &str, tests_of: impl Fn(&str) -> Vec<String>) -> bool {
+    pub(crate) fn read(&mut self, line: &str, tests_of: impl Fn(&str) -> Vec<String>) -> bool {
         let line = line.trim_end();
         if let Some(header) = header(line) {
             self.end_binary();
@@ -62,7 +62,7 @@ impl Tally {
     }
 
     /// Ends the current binary. If no failed test is known by name, the name of the binary is recorded.
-    pub fn end_binary(&mut self) {
+    pub(crate) fn end_binary(&mut self) {
         let binary = std::mem::take(&mut self.binary);
         if let (Some(rerun), true) = (&binary.rerun, binary.failed.is_empty()) {
             self.failed += 1;
@@ -122,7 +122,7 @@ impl Tally {
     }
 
     /// Parses a line of `choreo test`: reasons for skipped sections, totals, and failed sections.
-    pub fn read_sections(&mut self, line: &str) {
+    pub(crate) fn read_sections(&mut self, line: &str) {
         if let Some((count, reason)) = line.strip_prefix("skipped ").and_then(|rest| rest.split_once(": ")) {
             self.skips.extend(count.parse().ok().map(|n| (n, reason.to_string())));
         } else if let Some(name) = line.strip_prefix("FAILED ").or_else(|| line.strip_prefix("ERROR ")) {

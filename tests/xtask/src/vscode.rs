@@ -12,7 +12,7 @@ const TOOLS: [&str; 3] = ["@vscode/vsce@3.9.2", "vscode-textmate@9.3.2", "vscode
 /// Error codes of npm for a registry that it cannot reach.
 const UNREACHABLE: [&str; 5] = ["ENOTFOUND", "ECONNREFUSED", "ETIMEDOUT", "EAI_AGAIN", "ENETUNREACH"];
 
-pub fn vscode() -> Result<(), String> {
+pub(crate) fn vscode() -> Result<(), String> {
     let works = |program: &str| {
         let mut command = Command::new(program);
         command.arg("--version").stdout(Stdio::null()).stderr(Stdio::null());

@@ -10,7 +10,7 @@ const TARGET: &str = "wasm32-unknown-unknown";
 /// Features: the engine in all programs, and the text format of WebAssembly for damaged plugins.
 const FEATURES: &str = "choreo/wasm,choreo-viewer/wasm,choreo-wasm-plugin/wat";
 
-pub fn wasm() -> Result<(), String> {
+pub(crate) fn wasm() -> Result<(), String> {
     let mut add = Command::new("rustup");
     add.args(["target", "add", TARGET]);
     run(add, "rustup target add")?;

@@ -5,8 +5,8 @@ use std::fmt::Write;
 pub(crate) const INK: &str = "#222831";
 pub(crate) const GRAY: &str = "#8a929c";
 pub(crate) const GRID: &str = "#e3e6ea";
-pub const BLUE: &str = "#2b6cb0";
-pub const RED: &str = "#c0392b";
+pub(super) const BLUE: &str = "#2b6cb0";
+pub(super) const RED: &str = "#c0392b";
 
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Anchor {
@@ -23,11 +23,11 @@ pub(crate) struct Svg {
 }
 
 impl Svg {
-    pub fn new(width: f64, height: f64) -> Svg {
+    pub(super) fn new(width: f64, height: f64) -> Svg {
         Svg { body: String::new(), width, height }
     }
 
-    pub fn line(&mut self, a: (f64, f64), b: (f64, f64), color: &str, width: f64, dash: &str) {
+    pub(super) fn line(&mut self, a: (f64, f64), b: (f64, f64), color: &str, width: f64, dash: &str) {
         let dash = if dash.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{dash}\"") };
         let _ = writeln!(
             self.body,
@@ -36,7 +36,7 @@ impl Svg {
         );
     }
 
-    pub fn circle(&mut self, at: (f64, f64), radius: f64, fill: &str, stroke: &str) {
+    pub(super) fn circle(&mut self, at: (f64, f64), radius: f64, fill: &str, stroke: &str) {
         let _ = writeln!(
             self.body,
             "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius}\" fill=\"{fill}\" stroke=\"{stroke}\" stroke-width=\"1.5\"/>",
@@ -44,7 +44,7 @@ impl Svg {
         );
     }
 
-    pub fn rect(&mut self, at: (f64, f64), size: (f64, f64), fill: &str) {
+    pub(super) fn rect(&mut self, at: (f64, f64), size: (f64, f64), fill: &str) {
         let _ = writeln!(
             self.body,
             "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" rx=\"2\" fill=\"{fill}\"/>",
@@ -55,7 +55,7 @@ impl Svg {
         );
     }
 
-    pub fn triangle(&mut self, tip: (f64, f64), half: f64, fill: &str) {
+    pub(super) fn triangle(&mut self, tip: (f64, f64), half: f64, fill: &str) {
         let (x, y) = tip;
         let _ = writeln!(
             self.body,
@@ -67,7 +67,7 @@ impl Svg {
         );
     }
 
-    pub fn text(&mut self, at: (f64, f64), text: &str, size: f64, color: &str, anchor: Anchor) {
+    pub(super) fn text(&mut self, at: (f64, f64), text: &str, size: f64, color: &str, anchor: Anchor) {
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
@@ -93,7 +93,7 @@ impl Svg {
         );
     }
 
-    pub fn finish(self) -> String {
+    pub(super) fn finish(self) -> String {
         let (w, h) = (self.width, self.height);
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" \
@@ -137,7 +137,7 @@ fn shortened(text: &str, size: f64, width: f64) -> String {
 }
 
 /// Shrinks a text that is wider than `width`, down to three quarters of its size, and cuts it beyond that. Returns the text and its size.
-pub fn fitting(text: &str, size: f64, width: f64) -> (String, f64) {
+pub(super) fn fitting(text: &str, size: f64, width: f64) -> (String, f64) {
     let fits = |size: f64| text_width(text, size) <= width;
     let sizes = [1.0, 0.95, 0.9, 0.85, 0.8, 0.75].map(|share| share * size);
     let size = sizes.into_iter().find(|s| fits(*s)).unwrap_or(sizes[5]);
@@ -146,15 +146,15 @@ pub fn fitting(text: &str, size: f64, width: f64) -> (String, f64) {
 
 /// Boxes that labels already take, in pixels.
 #[derive(Default)]
-pub struct Room(Vec<[f64; 4]>);
+pub(super) struct Room(Vec<[f64; 4]>);
 
 impl Room {
-    pub fn take(&mut self, at: (f64, f64), size: (f64, f64)) {
+    pub(super) fn take(&mut self, at: (f64, f64), size: (f64, f64)) {
         self.0.push([at.0, at.1, at.0 + size.0, at.1 + size.1]);
     }
 
     /// Area of a box that is already taken, in square pixels.
-    pub fn overlap(&self, at: (f64, f64), size: (f64, f64)) -> f64 {
+    pub(super) fn overlap(&self, at: (f64, f64), size: (f64, f64)) -> f64 {
         let side = |a: f64, b: f64, c: f64, d: f64| (b.min(d) - a.max(c)).max(0.0);
         self.0
             .iter()

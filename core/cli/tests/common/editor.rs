@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 /// How long an answer may take on a busy machine before the test fails.
 const RESPONSE_TIMEOUT: Duration = Duration::from_secs(120);
 
-pub struct Editor {
+pub(crate) struct Editor {
     child: Child,
     pub input: Option<ChildStdin>,
     messages: Receiver<Value>,
@@ -24,18 +24,18 @@ pub struct Editor {
     texts: BTreeMap<String, (i64, String)>,
 }
 
-pub fn uri(path: &Path) -> String {
+pub(crate) fn uri(path: &Path) -> String {
     format!("file://{}", path.display().to_string().replace(' ', "%20"))
 }
 
 impl Editor {
     /// A server for a folder, before `initialize`.
-    pub fn uninitialized(folder: &Path) -> Editor {
+    pub(crate) fn uninitialized(folder: &Path) -> Editor {
         Editor::with_program(Path::new(env!("CARGO_BIN_EXE_choreo")), folder)
     }
 
     /// The server of a program.
-    pub fn with_program(program: &Path, folder: &Path) -> Editor {
+    pub(crate) fn with_program(program: &Path, folder: &Path) -> Editor {
         let mut child = Command::new(program)
             .args(["lsp", "--stdio"])
             .current_dir(folder)
@@ -67,12 +67,12 @@ impl Editor {
         }
     }
 
-    pub fn start(folder: &Path) -> Editor {
+    pub(crate) fn start(folder: &Path) -> Editor {
         Editor::initialize(Editor::uninitialized(folder), folder, json!({}))
     }
 
     /// Initializes a session with capabilities in addition to those for text documents.
-    pub fn initialize(mut editor: Editor, folder: &Path, mut capabilities: Value) -> Editor {
+    pub(crate) fn initialize(mut editor: Editor, folder: &Path, mut capabilities: Value) -> Editor {
         capabilities["textDocument"] =
             json!({ "completion": { "completionItem": { "snippetSupport": true } } });
         let parameters = json!({ "processId": null, "rootUri": uri(folder), "capabilities": capabilities });
@@ -81,23 +81,23 @@ impl Editor {
         editor
     }
 
-    pub fn send(&mut self, message: &Value) {
+    pub(crate) fn send(&mut self, message: &Value) {
         let body = message.to_string();
         self.write(format!("Content-Length: {}\r\n\r\n{body}", body.len()).as_bytes());
     }
 
-    pub fn write(&mut self, bytes: &[u8]) {
+    pub(crate) fn write(&mut self, bytes: &[u8]) {
         let input = self.input.as_mut().unwrap();
         input.write_all(bytes).unwrap();
         input.flush().unwrap();
     }
 
-    pub fn notify(&mut self, method: &str, parameters: Value) {
+    pub(crate) fn notify(&mut self, method: &str, parameters: Value) {
         self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
     }
 
     /// Sends a request and returns its id.
-    pub fn send_request(&mut self, method: &str, parameters: Value) -> i64 {
+    pub(crate) fn send_request(&mut self, method: &str, parameters: Value) -> i64 {
         self.next_id += 1;
         let id = self.next_id;
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": parameters }));
@@ -105,12 +105,12 @@ impl Editor {
     }
 
     /// The result of the request with this id, or the error code.
-    pub fn request(&mut self, method: &str, parameters: Value) -> Result<Value, i64> {
+    pub(crate) fn request(&mut self, method: &str, parameters: Value) -> Result<Value, i64> {
         let id = self.send_request(method, parameters);
         self.response(id)
     }
 
-    pub fn response(&mut self, id: i64) -> Result<Value, i64> {
+    pub(crate) fn response(&mut self, id: i64) -> Result<Value, i64> {
         let message = self.wait_for_message(|m| m["id"] == id && m.get("method").is_none());
         match message["error"]["code"].as_i64() {
             Some(code) => Err(code),
@@ -119,7 +119,7 @@ impl Editor {
     }
 
     /// The next message that matches; others are kept for later.
-    pub fn wait_for_message(&mut self, fits: impl Fn(&Value) -> bool) -> Value {
+    pub(crate) fn wait_for_message(&mut self, fits: impl Fn(&Value) -> bool) -> Value {
         if let Some(index) = self.unread_messages.iter().position(&fits) {
             return self.unread_messages.remove(index);
         }
@@ -144,26 +144,26 @@ impl Editor {
         }
     }
 
-    pub fn open(&mut self, uri: &str, text: &str) {
+    pub(crate) fn open(&mut self, uri: &str, text: &str) {
         self.texts.insert(uri.to_string(), (1, text.to_string()));
         let document = json!({ "uri": uri, "languageId": "rhai", "version": 1, "text": text });
         self.notify("textDocument/didOpen", json!({ "textDocument": document }));
     }
 
     /// Replaces the whole text.
-    pub fn replace_text(&mut self, uri: &str, text: &str) {
+    pub(crate) fn replace_text(&mut self, uri: &str, text: &str) {
         let version = self.texts[uri].0 + 1;
         self.texts.insert(uri.to_string(), (version, text.to_string()));
         self.change(uri, version, json!([{ "text": text }]));
     }
 
-    pub fn change(&mut self, uri: &str, version: i64, changes: Value) {
+    pub(crate) fn change(&mut self, uri: &str, version: i64, changes: Value) {
         let document = json!({ "uri": uri, "version": version });
         self.notify("textDocument/didChange", json!({ "textDocument": document, "contentChanges": changes }));
     }
 
     /// Opens a text or replaces it, without the mark `¦`. Returns the position of the mark.
-    pub fn open_marked_text(&mut self, uri: &str, marked: &str) -> Value {
+    pub(crate) fn open_marked_text(&mut self, uri: &str, marked: &str) -> Value {
         let text = marked.replacen('¦', "", 1);
         let before = &marked[..marked.find('¦').expect("a mark")];
         match self.texts.contains_key(uri) {
@@ -176,14 +176,14 @@ impl Editor {
     }
 
     /// Sends a request for the marked position.
-    pub fn request_at_mark(&mut self, method: &str, uri: &str, marked: &str) -> Value {
+    pub(crate) fn request_at_mark(&mut self, method: &str, uri: &str, marked: &str) -> Value {
         let position = self.open_marked_text(uri, marked);
         let p = json!({ "textDocument": { "uri": uri }, "position": position });
         self.request(method, p).unwrap()
     }
 
     /// Items of a completion at a mark; asks again while files are being read.
-    pub fn completion_items(&mut self, uri: &str, marked: &str) -> Vec<Value> {
+    pub(crate) fn completion_items(&mut self, uri: &str, marked: &str) -> Vec<Value> {
         let end = Instant::now() + RESPONSE_TIMEOUT;
         loop {
             let list = self.request_at_mark("textDocument/completion", uri, marked);
@@ -193,7 +193,7 @@ impl Editor {
         }
     }
 
-    pub fn completion_labels(&mut self, uri: &str, marked: &str) -> Vec<String> {
+    pub(crate) fn completion_labels(&mut self, uri: &str, marked: &str) -> Vec<String> {
         self.completion_items(uri, marked)
             .iter()
             .map(|item| item["label"].as_str().unwrap().to_string())
@@ -201,7 +201,7 @@ impl Editor {
     }
 
     /// The text of a hover at a mark.
-    pub fn hover_text(&mut self, uri: &str, marked: &str) -> String {
+    pub(crate) fn hover_text(&mut self, uri: &str, marked: &str) -> String {
         let end = Instant::now() + RESPONSE_TIMEOUT;
         loop {
             let value = self.request_at_mark("textDocument/hover", uri, marked);
@@ -213,7 +213,7 @@ impl Editor {
     }
 
     /// Diagnostics of the latest text of a file.
-    pub fn wait_for_diagnostics(&mut self, uri: &str) -> Vec<Value> {
+    pub(crate) fn wait_for_diagnostics(&mut self, uri: &str) -> Vec<Value> {
         let version = self.texts.get(uri).map_or(-1, |(version, _)| *version);
         if let Some((_, list)) = self.diagnostics.get(uri).filter(|(known, _)| *known == version) {
             return list.clone();
@@ -229,12 +229,12 @@ impl Editor {
     }
 
     /// Sends a request for a whole document.
-    pub fn request_about_document(&mut self, method: &str, uri: &str) -> Value {
+    pub(crate) fn request_about_document(&mut self, method: &str, uri: &str) -> Value {
         self.request(method, json!({ "textDocument": { "uri": uri } })).unwrap()
     }
 
     /// Runs a command of the server: its result, or the error's code and message.
-    pub fn execute(&mut self, command: &str, argument: Value) -> Result<Value, (i64, String)> {
+    pub(crate) fn execute(&mut self, command: &str, argument: Value) -> Result<Value, (i64, String)> {
         let id = self
             .send_request("workspace/executeCommand", json!({ "command": command, "arguments": [argument] }));
         let message = self.wait_for_message(|m| m["id"] == id && m.get("method").is_none());
@@ -245,14 +245,14 @@ impl Editor {
     }
 
     /// Shuts the server down as the protocol requires, and returns its exit code.
-    pub fn shut_down(mut self) -> i32 {
+    pub(crate) fn shut_down(mut self) -> i32 {
         self.request("shutdown", Value::Null).unwrap();
         self.notify("exit", Value::Null);
         self.wait_for_exit()
     }
 
     /// Waits until the server exits.
-    pub fn wait_for_exit(mut self) -> i32 {
+    pub(crate) fn wait_for_exit(mut self) -> i32 {
         drop(self.input.take());
         self.child.wait().unwrap().code().unwrap_or(-1)
     }

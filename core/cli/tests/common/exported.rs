@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 #[path = "long_time_limits.rs"]
-pub mod long_time_limits;
+pub(crate) mod long_time_limits;
 
 use crate::common::choreo;
 use choreo_asset::{Asset, Topology};
@@ -15,11 +15,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The default tolerance of exporters: the allowed position error of a joint, in metres.
-pub const TOLERANCE: f64 = 1e-4;
+pub(crate) const TOLERANCE: f64 = 1e-4;
 
 /// A scene with an actor that is invisible for 0.1 s, a loop, a fade, a rotating texture, a camera that zooms, a cut, and a light that
 /// is switched on.
-pub const SCENE: &str = r##"
+pub(crate) const SCENE: &str = r##"
     stage(#{ size: [320, 180], fps: 24, length: 3.0, background: "#203040" });
     let m = load("choreo:mannequin", #{ color: "coral" });
     let anna = cast("anna", m).at(-0.6, 0, 0);
@@ -37,12 +37,12 @@ pub const SCENE: &str = r##"
     ambient("white", 0.3);
 "##;
 
-pub fn scripts() -> PathBuf {
+pub(crate) fn scripts() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
 }
 
 /// All lessons. A lesson in its own folder has plugins beside it, which the program finds.
-pub fn lessons() -> Vec<PathBuf> {
+pub(crate) fn lessons() -> Vec<PathBuf> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir(scripts()).unwrap().map(|e| e.unwrap().path()) {
         let inside = entry.join("lesson.rhai");
@@ -58,7 +58,7 @@ pub fn lessons() -> Vec<PathBuf> {
 }
 
 /// Imports a file with the built-in importers.
-pub fn import(path: &Path) -> Arc<Asset> {
+pub(crate) fn import(path: &Path) -> Arc<Asset> {
     let registry = choreo::registry();
     let limits = Limits::default();
     let loader = Arc::new(Loader::for_file(path, &[], &registry, ImportScope::ALL, limits.file).unwrap());
@@ -66,19 +66,19 @@ pub fn import(path: &Path) -> Arc<Asset> {
     loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
 }
 
-pub fn tolerance(metres: f64) -> [(&'static str, OptionValue); 1] {
+pub(crate) fn tolerance(metres: f64) -> [(&'static str, OptionValue); 1] {
     [("tolerance", OptionValue::Number(metres))]
 }
 
 /// The stage of a lesson.
-pub fn stage_of(lesson: &Path) -> Stage {
+pub(crate) fn stage_of(lesson: &Path) -> Stage {
     let run = run_file(lesson, &choreo::registry(), &long_time_limits::script_options());
     run.unwrap_or_else(|e| panic!("{}: {e:?}", lesson.display())).stage
 }
 
 /// Exports `a.rhai` of the folder, a scene with an effect, which no format supports, with these arguments. Both the JSON summary and the
 /// text summary must state the largest error, where it is, and what is left out.
-pub fn check_summaries(dir: &Path, as_json: &[&str], for_people: &[&str]) {
+pub(crate) fn check_summaries(dir: &Path, as_json: &[&str], for_people: &[&str]) {
     std::fs::write(dir.join("a.rhai"), format!("{SCENE}\neffect(\"vignette\");")).unwrap();
     let export = |args: &[&str]| choreo(dir, &[&["export", "a.rhai", "-o"], args].concat());
     let run = export(&[as_json, &["--tolerance", "0.001", "--json"]].concat());
@@ -96,7 +96,7 @@ pub fn check_summaries(dir: &Path, as_json: &[&str], for_people: &[&str]) {
 }
 
 /// The files of an export, in memory and in a folder, in which the main file is `out.EXTENSION`.
-pub struct Exported {
+pub(crate) struct Exported {
     pub stage: Arc<Stage>,
     pub files: MemoryFiles,
     pub folder: tempfile::TempDir,
@@ -104,7 +104,7 @@ pub struct Exported {
 }
 
 impl Exported {
-    pub fn of(stage: Stage, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+    pub(crate) fn of(stage: Stage, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
         let registry = choreo::registry();
         let exporter = registry.scene_exporter_for(&format!("out.{extension}")).unwrap();
         let mut scene = ExportedScene::new("scene.rhai", Arc::new(stage));
@@ -121,11 +121,11 @@ impl Exported {
         exported
     }
 
-    pub fn from_lesson(path: &Path, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+    pub(crate) fn from_lesson(path: &Path, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
         Exported::of(stage_of(path), extension, options)
     }
 
-    pub fn from_script(text: &str, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+    pub(crate) fn from_script(text: &str, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
         let run = run_text(
             "scene.rhai",
             text,
@@ -136,12 +136,12 @@ impl Exported {
         Exported::of(run.unwrap_or_else(|e| panic!("{e:?}")).stage, extension, options)
     }
 
-    pub fn path(&self) -> PathBuf {
+    pub(crate) fn path(&self) -> PathBuf {
         self.folder.path().join(format!("out.{}", self.extension))
     }
 
     /// Writes the files into the folder, with these bytes as the main file.
-    pub fn write(&self, main: &[u8]) {
+    pub(crate) fn write(&self, main: &[u8]) {
         std::fs::write(self.path(), main).unwrap();
         for (ending, bytes) in &self.files.beside {
             std::fs::write(self.folder.path().join(format!("out{ending}")), bytes).unwrap();
@@ -150,12 +150,12 @@ impl Exported {
 }
 
 /// Times between frames, spread over the stage.
-pub fn times_between_frames(stage: &Stage) -> Vec<f64> {
+pub(crate) fn times_between_frames(stage: &Stage) -> Vec<f64> {
     (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect()
 }
 
 /// World positions of the vertices of each primitive of triangles, in f64.
-pub fn world_vertices(asset: &Asset, state: &ActorState) -> Vec<Vec<DVec3>> {
+pub(crate) fn world_vertices(asset: &Asset, state: &ActorState) -> Vec<Vec<DVec3>> {
     let in_world = |joint: u32| -> DMat4 { DMat4::from(state.world_from_joint(joint as usize).unwrap()) };
     let mut out = Vec::new();
     for (number, instance) in asset.instances.iter().enumerate() {

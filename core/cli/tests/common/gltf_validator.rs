@@ -18,7 +18,7 @@ const fs = require("fs"), path = require("path"), validator = require("gltf-vali
 "#;
 
 /// Fails on any error or warning. Skipped with a message if the validator cannot be installed.
-pub fn validate(files: &[PathBuf]) {
+pub(crate) fn validate(files: &[PathBuf]) {
     static PACKAGES: OnceLock<Option<Packages>> = OnceLock::new();
     let packages = ["gltf-validator@2.0.0-dev.3.10"];
     let install = || Packages::install(env!("CARGO_TARGET_TMPDIR"), "gltf-validator", &packages);

@@ -4,7 +4,7 @@ use super::common::triangle;
 use std::path::Path;
 
 /// `inside` is the folder of the scripts. `outside` is a folder beside it, which scripts must not read.
-pub fn make(inside: &Path, outside: &Path) {
+pub(crate) fn make(inside: &Path, outside: &Path) {
     let write = |name: &str, bytes: &[u8]| {
         let place = inside.join(name);
         std::fs::create_dir_all(place.parent().unwrap()).unwrap();

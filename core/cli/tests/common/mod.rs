@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-pub struct Run {
+pub(crate) struct Run {
     pub code: i32,
     pub out: String,
     pub err: String,
 }
 
-pub fn command(folder: &Path, args: &[&str]) -> Command {
+pub(crate) fn command(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_choreo"));
     command.current_dir(folder).args(args).stdin(Stdio::null());
     // Plugins that the user has installed must not affect the test.
@@ -20,7 +20,7 @@ pub fn command(folder: &Path, args: &[&str]) -> Command {
     command
 }
 
-pub fn run_result(output: Output) -> Run {
+pub(crate) fn run_result(output: Output) -> Run {
     let run = Run {
         code: output.status.code().unwrap_or(-1),
         out: String::from_utf8_lossy(&output.stdout).into_owned(),
@@ -30,12 +30,12 @@ pub fn run_result(output: Output) -> Run {
     run
 }
 
-pub fn choreo(folder: &Path, args: &[&str]) -> Run {
+pub(crate) fn choreo(folder: &Path, args: &[&str]) -> Run {
     run_result(command(folder, args).output().unwrap())
 }
 
 /// Waits until a condition holds; panics after ten minutes.
-pub fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
+pub(crate) fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
     let start = Instant::now();
     while !condition() {
         assert!(start.elapsed() < Duration::from_secs(600), "no {what} after ten minutes");
@@ -44,20 +44,20 @@ pub fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
 }
 
 /// A child process that is killed when the value is dropped, even if the process is stopped.
-pub struct Process(Option<Child>);
+pub(crate) struct Process(Option<Child>);
 
 impl Process {
-    pub fn spawn(command: &mut Command) -> Process {
+    pub(crate) fn spawn(command: &mut Command) -> Process {
         Process(Some(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()))
     }
 
     #[cfg(unix)]
-    pub fn signal(&self, name: &str) {
+    pub(crate) fn signal(&self, name: &str) {
         let id = self.0.as_ref().unwrap().id().to_string();
         assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
     }
 
-    pub fn wait(mut self) -> Run {
+    pub(crate) fn wait(mut self) -> Run {
         run_result(self.0.take().unwrap().wait_with_output().unwrap())
     }
 }
@@ -72,7 +72,7 @@ impl Drop for Process {
 }
 
 /// The names of the entries of a folder, sorted.
-pub fn file_names(folder: &Path) -> Vec<String> {
+pub(crate) fn file_names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> =
         std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
@@ -80,7 +80,7 @@ pub fn file_names(folder: &Path) -> Vec<String> {
 }
 
 /// The scripts in a folder, sorted.
-pub fn scripts_in(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn scripts_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let mut found: Vec<PathBuf> =
         entries.filter(|path| path.extension().is_some_and(|e| e == "rhai")).collect();
@@ -88,11 +88,11 @@ pub fn scripts_in(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-pub fn part_files(folder: &Path) -> Vec<String> {
+pub(crate) fn part_files(folder: &Path) -> Vec<String> {
     file_names(folder).into_iter().filter(|n| n.contains(".part")).collect()
 }
 
-pub fn sample_assets_folder() -> Option<PathBuf> {
+pub(crate) fn sample_assets_folder() -> Option<PathBuf> {
     let folder = std::env::var_os("CHOREO_ASSETS")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets"), PathBuf::from);
     if !folder.is_dir() {
@@ -103,7 +103,7 @@ pub fn sample_assets_folder() -> Option<PathBuf> {
 }
 
 /// A glTF file with three vertices in an unusual order. The clip "Slide" moves their node from x = 0 to x = 2 in `secs` seconds.
-pub fn triangle(secs: f32) -> String {
+pub(crate) fn triangle(secs: f32) -> String {
     let positions: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0];
     let keys: [f32; 8] = [0.0, secs, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0];
     let mut bytes: Vec<u8> = positions.iter().chain(&keys).flat_map(|v| v.to_le_bytes()).collect();
@@ -133,7 +133,7 @@ pub fn triangle(secs: f32) -> String {
     )
 }
 
-pub fn base64(bytes: &[u8]) -> String {
+pub(crate) fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::new();
     for chunk in bytes.chunks(3) {
@@ -147,22 +147,22 @@ pub fn base64(bytes: &[u8]) -> String {
 }
 
 /// A folder with the triangle in it.
-pub fn folder_with_triangle() -> tempfile::TempDir {
+pub(crate) fn folder_with_triangle() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("tri.gltf"), triangle(1.0)).unwrap();
     folder
 }
 
-pub fn read_file(folder: &Path, name: &str) -> Vec<u8> {
+pub(crate) fn read_file(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 /// A Python with `module`. `None`, with a message, if it cannot be installed.
-pub fn python_with(module: &str, requirement: &str) -> Option<PathBuf> {
+pub(crate) fn python_with(module: &str, requirement: &str) -> Option<PathBuf> {
     pypi::python_with(env!("CARGO_TARGET_TMPDIR"), module, requirement)
 }
 
 /// A Python with Blender. `None`, with a message, if it cannot be installed.
-pub fn blender() -> Option<PathBuf> {
+pub(crate) fn blender() -> Option<PathBuf> {
     pypi::blender(env!("CARGO_TARGET_TMPDIR"))
 }

@@ -26,13 +26,13 @@ const CHARACTERS: [(&str, &str); 9] = [
 
 const LIMBS: [(&str, &str); 4] = [("upleg", "leg"), ("leg", "foot"), ("arm", "forearm"), ("forearm", "hand")];
 
-pub struct Character {
+pub(crate) struct Character {
     pub asset: Arc<Asset>,
     pub clip: Option<Arc<Clip>>,
 }
 
 /// Files and their clips, by name or number.
-pub fn characters(folder: &std::path::Path, wanted: &[(&str, &str)]) -> Vec<Character> {
+pub(crate) fn characters(folder: &std::path::Path, wanted: &[(&str, &str)]) -> Vec<Character> {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_fbx::FbxImporter);
@@ -54,7 +54,7 @@ pub fn characters(folder: &std::path::Path, wanted: &[(&str, &str)]) -> Vec<Char
 }
 
 /// The joint transforms in model space, in f64.
-pub fn model_space_pose(skeleton: &Skeleton, clip: Option<&Clip>, time: Time) -> Vec<DAffine3> {
+pub(crate) fn model_space_pose(skeleton: &Skeleton, clip: Option<&Clip>, time: Time) -> Vec<DAffine3> {
     let mut pose = Pose::rest(skeleton);
     if let Some(clip) = clip {
         Sample { clip, time, pose: &mut pose }.run();
@@ -88,7 +88,12 @@ fn limbs_apart(humans: [&HumanoidJoints; 2], models: [&[DAffine3]; 2], yaw_degre
 }
 
 /// The height of the lowest foot relative to the rest pose, which stands on y = 0 or on its lowest joint.
-pub fn foot_clearance(human: &HumanoidJoints, rest: &[DAffine3], model: &[DAffine3], with_toes: bool) -> f64 {
+pub(crate) fn foot_clearance(
+    human: &HumanoidJoints,
+    rest: &[DAffine3],
+    model: &[DAffine3],
+    with_toes: bool,
+) -> f64 {
     let parts: &[&str] = if with_toes { &["foot", "toebase"] } else { &["foot"] };
     let joints = ["left", "right"].iter().flat_map(|s| parts.iter().map(move |p| format!("{s} {p}")));
     let ends = joints.clone().filter_map(|n| human.joint(&n));

@@ -1,6 +1,6 @@
 //! The command line as clap parses it: commands and their options.
 
-pub mod values;
+pub(crate) mod values;
 
 use clap::builder::ArgPredicate;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -40,7 +40,7 @@ pub(crate) struct Cli {
 }
 
 #[derive(Subcommand, Debug)]
-pub enum Command {
+pub(crate) enum Command {
     /// Render a script, or a model file as it is, to video or images
     #[command(after_help = EXIT_CODES_HELP, after_long_help = limits_help())]
     Render(RenderArgs),
@@ -237,7 +237,7 @@ pub(crate) struct RenderArgs {
 
 impl RenderArgs {
     /// Options of the output format: those of `--export`, and those that have an argument of their own.
-    pub fn export_options(&self) -> Vec<String> {
+    pub(crate) fn export_options(&self) -> Vec<String> {
         let mut options = self.export.clone();
         options.extend(self.passes.iter().map(|passes| format!("passes={passes}")));
         options
@@ -376,7 +376,7 @@ pub(crate) struct ExportArgs {
 
 impl ExportArgs {
     /// Options of the output format: those of `--export`, and those that have an argument of their own.
-    pub fn export_options(&self) -> Vec<String> {
+    pub(crate) fn export_options(&self) -> Vec<String> {
         let mut options = self.export.clone();
         options.extend(self.tolerance.iter().map(|metres| format!("tolerance={metres}")));
         options.extend(self.split.iter().map(|what| format!("animations={what}")));
@@ -710,7 +710,7 @@ pub(crate) enum HookArg {
 
 impl Command {
     /// Scene arguments; `None` for a command that opens no scene.
-    pub fn scene_args_mut(&mut self) -> Option<&mut SceneArgs> {
+    pub(crate) fn scene_args_mut(&mut self) -> Option<&mut SceneArgs> {
         match self {
             Command::Render(a) => Some(&mut a.scene),
             Command::Export(a) => Some(&mut a.scene),
@@ -725,7 +725,7 @@ impl Command {
     }
 
     /// Whether results and errors are printed as JSON.
-    pub fn prints_json(&self) -> bool {
+    pub(crate) fn prints_json(&self) -> bool {
         match self {
             Command::Render(a) => a.json,
             Command::Join(a) => a.json,

@@ -6,14 +6,14 @@ use choreo_script::Limits;
 use std::ops::Range;
 
 /// Largest number of frames in one run, 92 hours at 30 frames per second; a larger number is a typing error.
-pub const MAX_FRAMES: i64 = 10_000_000;
+pub(crate) const MAX_FRAMES: i64 = 10_000_000;
 
 fn usage_error<T>(text: String) -> Result<T, Failure> {
     Err(Failure::Usage(text))
 }
 
 /// Fails if the command would refuse the value of this option. Options that take any text always pass.
-pub fn check_option_value(option: &str, text: &str) -> Result<(), Failure> {
+pub(crate) fn check_option_value(option: &str, text: &str) -> Result<(), Failure> {
     match option {
         "size" => parse_size(text).map(drop),
         "fps" => parse_fps(text).map(drop),
@@ -26,7 +26,7 @@ pub fn check_option_value(option: &str, text: &str) -> Result<(), Failure> {
 
 /// Parses frame numbers within the `total` of the scene; the result is sorted, each number once. Forms: `0..120`, `0..=119`, `30..`,
 /// `..60`, `7`, every 24th frame of a range as `0..240:24`, and lists of these, `0,5,9..20`.
-pub fn parse_frames(text: &str, total: i64) -> Result<Vec<i64>, Failure> {
+pub(crate) fn parse_frames(text: &str, total: i64) -> Result<Vec<i64>, Failure> {
     let mut frames = Vec::new();
     for part in text.split(',') {
         let (range, step) = parse_frame_range(text, part, total)?;
@@ -87,7 +87,7 @@ fn parse_frame_range(text: &str, part: &str, total: i64) -> Result<(Range<i64>, 
 }
 
 /// `--size`: width and height in pixels.
-pub fn parse_size(text: &str) -> Result<[u32; 2], Failure> {
+pub(crate) fn parse_size(text: &str) -> Result<[u32; 2], Failure> {
     let parsed = text.split_once(['x', 'X', '×']).and_then(|(w, h)| {
         Some([w.trim().parse::<u32>().ok()?, h.trim().parse::<u32>().ok()?])
             .filter(|s| s.iter().all(|n| (1..=16384).contains(n)))
@@ -103,7 +103,7 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], Failure> {
 }
 
 /// `--fps`: frames per second, as a decimal number or a fraction.
-pub fn parse_fps(text: &str) -> Result<FrameRate, Failure> {
+pub(crate) fn parse_fps(text: &str) -> Result<FrameRate, Failure> {
     let rate = match text.split_once('/') {
         Some((num, den)) => match (num.parse::<u32>(), den.parse::<u32>()) {
             (Ok(num), Ok(den))
@@ -126,7 +126,7 @@ pub fn parse_fps(text: &str) -> Result<FrameRate, Failure> {
 }
 
 /// `--samples`: samples per pixel.
-pub fn parse_samples(text: &str) -> Result<u32, Failure> {
+pub(crate) fn parse_samples(text: &str) -> Result<u32, Failure> {
     match text {
         "1" => Ok(1),
         "4" => Ok(4),
@@ -135,7 +135,7 @@ pub fn parse_samples(text: &str) -> Result<u32, Failure> {
 }
 
 /// `--at`: seconds.
-pub fn parse_at(text: &str) -> Result<Time, Failure> {
+pub(crate) fn parse_at(text: &str) -> Result<Time, Failure> {
     match text.parse::<f64>() {
         // 100 hours on either side of zero.
         Ok(secs) if secs.abs() <= 360_000.0 => Ok(Time::from_secs(secs)),
@@ -144,7 +144,7 @@ pub fn parse_at(text: &str) -> Result<Time, Failure> {
 }
 
 /// `--length`: seconds, above 0.
-pub fn parse_length(text: &str) -> Result<Time, Failure> {
+pub(crate) fn parse_length(text: &str) -> Result<Time, Failure> {
     match text.parse::<f64>() {
         Ok(secs) if secs > 0.0 && secs <= 360_000.0 => Ok(Time::from_secs(secs)),
         _ => usage_error(format!("--length {text}: write seconds above 0, to 360000, as 4 or 2.5")),
@@ -152,13 +152,13 @@ pub fn parse_length(text: &str) -> Result<Time, Failure> {
 }
 
 /// `--timeout`: seconds, above 0.
-pub fn parse_timeout(text: &str) -> Result<f64, Failure> {
+pub(crate) fn parse_timeout(text: &str) -> Result<f64, Failure> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
     seconds.ok_or_else(|| Failure::Usage(format!("--timeout {text}: write seconds above 0, as 60 or 0.5")))
 }
 
 /// `--jobs`: number of threads.
-pub fn parse_jobs(text: &str) -> Result<usize, Failure> {
+pub(crate) fn parse_jobs(text: &str) -> Result<usize, Failure> {
     match text.parse::<usize>() {
         Ok(n) if (1..=1024).contains(&n) => Ok(n),
         _ => usage_error(format!("--jobs {text}: a number of threads from 1 to 1024")),
@@ -166,7 +166,7 @@ pub fn parse_jobs(text: &str) -> Result<usize, Failure> {
 }
 
 /// Default limits of scripts, changed by each `--limit NAME=NUMBER`.
-pub fn parse_limits(given: &[String]) -> Result<Limits, Failure> {
+pub(crate) fn parse_limits(given: &[String]) -> Result<Limits, Failure> {
     let mut limits = Limits::default();
     for limit in given {
         limits.set(limit).map_err(|e| Failure::Usage(format!("--limit {limit}: {e}")))?;

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 pub(crate) struct CompressedClips(Vec<(String, f64, CompressionReport)>);
 
 impl CompressedClips {
-    pub fn measure(asset: &Asset, tolerance_m: f64) -> Result<CompressedClips, Failure> {
+    pub(super) fn measure(asset: &Asset, tolerance_m: f64) -> Result<CompressedClips, Failure> {
         let compress_clip = |clip: &std::sync::Arc<choreo_motion::Clip>| {
             let (_, report) = clip
                 .compressed(&asset.skeleton, tolerance_m)
@@ -22,7 +22,7 @@ impl CompressedClips {
         Ok(CompressedClips(asset.clips.iter().map(compress_clip).collect::<Result<_, Failure>>()?))
     }
 
-    pub fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         format!("\n{}", self.table().text())
     }
 
@@ -51,7 +51,7 @@ impl CompressedClips {
         table
     }
 
-    pub fn json(&self) -> Value {
+    pub(super) fn json(&self) -> Value {
         self.table().json()
     }
 }
@@ -76,7 +76,7 @@ fn add_report(sum: &mut CompressionReport, report: &CompressionReport) {
 }
 
 /// Totals of all compressed clips that a stage plays, as JSON.
-pub fn compression_totals_json(stage: &Stage) -> Value {
+pub(super) fn compression_totals_json(stage: &Stage) -> Value {
     let layers = stage.actors.iter().flat_map(|a| &a.layers);
     let clips = layers.flat_map(|l| &l.cues).map(|c| &c.clip);
     let clips: BTreeMap<usize, _> = clips.map(|c| (std::sync::Arc::as_ptr(c) as usize, c)).collect();

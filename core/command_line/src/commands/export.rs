@@ -22,7 +22,7 @@ use std::path::{Component, Path};
 use std::sync::Arc;
 use std::time::Instant;
 
-pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
+pub(crate) fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     let start = Instant::now();
     let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let exporter = find_scene_exporter(&args.output, &registry)?;
@@ -121,7 +121,7 @@ fn find_scene_exporter<'r>(
 }
 
 /// Parses and checks the options of `--export`.
-pub fn parse_export_options(given: &[String], manifest: &Manifest) -> Result<ExportOptions, Failure> {
+pub(crate) fn parse_export_options(given: &[String], manifest: &Manifest) -> Result<ExportOptions, Failure> {
     let mut options = ExportOptions::default();
     for text in given {
         let (name, value) = values::split_name_value("--export", text)?;

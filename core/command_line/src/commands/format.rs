@@ -14,7 +14,7 @@ const MAX_SCRIPT_BYTES: u64 = 4 << 20;
 /// Largest number of scripts; more are a mistake, such as `choreo format` in a home folder.
 const MAX_SCRIPTS: usize = 20_000;
 
-pub fn run(args: &FormatArgs) -> Result<(), Failure> {
+pub(crate) fn run(args: &FormatArgs) -> Result<(), Failure> {
     if args.paths == [Path::new("-")] {
         return format_stdin(args.check);
     }

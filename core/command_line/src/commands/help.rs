@@ -32,7 +32,7 @@ pub(crate) fn rewrite_help_as_flag(args: Vec<OsString>) -> Vec<OsString> {
 }
 
 /// Prints the calls for a term of the field, or a page of the documentation.
-pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
+pub(crate) fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
     let term = args.term.join(" ");
     if args.page {
         return print_page(app, &term);
@@ -165,7 +165,7 @@ const COMMANDS_WITH_IMPORTERS: [&str; 7] =
     ["render", "export", "check", "info", "explain", "measure", "pose"];
 
 /// Command line of the program, with the options of the plugins in `--help`.
-pub fn command_with_plugin_options(args: &[OsString], app: &App) -> clap::Command {
+pub(crate) fn command_with_plugin_options(args: &[OsString], app: &App) -> clap::Command {
     let plugins = &app.registry;
     let command = Cli::command().name(app.name).version(app.version);
     if !args.iter().any(|a| a == "--help") {

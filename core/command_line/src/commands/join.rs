@@ -29,7 +29,7 @@ const SCAN_INTERVAL: Duration = Duration::from_millis(500);
 /// Largest number of names read from one folder.
 const MAX_NAMES_PER_FOLDER: usize = 1_000_000;
 
-pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Failure> {
+pub(crate) fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Failure> {
     let start = Instant::now();
     let target = Target::parse(&args.output)?;
     if target == Target::Stdout {

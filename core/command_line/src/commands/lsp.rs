@@ -18,7 +18,7 @@ use std::path::Path;
 use std::process;
 use std::sync::Arc;
 
-pub fn run(app: &App) -> Result<(), Failure> {
+pub(crate) fn run(app: &App) -> Result<(), Failure> {
     let host = Arc::new(ProgramHost { app: app.clone() });
     match serve(BufReader::new(stdin()), stdout(), host) {
         SessionEnd::Exit => Ok(()),

@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 /// Seconds spent on the timings of one choice.
 const SECS_PER_CHOICE: f64 = 1.0;
 
-pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
+pub(crate) fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     svg::check_plot_path(args.plot.as_deref())?;
     let keys = requested_keys(&args.only)?;
     let at = args.at.as_deref().map(values::parse_at).transpose()?;

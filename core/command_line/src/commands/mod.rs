@@ -1,20 +1,20 @@
 //! The commands of the program, one module each.
 
-pub mod check;
+pub(crate) mod check;
 mod compressed;
-pub mod explain;
-pub mod export;
-pub mod farm;
-pub mod format;
-pub mod help;
-pub mod info;
-pub mod join;
-pub mod lsp;
-pub mod measure;
-pub mod new;
-pub mod pack;
-pub mod plugins;
-pub mod pose;
-pub mod render;
-pub mod test;
-pub mod view;
+pub(crate) mod explain;
+pub(crate) mod export;
+pub(crate) mod farm;
+pub(crate) mod format;
+pub(crate) mod help;
+pub(crate) mod info;
+pub(crate) mod join;
+pub(crate) mod lsp;
+pub(crate) mod measure;
+pub(crate) mod new;
+pub(crate) mod pack;
+pub(crate) mod plugins;
+pub(crate) mod pose;
+pub(crate) mod render;
+pub(crate) mod test;
+pub(crate) mod view;

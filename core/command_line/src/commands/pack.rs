@@ -12,7 +12,7 @@ use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
 /// Writes and reports the archive. `options`: text of the project's `choreo.toml`.
-pub fn run(args: &PackArgs, plugins: &Registry, options: String) -> Result<(), Failure> {
+pub(crate) fn run(args: &PackArgs, plugins: &Registry, options: String) -> Result<(), Failure> {
     let PackResult { manifest, bytes, warnings } = write_pack(args, plugins, options)?;
     report_pack(args, &manifest, bytes, &warnings)
 }

@@ -13,7 +13,7 @@ use glam::{DAffine3, DMat4};
 use serde_json::{Value, json};
 use std::io::Write;
 
-pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
+pub(crate) fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
     let at = values::parse_at(&args.at)?;
     if let Some(path) = &args.mesh
         && !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))

@@ -12,7 +12,7 @@ use std::process::{Command, ExitStatus};
 use std::time::Duration;
 use std::{env, io};
 
-pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failure> {
+pub(crate) fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failure> {
     let here = env::current_exe()
         .map_err(|e| Failure::Output(format!("cannot find the path of {}: {e}", app.name)))?;
     let viewer = here.with_file_name(format!("{}-view{}", app.name, env::consts::EXE_SUFFIX));

@@ -16,7 +16,7 @@ use std::thread::JoinHandle;
 
 /// The requested device.
 #[derive(Clone, Debug)]
-pub struct DeviceRequest {
+pub(crate) struct DeviceRequest {
     pub device: Device,
     /// Part of the name of the Vulkan device.
     pub gpu: Option<String>,
@@ -33,7 +33,7 @@ impl From<Device> for DeviceRequest {
 }
 
 /// A renderer that is ready, with the reasons for its choice.
-pub struct StartedRenderer {
+pub(crate) struct StartedRenderer {
     pub renderer: Box<dyn Renderer>,
     /// The device's time, if it was requested and the device has a clock.
     pub time: Option<Arc<DeviceTime>>,
@@ -53,7 +53,7 @@ pub(crate) enum PendingRenderer {
 }
 
 /// Starts the renderer of the requested device on a thread of its own.
-pub fn start_renderer(request: impl Into<DeviceRequest>, effects: &[Effect]) -> PendingRenderer {
+pub(crate) fn start_renderer(request: impl Into<DeviceRequest>, effects: &[Effect]) -> PendingRenderer {
     let (request, effects) = (request.into(), effects.to_vec());
     let (request_of_thread, effects_of_thread) = (request.clone(), effects.clone());
     let thread = std::thread::Builder::new()
@@ -66,7 +66,7 @@ pub fn start_renderer(request: impl Into<DeviceRequest>, effects: &[Effect]) -> 
 }
 
 impl PendingRenderer {
-    pub fn wait(self) -> Result<StartedRenderer, Failure> {
+    pub(crate) fn wait(self) -> Result<StartedRenderer, Failure> {
         let failed =
             |_| Err(Failure::Device("the thread that starts the renderer failed; try --device cpu".into()));
         match self {

@@ -43,7 +43,7 @@ struct CachedFrame {
 }
 
 impl CachingRenderer {
-    pub fn new(renderer: Box<dyn Renderer>) -> CachingRenderer {
+    pub(crate) fn new(renderer: Box<dyn Renderer>) -> CachingRenderer {
         let device = renderer.device().clone();
         let shared = SharedCache {
             renderer,
@@ -67,7 +67,7 @@ impl CachingRenderer {
     }
 
     /// Begins a new render: no frame is in flight, and none has been reused.
-    pub fn begin_render(&self) -> Result<(), RenderError> {
+    pub(crate) fn begin_render(&self) -> Result<(), RenderError> {
         let mut shared = self.shared();
         shared.render_number += 1;
         shared.reused = 0;
@@ -81,7 +81,7 @@ impl CachingRenderer {
     }
 
     /// Number of frames of this render that were taken from the cache.
-    pub fn reused_frames(&self) -> u64 {
+    pub(crate) fn reused_frames(&self) -> u64 {
         self.shared().reused
     }
 

@@ -1,6 +1,6 @@
 //! Drawing frames: the device, the pipeline of threads, frames that are kept for reuse.
 
-pub mod device;
+pub(crate) mod device;
 pub(crate) mod frame_cache;
-pub mod pipeline;
+pub(crate) mod pipeline;
 pub(crate) mod png_frame;

@@ -42,7 +42,7 @@ pub(crate) enum Pixels {
 
 impl Pixels {
     /// Hands the pixels to an exporter. `repeated`: the exporter was given the same pixels before.
-    pub fn write(&self, sink: &mut dyn FrameSink, repeated: bool) -> Result<(), ExportError> {
+    pub(crate) fn write(&self, sink: &mut dyn FrameSink, repeated: bool) -> Result<(), ExportError> {
         match self {
             Pixels::Bytes(frame) if repeated => sink.repeat(frame),
             Pixels::Bytes(frame) => sink.frame(frame),
@@ -78,7 +78,7 @@ enum PlannedFrame {
 type FrontLayers = Option<Arc<LayerImage>>;
 
 /// Plans, draws and encodes frames on several threads.
-pub struct Pipeline<'a> {
+pub(crate) struct Pipeline<'a> {
     /// Frame numbers and times, in the order in which they are needed.
     pub frames: Vec<(i64, Time)>,
     pub plan: PlanAt<'a>,
@@ -139,7 +139,7 @@ impl PipelineState {
 }
 
 impl Pipeline<'_> {
-    pub fn run(self) -> Result<FrameCounts, Failure> {
+    pub(crate) fn run(self) -> Result<FrameCounts, Failure> {
         let shared = PipelineState {
             stop: AtomicBool::new(false),
             failure: Mutex::new(None),

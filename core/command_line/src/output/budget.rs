@@ -14,12 +14,12 @@ pub(crate) struct Budget {
 }
 
 impl Budget {
-    pub fn new(limit: u64) -> Budget {
+    pub(crate) fn new(limit: u64) -> Budget {
         Budget { limit, written: Arc::default() }
     }
 
     /// Wraps a writer: its bytes count against the limit, and a write beyond it fails.
-    pub fn counting_writer(&self, inner: Box<dyn Write + Send>) -> Box<dyn Write + Send> {
+    pub(crate) fn counting_writer(&self, inner: Box<dyn Write + Send>) -> Box<dyn Write + Send> {
         Box::new(CountedWriter { budget: self.clone(), inner })
     }
 }
@@ -31,7 +31,7 @@ pub(crate) struct BudgetedExporter {
 }
 
 impl BudgetedExporter {
-    pub fn new(inner: Arc<dyn Exporter>, limit: u64) -> BudgetedExporter {
+    pub(crate) fn new(inner: Arc<dyn Exporter>, limit: u64) -> BudgetedExporter {
         BudgetedExporter { inner, budget: Budget::new(limit) }
     }
 }

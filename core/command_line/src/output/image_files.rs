@@ -97,7 +97,7 @@ fn write_image_with_writer(
 }
 
 /// Frames that no complete file holds yet. A complete image with another provenance is an error, because it would be replaced.
-pub fn missing_frames(
+pub(crate) fn missing_frames(
     target: &Target,
     info: &VideoInfo,
     frames: &[(i64, Time)],
@@ -122,11 +122,11 @@ pub fn missing_frames(
 
 /// The exclusive right to make a range of numbered images. A locked file beside them prevents two renders from making the same frames,
 /// while two halves of a video can be made at the same time.
-pub struct FrameRangeClaim(#[expect(dead_code, reason = "dropping it releases the claim")] PartFile);
+pub(crate) struct FrameRangeClaim(#[expect(dead_code, reason = "dropping it releases the claim")] PartFile);
 
 impl FrameRangeClaim {
     /// Claims a range of frames. Gives `None` for targets other than numbered images.
-    pub fn take(target: &Target, first: i64, last: i64) -> Result<Option<FrameRangeClaim>, Failure> {
+    pub(crate) fn take(target: &Target, first: i64, last: i64) -> Result<Option<FrameRangeClaim>, Failure> {
         let Target::Numbered { folder, .. } = target else { return Ok(None) };
         let shown = target.display_name();
         let (failed, not_written) = (|e| output_failure(&shown, &e), |e| write_failure(&shown, e));

@@ -12,11 +12,11 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Keyword of the time of a single image: seconds of the scene's timeline.
-pub const TIME_KEYWORD: &str = "choreo:time";
+pub(crate) const TIME_KEYWORD: &str = "choreo:time";
 
 /// Provenance of an image or video. It does not depend on the range of frames, the time or the machine: the halves of a video have the
 /// provenance of the whole.
-pub fn of_render(
+pub(crate) fn of_render(
     scene: &OpenedScene,
     settings: &Settings,
     samples: u32,
@@ -95,7 +95,7 @@ fn plugin_list(scene: &OpenedScene) -> String {
 }
 
 /// The provenance of one image, with its time.
-pub fn with_time(provenance: &[(String, String)], time: Time) -> Vec<(String, String)> {
+pub(crate) fn with_time(provenance: &[(String, String)], time: Time) -> Vec<(String, String)> {
     let mut all = provenance.to_vec();
     all.push((TIME_KEYWORD.to_string(), time.as_secs().to_string()));
     all
@@ -114,7 +114,10 @@ fn format_fps(rate: FrameRate) -> String {
 }
 
 /// The differences between two renders: keyword, old value, new value.
-pub fn differences(before: &[(String, String)], now: &[(String, String)]) -> Vec<(String, String, String)> {
+pub(crate) fn differences(
+    before: &[(String, String)],
+    now: &[(String, String)],
+) -> Vec<(String, String, String)> {
     let value = |list: &[(String, String)], keyword: &str| -> String {
         let found = list.iter().find(|(k, _)| k == keyword);
         found.map_or("not known".to_string(), |(_, v)| v.clone())
@@ -132,7 +135,7 @@ pub fn differences(before: &[(String, String)], now: &[(String, String)]) -> Vec
 
 /// Refuses to resume a render that was made with other settings, and names the differences. `shown`: the output in messages;
 /// `part`: the file or folder of the stopped render.
-pub fn check_same_settings(
+pub(crate) fn check_same_settings(
     shown: &str,
     part: &Path,
     before: &[(String, String)],

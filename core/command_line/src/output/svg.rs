@@ -7,7 +7,7 @@ use choreo_files::write_whole;
 use std::path::Path;
 
 /// Checks the file name of a plot before any work is done for it.
-pub fn check_plot_path(path: Option<&Path>) -> Result<(), Failure> {
+pub(crate) fn check_plot_path(path: Option<&Path>) -> Result<(), Failure> {
     match path {
         Some(path) if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg")) => {
             // A typing error must not replace a script or a model.
@@ -19,7 +19,7 @@ pub fn check_plot_path(path: Option<&Path>) -> Result<(), Failure> {
 }
 
 /// Writes a plot. `inputs`: files of the scene, which must not be replaced.
-pub fn write_plot(path: &Path, svg: &str, inputs: &Inputs) -> Result<(), Failure> {
+pub(crate) fn write_plot(path: &Path, svg: &str, inputs: &Inputs) -> Result<(), Failure> {
     inputs.check_output(path)?;
     write_whole(path, svg.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))
 }

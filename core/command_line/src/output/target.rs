@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Target {
+pub(crate) enum Target {
     Stdout,
     File(PathBuf),
     /// A pattern such as `frames/%04d.png`: the folder, and the name around a number of `digits` digits.
@@ -33,7 +33,7 @@ pub(crate) fn check_folder_exists(path: &Path) -> Result<(), Failure> {
 }
 
 impl Target {
-    pub fn parse(text: &str) -> Result<Target, Failure> {
+    pub(crate) fn parse(text: &str) -> Result<Target, Failure> {
         if text == "-" {
             return Ok(Target::Stdout);
         }
@@ -65,7 +65,7 @@ impl Target {
     }
 
     /// Name of the target in messages.
-    pub fn display_name(&self) -> String {
+    pub(crate) fn display_name(&self) -> String {
         match self {
             Target::Stdout => "standard output".into(),
             Target::File(path) => path.display().to_string(),
@@ -76,7 +76,7 @@ impl Target {
     }
 
     /// Finds the exporter for the file extension, and refuses numbered files for a format that holds all frames in one file.
-    pub fn exporter<'r>(&self, registry: &'r Registry) -> Result<&'r Arc<dyn Exporter>, Failure> {
+    pub(crate) fn exporter<'r>(&self, registry: &'r Registry) -> Result<&'r Arc<dyn Exporter>, Failure> {
         let name = match self {
             Target::Stdout => ".y4m".to_string(),
             Target::File(path) => path.display().to_string(),
@@ -111,7 +111,7 @@ impl Target {
     }
 
     /// Fails if no output can be written there. Creates the missing folders of numbered images, and returns them, innermost last.
-    pub fn check_and_create_folders(&self) -> Result<Vec<PathBuf>, Failure> {
+    pub(crate) fn check_and_create_folders(&self) -> Result<Vec<PathBuf>, Failure> {
         match self {
             Target::Stdout if std::io::stdout().is_terminal() => Err(Failure::Usage(
                 "-o - writes video to standard output, which is a terminal; pipe it: … -o - | ffmpeg -i - out.mkv"
@@ -141,7 +141,7 @@ impl Target {
     }
 
     /// Path of the file for one frame.
-    pub fn frame_path(&self, frame: i64) -> PathBuf {
+    pub(crate) fn frame_path(&self, frame: i64) -> PathBuf {
         match self {
             Target::Stdout => PathBuf::from("-"),
             Target::File(path) => path.clone(),

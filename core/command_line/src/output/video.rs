@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// A video that is being written by an exporter.
-pub struct VideoWriter {
+pub(crate) struct VideoWriter {
     shown: String,
     sink: Box<dyn FrameSink>,
     body: MeasuredWriter,
@@ -35,7 +35,7 @@ enum BodyDestination {
 
 /// Finished frames of an earlier render, from which this one continues.
 #[derive(Default)]
-pub struct ResumedWork {
+pub(crate) struct ResumedWork {
     /// Number of finished frames, counted from the first frame of the video.
     pub finished_frames: usize,
     pub note: Option<String>,
@@ -158,7 +158,7 @@ impl VideoWriter {
     }
 
     /// Ends the video, and moves it to its place.
-    pub fn finish(self) -> Result<(), Failure> {
+    pub(crate) fn finish(self) -> Result<(), Failure> {
         let VideoWriter { shown, sink, body, destination } = self;
         let head = sink.finish().map_err(|e| export_failure(&shown, e))?;
         let ended = body.lock().out.flush().map_err(WriteError::Io).and_then(|()| match destination {
@@ -173,7 +173,7 @@ impl VideoWriter {
     }
 
     /// Ends the video after a failure. Keeps the part folder for `--resume` if it has finished frames and they are wanted.
-    pub fn end_after_failure(self, keep: bool) {
+    pub(crate) fn end_after_failure(self, keep: bool) {
         let BodyDestination::PartFolder(mut folder) = self.destination else { return };
         let wanted = folder.policy.resume || keep && !folder.policy.discard;
         if folder.finished_frames == 0 || !wanted {

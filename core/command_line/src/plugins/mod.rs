@@ -1,6 +1,6 @@
 //! Descriptions of plugin options as text, and loading of plugin files.
 
-pub mod plugin_files;
+pub(crate) mod plugin_files;
 
 use choreo_plugin::{Manifest, OptionKind, OptionSpec, OptionValue};
 

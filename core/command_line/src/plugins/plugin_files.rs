@@ -6,7 +6,7 @@ use choreo_session::plugin_files::{FolderError, Listing, list_plugin_files};
 use std::path::{Path, PathBuf};
 
 /// Registry with the given plugins and those of plugin files. Files that nothing uses are not compiled.
-pub fn registry_with_files(
+pub(crate) fn registry_with_files(
     plugins: &Registry,
     named: &[PathBuf],
     inputs: &[&Path],
@@ -15,7 +15,7 @@ pub fn registry_with_files(
 }
 
 /// Like [`registry_with_files`], with the errors of the files. Prints a note for each plugin that replaces another one of the same name.
-pub fn listing(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Listing, Failure> {
+pub(crate) fn listing(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Listing, Failure> {
     let listing = list_plugin_files(plugins, named, inputs, None).map_err(|error| match error {
         FolderError::Missing { .. } => Failure::Usage(error.to_string()),
         FolderError::Unreadable { .. } | FolderError::Link { .. } => Failure::input(error.to_string()),

@@ -16,7 +16,7 @@ static IS_POLLED: AtomicBool = AtomicBool::new(false);
 const MAX_WAIT: Duration = Duration::from_secs(3);
 
 /// Installs the handler of signals for the rest of the process.
-pub fn install() {
+pub(crate) fn install() {
     // Fails only if a handler is installed already. Without a handler, the default action of the system ends the program.
     let _ = ctrlc::set_handler(|| {
         INTERRUPTED.store(true, Ordering::SeqCst);
@@ -33,11 +33,11 @@ pub fn install() {
 }
 
 /// States whether a render polls [`is_interrupted`] between frames.
-pub fn set_polled(on: bool) {
+pub(crate) fn set_polled(on: bool) {
     IS_POLLED.store(on, Ordering::SeqCst);
 }
 
-pub fn is_interrupted() -> bool {
+pub(crate) fn is_interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
 }
 

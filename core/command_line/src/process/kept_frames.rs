@@ -11,12 +11,12 @@ fn lock_kept_frames() -> MutexGuard<'static, Option<(usize, PathBuf, String)>> {
 }
 
 /// Records that this many frames are kept in a folder if a signal ends the program now.
-pub fn set(frames: usize, folder: PathBuf, command_to_resume: String) {
+pub(crate) fn set(frames: usize, folder: PathBuf, command_to_resume: String) {
     *lock_kept_frames() = Some((frames, folder, command_to_resume));
 }
 
 /// Records that no frames are kept.
-pub fn clear() {
+pub(crate) fn clear() {
     *lock_kept_frames() = None;
 }
 

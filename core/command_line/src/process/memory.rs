@@ -19,7 +19,7 @@ static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 static IS_GUARDING: AtomicBool = AtomicBool::new(false);
 
 /// Ends the program with a message as soon as it holds more than `limit` bytes.
-pub fn start_guard(limit: u64) {
+pub(crate) fn start_guard(limit: u64) {
     if in_use() == 0 {
         return;
     }
@@ -35,7 +35,7 @@ pub fn start_guard(limit: u64) {
 }
 
 /// Stops the guard until the next [`start_guard`].
-pub fn stop_guard() {
+pub(crate) fn stop_guard() {
     IS_GUARDING.store(false, Ordering::SeqCst);
 }
 

@@ -1,9 +1,9 @@
 //! The process: threads, memory, signals, panics.
 
 pub(crate) mod interrupt;
-pub mod kept_frames;
+pub(crate) mod kept_frames;
 pub(crate) mod machine;
-pub mod memory;
-pub mod panics;
-pub mod scratch;
-pub mod threads;
+pub(crate) mod memory;
+pub(crate) mod panics;
+pub(crate) mod scratch;
+pub(crate) mod threads;

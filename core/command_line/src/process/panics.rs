@@ -13,7 +13,7 @@ static LATEST_PANIC: Mutex<Option<String>> = Mutex::new(None);
 const SCOPE_PANIC_TEXT: &str = "a scoped thread panicked";
 
 /// Records panics instead of printing them. With RUST_BACKTRACE they are also printed.
-pub fn install() {
+pub(crate) fn install() {
     set_exit_code_of_abort();
     let is_backtrace_wanted = std::env::var_os("RUST_BACKTRACE").is_some_and(|value| value != "0");
     let previous_hook = is_backtrace_wanted.then(take_hook);

@@ -15,13 +15,13 @@ const DRIVER_THREADS: usize = 4;
 static THREADS_FOR_A_DRIVER: OnceLock<bool> = OnceLock::new();
 
 /// Number of threads that run at the same time on this machine.
-pub fn cores() -> usize {
+pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Starts the threads of the pool for all parallel work: `requested`, or as many as the system allows. Room is left for the threads that are
 /// started later.
-pub fn start_pool(requested: Option<usize>) -> Result<(), Failure> {
+pub(crate) fn start_pool(requested: Option<usize>) -> Result<(), Failure> {
     let requested = requested.unwrap_or_else(cores).max(1);
     let held: Vec<HeldThread> = (0..RESERVED_THREADS)
         .map_while(|i| hold_thread(if i == 0 { SCRIPT_STACK_BYTES } else { 2 << 20 }))

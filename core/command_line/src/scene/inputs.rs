@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// Input files of a scene, by identity.
 #[derive(Debug, Default)]
-pub struct Inputs {
+pub(crate) struct Inputs {
     /// Input files by device and inode, so that symbolic links, hard links and other spellings of a path make no difference.
     files: BTreeMap<Identity, PathBuf>,
     /// The folder of the script or model, canonical.
@@ -16,7 +16,7 @@ pub struct Inputs {
 
 impl Inputs {
     /// `files`: the script or model, and all files read for it, including those of used plugins.
-    pub fn new(files: impl IntoIterator<Item = PathBuf>) -> Inputs {
+    pub(crate) fn new(files: impl IntoIterator<Item = PathBuf>) -> Inputs {
         let files = files.into_iter().filter_map(|path| Some((Identity::of(&path)?, path))).collect();
         Inputs { files, scene_folder: None }
     }
@@ -28,7 +28,7 @@ impl Inputs {
 
     /// Refuses an output that is an input, whose temporary file is an input, or whose path leaves the scene's folder through a symbolic
     /// link.
-    pub fn check_output(&self, output: &Path) -> Result<(), Failure> {
+    pub(crate) fn check_output(&self, output: &Path) -> Result<(), Failure> {
         if let Some(link) = self.scene_folder.as_deref().and_then(|folder| escaping_link(output, folder)) {
             return Err(Failure::Output(format!(
                 "{}: cannot write: {} is a symbolic link that leads out of the scene's folder; remove it, or name the folder it leads to",

@@ -1,8 +1,8 @@
 //! Opens the script or model of the command line as a stage.
 
-pub mod inputs;
-pub mod model;
-pub mod opening;
+pub(crate) mod inputs;
+pub(crate) mod model;
+pub(crate) mod opening;
 pub(crate) mod pack;
 pub(crate) mod rows;
 
@@ -28,7 +28,7 @@ use std::sync::Arc;
 pub(crate) const NO_CLIPS_WARNING: &str = "no clips: one frame";
 
 /// A scene that is ready to be evaluated, with its warnings and the files that it was made from.
-pub struct OpenedScene {
+pub(crate) struct OpenedScene {
     /// File name without folders.
     pub name: String,
     pub stage: Arc<Stage>,
@@ -57,12 +57,16 @@ pub struct OpenedScene {
 }
 
 /// Registry with the given plugins, and those of plugin files beside the input or in folders named on the command line.
-pub fn registry_with_plugin_files(args: &SceneArgs, plugins: &Registry) -> Result<Registry, Failure> {
+pub(crate) fn registry_with_plugin_files(args: &SceneArgs, plugins: &Registry) -> Result<Registry, Failure> {
     plugin_files::registry_with_files(plugins, &args.import.plugins, &[&args.input])
 }
 
 /// Opens the script, or the model, of the command line.
-pub fn open(args: &SceneArgs, registry: &Registry, opening: OpenOptions) -> Result<OpenedScene, Failure> {
+pub(crate) fn open(
+    args: &SceneArgs,
+    registry: &Registry,
+    opening: OpenOptions,
+) -> Result<OpenedScene, Failure> {
     let limits = values::parse_limits(&args.limit)?;
     memory::start_guard(limits.memory);
     let set = args.set.iter().map(|text| values::split_name_value("--set", text));
@@ -217,7 +221,7 @@ fn asset_warnings(stage: &Stage) -> Vec<String> {
 }
 
 /// Warnings of an asset as text, each with the place that it concerns.
-pub fn warning_texts(asset: &choreo_asset::Asset) -> Vec<String> {
+pub(crate) fn warning_texts(asset: &choreo_asset::Asset) -> Vec<String> {
     let text = |w: &choreo_asset::Warning| match w.place.is_empty() {
         true => format!("{}: warning: {}", asset.name, w.text),
         false => format!("{}: {}: warning: {}", asset.name, w.place, w.text),

@@ -9,7 +9,7 @@ use choreo_asset::Asset;
 use choreo_files::{FileError, containing_folder};
 use choreo_plugin::Registry;
 use choreo_script::{ImportChoice, Imports, Limits, LoadError, Loader, RunDependencies, did_you_mean};
-pub use choreo_session::model::{is_built_in, list};
+pub(crate) use choreo_session::model::{is_built_in, list};
 use choreo_stage::Stage;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -62,7 +62,7 @@ fn sorted_file_names(folder: &Path) -> Vec<String> {
 }
 
 /// Reads the first bytes of the file: enough for its importer to recognize it, and for the index of a video.
-pub fn read_first_bytes(path: &Path) -> Result<Vec<u8>, Failure> {
+pub(crate) fn read_first_bytes(path: &Path) -> Result<Vec<u8>, Failure> {
     let mut head = Vec::new();
     if is_built_in(path) {
         return Ok(head);
@@ -92,7 +92,7 @@ pub(crate) fn import_choice(args: &ImportArgs) -> Result<ImportChoice, Failure> 
 }
 
 /// Imports a model under the same restrictions as a script's `load(…)`: it may read its own folder and the search folders.
-pub fn import(
+pub(crate) fn import(
     path: &Path,
     search: &[PathBuf],
     choice: &ImportChoice,
@@ -137,6 +137,6 @@ pub fn import(
 }
 
 /// Places a model on a stage of its own, as [`choreo_session::model::stage`] does.
-pub fn stage_with_model(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, Failure> {
+pub(crate) fn stage_with_model(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, Failure> {
     choreo_session::model::stage(asset, clip).map_err(|e| Failure::input(e.to_string()))
 }

@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// Options for opening a scene.
 #[derive(Clone, Copy, Debug)]
-pub struct OpenOptions<'a> {
+pub(crate) struct OpenOptions<'a> {
     /// Parts of assets that the command needs.
     pub requested_parts: ImportScope,
     /// Whether no progress is shown.
@@ -36,13 +36,13 @@ impl OpenOptions<'_> {
 
 /// State kept between openings of the same input: the assets, and the files that the last opening read, even if it failed.
 #[derive(Debug, Default)]
-pub struct ReopenState {
+pub(crate) struct ReopenState {
     pub assets: AssetCache,
     dependencies: Mutex<RunDependencies>,
 }
 
 impl ReopenState {
-    pub fn dependencies(&self) -> RunDependencies {
+    pub(crate) fn dependencies(&self) -> RunDependencies {
         self.dependencies.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 

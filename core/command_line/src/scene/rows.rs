@@ -24,7 +24,7 @@ pub(crate) struct ParameterRow {
 
 impl ParameterRow {
     /// Arguments of a scene with these parameters, which override those of `--set`.
-    pub fn scene_args(&self, args: &SceneArgs) -> SceneArgs {
+    pub(crate) fn scene_args(&self, args: &SceneArgs) -> SceneArgs {
         let own = self.values.iter().filter(|(name, _)| !name.starts_with(OUTPUT_ONLY_PREFIX));
         let mut set = args.set.clone();
         set.retain(|text| !self.values.contains_key(values::name_of(text)));

@@ -12,10 +12,10 @@ const SHOW_DELAY: Duration = Duration::from_millis(300);
 const UPDATE_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Shows the bar while this value lives, and clears its line on drop.
-pub struct ImportBar(Option<(Sender<()>, JoinHandle<()>)>);
+pub(crate) struct ImportBar(Option<(Sender<()>, JoinHandle<()>)>);
 
 impl ImportBar {
-    pub fn for_imports(imports: &Imports, quiet: bool) -> ImportBar {
+    pub(crate) fn for_imports(imports: &Imports, quiet: bool) -> ImportBar {
         if quiet || !std::io::stderr().is_terminal() {
             return ImportBar(None);
         }

@@ -1,10 +1,10 @@
 //! Output on a terminal: lines, JSON, progress bars.
 
 pub(crate) mod import_bar;
-pub mod json;
-pub mod page;
-pub mod pages;
-pub mod progress;
+pub(crate) mod json;
+pub(crate) mod page;
+pub(crate) mod pages;
+pub(crate) mod progress;
 pub(crate) mod width;
 
 /// Formats a number with its noun: "1 frame", "2 frames", "2 meshes".

@@ -8,22 +8,22 @@ use std::fmt::Arguments;
 pub(crate) struct Page(String);
 
 impl Page {
-    pub fn line(&mut self, line: Arguments<'_>) {
+    pub(crate) fn line(&mut self, line: Arguments<'_>) {
         self.0.push_str(&printable_line(&line.to_string()));
         self.0.push('\n');
     }
 
     /// Adds a line for each item.
-    pub fn lines(&mut self, items: impl IntoIterator<Item = impl std::fmt::Display>) {
+    pub(crate) fn lines(&mut self, items: impl IntoIterator<Item = impl std::fmt::Display>) {
         items.into_iter().for_each(|item| self.line(format_args!("{item}")));
     }
 
     /// Adds text whose lines are safe already.
-    pub fn text(&mut self, text: &str) {
+    pub(crate) fn text(&mut self, text: &str) {
         self.0.push_str(text);
     }
 
-    pub fn as_str(&self) -> &str {
+    pub(crate) fn as_str(&self) -> &str {
         &self.0
     }
 }

@@ -5,7 +5,7 @@ use crate::App;
 use choreo_script::help::{Call, words_occur_in_singular_or_plural};
 
 /// A page: path in the sources, and text.
-pub type PageText = (&'static str, &'static str);
+pub(crate) type PageText = (&'static str, &'static str);
 
 /// Pages about the parts that every program on choreo has.
 const COMMON_PAGES: [PageText; 5] = [
@@ -28,12 +28,12 @@ fn all_pages(app: &App) -> impl Iterator<Item = PageText> + Clone {
 }
 
 /// Paths of all pages.
-pub fn page_paths(app: &App) -> impl Iterator<Item = &'static str> {
+pub(crate) fn page_paths(app: &App) -> impl Iterator<Item = &'static str> {
     all_pages(app).map(|(path, _)| path)
 }
 
 /// Text of the page with this path. The end of a path is enough if no other page's path ends so: `API.md`, `film_grain/README.md`.
-pub fn page_text(app: &App, name: &str) -> Option<&'static str> {
+pub(crate) fn page_text(app: &App, name: &str) -> Option<&'static str> {
     let name = name.trim_start_matches("./");
     let exact = all_pages(app).find(|(path, _)| *path == name);
     let mut ending = all_pages(app).filter(|(path, _)| path.ends_with(&format!("/{name}")));
@@ -42,7 +42,7 @@ pub fn page_text(app: &App, name: &str) -> Option<&'static str> {
 }
 
 /// Headings that contain all words of a term, and table rows about functions and rules of that name.
-pub fn search_pages(app: &App, term: &str) -> Vec<Call> {
+pub(crate) fn search_pages(app: &App, term: &str) -> Vec<Call> {
     let searched = |(path, _): &PageText| *path != REFERENCE_PAGE && path.ends_with(".md");
     all_pages(app).filter(searched).flat_map(|page| search_page(page, term)).collect()
 }

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Progress of a render, as a bar or as lines of JSON.
-pub struct Progress(Option<ProgressBar>, Option<JsonLines>);
+pub(crate) struct Progress(Option<ProgressBar>, Option<JsonLines>);
 
 struct JsonLines {
     frames: u64,
@@ -15,11 +15,11 @@ struct JsonLines {
 
 impl Progress {
     /// Writes a line such as `{"done":1,"frames":90}` to standard error for each frame.
-    pub fn json_lines(frames: u64) -> Progress {
+    pub(crate) fn json_lines(frames: u64) -> Progress {
         Progress(None, Some(JsonLines { frames, done: AtomicU64::new(0) }))
     }
 
-    pub fn new(frames: u64, quiet: bool) -> Progress {
+    pub(crate) fn new(frames: u64, quiet: bool) -> Progress {
         use std::io::IsTerminal;
         if quiet || frames < 2 || !std::io::stderr().is_terminal() {
             return Progress(None, None);
@@ -35,7 +35,7 @@ impl Progress {
         Progress(Some(bar), None)
     }
 
-    pub fn step(&self) {
+    pub(crate) fn step(&self) {
         if let Some(bar) = &self.0 {
             bar.inc(1);
         }
@@ -47,7 +47,7 @@ impl Progress {
     }
 
     /// Clears the bar, so that the next output starts on an empty line.
-    pub fn clear(&self) {
+    pub(crate) fn clear(&self) {
         if let Some(bar) = &self.0 {
             bar.finish_and_clear();
         }

@@ -83,7 +83,7 @@ fn is_plain(actor: &Actor, index: usize, cue: &Cue) -> bool {
 /// cut within a segment, or if curves of one joint differ in interpolation.
 type Keys<'a> = (Vec<Vec<Time>>, Vec<Track>, Vec<(u32, Path, Vec<f32>)>, KeyTracks<'a>);
 
-pub fn keys<'a>(actor: &'a Actor, start: Time, end: Time) -> Option<Keys<'a>> {
+pub(super) fn keys<'a>(actor: &'a Actor, start: Time, end: Time) -> Option<Keys<'a>> {
     let cues = actor.layers.first().map_or(&[][..], |layer| &layer.cues[..]);
     let stretches = actor.layers.first().map_or(Vec::new(), |layer| timeline_stretches(layer, start, end));
     let played: Vec<usize> = {
@@ -392,7 +392,7 @@ pub(crate) fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec
 }
 
 /// Identifies the motion of an actor that plays its clips unchanged: two actors of one asset that move alike have the same identity.
-pub fn identity(actor: &Actor) -> Vec<u64> {
+pub(super) fn identity(actor: &Actor) -> Vec<u64> {
     let mut out = vec![std::sync::Arc::as_ptr(&actor.asset) as u64];
     for cue in actor.layers.first().iter().flat_map(|layer| &layer.cues) {
         let clip: *const Clip = std::sync::Arc::as_ptr(&cue.clip);

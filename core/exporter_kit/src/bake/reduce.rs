@@ -238,7 +238,7 @@ fn reduce_greedy(count: usize, mut fits: impl FnMut(usize, usize) -> bool) -> Ve
 }
 
 /// Keys of a signal in some rows: each is as far from the one before as linear interpolation between both stays near enough.
-pub fn series(signal: &Signal, rows: &[&Row]) -> Series {
+pub(super) fn series(signal: &Signal, rows: &[&Row]) -> Series {
     let value = |row: usize| &rows[row].values[signal.offset..][..signal.width];
     let mut out = Series { width: signal.width, ..Series::default() };
     let Some(last) = rows.len().checked_sub(1) else { return out };

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// An actor whose rig is sampled.
 #[derive(Clone, Copy, Debug)]
-pub struct SampledActor {
+pub(super) struct SampledActor {
     pub actor: usize,
     /// The joints are sampled as well, not only the actor's transform.
     pub pose: bool,
@@ -25,12 +25,12 @@ pub struct SampledActor {
     pub reach: f32,
 }
 
-pub struct Row {
+pub(crate) struct Row {
     pub time: Time,
     pub values: Vec<f32>,
 }
 
-pub struct Sampler<'a> {
+pub(super) struct Sampler<'a> {
     stage: &'a Stage,
     evaluator: Evaluator,
     pub signals: Vec<Signal>,
@@ -57,7 +57,7 @@ const MAX_KEYS_PER_FRAME: usize = 8;
 const MAX_ADDED_SAMPLES: usize = 128;
 
 impl<'a> Sampler<'a> {
-    pub fn new(
+    pub(super) fn new(
         stage: &'a Arc<Stage>,
         signals: Vec<Signal>,
         actors: Vec<SampledActor>,
@@ -71,14 +71,14 @@ impl<'a> Sampler<'a> {
     }
 
     /// Count of numbers in a row.
-    pub fn width(signals: &[Signal], actors: &[SampledActor]) -> usize {
+    pub(super) fn width(signals: &[Signal], actors: &[SampledActor]) -> usize {
         let of_signals = signals.last().map_or(0, |last| last.offset + last.width);
         actors.last().map_or(of_signals, |last| last.offset + last.joints * STRIDE)
     }
 
     /// Rows at these times, which increase, and between them where needed. Parts of the timeline are sampled on all cores: the rows between
     /// two of the times depend on nothing else.
-    pub fn rows(&self, times: &[Time]) -> Result<Vec<Row>, StageError> {
+    pub(super) fn rows(&self, times: &[Time]) -> Result<Vec<Row>, StageError> {
         let last = times.len().saturating_sub(1);
         let step = last.div_ceil(PARTS).max(1);
         let parts: Vec<&[Time]> =

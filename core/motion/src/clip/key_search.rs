@@ -28,7 +28,7 @@ pub(crate) struct Interval {
 
 impl Timeline {
     /// `times`: strictly increasing, at least one.
-    pub fn new(times: Arc<[Time]>) -> Timeline {
+    pub(crate) fn new(times: Arc<[Time]>) -> Timeline {
         let count = times.len();
         let span = (times[count - 1] - times[0]).0;
         if span <= 0 {
@@ -60,7 +60,7 @@ impl Timeline {
 
     /// Always inlined: as plain SSE code that is called from AVX code, it took 1.5 times as long.
     #[inline(always)]
-    pub fn find(&self, time: Time) -> Interval {
+    pub(crate) fn find(&self, time: Time) -> Interval {
         let times = &self.times;
         let last = times.len() - 1;
         if time <= times[0] {

@@ -47,23 +47,23 @@ pub(crate) struct PackedColumn {
 }
 
 impl Packed {
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.strides.is_empty()
     }
 
     /// (block, channel, lanes) of all columns.
-    pub fn columns(&self) -> impl Iterator<Item = &Column> {
+    pub(crate) fn columns(&self) -> impl Iterator<Item = &Column> {
         self.strides.iter().flat_map(|s| &s.columns).map(|c| &c.column)
     }
 
     /// Joints that a column drives.
-    pub fn joints(&self, column: &Column, joint_count: usize) -> Vec<u32> {
+    pub(crate) fn joints(&self, column: &Column, joint_count: usize) -> Vec<u32> {
         let drives = |lane: &usize| column.mask.is_none_or(|m| m.0[*lane].to_bits() != 0);
         let joint = |lane: usize| column.block * LANES as u32 + lane as u32;
         (0..LANES).filter(drives).map(joint).filter(|j| (*j as usize) < joint_count).collect()
     }
 
-    pub fn stored_bytes(&self) -> usize {
+    pub(crate) fn stored_bytes(&self) -> usize {
         let bytes_of_stride = |s: &Stride| {
             let ranges =
                 s.columns.iter().map(|c| (8 + 3) * LANES * c.column.channel.width() + 8).sum::<usize>();
@@ -73,7 +73,7 @@ impl Packed {
     }
 
     /// The curves as decoded, LINEAR, with keys at all frames.
-    pub fn decoded(&self, joint_count: usize) -> Vec<Curve> {
+    pub(crate) fn decoded(&self, joint_count: usize) -> Vec<Curve> {
         let times: Arc<[Time]> =
             (0..self.frames as i64).map(|k| Time(self.start.0 + k * self.step)).collect();
         let mut curves: Vec<Curve> = Vec::new();

@@ -76,7 +76,10 @@ pub(crate) fn can_pack(curve: &Curve) -> bool {
 impl SeparateKeyTimes {
     /// Packs curves of one interpolation, linear or cubic, all of which pass [`can_pack`]. `members`: block, channel and curve
     /// indices.
-    pub fn pack<'a>(curves: &'a [Curve], members: impl Iterator<Item = (u32, Channel, &'a [usize])>) -> Self {
+    pub(crate) fn pack<'a>(
+        curves: &'a [Curve],
+        members: impl Iterator<Item = (u32, Channel, &'a [usize])>,
+    ) -> Self {
         let mut packed = SeparateKeyTimes { entries_per_key: 1, ..SeparateKeyTimes::default() };
         // The first interval of each lane.
         let mut firsts: Vec<[u32; LANES]> = Vec::new();
@@ -153,7 +156,7 @@ impl SeparateKeyTimes {
     }
 
     #[inline(always)]
-    pub fn sample<F: F8>(&self, time: Time, blocks: &mut [PoseBlock]) {
+    pub(crate) fn sample<F: F8>(&self, time: Time, blocks: &mut [PoseBlock]) {
         if self.columns.is_empty() {
             return;
         }

@@ -31,7 +31,7 @@ pub(crate) enum Channel {
 }
 
 impl Channel {
-    pub fn of(path: Path) -> Option<Channel> {
+    pub(crate) fn of(path: Path) -> Option<Channel> {
         match path {
             Path::Translation => Some(Channel::Translation),
             Path::Rotation => Some(Channel::Rotation),
@@ -40,12 +40,12 @@ impl Channel {
         }
     }
 
-    pub fn width(self) -> usize {
+    pub(crate) fn width(self) -> usize {
         if self == Channel::Rotation { 4 } else { 3 }
     }
 
     #[inline(always)]
-    pub fn rows(self, block: &mut PoseBlock) -> &mut [Lane] {
+    pub(crate) fn rows(self, block: &mut PoseBlock) -> &mut [Lane] {
         match self {
             Channel::Translation => &mut block.translation,
             Channel::Rotation => &mut block.rotation,
@@ -162,7 +162,7 @@ impl Tracks {
         &self.constants[..scales]
     }
 
-    pub fn pack(joint_count: usize, curves: &[Curve], packed: Option<&Arc<Packed>>) -> Tracks {
+    pub(crate) fn pack(joint_count: usize, curves: &[Curve], packed: Option<&Arc<Packed>>) -> Tracks {
         let mut driven = [0usize; 3];
         let mut unit_scale = true;
         let mut constants: BTreeMap<(Channel, u32), Lanes> = BTreeMap::new();

@@ -40,7 +40,7 @@ pub(super) struct CurveFit {
 }
 
 impl CurveFits {
-    pub fn new(clip: &Clip, grid: &Grid) -> CurveFits {
+    pub(super) fn new(clip: &Clip, grid: &Grid) -> CurveFits {
         let solvers: Vec<Solver> = STRIDES.iter().map(|s| Solver::new(grid.frames, *s)).collect();
         let fit = |curve: &Curve| {
             let values = grid.values(curve);
@@ -58,12 +58,12 @@ impl CurveFits {
         CurveFits(clip.curves().iter().map(|curve| is_packable(curve).then(|| fit(curve))).collect())
     }
 
-    pub fn fit_of(&self, curve: usize) -> Option<&CurveFit> {
+    pub(super) fn fit_of(&self, curve: usize) -> Option<&CurveFit> {
         self.0.get(curve)?.as_ref()
     }
 
     /// The curve with LINEAR keys at the grid's times, for curves that packing does not make smaller.
-    pub fn resampled_curve(&self, curve: &Curve, index: usize, times: &Arc<[Time]>) -> Curve {
+    pub(super) fn resampled_curve(&self, curve: &Curve, index: usize, times: &Arc<[Time]>) -> Curve {
         let width = curve.path.width();
         let Some(fit) = self.fit_of(index) else { return curve.clone() };
         let values = fit.values.iter().flat_map(|v| v[..width].iter().map(|c| *c as f32)).collect();
@@ -74,7 +74,7 @@ impl CurveFits {
 
 impl CurveFit {
     /// The first value, if all values are within the tolerance of it.
-    pub fn constant(&self, allowed: f64) -> Option<&[f64]> {
+    pub(super) fn constant(&self, allowed: f64) -> Option<&[f64]> {
         let first = self.values.first()?;
         let is_constant = self.values.iter().all(|v| doubled_distance(v, first) <= allowed);
         is_constant.then(|| &first[..])

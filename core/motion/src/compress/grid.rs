@@ -25,7 +25,7 @@ pub(super) fn is_packable(curve: &Curve) -> bool {
 
 impl Grid {
     /// Grids to try, the coarsest first.
-    pub fn candidates(clip: &Clip) -> Vec<Grid> {
+    pub(super) fn candidates(clip: &Clip) -> Vec<Grid> {
         let times = || clip.curves().iter().filter(|c| is_packable(c)).flat_map(|c| c.times.iter().copied());
         let (Some(start), Some(end)) = (times().min(), times().max()) else { return Vec::new() };
         let length = (end - start).0;
@@ -48,12 +48,12 @@ impl Grid {
             .collect()
     }
 
-    pub fn times(&self) -> impl Iterator<Item = Time> + '_ {
+    pub(super) fn times(&self) -> impl Iterator<Item = Time> + '_ {
         (0..self.frames).map(|frame| Time(self.start.0.saturating_add(frame as i64 * self.step)))
     }
 
     /// Values of a curve at all times of the grid, in f64; each rotation is in the hemisphere of the one before.
-    pub fn values(&self, curve: &Curve) -> Vec<[f64; 4]> {
+    pub(super) fn values(&self, curve: &Curve) -> Vec<[f64; 4]> {
         let mut values: Vec<[f64; 4]> =
             self.times().map(|t| curve_at(curve, nearest_key(curve, t))).collect();
         if curve.path == Path::Rotation {

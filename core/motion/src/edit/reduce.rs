@@ -175,7 +175,7 @@ pub(crate) struct JointReach {
 }
 
 impl JointReach {
-    pub fn of(skeleton: &Skeleton) -> JointReach {
+    pub(crate) fn of(skeleton: &Skeleton) -> JointReach {
         let rest = ModelRestPose::of(skeleton);
         let mut distance = vec![0.0f64; skeleton.len()];
         for joint in (0..skeleton.len()).rev() {

@@ -19,7 +19,7 @@ use glam::DVec3;
 const MAX_VELOCITY_DECAY_SECS: f64 = 0.2;
 
 /// The remaining length of an offset at time `t` of `duration` seconds. `x0` ≥ 0 is its length and `v0` its velocity along its direction.
-pub fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
+pub(crate) fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
     let mut end = duration;
     if v0 < 0.0 {
         end = end.min(-5.0 * x0 / v0);

@@ -110,7 +110,7 @@ impl<L: LocalTransforms> Kernel for ComputeMatrices<'_, L> {
 
 impl<L: LocalTransforms> ComputeMatrices<'_, L> {
     #[inline(always)]
-    pub fn compute<F: F8>(self) {
+    pub(crate) fn compute<F: F8>(self) {
         let ComputeMatrices { by_depth, locals, out } = self;
         let out = as_columns_mut(out);
         // Local matrices come first, eight at a time; then each is multiplied by its parent's. Taking the joints by depth made

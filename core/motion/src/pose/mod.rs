@@ -1,9 +1,9 @@
 //! Poses: the local transforms of all joints of a skeleton at one time, structure-of-arrays.
 
-pub mod additive;
-pub mod blend;
-pub mod inertialization;
-pub mod local_to_model;
+pub(crate) mod additive;
+pub(crate) mod blend;
+pub(crate) mod inertialization;
+pub(crate) mod local_to_model;
 pub(crate) mod weighted_blend;
 
 use crate::math::transform::Transform;
@@ -24,7 +24,7 @@ pub(crate) struct PoseBlock {
 }
 
 impl PoseBlock {
-    pub const IDENTITY: PoseBlock = PoseBlock {
+    pub(crate) const IDENTITY: PoseBlock = PoseBlock {
         translation: [Lane::splat(0.0); 3],
         rotation: [Lane::splat(0.0), Lane::splat(0.0), Lane::splat(0.0), Lane::splat(1.0)],
         scale: [Lane::splat(1.0); 3],

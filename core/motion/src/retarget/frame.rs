@@ -52,7 +52,7 @@ impl ModelPose {
 
 impl RetargetBuffers {
     /// Buffers for one clip.
-    pub fn new(retarget: &Retarget, clip: &Clip) -> RetargetBuffers {
+    pub(super) fn new(retarget: &Retarget, clip: &Clip) -> RetargetBuffers {
         let mut frame = RetargetBuffers {
             pose: Pose::rest(retarget.from),
             source: ModelPose::default(),
@@ -71,14 +71,14 @@ impl RetargetBuffers {
     }
 
     /// Poses the source at a time of the clip, and retargets the pose to the target.
-    pub fn pose_at(&mut self, retarget: &Retarget, clip: &Clip, time: Time) {
+    pub(super) fn pose_at(&mut self, retarget: &Retarget, clip: &Clip, time: Time) {
         self.raised = self.lift.as_ref().map_or(0.0, |lift| lift.at(time));
         self.pose_source(retarget, clip, time);
         self.pose_target(retarget);
     }
 
     /// The clearance of the feet at a time of the clip.
-    pub fn clearance_at(&mut self, retarget: &Retarget, clip: &Clip, time: Time) -> Clearance {
+    pub(super) fn clearance_at(&mut self, retarget: &Retarget, clip: &Clip, time: Time) -> Clearance {
         self.raised = 0.0;
         self.pose_source(retarget, clip, time);
         self.pose_target(retarget);

@@ -59,7 +59,7 @@ pub(super) struct Lift {
 
 impl Lift {
     /// Computes the lift of a clip, whose poses come from `frame`.
-    pub fn new(retarget: &Retarget, clip: &Clip, frame: &mut RetargetBuffers) -> Lift {
+    pub(super) fn new(retarget: &Retarget, clip: &Clip, frame: &mut RetargetBuffers) -> Lift {
         let secs = clip.duration.as_secs();
         let steps = (secs * SAMPLES_PER_SECOND).ceil().clamp(1.0, MAX_SAMPLES);
         let step_secs = secs / steps;
@@ -74,7 +74,7 @@ impl Lift {
     }
 
     /// Lift at a time of the clip, metres: a cubic between two samples, through four.
-    pub fn at(&self, time: Time) -> f64 {
+    pub(super) fn at(&self, time: Time) -> f64 {
         let last = self.raised.len() - 1;
         if last == 0 {
             return self.raised[0];

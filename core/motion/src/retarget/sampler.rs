@@ -23,7 +23,7 @@ pub(super) struct Sampler<'a> {
 
 impl Sampler<'_> {
     /// Samples at `times` and between them. Returns false if the limit of keys was reached before the tolerance.
-    pub fn run(&mut self, times: BTreeSet<Time>) -> bool {
+    pub(super) fn run(&mut self, times: BTreeSet<Time>) -> bool {
         let max_keys = MAX_SAMPLED_KEYS / (self.rotating.len() + self.translating.len()).max(1);
         let mut enough = true;
         for time in times {

@@ -35,7 +35,7 @@ struct PairedBone {
 impl HumanoidPair {
     /// Pairs the bones of two skeletons. A skeleton without a [`Humanoid`] gets the one that its names indicate, at rest in a
     /// T-pose.
-    pub fn new(from: &Skeleton, to: &Skeleton) -> HumanoidPair {
+    pub(super) fn new(from: &Skeleton, to: &Skeleton) -> HumanoidPair {
         let humanoid = |s: &Skeleton| s.humanoid().cloned().unwrap_or_else(|| Humanoid::from_names(s));
         let (source, target) = (humanoid(from), humanoid(to));
         let (source_pose, target_pose) = (source.model_from_t_pose(from), target.model_from_t_pose(to));
@@ -63,17 +63,17 @@ impl HumanoidPair {
     }
 
     /// Pairs of source joint and target joint.
-    pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+    pub(super) fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         self.bones.iter().map(|(from, common)| (*from, common.to))
     }
 
     /// The bone of a source joint, and the target's joint for it.
-    pub fn bone(&self, from: u32) -> Option<(HumanBone, u32)> {
+    pub(super) fn bone(&self, from: u32) -> Option<(HumanBone, u32)> {
         self.bones.get(&from).map(|c| (c.bone, c.to))
     }
 
     /// Transfers a curve to the target's joint. `None` if it would change the length of a bone, or if a key would not be finite.
-    pub fn transfer(&self, curve: &Curve, bone: HumanBone) -> Option<Curve> {
+    pub(super) fn transfer(&self, curve: &Curve, bone: HumanBone) -> Option<Curve> {
         let common = self.bones.get(&curve.joint).filter(|c| c.bone == bone)?;
         let joint = common.to;
         match (curve.path, &common.position_map) {

@@ -9,19 +9,19 @@ pub(crate) struct Indices<'a> {
 
 impl<'a> Indices<'a> {
     #[inline(always)]
-    pub fn new(all: &'a [u16]) -> Self {
+    pub(crate) fn new(all: &'a [u16]) -> Self {
         // The fold has no early exit, so that it is vectorized.
         Indices { all, largest: all.iter().copied().fold(0, u16::max) }
     }
 
     /// A part of the indices. Panics if the range is beyond the last one.
     #[inline(always)]
-    pub fn subrange(&self, range: std::ops::Range<usize>) -> Self {
+    pub(crate) fn subrange(&self, range: std::ops::Range<usize>) -> Self {
         Indices { all: &self.all[range], largest: self.largest }
     }
 
     #[inline(always)]
-    pub fn as_slice(&self) -> &'a [u16] {
+    pub(crate) fn as_slice(&self) -> &'a [u16] {
         self.all
     }
 }
@@ -36,7 +36,7 @@ pub(crate) struct Indexed<'a, T> {
 impl<'a, T> Indexed<'a, T> {
     /// Panics if the largest index is out of range.
     #[inline(always)]
-    pub fn new(items: &'a [T], Indices { all, largest }: Indices<'a>) -> Self {
+    pub(crate) fn new(items: &'a [T], Indices { all, largest }: Indices<'a>) -> Self {
         assert!(
             usize::from(largest) < items.len() || all.is_empty(),
             "joint {largest} is out of range: {} joints",
@@ -47,7 +47,7 @@ impl<'a, T> Indexed<'a, T> {
 
     /// The item of index number `at`. Panics beyond the last index.
     #[inline(always)]
-    pub fn get(&self, at: usize) -> &'a T {
+    pub(crate) fn get(&self, at: usize) -> &'a T {
         // SAFETY: as in `get_four`.
         unsafe { self.items.get_unchecked(usize::from(self.indices[at])) }
     }
@@ -57,7 +57,7 @@ impl<'a, T> Indexed<'a, T> {
     /// One load replaces four, and no index is checked by itself: kernels that gather wait for loads more than for
     /// arithmetic (skinning by four joints took 3.4 ns a vertex with both, else 4.0).
     #[inline(always)]
-    pub fn get_four(&self, four: usize) -> [&'a T; 4] {
+    pub(crate) fn get_four(&self, four: usize) -> [&'a T; 4] {
         let indices = &self.indices.as_chunks::<4>().0[four];
         // SAFETY: both are eight bytes, and any eight are a number.
         let packed_indices = unsafe { std::mem::transmute::<[u16; 4], u64>(indices.map(u16::to_le)) }.to_le();

@@ -9,7 +9,7 @@ pub(crate) const LANES: usize = 8;
 pub(crate) struct Lane(pub [f32; LANES]);
 
 impl Lane {
-    pub const fn splat(v: f32) -> Lane {
+    pub(crate) const fn splat(v: f32) -> Lane {
         Lane([v; LANES])
     }
 }

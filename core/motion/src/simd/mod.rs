@@ -13,7 +13,7 @@ mod avx;
 mod avx512;
 mod fused;
 mod indexed;
-pub mod lane;
+pub(crate) mod lane;
 mod portable;
 mod streams;
 mod vertices;
@@ -133,7 +133,7 @@ pub(crate) struct Bits {
 
 impl Bits {
     /// Layout for the given number of bits of each lane.
-    pub fn new(widths: &[u8; LANES]) -> Bits {
+    pub(crate) fn new(widths: &[u8; LANES]) -> Bits {
         let mut bits = Bits::default();
         let mut at = 0;
         for (lane, width) in widths.iter().enumerate() {
@@ -146,7 +146,7 @@ impl Bits {
     }
 
     /// Number of bytes that the eight integers take.
-    pub fn bytes(widths: &[u8; LANES]) -> usize {
+    pub(crate) fn bytes(widths: &[u8; LANES]) -> usize {
         widths.iter().map(|w| usize::from(*w)).sum::<usize>().div_ceil(8)
     }
 }

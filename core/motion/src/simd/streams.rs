@@ -38,7 +38,7 @@ const MAX_LANES: usize = 16;
 
 impl VertexStreams<'_> {
     #[inline(always)]
-    pub fn run<F: Vertices, D: Deformer>(mut self, deformer: &D) {
+    pub(crate) fn run<F: Vertices, D: Deformer>(mut self, deformer: &D) {
         // Whole blocks have their own loop: a call in it, even if only for the last vertices, would put all registers on the
         // stack (2.8 ns per vertex instead of 1.9, once measured). Known numbers of influences are unrolled.
         let whole = self.positions.len() / F::COUNT * F::COUNT;

@@ -15,7 +15,7 @@ pub(crate) struct ModelRestPose {
 }
 
 impl ModelRestPose {
-    pub fn of(skeleton: &Skeleton) -> ModelRestPose {
+    pub(crate) fn of(skeleton: &Skeleton) -> ModelRestPose {
         let mut rest = ModelRestPose { rotations: Vec::new(), positions: Vec::new(), scales: Vec::new() };
         let mut matrices: Vec<DAffine3> = Vec::with_capacity(skeleton.len());
         for (local, parent) in skeleton.rest().iter().zip(skeleton.parents()) {
@@ -40,7 +40,7 @@ impl ModelRestPose {
     }
 
     /// Height from the model's lowest joint to its highest, metres.
-    pub fn height(&self) -> f64 {
+    pub(crate) fn height(&self) -> f64 {
         let ys = || self.positions.iter().map(|p| p.y);
         (ys().fold(f64::MIN, f64::max) - ys().fold(f64::MAX, f64::min)).max(0.0)
     }

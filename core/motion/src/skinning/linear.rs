@@ -133,13 +133,13 @@ impl AlignedMatrices {
     const MAX_MATRICES: usize = 128;
 
     #[inline(always)]
-    pub fn new() -> AlignedMatrices {
+    pub(crate) fn new() -> AlignedMatrices {
         AlignedMatrices([Affine3A::IDENTITY; AlignedMatrices::MAX_MATRICES])
     }
 
     /// The matrices, copied if there are enough vertices for that to pay.
     #[inline(always)]
-    pub fn align<'a>(&'a mut self, matrices: &'a [Affine3A], vertices: usize) -> &'a [Affine3A] {
+    pub(crate) fn align<'a>(&'a mut self, matrices: &'a [Affine3A], vertices: usize) -> &'a [Affine3A] {
         match self.0.get_mut(..matrices.len()) {
             Some(copy) if vertices > 4 * AlignedMatrices::MAX_MATRICES => {
                 copy.copy_from_slice(matrices);

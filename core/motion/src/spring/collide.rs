@@ -36,7 +36,7 @@ struct Cone {
 impl WorldCollider {
     /// Transforms a shape from a joint's space to world space. The radius grows with the longest axis. `None` if a number is not
     /// finite or the plane has no normal.
-    pub fn new(shape: &ColliderShape, world_from_joint: &DAffine3) -> Option<WorldCollider> {
+    pub(crate) fn new(shape: &ColliderShape, world_from_joint: &DAffine3) -> Option<WorldCollider> {
         let m = &world_from_joint.matrix3;
         let scale = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
         let at = |p: glam::Vec3| world_from_joint.transform_point3(p.as_dvec3());
@@ -67,7 +67,7 @@ impl WorldCollider {
     /// Turns a stick as little as possible so that its tail, a ball of `hit_radius`, does not enter the collider, and removes the
     /// velocity that leads into it. If every direction enters, the one that enters least is taken. Returns whether anything
     /// changed.
-    pub fn push_out(
+    pub(crate) fn push_out(
         &self,
         head: DVec3,
         length: f64,

@@ -1,8 +1,8 @@
 //! Integer time. One tick is 1/705 600 000 s, so that every common frame rate (24, 25, 30, 50, 60,
 //! 90, 100, 120, 144 Hz and the NTSC rates n·1000/1001) and audio rate has a whole number of ticks.
 
-pub mod ease;
-pub mod playback;
+pub(crate) mod ease;
+pub(crate) mod playback;
 
 use std::ops::{Add, AddAssign, Neg, Sub, SubAssign};
 

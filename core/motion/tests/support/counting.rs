@@ -29,7 +29,7 @@ unsafe impl GlobalAlloc for CountingAllocator {
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// The number of allocations that this makes, in this thread.
-pub fn allocations(work: impl FnOnce()) -> usize {
+pub(crate) fn allocations(work: impl FnOnce()) -> usize {
     let before = ALLOCATION_COUNT.get();
     work();
     ALLOCATION_COUNT.get() - before

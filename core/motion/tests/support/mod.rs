@@ -2,22 +2,28 @@
 #![allow(dead_code, reason = "each test file uses a part")]
 
 mod random;
-pub mod skinned_mesh;
+pub(crate) mod skinned_mesh;
 
 use choreo_motion::{Curve, Interpolation, Path, Skeleton, Time, Transform};
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
-pub use random::Random;
+pub(crate) use random::Random;
 
-pub fn times(secs: &[f64]) -> std::sync::Arc<[Time]> {
+pub(crate) fn times(secs: &[f64]) -> std::sync::Arc<[Time]> {
     secs.iter().map(|s| Time::from_secs(*s)).collect()
 }
 
-pub fn curve(joint: u32, path: Path, interpolation: Interpolation, secs: &[f64], values: &[f32]) -> Curve {
+pub(crate) fn curve(
+    joint: u32,
+    path: Path,
+    interpolation: Interpolation,
+    secs: &[f64],
+    values: &[f32],
+) -> Curve {
     Curve { joint, path, interpolation, times: times(secs), values: values.into() }
 }
 
 /// f64 slerp with trigonometry, along the shorter arc.
-pub fn slerp(a: [f64; 4], b: [f64; 4], t: f64) -> [f64; 4] {
+pub(crate) fn slerp(a: [f64; 4], b: [f64; 4], t: f64) -> [f64; 4] {
     let dot: f64 = (0..4).map(|i| a[i] * b[i]).sum();
     let sign = if dot < 0.0 { -1.0 } else { 1.0 };
     // Kahan's angle, exact where acos is not.
@@ -32,13 +38,13 @@ pub fn slerp(a: [f64; 4], b: [f64; 4], t: f64) -> [f64; 4] {
     unit([0, 1, 2, 3].map(|i| wa * a[i] + wb * sign * b[i]))
 }
 
-pub fn unit(q: [f64; 4]) -> [f64; 4] {
+pub(crate) fn unit(q: [f64; 4]) -> [f64; 4] {
     let length = q.iter().map(|c| c * c).sum::<f64>().sqrt();
     q.map(|c| c / length)
 }
 
 /// A curve at a time, in f64 from its keys, by linear search.
-pub fn evaluate(curve: &Curve, time: Time) -> Vec<f64> {
+pub(crate) fn evaluate(curve: &Curve, time: Time) -> Vec<f64> {
     let width = curve.path.width();
     let cubic = curve.interpolation == Interpolation::CubicSpline;
     let stride = if cubic { 3 * width } else { width };
@@ -88,7 +94,7 @@ pub fn evaluate(curve: &Curve, time: Time) -> Vec<f64> {
 }
 
 /// Angle between two rotations in degrees, f64.
-pub fn degrees_between(a: [f64; 4], b: [f64; 4]) -> f64 {
+pub(crate) fn degrees_between(a: [f64; 4], b: [f64; 4]) -> f64 {
     let (a, b) = (unit(a), unit(b));
     let dot: f64 = (0..4).map(|i| a[i] * b[i]).sum();
     let sign = if dot < 0.0 { -1.0 } else { 1.0 };
@@ -97,12 +103,12 @@ pub fn degrees_between(a: [f64; 4], b: [f64; 4]) -> f64 {
     (4.0 * diff.atan2(sum)).to_degrees()
 }
 
-pub fn quat64(q: Quat) -> [f64; 4] {
+pub(crate) fn quat64(q: Quat) -> [f64; 4] {
     q.to_array().map(f64::from)
 }
 
 /// A chain of `joints`, or a tree where `random` picks parents.
-pub fn skeleton(joints: usize, mut random: Option<&mut Random>) -> Skeleton {
+pub(crate) fn skeleton(joints: usize, mut random: Option<&mut Random>) -> Skeleton {
     let names = (0..joints).map(|i| format!("joint{i}")).collect();
     let parents = (0..joints)
         .map(|i| match &mut random {
@@ -122,7 +128,7 @@ pub fn skeleton(joints: usize, mut random: Option<&mut Random>) -> Skeleton {
 }
 
 /// Keys of any path and interpolation at given times.
-pub fn random_curve(
+pub(crate) fn random_curve(
     random: &mut Random,
     joint: u32,
     path: Path,
@@ -144,7 +150,7 @@ pub fn random_curve(
 }
 
 /// f64 model-space matrices.
-pub fn model64(skeleton: &Skeleton, locals: &[(DVec3, DQuat, DVec3)]) -> Vec<DAffine3> {
+pub(crate) fn model64(skeleton: &Skeleton, locals: &[(DVec3, DQuat, DVec3)]) -> Vec<DAffine3> {
     let mut out: Vec<DAffine3> = Vec::new();
     for (joint, (t, r, s)) in locals.iter().enumerate() {
         let local = DAffine3::from_scale_rotation_translation(*s, *r, *t);

@@ -4,7 +4,7 @@ use super::Random;
 use glam::{DAffine3, Vec3};
 
 /// Vertices, each of which follows several of seven joints.
-pub struct SkinnedMesh {
+pub(crate) struct SkinnedMesh {
     pub influences: usize,
     pub joints: Vec<u16>,
     pub weights: Vec<f32>,
@@ -13,7 +13,7 @@ pub struct SkinnedMesh {
 }
 
 impl SkinnedMesh {
-    pub fn random(random: &mut Random, vertices: usize, influences: usize) -> SkinnedMesh {
+    pub(crate) fn random(random: &mut Random, vertices: usize, influences: usize) -> SkinnedMesh {
         let mut weights: Vec<f32> = (0..vertices * influences).map(|_| random.signed() + 1.01).collect();
         for vertex in weights.chunks_mut(influences.max(1)) {
             let sum: f32 = vertex.iter().sum();
@@ -27,7 +27,7 @@ impl SkinnedMesh {
     }
 
     /// The positions and normals that a job writes.
-    pub fn skinned(&self, job: impl FnOnce(&mut [Vec3], &mut [Vec3])) -> (Vec<Vec3>, Vec<Vec3>) {
+    pub(crate) fn skinned(&self, job: impl FnOnce(&mut [Vec3], &mut [Vec3])) -> (Vec<Vec3>, Vec<Vec3>) {
         let mut positions = vec![Vec3::NAN; self.positions.len()];
         let mut normals = vec![Vec3::NAN; self.normals.len()];
         job(&mut positions, &mut normals);
@@ -36,7 +36,7 @@ impl SkinnedMesh {
 
     /// Worst distance from f64: `map` blends the joints of a vertex, with their weights. Its inverse transpose maps normals; a
     /// vertex without joints keeps its own.
-    pub fn error(
+    pub(crate) fn error(
         &self,
         positions: &[Vec3],
         normals: &[Vec3],

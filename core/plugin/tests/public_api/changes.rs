@@ -28,7 +28,7 @@ fn addition_breaks_plugins(entry: &str, known: &Entries) -> bool {
 }
 
 /// The type that an entry declares.
-pub fn type_of(entry: &str) -> Option<String> {
+pub(crate) fn type_of(entry: &str) -> Option<String> {
     let (_, rest) = entry.split_once(' ')?;
     let (kind, name) = rest.split_once(' ')?;
     let name = name.split(|c: char| !c.is_alphanumeric() && c != '_').next()?;
@@ -42,7 +42,7 @@ fn declares(entry: &str, kind: &str, name: &str) -> bool {
 }
 
 /// The differences as a text; empty where there are none.
-pub fn differences(known: &Entries, now: &Entries) -> String {
+pub(crate) fn differences(known: &Entries, now: &Entries) -> String {
     let mut text = String::new();
     for gone in known.difference(now) {
         writeln!(text, "breaking: gone or changed: {gone}").unwrap();

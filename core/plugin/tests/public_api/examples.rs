@@ -9,7 +9,7 @@ const NOT_FOR_AUTHORS: [&str; 2] = ["guest.rs", "transfer"];
 
 /// The public items of sources, and the examples in their documentation.
 #[derive(Default)]
-pub struct Examples {
+pub(crate) struct Examples {
     /// Items without an example of their own: what a message calls them, and their name.
     without: Vec<(String, String)>,
     /// Code of all examples.
@@ -18,14 +18,14 @@ pub struct Examples {
 
 impl Examples {
     /// Items that no example uses by their name.
-    pub fn missing(&self) -> Vec<&str> {
+    pub(crate) fn missing(&self) -> Vec<&str> {
         let words = self.code.split(|c: char| !c.is_alphanumeric() && c != '_');
         let words: BTreeSet<&str> = words.collect();
         let missing = self.without.iter().filter(|(_, name)| !words.contains(name.as_str()));
         missing.map(|(shown, _)| shown.as_str()).collect()
     }
 
-    pub fn folder(&mut self, folder: &Path) {
+    pub(crate) fn folder(&mut self, folder: &Path) {
         for file in std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path()) {
             let name = file.file_name().unwrap().to_string_lossy().into_owned();
             if NOT_FOR_AUTHORS.contains(&name.as_str()) {
@@ -39,7 +39,7 @@ impl Examples {
     }
 
     /// Reads a text that rustfmt has formatted: an item begins at its indentation.
-    pub fn text(&mut self, text: &str) {
+    pub(crate) fn text(&mut self, text: &str) {
         let (mut docs, mut attributes, mut item) =
             (Vec::<&str>::new(), String::new(), EnclosingItem::default());
         for line in text.lines() {

@@ -240,7 +240,7 @@ fn skip_item<'t>(line: &str, lines: &mut impl Iterator<Item = &'t str>) {
 
 /// The public API of a module, whose sources are in a folder. Items of a private module count as those of the module around it, which passes
 /// them on.
-pub fn api(module: &str, folder: &Path, entries: &mut Entries) {
+pub(crate) fn api(module: &str, folder: &Path, entries: &mut Entries) {
     let head = ["lib.rs", "mod.rs"].iter().find_map(|name| std::fs::read_to_string(folder.join(name)).ok());
     let head = head.unwrap_or_default();
     for file in std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path()) {
@@ -258,6 +258,6 @@ pub fn api(module: &str, folder: &Path, entries: &mut Entries) {
     }
 }
 /// Entries of the text of one file.
-pub fn entries_of(text: &str, module: &str, entries: &mut Entries) {
+pub(crate) fn entries_of(text: &str, module: &str, entries: &mut Entries) {
     Reader { module, entries, attributes: Vec::new(), item: None }.file(text);
 }

@@ -55,7 +55,7 @@ struct BoundState {
 }
 
 impl<'a> DrawRecorder<'a> {
-    pub fn new(recorder: Recorder<'a>, commands: &'a mut Vec<Command>) -> DrawRecorder<'a> {
+    pub(super) fn new(recorder: Recorder<'a>, commands: &'a mut Vec<Command>) -> DrawRecorder<'a> {
         let bound = BoundState::default();
         let (inputs, peel) = (InputTargets::No, PeelPass::No);
         DrawRecorder { recorder, commands, shadow_pass: false, gbuffer: false, inputs, peel, bound }
@@ -81,7 +81,7 @@ impl<'a> DrawRecorder<'a> {
     }
 
     /// Records a draw without the faces that `cull` names, and without the back faces of watertight surfaces.
-    pub fn draw(&mut self, draw: &Draw, cull: Cull) {
+    pub(super) fn draw(&mut self, draw: &Draw, cull: Cull) {
         let index_count = 3 * (self.recorder.triangles)(draw.primitive) as u32;
         let watertight = draw.watertight.min(index_count);
         let ranges = match cull {

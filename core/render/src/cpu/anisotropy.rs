@@ -9,7 +9,7 @@ use choreo_asset::MaterialLayers;
 impl Fragment<'_> {
     /// KHR_materials_anisotropy: the directions in which highlights are stretched, the GGX alphas, and the direction in which the
     /// sky is reflected (section "Bent normal" of the extension).
-    pub fn anisotropy(
+    pub(super) fn anisotropy(
         &self,
         quad: &Quad,
         layers: &MaterialLayers,

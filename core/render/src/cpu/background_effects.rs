@@ -20,7 +20,7 @@ pub(crate) struct PixelBackground<'a> {
 impl PixelBackground<'_> {
     /// Writes the linear background colors of row `y`, from pixel `x` on. Effects run over all of these pixels at once, so there may
     /// be at most a tile's width of them.
-    pub fn write_row(&self, x: i32, y: i32, colors: &mut [Vec4]) {
+    pub(super) fn write_row(&self, x: i32, y: i32, colors: &mut [Vec4]) {
         for (color, x) in colors.iter_mut().zip(x..) {
             *color = match &self.sky {
                 Some(sky) => sky.pixel(x, y),

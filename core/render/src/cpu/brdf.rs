@@ -7,7 +7,7 @@ use crate::lanes::{F4, V3};
 use glam::Vec3;
 
 /// Parameters of the metallic-roughness BRDF at four pixels.
-pub struct Surface {
+pub(super) struct Surface {
     pub diffuse: V3,
     pub f0: V3,
     pub f90: F4,
@@ -115,6 +115,6 @@ pub(crate) fn reflect_light_phong(base: V3, [specular, n, v, l]: [V3; 4], shinin
 }
 
 /// Hemisphere light: mix(down, up, n.y · ½ + ½).
-pub fn ambient(up: Vec3, down: Vec3, n: V3) -> V3 {
+pub(super) fn ambient(up: Vec3, down: Vec3, n: V3) -> V3 {
     V3::splat(down).mix(V3::splat(up), n.y * 0.5 + 0.5)
 }

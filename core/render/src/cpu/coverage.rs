@@ -10,7 +10,7 @@ const SAMPLE_MASKS: [u8; 5] = [0, 0b0001, 0b0011, 0b0111, 0b1111];
 
 /// Covered samples of a quad's pixels, one bit each. The alpha is sharpened so that edges are one pixel wide, independent of the
 /// texture's own gradient (B. Golus, "Anti-aliased Alpha Test: The Esoteric Alpha To Coverage", 2017).
-pub fn covered_samples(alpha: [f32; 4], cutoff: f32) -> [u8; 4] {
+pub(super) fn covered_samples(alpha: [f32; 4], cutoff: f32) -> [u8; 4] {
     if cutoff <= 0.0 {
         return [ALL_SAMPLES; 4];
     }

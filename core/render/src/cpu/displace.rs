@@ -10,7 +10,7 @@ use glam::{Vec3, Vec4Swizzles};
 use std::sync::Arc;
 
 /// A displacement effect with its parameters and its largest displacement in metres.
-pub struct Displacement {
+pub(super) struct Displacement {
     pub effect: Effect,
     pub parameters: Vec<f32>,
     pub max_length: f32,
@@ -35,7 +35,7 @@ const NORMAL_STEP_METERS: f32 = 0.003_906_25;
 
 /// Sum of the effects' displacements of a vertex, in metres, world axes. `rows`: the transform of
 /// the vertex from mesh space to camera-relative space.
-pub fn total_displacement(effects: &[Displacement], vertex: &VertexSample, rows: &Affine3x4) -> Vec3 {
+pub(super) fn total_displacement(effects: &[Displacement], vertex: &VertexSample, rows: &Affine3x4) -> Vec3 {
     effects.iter().fold(Vec3::ZERO, |sum, d| {
         let Effect::Vertex(effect) = &d.effect else { return sum };
         let offset = effect.vertex(vertex, &d.parameters);
@@ -48,7 +48,7 @@ pub fn total_displacement(effects: &[Displacement], vertex: &VertexSample, rows:
 }
 
 /// Normal of the displaced surface, by finite differences along two tangents.
-pub fn displaced_normal(
+pub(super) fn displaced_normal(
     effects: &[Displacement],
     vertex: &VertexSample,
     rows: &Affine3x4,

@@ -8,7 +8,7 @@ pub(super) struct IdSamples(pub Vec<Vec<u32>>);
 
 impl IdSamples {
     /// The names in each pixel, sorted by share. Names with equal shares are in the order of their numbers.
-    pub fn matte(&self, names: Vec<String>) -> IdMatte {
+    pub(super) fn matte(&self, names: Vec<String>) -> IdMatte {
         let IdSamples(samples) = self;
         let pixels = samples.first().map_or(0, Vec::len);
         let rank_count = samples.len().min(IdMatte::MOST_RANKS);

@@ -13,7 +13,7 @@ use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
 /// Contributions of a material's layers to a surface; by default none.
-pub struct LayerContributions {
+pub(super) struct LayerContributions {
     /// Transmitted share of the scene behind.
     pub transmitted: V3,
     /// Environment light transmitted by rough thin glass.
@@ -65,7 +65,7 @@ pub(crate) struct LayeredPoint<'a> {
 
 impl LayeredPoint<'_> {
     /// Contributions of the layers. Also changes `s`, the surface below.
-    pub fn contributions(&self, s: &mut Surface) -> LayerContributions {
+    pub(super) fn contributions(&self, s: &mut Surface) -> LayerContributions {
         let f = self.fragment.features;
         let mut contributions = LayerContributions::default();
         if f.has(Features::ANISOTROPY) {

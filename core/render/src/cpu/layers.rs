@@ -34,7 +34,7 @@ pub(crate) fn sheen_lobe(roughness: F4, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> 
 
 /// Directional albedo: the lobe's integral over the hemisphere, at most 1, in place of the table that the extension suggests.
 /// Fitted to the integral for roughness 0.07 to 1; off by 0.07 at worst, at grazing angles (`tests/cpu/layers.rs`).
-pub fn sheen_albedo(roughness: F4, nv: F4) -> F4 {
+pub(super) fn sheen_albedo(roughness: F4, nv: F4) -> F4 {
     let r = roughness;
     let height =
         (F4::splat(0.01213) - r * 0.81006 + F4::splat(0.18394) / (r + F4::splat(0.1))).map(libm::expf);

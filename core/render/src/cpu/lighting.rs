@@ -26,7 +26,7 @@ pub(crate) struct SurfacePoint {
 
 impl Fragment<'_> {
     /// Lights that may reach any of four points: the lights of their cluster, or all lights if the points lie in several clusters.
-    pub fn lights_reaching(&self, relative: V3) -> impl Iterator<Item = &PlanLight> {
+    pub(super) fn lights_reaching(&self, relative: V3) -> impl Iterator<Item = &PlanLight> {
         let (plan, all) = (self.plan, &self.plan.lights);
         // A lighting effect may also use lights that do not reach the point, so it gets all of them.
         let clusters =

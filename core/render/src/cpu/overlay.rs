@@ -7,7 +7,7 @@ use crate::plan::OverlayVertex;
 use glam::{Vec3, Vec4};
 
 /// Vertices of an overlay as triangle assembly reads them.
-pub fn overlay_vertices(overlay: &[OverlayVertex]) -> Vec<Vertex> {
+pub(super) fn overlay_vertices(overlay: &[OverlayVertex]) -> Vec<Vertex> {
     let vertex = |v: &OverlayVertex| Vertex {
         clip: v.clip,
         relative: Vec3::ZERO,
@@ -19,7 +19,7 @@ pub fn overlay_vertices(overlay: &[OverlayVertex]) -> Vec<Vertex> {
     overlay.iter().map(vertex).collect()
 }
 
-pub fn shade_overlay(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Shaded {
+pub(super) fn shade_overlay(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Shaded {
     let [a, b, c] = ids.map(|i| &vertices[i as usize]);
     let [x, y, z, w] =
         std::array::from_fn(|n| weights.interpolate_scalar(a.shape[n], b.shape[n], c.shape[n]));

@@ -8,7 +8,7 @@ use glam::Vec3;
 impl Fragment<'_> {
     /// Shift of the texture coordinates (Premecz, "Iterative Parallax Mapping with Slope Information", CESCG 2006): four steps towards
     /// the point in which the view ray meets the height map, which is the alpha of the normal map.
-    pub fn parallax_shift(&self, quad: &Quad) -> Option<[F4; 2]> {
+    pub(super) fn parallax_shift(&self, quad: &Quad) -> Option<[F4; 2]> {
         let material = &self.material.factors;
         let (map, texture) = (
             material.texture(TextureSlot::Normal)?,

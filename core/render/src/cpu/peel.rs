@@ -8,7 +8,7 @@ impl Tile<'_, '_> {
     /// Peels layers from the back. For each layer, finds at each sample the farthest surface that is nearer than the previous layer
     /// (for the first layer: than the opaque scene), and blends the surfaces at that depth. Surfaces nearer than the last layer are
     /// blended in drawing order.
-    pub fn peel<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, ids: &[TriangleId]) {
+    pub(super) fn peel<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, ids: &[TriangleId]) {
         let TileBuffers { layers: [layer, previous], depth, .. } = b;
         layer.clone_from(depth);
         previous.clone_from(depth);

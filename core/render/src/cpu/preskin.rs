@@ -14,7 +14,7 @@ type DeformedKey = (u32, Features, bool, [u32; 15]);
 
 /// Pre-skinned vertices, not yet projected.
 #[derive(Default)]
-pub struct DeformedMeshes(BTreeMap<DeformedKey, Vec<Vertex>>);
+pub(super) struct DeformedMeshes(BTreeMap<DeformedKey, Vec<Vertex>>);
 
 fn deformed_key(draw: &Draw, instance: &Instance) -> Option<DeformedKey> {
     let features = draw.pipeline.features;
@@ -26,7 +26,7 @@ fn deformed_key(draw: &Draw, instance: &Instance) -> Option<DeformedKey> {
 
 impl DeformedMeshes {
     /// The meshes of the plan that are drawn more than once.
-    pub fn of(renderer: &CpuRenderer, plan: &Plan) -> DeformedMeshes {
+    pub(super) fn of(renderer: &CpuRenderer, plan: &Plan) -> DeformedMeshes {
         if plan.pre_skinning == PreSkinning::Never {
             return DeformedMeshes::default();
         }
@@ -54,7 +54,7 @@ impl DeformedMeshes {
     }
 
     /// Projected vertices of a draw: from the pre-skinned mesh if there is one, else skinned now.
-    pub fn vertices(&self, draw: &Draw, stage: &VertexStage<'_>) -> Vec<Vertex> {
+    pub(super) fn vertices(&self, draw: &Draw, stage: &VertexStage<'_>) -> Vec<Vertex> {
         match deformed_key(draw, stage.instance).and_then(|key| self.0.get(&key)) {
             Some(vertices) => stage.project(vertices.clone()),
             None => stage.project(

@@ -30,7 +30,7 @@ const fn sample_group<const S: usize>() -> SampleGroup {
 /// Calls `hit(first sample index in the tile, [covered; 4], [depth; 4])` for every group of four samples of which any
 /// is covered. `tile` is the tile's first pixel. Sample order in a tile: rows, pixels, samples.
 #[inline(always)]
-pub fn rasterize<const S: usize>(
+pub(super) fn rasterize<const S: usize>(
     t: &Triangle,
     tile: [i32; 2],
     mut hit: impl FnMut(usize, [bool; 4], [f32; 4]),

@@ -10,7 +10,7 @@ use std::f32::consts::PI;
 
 impl Fragment<'_> {
     /// Reflectance and reflected color; `None` for a draw without reflection.
-    pub fn reflection(&self, quad: &Quad, [n, v]: [V3; 2]) -> Option<[V3; 2]> {
+    pub(super) fn reflection(&self, quad: &Quad, [n, v]: [V3; 2]) -> Option<[V3; 2]> {
         if !self.features.has(Features::REFLECTION) {
             return None;
         }

@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 /// The image before the first refracting surface, with its mipmaps.
-pub struct SceneColorCopy {
+pub(super) struct SceneColorCopy {
     levels: Vec<Level>,
 }
 
@@ -19,7 +19,7 @@ struct Level {
 }
 
 impl SceneColorCopy {
-    pub fn new(pixels: Vec<Vec4>, size: [u32; 2], levels: u32) -> SceneColorCopy {
+    pub(super) fn new(pixels: Vec<Vec4>, size: [u32; 2], levels: u32) -> SceneColorCopy {
         let mut all = vec![Level { size: size.map(|s| s as usize), texels: pixels }];
         while all.len() < levels as usize {
             let next = all[all.len() - 1].next_mip_level();

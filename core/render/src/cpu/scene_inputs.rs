@@ -21,7 +21,7 @@ pub(crate) struct InputImages {
 }
 
 impl InputImages {
-    pub fn effect_inputs<'a>(&'a self, plan: &'a Plan) -> EffectInputs<'a> {
+    pub(crate) fn effect_inputs<'a>(&'a self, plan: &'a Plan) -> EffectInputs<'a> {
         EffectInputs { size: plan.size, frame: &plan.effect_frame, inputs: self }
     }
 }
@@ -35,7 +35,7 @@ pub(crate) struct EffectInputs<'a> {
 }
 
 impl<'a> EffectInputs<'a> {
-    pub fn images(self, rows: &'a [Vec4; EffectFrame::ROWS]) -> SceneImages<'a> {
+    pub(crate) fn images(self, rows: &'a [Vec4; EffectFrame::ROWS]) -> SceneImages<'a> {
         let image = |rgba: &'a [Vec4]| (!rgba.is_empty()).then_some(EffectImage { size: self.size, rgba });
         SceneImages { surface: image(&self.inputs.surface), motion: image(&self.inputs.motion), rows }
     }

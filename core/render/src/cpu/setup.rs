@@ -10,7 +10,7 @@ pub(crate) const SUBPIXEL: i32 = 256;
 
 /// A screen triangle. Coverage uses positions snapped to subpixels; interpolation uses the exact positions.
 #[derive(Clone, Copy, Debug)]
-pub struct Triangle {
+pub(super) struct Triangle {
     /// Fixed point, y down. The vertices are reordered where needed, so that the signed area is positive.
     pub x: [i32; 3],
     pub y: [i32; 3],
@@ -26,7 +26,7 @@ pub struct Triangle {
 
 impl Triangle {
     /// Bounds of the pixels whose samples the triangle may cover: [x0, x1) × [y0, y1), not clamped to the image.
-    pub fn pixel_bounds(&self) -> [i32; 4] {
+    pub(super) fn pixel_bounds(&self) -> [i32; 4] {
         let low = |v: [i32; 3]| v[0].min(v[1]).min(v[2]).div_euclid(SUBPIXEL);
         let high = |v: [i32; 3]| v[0].max(v[1]).max(v[2]).div_euclid(SUBPIXEL) + 1;
         [low(self.x), low(self.y), high(self.x), high(self.y)]
@@ -45,7 +45,7 @@ const GUARD_PIXELS: f64 = 32768.0;
 
 impl PrimitiveAssembly<'_> {
     /// Triangles in index order.
-    pub fn run(&self) -> Vec<Triangle> {
+    pub(super) fn run(&self) -> Vec<Triangle> {
         let vertices_per_primitive = match self.pipeline.topology {
             TopologyKey::Triangles => 3,
             TopologyKey::Lines => 2,

@@ -32,7 +32,7 @@ pub(crate) struct ShadeMaterial {
 }
 
 /// Inputs of the shading of a triangle's quads, except the barycentric weights.
-pub struct Fragment<'a> {
+pub(super) struct Fragment<'a> {
     pub plan: &'a Plan,
     /// Set if a light casts shadows.
     pub shadows: Option<&'a ShadowMaps>,
@@ -68,14 +68,14 @@ pub(crate) struct Shaded {
 
 impl Shaded {
     #[inline(always)]
-    pub fn pixel(&self, i: usize) -> Vec4 {
+    pub(super) fn pixel(&self, i: usize) -> Vec4 {
         Vec4::new(self.rgba[0].0[i], self.rgba[1].0[i], self.rgba[2].0[i], self.rgba[3].0[i])
     }
 }
 
 /// Four pixels of a triangle.
 #[derive(Clone, Copy)]
-pub struct Quad<'a> {
+pub(super) struct Quad<'a> {
     pub vertices: [&'a Vertex; 3],
     /// Indices of the vertices.
     pub ids: [u32; 3],
@@ -93,25 +93,25 @@ pub struct Quad<'a> {
 
 impl Quad<'_> {
     #[inline(always)]
-    pub fn interpolate_vec3(&self, attribute: impl Fn(&Vertex) -> Vec3) -> V3 {
+    pub(super) fn interpolate_vec3(&self, attribute: impl Fn(&Vertex) -> Vec3) -> V3 {
         self.weights.interpolate_vec3(self.vertices.map(attribute))
     }
 
     #[inline(always)]
-    pub fn interpolate_scalar(&self, attribute: impl Fn(&Vertex) -> f32) -> F4 {
+    pub(super) fn interpolate_scalar(&self, attribute: impl Fn(&Vertex) -> f32) -> F4 {
         let [a, b, c] = self.vertices.map(attribute);
         self.weights.interpolate_scalar(a, b, c)
     }
 
     /// Interpolated tangent, bitangent and normal. As MikkTSpace requires, they are neither orthogonal nor normalized.
-    pub fn tangent_frame(&self) -> [V3; 3] {
+    pub(super) fn tangent_frame(&self) -> [V3; 3] {
         let normal = self.interpolate_vec3(|v| v.normal);
         let tangent = self.interpolate_vec3(|v| v.tangent.truncate());
         [tangent, normal.cross(tangent) * self.interpolate_scalar(|v| v.tangent.w), normal]
     }
 }
 
-pub fn rgb([x, y, z, _]: [F4; 4]) -> V3 {
+pub(super) fn rgb([x, y, z, _]: [F4; 4]) -> V3 {
     V3 { x, y, z }
 }
 
@@ -121,7 +121,7 @@ fn rgb_or_white(texel: Option<[F4; 4]>) -> V3 {
 }
 
 impl Fragment<'_> {
-    pub fn shade(&self, vertices: &[Vertex], ids: [u32; 3], front: bool, weights: &Weights) -> Shaded {
+    pub(super) fn shade(&self, vertices: &[Vertex], ids: [u32; 3], front: bool, weights: &Weights) -> Shaded {
         let mut shaded = self.surface_color(&self.new_quad(vertices, ids, front, weights));
         if self.features.has_any(Features::OUTLINE.with(Features::WIREFRAME)) {
             let toon = self.material.factors.material.toon.as_ref();
@@ -361,12 +361,12 @@ impl Fragment<'_> {
         })
     }
 
-    pub fn environment_light(&self) -> EnvironmentLight<'_> {
+    pub(super) fn environment_light(&self) -> EnvironmentLight<'_> {
         EnvironmentLight::new(self.plan, self.sky.filter(|_| self.features.has(Features::SKY)))
     }
 
     /// The texture of a feature, sampled at four pixels; `None` if the draw does not read it.
-    pub fn sample_feature_texture(&self, quad: &Quad, feature: Features) -> Option<[F4; 4]> {
+    pub(super) fn sample_feature_texture(&self, quad: &Quad, feature: Features) -> Option<[F4; 4]> {
         if !self.features.has(feature) {
             return None;
         }
@@ -377,7 +377,7 @@ impl Fragment<'_> {
 
     /// Share of the light that is not shadowed, 0 to 1, in the lanes that `lanes` selects. `geometric_n`: normal without the normal
     /// map; `l`: direction to the light.
-    pub fn unshadowed_share(
+    pub(super) fn unshadowed_share(
         &self,
         light: &PlanLight,
         [relative, geometric_n, l]: [V3; 3],
@@ -388,7 +388,7 @@ impl Fragment<'_> {
     }
 
     #[inline(always)]
-    pub fn add_lights(
+    pub(super) fn add_lights(
         &self,
         point: &SurfacePoint,
         [geometric_n, n]: [V3; 2],
@@ -413,7 +413,7 @@ impl Fragment<'_> {
 
     /// Interpolated normal, or the normal of the normal map by MikkTSpace: x·T + y·(N × T · sign) + z·N of the interpolated vectors, then
     /// normalized. Flipped on back faces.
-    pub fn normal(&self, quad: &Quad, map: Option<([F4; 4], f32)>) -> V3 {
+    pub(super) fn normal(&self, quad: &Quad, map: Option<([F4; 4], f32)>) -> V3 {
         let n = match map {
             Some(([x, y, z, _], scale)) => {
                 let [tangent, bitangent, normal] = quad.tangent_frame();

@@ -14,7 +14,7 @@ use std::collections::HashMap;
 
 /// The shadow maps of a frame.
 #[derive(Default)]
-pub struct ShadowMaps {
+pub(super) struct ShadowMaps {
     maps: Vec<ShadowMap>,
 }
 
@@ -40,7 +40,7 @@ const _: () = assert!(LOOKUP_RADIUS <= BLOCK_SIDE as f32);
 impl ShadowMaps {
     /// Draws the maps of a frame. `keys`: one for each view; `before`: maps of the previous frame, of which those with equal keys
     /// are kept; `batches`: the casters of a view, projected from its light.
-    pub fn draw<'a>(
+    pub(super) fn draw<'a>(
         plan: &plan::ShadowMaps,
         keys: Vec<Option<MapKey>>,
         before: ShadowMaps,
@@ -63,7 +63,7 @@ impl ShadowMaps {
 
     /// Share of a light that reaches four points, 0 to 1, in the lanes that `lanes` selects. `n`: normal without the normal map;
     /// `l`: direction to the light.
-    pub fn unshadowed_share(&self, light: &PlanLight, [relative, n, l]: [V3; 3], lanes: Mask) -> F4 {
+    pub(super) fn unshadowed_share(&self, light: &PlanLight, [relative, n, l]: [V3; 3], lanes: Mask) -> F4 {
         let [first, count] = light.shadow_views.map(usize::from);
         let Some(maps) = self.maps.get(first..first + count).filter(|m| !m.is_empty()) else {
             return F4::ONE;

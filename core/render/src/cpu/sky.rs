@@ -10,14 +10,14 @@ use std::f32::consts::PI;
 
 /// Ambient light of a surface: the hemisphere light, and a sky's maps if there is one.
 #[derive(Clone, Copy)]
-pub struct EnvironmentLight<'a> {
+pub(super) struct EnvironmentLight<'a> {
     up: Vec3,
     down: Vec3,
     sky: Option<(&'a SkyMaps, &'a PlanSky)>,
 }
 
 impl<'a> EnvironmentLight<'a> {
-    pub fn new(plan: &'a Plan, maps: Option<&'a SkyMaps>) -> EnvironmentLight<'a> {
+    pub(super) fn new(plan: &'a Plan, maps: Option<&'a SkyMaps>) -> EnvironmentLight<'a> {
         EnvironmentLight { up: plan.ambient_up, down: plan.ambient_down, sky: maps.zip(plan.sky.as_ref()) }
     }
 
@@ -26,7 +26,7 @@ impl<'a> EnvironmentLight<'a> {
     }
 
     /// Diffuse light on a white surface with this normal.
-    pub fn diffuse(&self, n: V3) -> V3 {
+    pub(super) fn diffuse(&self, n: V3) -> V3 {
         let light = brdf::ambient(self.up, self.down, n);
         let Some((maps, sky)) = self.sky else { return light };
         let n = to_panorama_space(sky, n);
@@ -37,7 +37,7 @@ impl<'a> EnvironmentLight<'a> {
     }
 
     /// Environment light that a surface of this roughness reflects, from the mirror direction `direction`.
-    pub fn reflected(&self, direction: V3, roughness: F4) -> V3 {
+    pub(super) fn reflected(&self, direction: V3, roughness: F4) -> V3 {
         let light = brdf::ambient(self.up, self.down, direction);
         let Some((maps, sky)) = self.sky else { return light };
         let direction = to_panorama_space(sky, direction);
@@ -50,7 +50,7 @@ impl<'a> EnvironmentLight<'a> {
     }
 
     /// Mean of the diffuse light from above and from below.
-    pub fn mean_diffuse(&self) -> V3 {
+    pub(super) fn mean_diffuse(&self) -> V3 {
         let half = F4::splat(0.5);
         (self.diffuse(V3::splat(Vec3::Y)) + self.diffuse(V3::splat(Vec3::NEG_Y))) * half
     }
@@ -69,7 +69,7 @@ fn to_panorama(sky: &PlanSky, direction: Vec3) -> Vec3 {
 }
 
 /// Display color of the sky in a direction: the background of a surface.
-pub fn sky_behind(plan: &Plan, maps: &SkyMaps, sky: &PlanSky, direction: Vec3) -> Vec3 {
+pub(super) fn sky_behind(plan: &Plan, maps: &SkyMaps, sky: &PlanSky, direction: Vec3) -> Vec3 {
     display_color(plan, maps.specular(to_panorama(sky, direction), 0.0) * sky.strength)
 }
 
@@ -94,12 +94,12 @@ pub(crate) struct SkyBackdrop<'a> {
 }
 
 impl<'a> SkyBackdrop<'a> {
-    pub fn new(background: &'a SkyBackground, sky: &'a PlanSky, plan: &'a Plan) -> SkyBackdrop<'a> {
+    pub(super) fn new(background: &'a SkyBackground, sky: &'a PlanSky, plan: &'a Plan) -> SkyBackdrop<'a> {
         SkyBackdrop { background, sky, plan, rays: crate::view::ray_basis(&plan.view) }
     }
 
     /// Color of a pixel, at its center.
-    pub fn pixel(&self, x: i32, y: i32) -> Vec4 {
+    pub(super) fn pixel(&self, x: i32, y: i32) -> Vec4 {
         let size = Vec2::new(self.plan.size[0] as f32, self.plan.size[1] as f32);
         let at = (Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0;
         let [right, down, forward] = self.rays;

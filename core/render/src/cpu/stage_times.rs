@@ -5,7 +5,7 @@ use std::time::Instant;
 
 /// A stage of a frame. All threads work on one stage before the next begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
+pub(super) enum Stage {
     ShadowMaps,
     Vertices,
     Pixels,

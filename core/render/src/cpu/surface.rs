@@ -11,11 +11,11 @@ use choreo_plugin::{Effect, SurfaceSample};
 use glam::{Vec2, Vec3, Vec4};
 
 /// Largest number of quads that surface effects process at once: effects in WGSL run over 32 pixels together.
-pub const MAX_QUADS: usize = 8;
+pub(super) const MAX_QUADS: usize = 8;
 
 impl Fragment<'_> {
     /// Shades a quad and applies the surface effects. `at`: the first pixel of the quad.
-    pub fn shade_with_effects(
+    pub(super) fn shade_with_effects(
         &self,
         vertices: &[Vertex],
         ids: [u32; 3],
@@ -36,7 +36,7 @@ impl Fragment<'_> {
     }
 
     /// Inputs of surface effects for a quad.
-    pub fn surface_samples(
+    pub(super) fn surface_samples(
         &self,
         vertices: &[Vertex],
         ids: [u32; 3],

@@ -5,7 +5,7 @@ use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use glam::Vec4;
 
 /// Format of a sample of the color target. Colors are passed and returned as linear RGBA.
-pub trait Target: Copy + PartialEq + Send + Sync {
+pub(super) trait Target: Copy + PartialEq + Send + Sync {
     /// Whether backgrounds are dithered in this format.
     const DITHERED: bool;
 
@@ -115,7 +115,7 @@ impl Target for Srgb8 {
 
 /// Pixel like VK_FORMAT_R16G16B16A16_SFLOAT, without its rounding (relative 2⁻¹¹, below one 8-bit step).
 #[derive(Clone, Copy, PartialEq)]
-pub struct LinearFloat(pub Vec4);
+pub(super) struct LinearFloat(pub Vec4);
 
 impl Target for LinearFloat {
     const DITHERED: bool = false;

@@ -7,7 +7,7 @@ use crate::scene_resources::mipmap::{MipLevel, levels_below, srgb_to_linear_tabl
 use choreo_asset::{Image, Sampler, Wrap};
 use std::sync::Arc;
 
-pub struct Texture {
+pub(super) struct Texture {
     image: Arc<Image>,
     /// Mip levels 1 and up.
     smaller_levels: Vec<MipLevel>,
@@ -22,7 +22,7 @@ struct Texels<'a> {
 }
 
 impl Texture {
-    pub fn new(t: &TextureResource) -> Texture {
+    pub(super) fn new(t: &TextureResource) -> Texture {
         let linear = std::array::from_fn(|i| i as f32 / 255.0);
         Texture {
             image: t.image.clone(),
@@ -44,7 +44,7 @@ impl Texture {
     }
 
     /// Samples the four pixels of a quad: r, g, b, a.
-    pub fn sample(&self, sampler: &Sampler, [u, v]: [F4; 2]) -> [F4; 4] {
+    pub(super) fn sample(&self, sampler: &Sampler, [u, v]: [F4; 2]) -> [F4; 4] {
         let lod = self.level_of_detail(&u.0, &v.0);
         let (level, blend, linear) = self.select_levels(sampler, lod);
         let mut out = [F4::ZERO; 4];
@@ -63,7 +63,7 @@ impl Texture {
     }
 
     /// Width of the whole image in texels.
-    pub fn width(&self) -> f32 {
+    pub(super) fn width(&self) -> f32 {
         self.image.width as f32
     }
 

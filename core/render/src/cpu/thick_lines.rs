@@ -8,7 +8,7 @@ use choreo_asset::Primitive;
 use glam::Mat4;
 
 /// Screen triangles of a primitive's lines or points. `vertices`: the vertices of the primitive, which the triangles index.
-pub fn thick_line_triangles(
+pub(super) fn thick_line_triangles(
     primitive: &Primitive,
     vertices: &[Vertex],
     pipeline: PipelineKey,

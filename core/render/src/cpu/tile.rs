@@ -52,7 +52,7 @@ impl BatchShading<'_> {
 }
 
 /// One instance of a draw: its screen triangles and their shading.
-pub struct Batch<'a> {
+pub(super) struct Batch<'a> {
     pub shading: BatchShading<'a>,
     pub phase: DrawPhase,
     /// Whether the triangles are blended by depth peeling.
@@ -62,7 +62,7 @@ pub struct Batch<'a> {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DrawPhase {
+pub(super) enum DrawPhase {
     Opaque,
     Mask,
     Blend,
@@ -99,7 +99,7 @@ pub(crate) struct TileBuffers<T> {
 }
 
 impl<T: Target> TileBuffers<T> {
-    pub fn new(samples: usize) -> Self {
+    pub(super) fn new(samples: usize) -> Self {
         TileBuffers {
             depth: vec![0.0; TILE_PIXELS * samples],
             visible: vec![NO_TRIANGLE; TILE_PIXELS * samples],
@@ -111,7 +111,7 @@ impl<T: Target> TileBuffers<T> {
     }
 }
 
-pub struct Tile<'a, 'b> {
+pub(super) struct Tile<'a, 'b> {
     pub batches: &'a [Batch<'b>],
     pub list: &'a [TriangleId],
     /// First pixel.
@@ -136,7 +136,7 @@ pub struct Tile<'a, 'b> {
 
 impl Tile<'_, '_> {
     /// Draws the tile. `rows` starts at its first pixel; rows are `stride` pixels apart.
-    pub fn draw<T: Target, P: OutputPixel, const S: usize>(
+    pub(super) fn draw<T: Target, P: OutputPixel, const S: usize>(
         &self,
         b: &mut TileBuffers<T>,
         rows: &mut [P],

@@ -22,7 +22,7 @@ pub(crate) struct ToonSurface<'a> {
 impl ToonSurface<'_> {
     /// Lit color without emission. `relative`: camera-relative position; `n` and `v`: unit vectors; `share`: unshadowed share of a
     /// light, from the direction to it.
-    pub fn toon_lit(
+    pub(super) fn toon_lit(
         &self,
         plan: &Plan,
         environment: &EnvironmentLight,

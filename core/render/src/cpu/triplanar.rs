@@ -10,7 +10,7 @@ use glam::{Affine2, Vec2};
 
 /// Triplanar coordinates of a quad, in the space of its mesh.
 #[derive(Clone, Copy, Debug)]
-pub struct TriplanarCoordinates {
+pub(super) struct TriplanarCoordinates {
     /// Offset from the center, in widths of the image.
     at: V3,
     /// Unit normal in mesh space.
@@ -35,7 +35,11 @@ impl TriplanarCoordinates {
 }
 
 impl Fragment<'_> {
-    pub fn triplanar_coordinates(&self, ids: [u32; 3], weights: &Weights) -> Option<TriplanarCoordinates> {
+    pub(super) fn triplanar_coordinates(
+        &self,
+        ids: [u32; 3],
+        weights: &Weights,
+    ) -> Option<TriplanarCoordinates> {
         let mapping =
             self.material.factors.material.triplanar.filter(|_| self.features.has(Features::TRIPLANAR))?;
         let p = self.primitive;

@@ -9,7 +9,7 @@ use crate::scene_resources::material::MaterialTexture;
 use glam::{Affine2, Vec2};
 
 impl Fragment<'_> {
-    pub fn new_quad<'a>(
+    pub(super) fn new_quad<'a>(
         &self,
         vertices: &'a [Vertex],
         ids: [u32; 3],
@@ -36,7 +36,7 @@ impl Fragment<'_> {
     }
 
     /// Samples a texture of the material; `None` if it has none.
-    pub fn sample_material_texture(
+    pub(super) fn sample_material_texture(
         &self,
         quad: &Quad,
         reference: Option<&MaterialTexture>,

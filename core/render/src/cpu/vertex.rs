@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 #[derive(Clone, Copy, Debug)]
-pub struct Vertex {
+pub(super) struct Vertex {
     pub clip: Vec4,
     pub relative: Vec3,
     /// Unit; zero where not needed.
@@ -48,7 +48,7 @@ pub(crate) struct VertexStage<'a> {
 }
 
 /// Inputs of the offset of an inverted-hull outline.
-pub struct OutlineHull<'a> {
+pub(super) struct OutlineHull<'a> {
     pub material: &'a ShadeMaterial,
     /// Normals that replace the primitive's ([`crate::scene_resources::vertex_layout::welded_normals`]).
     pub normals: Vec<Vec3>,
@@ -56,7 +56,7 @@ pub struct OutlineHull<'a> {
 
 impl<'a> VertexStage<'a> {
     /// Vertex stage of an instance of the plan, without outline hull and displacement effects, at the size of the image.
-    pub fn new(
+    pub(super) fn new(
         entry: &'a PrimitiveResource,
         features: Features,
         plan: &'a Plan,
@@ -82,14 +82,14 @@ impl<'a> VertexStage<'a> {
 impl VertexStage<'_> {
     /// Vertices after morphing, skinning and displacement, before the projection and without an outline hull. `normals`: replace the
     /// primitive's normals.
-    pub fn skinned_vertices(&self, normals: Option<&[Vec3]>) -> Vec<Vertex> {
+    pub(super) fn skinned_vertices(&self, normals: Option<&[Vec3]>) -> Vec<Vertex> {
         let count = self.primitive.positions.len();
         let normals = normals.unwrap_or(&self.primitive.normals);
         (0..count).into_par_iter().with_min_len(2048).map(|i| self.skinned_vertex(i, normals)).collect()
     }
 
     /// Projects skinned vertices to clip space, and offsets the vertices of an outline hull.
-    pub fn project(&self, mut vertices: Vec<Vertex>) -> Vec<Vertex> {
+    pub(super) fn project(&self, mut vertices: Vec<Vertex>) -> Vec<Vertex> {
         vertices.par_iter_mut().with_min_len(2048).enumerate().for_each(|(i, out)| {
             out.clip = *self.clip_from_relative * out.relative.extend(1.0);
             if let Some(hull) = &self.hull {

@@ -15,7 +15,7 @@ pub(crate) fn display_color(plan: &Plan, light: Vec3) -> Vec3 {
 
 /// Display color: applies the view transform that the features select.
 #[inline]
-pub fn apply_view_transform(features: Features, light: V3) -> V3 {
+pub(super) fn apply_view_transform(features: Features, light: V3) -> V3 {
     match features {
         f if f.has(Features::AGX) => agx(light),
         f if f.has(Features::VIEW_TRANSFORM) => neutral(light),
@@ -34,7 +34,7 @@ fn multiply_matrix(m: [[f32; 3]; 3], v: V3) -> V3 {
 
 /// Khronos PBR Neutral Tone Mapper 1.0. A dielectric's reflection of 0.04 is subtracted, so that a matte surface in even light
 /// shows its base color. From 0.76 on, the brightest channel is compressed and the color loses saturation.
-pub fn neutral(light: V3) -> V3 {
+pub(super) fn neutral(light: V3) -> V3 {
     let color = map_channels(light, |c| c.clamp(0.0, 16_777_216.0));
     let least = color.x.min(color.y).min(color.z);
     let low = least.min(F4::splat(0.08));
@@ -56,7 +56,7 @@ pub fn neutral(light: V3) -> V3 {
 }
 
 /// Troy Sobotka's AgX by Benjamin Wrensch's polynomial ("Minimal AgX Implementation", 2023).
-pub fn agx(light: V3) -> V3 {
+pub(super) fn agx(light: V3) -> V3 {
     let color = map_channels(light, |c| c.clamp(0.0, 16_777_216.0));
     let inset = multiply_matrix(
         [

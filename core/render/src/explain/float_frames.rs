@@ -6,7 +6,7 @@ use choreo_plugin::{FrameWish, IdMatte, Passes};
 
 impl Costs<'_> {
     /// Adds the costs of the passes that `--passes` requests, which are not among the commands of the plan.
-    pub fn add_float_frame(&mut self) {
+    pub(super) fn add_float_frame(&mut self) {
         let FrameWish::Scene(passes) = self.plan.wish else { return };
         let [width, height] = self.plan.size;
         let pixels = u64::from(width) * u64::from(height);

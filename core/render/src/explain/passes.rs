@@ -6,7 +6,7 @@ use crate::plan::DeferredCause;
 use crate::shader::{DeferredPass, SceneVariant, switches};
 
 impl Costs<'_> {
-    pub fn add_passes(&mut self, recording: &Recording) {
+    pub(super) fn add_passes(&mut self, recording: &Recording) {
         if !recording.preskinned.is_empty() {
             self.add_preskinning(recording);
         }

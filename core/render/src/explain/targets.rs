@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 impl Costs<'_> {
     /// Adds the color and depth targets.
-    pub fn add_targets(&mut self, recording: &Recording) {
+    pub(super) fn add_targets(&mut self, recording: &Recording) {
         let [width, height] = recording.size;
         let pixels = u64::from(width) * u64::from(height);
         let size = format!("{width}×{height}");

@@ -91,7 +91,7 @@ const TRIPLANAR_TEXTURES: Features = Features::BASE_COLOR_TEXTURE
 
 /// Features of a draw: only those that change a pixel. `force_all` also sets every bit that leaves the pixels as they are; see
 /// [`Features`] for the values that a shader reads if its primitive or material lacks the data.
-pub fn features(
+pub(crate) fn features(
     primitive: &PrimitiveResource,
     material: &MaterialResource,
     needs: DrawNeeds,
@@ -265,7 +265,7 @@ pub(crate) fn outline_features(
 
 /// Facts about a frame that give the reasons why parts are left out.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Facts {
+pub(crate) struct Facts {
     /// Features of all objects of the stage, visible or not: skins, morph targets, lit materials, a sky.
     pub in_stage: Features,
     pub lit_exist: bool,
@@ -308,7 +308,7 @@ pub struct Facts {
 
 /// The features and passes that a frame does not use, and why: those of the scene, then features in the table's order, then whole
 /// passes.
-pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
+pub(crate) fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     let of_features = absences(all, facts.in_stage).map(|(what, why)| (what, why.to_string()));
     let reports = scene_reports(facts).into_iter().chain(of_features);
     let reports = reports.chain(light_reports(all, facts)).chain(pass_reports(all, facts));

@@ -4,7 +4,7 @@ use crate::plan::{Draw, Features, Plan, ShadowMaps, ShadowView};
 use crate::scene_resources::SceneResources;
 
 /// Hash of everything that a shadow map is drawn from.
-pub type MapKey = [u8; 32];
+pub(crate) type MapKey = [u8; 32];
 
 /// Features with which a map depends on more than vertex positions: textures, line widths in pixels. Such maps are always
 /// redrawn.
@@ -12,7 +12,7 @@ const FEATURES_BEYOND_POSITIONS: Features =
     Features::ALPHA_MASK.with(Features::OUTLINE).with(Features::WIREFRAME).with(Features::THICK_LINES);
 
 /// Key of each map; `None` for a map that must be redrawn in every frame.
-pub fn map_keys(shadows: &ShadowMaps, plan: &Plan, resources: &SceneResources) -> Vec<Option<MapKey>> {
+pub(crate) fn map_keys(shadows: &ShadowMaps, plan: &Plan, resources: &SceneResources) -> Vec<Option<MapKey>> {
     let all = shadows.views.iter().flat_map(|view| &view.draws).map(|draw| draw.pipeline.features);
     let features = all.fold(Features::default(), Features::with);
     let hash = |asked: bool, bytes: &[u8]| asked.then(|| *blake3::hash(bytes).as_bytes());

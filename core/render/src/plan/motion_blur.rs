@@ -172,16 +172,16 @@ pub(crate) struct Accumulated {
 }
 
 impl Accumulated {
-    pub fn new(pixels: usize) -> Accumulated {
+    pub(crate) fn new(pixels: usize) -> Accumulated {
         Accumulated { pixels: vec![Vec4::ZERO; pixels], count: 0 }
     }
 
-    pub fn add(&mut self, image: impl Iterator<Item = Vec4>) {
+    pub(crate) fn add(&mut self, image: impl Iterator<Item = Vec4>) {
         self.pixels.iter_mut().zip(image).for_each(|(sum, pixel)| *sum += pixel);
         self.count += 1;
     }
 
-    pub fn mean(self) -> Vec<Vec4> {
+    pub(crate) fn mean(self) -> Vec<Vec4> {
         let share = 1.0 / self.count.max(1) as f32;
         self.pixels.into_iter().map(|sum| sum * share).collect()
     }

@@ -23,7 +23,7 @@ use std::fmt;
 
 /// Largest motion in pixels from one sub-frame to the next. A pixel shows the mean over its own width, so that such steps leave
 /// no gaps (decision 56).
-pub const STEP: f64 = 1.0;
+pub(crate) const STEP: f64 = 1.0;
 /// Fractions of the open shutter at which the stage is evaluated. They are uneven, so that periodic motion is not missed.
 const SHUTTER_FRACTIONS: [f64; 5] = [0.0, 0.21, 0.47, 0.76, 1.0];
 /// Largest change of a color or a light between two of these times that counts as none: the color in the middle is close to the
@@ -72,7 +72,7 @@ pub(super) struct ShutterScene<'a> {
 impl ShutterScene<'_> {
     /// Estimates the motion. `time_of` gives the time at a fraction of the open shutter. Ends early once `most` sub-frames are
     /// needed.
-    pub fn motion<E>(
+    pub(super) fn motion<E>(
         &self,
         most: u32,
         time_of: impl Fn(f64) -> Time,

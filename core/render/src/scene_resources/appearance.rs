@@ -69,7 +69,7 @@ struct View {
 }
 
 impl Appearance {
-    pub fn new(model: &Model) -> Appearance {
+    pub(super) fn new(model: &Model) -> Appearance {
         let pixel = model.size / IMAGE_SIDE as f32;
         let drawn: Vec<PartTriangles> = model
             .parts
@@ -91,7 +91,7 @@ impl Appearance {
     }
 
     /// Whether each vertex of each part is hidden from all sides.
-    pub fn hidden(&self) -> Vec<Vec<bool>> {
+    pub(super) fn hidden(&self) -> Vec<Vec<bool>> {
         let part = |part: usize| {
             let visible = |v: usize| self.views.iter().any(|view| view.visible[part][v]);
             (0..self.views[0].visible[part].len()).map(|v| !visible(v)).collect()

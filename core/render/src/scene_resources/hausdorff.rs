@@ -17,7 +17,7 @@ const LEAF_SIZE: usize = 4;
 
 /// A triangle mesh. Indices must be in range.
 #[derive(Clone, Copy)]
-pub struct Surface<'a> {
+pub(crate) struct Surface<'a> {
     pub positions: &'a [Vec3],
     pub indices: &'a [u32],
 }

@@ -81,7 +81,7 @@ impl SurfaceColor {
     }
 
     /// The color at texture coordinates, by the nearest texel.
-    pub fn at(&self, uv: Vec2) -> Vec4 {
+    pub(super) fn at(&self, uv: Vec2) -> Vec4 {
         let Some((image, texture)) = &self.texture else { return self.factor };
         let uv = texture.uv_transform.transform_point2(uv);
         let texel = |u: f32, n: u32| {
@@ -93,18 +93,18 @@ impl SurfaceColor {
         self.factor * Vec4::new(byte(0), byte(1), byte(2), byte(3))
     }
 
-    pub fn uv_set(&self) -> usize {
+    pub(super) fn uv_set(&self) -> usize {
         self.texture.as_ref().map_or(0, |(_, texture)| usize::from(texture.uv_set.min(1)))
     }
 }
 
 impl ModelPrimitive {
-    pub fn primitive(&self) -> &Primitive {
+    pub(super) fn primitive(&self) -> &Primitive {
         &self.mesh.primitives[self.place.1]
     }
 
     /// Texture coordinates of the color texture; empty without one.
-    pub fn uvs(&self) -> &[Vec2] {
+    pub(super) fn uvs(&self) -> &[Vec2] {
         &self.primitive().uvs[self.surface_color.uv_set()]
     }
 
@@ -150,7 +150,7 @@ impl ModelPrimitive {
 
 impl Model {
     /// The model at rest; `None` if no part of it can be simplified.
-    pub fn new(asset: &Asset, valid: impl Fn(usize, usize) -> bool) -> Option<Model> {
+    pub(super) fn new(asset: &Asset, valid: impl Fn(usize, usize) -> bool) -> Option<Model> {
         let weights: Vec<Vec<f32>> = asset.instances.iter().map(|i| i.weights.clone()).collect();
         let posed = posed_meshes_by(
             (Skinning::Linear, PlacementSelection::Once),
@@ -192,7 +192,7 @@ impl Model {
     }
 
     /// Levels of detail, the finest first.
-    pub fn levels(&self) -> Vec<Level> {
+    pub(super) fn levels(&self) -> Vec<Level> {
         let appearance = Appearance::new(self);
         let hidden = appearance.hidden();
         let mut before: usize = self.parts.iter().map(|part| part.primitive().indices.len()).sum();

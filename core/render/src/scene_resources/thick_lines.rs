@@ -131,7 +131,7 @@ pub(crate) struct ThickLineExpander {
 }
 
 impl ThickLineExpander {
-    pub fn new(clip_from_relative: &Mat4, size: [u32; 2]) -> ThickLineExpander {
+    pub(crate) fn new(clip_from_relative: &Mat4, size: [u32; 2]) -> ThickLineExpander {
         let size = Vec2::new(size[0] as f32, size[1] as f32);
         ThickLineExpander { clip_from_relative: *clip_from_relative, size }
     }
@@ -140,7 +140,7 @@ impl ThickLineExpander {
     ///
     /// The offset is scaled by w, so that it is the same on screen anywhere on the line. The near plane then clips it like any
     /// triangle, and ends behind the camera need no screen position.
-    pub fn expand_vertex(&self, own: Vec4, other: Vec4, offset: Vec3, width: f32) -> Vec4 {
+    pub(crate) fn expand_vertex(&self, own: Vec4, other: Vec4, offset: Vec3, width: f32) -> Vec4 {
         let (a, b) = if offset.z > 0.5 { (other, own) } else { (own, other) };
         // The direction from the first end to the second in the image: d(xy/w) is proportional to this.
         let way = (b.xy() * a.w - a.xy() * b.w) * self.size;

@@ -152,7 +152,7 @@ pub(crate) struct SkyBackground {
 }
 
 impl SkyBackground {
-    pub fn new(panorama: &Panorama, most: u32) -> SkyBackground {
+    pub(crate) fn new(panorama: &Panorama, most: u32) -> SkyBackground {
         let [width, height] = panorama.size();
         let step = width.max(height).div_ceil(most.max(1)).max(1);
         let size = [width.div_ceil(step), height.div_ceil(step)];
@@ -169,7 +169,7 @@ impl SkyBackground {
         SkyBackground { size, texels }
     }
 
-    pub fn texel(&self, x: i64, y: i64) -> Vec3 {
+    pub(crate) fn texel(&self, x: i64, y: i64) -> Vec3 {
         let x = x.rem_euclid(i64::from(self.size[0])) as usize;
         let y = y.clamp(0, i64::from(self.size[1]) - 1) as usize;
         let [r, g, b, _] = self.texels[y * self.size[0] as usize + x].map(f16::to_f32);

@@ -15,7 +15,7 @@ pub(crate) struct PipelineCache {
 }
 
 impl PipelineCache {
-    pub fn new(gpu: &Context, folder: Option<&Path>) -> Result<PipelineCache, RenderError> {
+    pub(super) fn new(gpu: &Context, folder: Option<&Path>) -> Result<PipelineCache, RenderError> {
         let p = &gpu.properties;
         let file = folder.map(|f| {
             f.join(format!("pipelines-{:04x}-{:04x}-{:08x}.bin", p.vendor_id, p.device_id, p.driver_version))
@@ -31,7 +31,7 @@ impl PipelineCache {
     }
 
     /// Saves the cache: writes a new file and renames it. A failure is not reported, because it only makes the next start slower.
-    pub fn save(&self, gpu: &Context) {
+    pub(super) fn save(&self, gpu: &Context) {
         let Some(file) = &self.file else { return };
         // SAFETY: the cache belongs to this device.
         let Ok(data) = (unsafe { gpu.device.get_pipeline_cache_data(self.raw) }) else { return };
@@ -45,7 +45,7 @@ impl PipelineCache {
         }
     }
 
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(super) fn destroy(&mut self, gpu: &Context) {
         // SAFETY: made from this device; no pipeline is being created.
         unsafe { gpu.device.destroy_pipeline_cache(self.raw, None) };
         self.raw = vk::PipelineCache::null();

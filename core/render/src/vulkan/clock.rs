@@ -28,7 +28,7 @@ impl DeviceTime {
 }
 
 /// Two timestamps for each frame in flight.
-pub struct Clock {
+pub(super) struct Clock {
     pool: vk::QueryPool,
     time: Arc<DeviceTime>,
     /// Nanoseconds of one tick.
@@ -39,7 +39,7 @@ pub struct Clock {
 
 impl Clock {
     /// The clock; `None` if times are not requested, or the queue has no timestamps.
-    pub fn new(
+    pub(super) fn new(
         gpu: &Context,
         time: Option<Arc<DeviceTime>>,
         slots: u32,
@@ -59,7 +59,7 @@ impl Clock {
     }
 
     /// Writes the timestamp before the first command of a frame in this slot.
-    pub fn begin(&self, gpu: &Context, commands: vk::CommandBuffer, slot: usize) {
+    pub(super) fn begin(&self, gpu: &Context, commands: vk::CommandBuffer, slot: usize) {
         let first = 2 * slot as u32;
         // SAFETY: the command buffer is being recorded, outside a pass; the slot's last frame is done.
         unsafe {
@@ -69,7 +69,7 @@ impl Clock {
     }
 
     /// Writes the timestamp after the last command of the frame.
-    pub fn end(&self, gpu: &Context, commands: vk::CommandBuffer, slot: usize) {
+    pub(super) fn end(&self, gpu: &Context, commands: vk::CommandBuffer, slot: usize) {
         let second = 2 * slot as u32 + 1;
         // SAFETY: as above.
         unsafe {
@@ -79,7 +79,7 @@ impl Clock {
     }
 
     /// Adds the time of the slot's frame, which must be done.
-    pub fn read(&self, gpu: &Context, slot: usize) -> Result<(), RenderError> {
+    pub(super) fn read(&self, gpu: &Context, slot: usize) -> Result<(), RenderError> {
         let mut ticks = [0u64; 2];
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
         // SAFETY: both were written by commands that are done.
@@ -93,7 +93,7 @@ impl Clock {
     }
 
     /// Destroys the queries. No frame may be in flight.
-    pub fn destroy(&self, gpu: &Context) {
+    pub(super) fn destroy(&self, gpu: &Context) {
         // SAFETY: made from this device, no longer used.
         unsafe { gpu.device.destroy_query_pool(self.pool, None) };
     }

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// All messages of the validation layer with severity warning or error.
-pub type Messages = Arc<Mutex<Vec<String>>>;
+pub(super) type Messages = Arc<Mutex<Vec<String>>>;
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -25,7 +25,7 @@ fn lock_layer_state() -> RwLockWriteGuard<'static, ()> {
     LAYER_STATE.write().unwrap_or_else(PoisonError::into_inner)
 }
 
-pub struct Context {
+pub(crate) struct Context {
     // Keeps libvulkan loaded.
     _entry: ash::Entry,
     instance: ash::Instance,
@@ -104,7 +104,7 @@ fn load() -> Result<ash::Entry, RenderError> {
 }
 
 impl Context {
-    pub fn new(options: &ContextOptions<'_>) -> Result<Context, RenderError> {
+    pub(crate) fn new(options: &ContextOptions<'_>) -> Result<Context, RenderError> {
         let entry = load()?;
         let messages = Messages::default();
         let _creates = options.validation.then(lock_layer_state);
@@ -177,12 +177,12 @@ impl Context {
 
     /// Lock that each thread holds while it calls the device: with validation, no other thread may create or destroy a device
     /// meanwhile.
-    pub fn lock_for_calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
+    pub(crate) fn lock_for_calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
         self.messenger.is_some().then(|| LAYER_STATE.read().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Fails if a test has requested a fault at this place.
-    pub fn inject_fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
+    pub(crate) fn inject_fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
         if self.lost.load(Ordering::Relaxed) {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }
@@ -193,18 +193,18 @@ impl Context {
         fault
     }
 
-    pub fn limits(&self) -> &vk::PhysicalDeviceLimits {
+    pub(crate) fn limits(&self) -> &vk::PhysicalDeviceLimits {
         &self.properties.limits
     }
 
-    pub fn allocator(&self) -> MutexGuard<'_, Allocator> {
+    pub(crate) fn allocator(&self) -> MutexGuard<'_, Allocator> {
         // The allocator is taken out only by `drop`; a panic elsewhere while it was locked leaves it usable.
         let allocator = self.allocator.as_ref().expect("present until drop");
         allocator.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Gives an object the name that validation messages show.
-    pub fn set_name<T: vk::Handle>(&self, object: T, name: &str) {
+    pub(crate) fn set_name<T: vk::Handle>(&self, object: T, name: &str) {
         if let (Some(names), Ok(name)) = (&self.names, CString::new(name)) {
             let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
             // Names are only for debugging, so a failure is ignored.

@@ -85,7 +85,7 @@ fn create_set_layout(
 }
 
 impl Layouts {
-    pub fn new(gpu: &Context) -> Result<Layouts, RenderError> {
+    pub(crate) fn new(gpu: &Context) -> Result<Layouts, RenderError> {
         use vk::DescriptorType as T;
         let (vertex, fragment) = (vk::ShaderStageFlags::VERTEX, vk::ShaderStageFlags::FRAGMENT);
         let mut layouts = Layouts {
@@ -179,7 +179,7 @@ impl Layouts {
     }
 
     /// Layout of the G-buffer. Fails unless it was prepared.
-    pub fn light(&self) -> Result<MaterialLayout, RenderError> {
+    pub(crate) fn light(&self) -> Result<MaterialLayout, RenderError> {
         self.light.ok_or_else(|| RenderError::Usage("the layout of the G-buffer was not prepared".into()))
     }
 
@@ -208,12 +208,12 @@ impl Layouts {
     }
 
     /// Layout of materials with these textures. Fails unless it was prepared.
-    pub fn material(&self, slots: u32) -> Result<MaterialLayout, RenderError> {
+    pub(crate) fn material(&self, slots: u32) -> Result<MaterialLayout, RenderError> {
         let known = self.materials.get(&slots).copied();
         known.ok_or_else(|| RenderError::Usage("a material's layout was not prepared".into()))
     }
 
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(crate) fn destroy(&mut self, gpu: &Context) {
         let light = self.light.take();
         let materials = std::mem::take(&mut self.materials);
         for MaterialLayout { set, pipeline } in materials.into_values().chain(light) {
@@ -234,7 +234,7 @@ impl Layouts {
 
 /// A descriptor set, and the pool that it is returned to.
 #[derive(Clone, Copy)]
-pub struct Set {
+pub(crate) struct Set {
     pub raw: vk::DescriptorSet,
     pool: vk::DescriptorPool,
 }
@@ -247,11 +247,11 @@ pub(crate) struct Pools {
 const SETS_PER_POOL: u32 = 64;
 
 impl Pools {
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.pools.len()
     }
 
-    pub fn allocate(
+    pub(crate) fn allocate(
         &mut self,
         gpu: &Context,
         layout: vk::DescriptorSetLayout,
@@ -289,12 +289,12 @@ impl Pools {
     }
 
     /// Frees a set. No frame in flight may use it.
-    pub fn free(&mut self, gpu: &Context, set: Set) {
+    pub(crate) fn free(&mut self, gpu: &Context, set: Set) {
         // SAFETY: allocated from this pool, which allows freeing. The call cannot fail (it only returns success).
         let _ = unsafe { gpu.device.free_descriptor_sets(set.pool, &[set.raw]) };
     }
 
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(crate) fn destroy(&mut self, gpu: &Context) {
         for pool in self.pools.drain(..) {
             // SAFETY: made from this device; no frame in flight uses its sets.
             unsafe { gpu.device.destroy_descriptor_pool(pool, None) };

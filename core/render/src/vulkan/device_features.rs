@@ -80,7 +80,7 @@ pub(crate) struct Abilities(u8);
 
 impl Abilities {
     /// `color_attachments`: the result of [`super::deferred::color_attachments`]. `queue`: capabilities of the queue.
-    pub fn of(
+    pub(crate) fn of(
         features: &vk::PhysicalDeviceFeatures,
         color_attachments: bool,
         queue: vk::QueueFlags,
@@ -90,12 +90,12 @@ impl Abilities {
         Abilities(Ability::ALL.iter().filter(there).map(|a| 1 << *a as u8).sum())
     }
 
-    pub fn has(self, ability: Ability) -> bool {
+    pub(crate) fn has(self, ability: Ability) -> bool {
         self.0 & (1 << ability as u8) != 0
     }
 
     /// The features to create a device with.
-    pub fn features(self) -> vk::PhysicalDeviceFeatures {
+    pub(crate) fn features(self) -> vk::PhysicalDeviceFeatures {
         vk::PhysicalDeviceFeatures::default()
             .alpha_to_one(self.has(Ability::AlphaToOne))
             .sampler_anisotropy(self.has(Ability::SamplerAnisotropy))

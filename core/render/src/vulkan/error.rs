@@ -4,7 +4,7 @@ use super::TIMEOUT_SECS;
 use crate::error::RenderError;
 use ash::vk;
 
-pub trait Named<T> {
+pub(super) trait Named<T> {
     fn named(self, object: &str) -> Result<T, RenderError>;
 }
 

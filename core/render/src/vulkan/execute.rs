@@ -29,7 +29,7 @@ pub(crate) struct Execution<'a> {
 }
 
 impl Execution<'_> {
-    pub fn run(&self, recording: &Recording, ids: &[Option<PipelineId>]) -> Result<(), RenderError> {
+    pub(super) fn run(&self, recording: &Recording, ids: &[Option<PipelineId>]) -> Result<(), RenderError> {
         let device = &self.gpu.device;
         let commands = self.frame.commands;
         let pipeline_of = |i: usize| {

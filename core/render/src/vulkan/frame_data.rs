@@ -18,7 +18,7 @@ use glam::{Mat4, Vec2, Vec4};
 
 /// A range of the frame's buffer.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Block {
+pub(super) struct Block {
     pub at: u64,
     pub bytes: u64,
 }
@@ -65,7 +65,7 @@ struct CopiedData<'a> {
 }
 
 /// Positions of all parts of a frame's data.
-pub struct FrameData<'a> {
+pub(super) struct FrameData<'a> {
     pub reads: ResourceReads,
     /// Total size in bytes.
     pub bytes: u64,
@@ -92,7 +92,7 @@ pub struct FrameData<'a> {
 }
 
 impl<'a> FrameData<'a> {
-    pub fn new(
+    pub(super) fn new(
         gpu: &Context,
         plan: &'a Plan,
         recording: &Recording,
@@ -185,7 +185,7 @@ impl<'a> FrameData<'a> {
     }
 
     /// Copies everything into the frame's buffer.
-    pub fn write(&self, plan: &Plan, images: &FrameImages<'_>, mapped: &mut [u8]) {
+    pub(super) fn write(&self, plan: &Plan, images: &FrameImages<'_>, mapped: &mut [u8]) {
         let mut put = |at: u64, bytes: &[u8]| {
             mapped[at as usize..at as usize + bytes.len()].copy_from_slice(bytes);
         };

@@ -72,7 +72,11 @@ pub(crate) const FRAME_BINDINGS: [(u32, vk::DescriptorType); 11] = [
 ];
 
 impl FrameInFlight {
-    pub fn new(gpu: &Context, layouts: &Layouts, pools: &mut Pools) -> Result<FrameInFlight, RenderError> {
+    pub(super) fn new(
+        gpu: &Context,
+        layouts: &Layouts,
+        pools: &mut Pools,
+    ) -> Result<FrameInFlight, RenderError> {
         let frame_set = pools.allocate(gpu, layouts.frame, "frame set")?;
         let info = vk::CommandPoolCreateInfo::default()
             .flags(vk::CommandPoolCreateFlags::TRANSIENT)
@@ -118,7 +122,7 @@ impl FrameInFlight {
     }
 
     /// Writes the frame's data into the mapped buffer and points the descriptor sets at it.
-    pub fn write(
+    pub(super) fn write(
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
@@ -401,7 +405,7 @@ impl FrameInFlight {
     }
 
     /// Destroys the objects. The frame must be done; its sets are destroyed with the pools.
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(super) fn destroy(&mut self, gpu: &Context) {
         self.release_staging(gpu);
         self.preskin.destroy(gpu);
         self.forget_layers_2d(gpu);

@@ -8,7 +8,7 @@ use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use gpu_allocator::{AllocationError, MemoryLocation};
 
-pub struct Buffer {
+pub(crate) struct Buffer {
     pub raw: vk::Buffer,
     allocation: Option<Allocation>,
     pub size: u64,
@@ -24,7 +24,7 @@ fn allocate(gpu: &Context, desc: &AllocationCreateDesc<'_>) -> Result<Allocation
 }
 
 impl Buffer {
-    pub fn new(
+    pub(crate) fn new(
         gpu: &Context,
         name: &str,
         size: u64,
@@ -36,7 +36,7 @@ impl Buffer {
 
     /// A host-visible staging buffer with dedicated memory, which returns to the driver with the buffer. All meshes and textures
     /// pass through once, and a larger block would keep the memory.
-    pub fn staging(gpu: &Context, size: u64) -> Result<Buffer, RenderError> {
+    pub(crate) fn staging(gpu: &Context, size: u64) -> Result<Buffer, RenderError> {
         let usage = vk::BufferUsageFlags::TRANSFER_SRC;
         let scheme = AllocationScheme::DedicatedBuffer;
         Buffer::with_scheme(gpu, "staging buffer", size, usage, MemoryLocation::CpuToGpu, scheme)
@@ -76,7 +76,7 @@ impl Buffer {
     }
 
     /// The bytes of a host-visible buffer; empty if it is not mapped.
-    pub fn mapped(&self) -> &[u8] {
+    pub(crate) fn mapped(&self) -> &[u8] {
         self.allocation.as_ref().and_then(|a| a.mapped_slice()).unwrap_or(&[])
     }
 
@@ -85,7 +85,7 @@ impl Buffer {
     }
 
     /// Destroys the buffer. No frame in flight may use it.
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(crate) fn destroy(&mut self, gpu: &Context) {
         // SAFETY: made from this device, no longer used; null after the first call.
         unsafe { gpu.device.destroy_buffer(self.raw, None) };
         self.raw = vk::Buffer::null();
@@ -96,7 +96,7 @@ impl Buffer {
     }
 }
 
-pub struct Image {
+pub(crate) struct Image {
     pub raw: vk::Image,
     pub view: vk::ImageView,
     allocation: Option<Allocation>,
@@ -114,7 +114,7 @@ pub(crate) struct ImageDesc<'a> {
 }
 
 impl Image {
-    pub fn new(gpu: &Context, d: &ImageDesc<'_>) -> Result<Image, RenderError> {
+    pub(crate) fn new(gpu: &Context, d: &ImageDesc<'_>) -> Result<Image, RenderError> {
         let limit = gpu.limits().max_image_dimension2_d;
         for (what, value) in [("width", d.width), ("height", d.height)] {
             if value > limit || value == 0 {
@@ -175,7 +175,7 @@ impl Image {
     }
 
     /// Destroys the image. No frame in flight may use it.
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(crate) fn destroy(&mut self, gpu: &Context) {
         // SAFETY: made from this device, no longer used; null after the first call.
         unsafe {
             gpu.device.destroy_image_view(self.view, None);
@@ -191,7 +191,7 @@ impl Image {
 }
 
 /// Subresource range of all mip levels.
-pub fn all_mip_levels(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
+pub(super) fn all_mip_levels(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange {
         aspect_mask: aspect,
         base_mip_level: 0,

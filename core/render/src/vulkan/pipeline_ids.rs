@@ -6,7 +6,7 @@ use crate::plan::Features;
 use crate::shader::SceneVariant;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum PipelineId {
+pub(super) enum PipelineId {
     /// A compute pipeline for pre-skinning.
     Pose(PreskinVariant),
     /// A pipeline of surfaces. `surface`: the effects that its shader calls.
@@ -31,7 +31,7 @@ pub(crate) enum Backdrop {
 }
 
 /// The pipeline of each command of a recording, in order (`None` for commands that bind none).
-pub fn ids(recording: &Recording) -> Vec<Option<PipelineId>> {
+pub(super) fn ids(recording: &Recording) -> Vec<Option<PipelineId>> {
     let (mut samples, mut float, mut depth) = (1, false, false);
     let is_float = |t: &Target| *t != Target::Image;
     let id = |command: &Command| match command {

@@ -7,7 +7,7 @@ use super::device_features::Ability;
 use super::error::Named;
 use super::faults::FaultPlace;
 use super::pipeline_ids::Backdrop;
-pub use super::pipeline_ids::{PipelineId, ids};
+pub(super) use super::pipeline_ids::{PipelineId, ids};
 use super::preskin;
 use super::state::{BlendMode, PipelineState, format_of};
 use super::targets::DEPTH_FORMAT;
@@ -28,7 +28,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
-pub struct Pipelines {
+pub(super) struct Pipelines {
     cache: PipelineCache,
     /// Layout of the sets that all scene pipelines share.
     pub layout: vk::PipelineLayout,
@@ -43,7 +43,7 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    pub fn new(
+    pub(super) fn new(
         gpu: &Context,
         layouts: &Layouts,
         cache_dir: Option<&Path>,
@@ -82,16 +82,16 @@ impl Pipelines {
         }
     }
 
-    pub fn get(&self, id: &PipelineId) -> Option<vk::Pipeline> {
+    pub(super) fn get(&self, id: &PipelineId) -> Option<vk::Pipeline> {
         self.by_id.get(id).copied()
     }
 
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.by_id.len()
     }
 
     /// Compiles the missing pipelines on all cores.
-    pub fn prepare(
+    pub(super) fn prepare(
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
@@ -135,13 +135,13 @@ impl Pipelines {
     }
 
     /// Number of pipelines created so far.
-    pub fn created(&self) -> u64 {
+    pub(super) fn created(&self) -> u64 {
         self.created
     }
 
     /// Replaces the effects. Pipelines of effects whose text has changed are dropped, and compiled again when a frame needs them.
     /// No frame may be in flight.
-    pub fn set_effects(&mut self, gpu: &Context, effects: &[Effect]) {
+    pub(super) fn set_effects(&mut self, gpu: &Context, effects: &[Effect]) {
         let old = std::mem::replace(&mut self.effects, effects.to_vec());
         let text = |all: &[Effect], name: &str| {
             let effect = all.iter().find(|e| e.manifest().name == name)?;
@@ -170,7 +170,7 @@ impl Pipelines {
 
     /// Compiles all existing pipelines again from the shader folder. After an error the last good ones stay. No frame may be in
     /// flight.
-    pub fn reload(&mut self, gpu: &Context, layouts: &Layouts) -> Result<(), RenderError> {
+    pub(super) fn reload(&mut self, gpu: &Context, layouts: &Layouts) -> Result<(), RenderError> {
         let before = self.sources.clone();
         self.sources = ShaderSources::read(before.folder.clone())?;
         let ids: Vec<PipelineId> = self.by_id.keys().cloned().collect();
@@ -351,7 +351,7 @@ impl Pipelines {
     }
 
     /// Effects that plans may name.
-    pub fn effects(&self) -> &[Effect] {
+    pub(super) fn effects(&self) -> &[Effect] {
         &self.effects
     }
 
@@ -448,7 +448,7 @@ impl Pipelines {
     }
 
     /// Saves the cache and destroys all pipelines. No frame may be in flight.
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(super) fn destroy(&mut self, gpu: &Context) {
         if !self.by_id.is_empty() {
             self.cache.save(gpu);
         }

@@ -28,7 +28,7 @@ const WORKGROUP_SIZE: u32 = 64;
 /// Parameters of one pre-skinned mesh (a mesh with one deformation), as the shader reads them.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Job {
+pub(crate) struct Job {
     pub relative_from_mesh: Affine3x4,
     pub first_joint: u32,
     pub first_morph: u32,
@@ -39,7 +39,7 @@ pub struct Job {
 
 /// Pre-skinning buffers of one frame in flight.
 #[derive(Default)]
-pub struct PreskinBuffers {
+pub(crate) struct PreskinBuffers {
     jobs: Option<Buffer>,
     vertices: Option<Buffer>,
     /// Descriptor sets: `write_set` has both buffers for the compute stage; `read_set` has the vertices for all passes.
@@ -72,7 +72,7 @@ fn grow(
 impl PreskinBuffers {
     /// Assigns an output range to each pre-skinned mesh. Must be called after the resources are prepared; the slot's last frame must be
     /// done.
-    pub fn prepare(
+    pub(crate) fn prepare(
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
@@ -134,7 +134,7 @@ impl PreskinBuffers {
     }
 
     /// Patches the instances in these bytes to refer to their pre-skinned vertices.
-    pub fn patch_instances(&self, instances: &mut [u8]) {
+    pub(crate) fn patch_instances(&self, instances: &mut [u8]) {
         for (instance, place) in &self.vertex_ranges {
             let at = *instance as usize * size_of::<Instance>() + offset_of!(Instance, first_joint);
             if let Some(bytes) = instances.get_mut(at..at + size_of::<[u32; 2]>()) {
@@ -144,7 +144,7 @@ impl PreskinBuffers {
     }
 
     /// Destroys the buffers. The frame must be done; its sets are destroyed with the pools.
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(crate) fn destroy(&mut self, gpu: &Context) {
         for mut buffer in self.jobs.take().into_iter().chain(self.vertices.take()) {
             buffer.destroy(gpu);
         }
@@ -174,7 +174,7 @@ impl VulkanRenderer {
 }
 
 /// Sets of the source meshes of the compute stage.
-pub type Sources = HashMap<([u8; 16], VertexLayout), Set>;
+pub(crate) type Sources = HashMap<([u8; 16], VertexLayout), Set>;
 
 impl Resources {
     /// Creates the sets of a recording's source meshes, which must be loaded.
@@ -285,7 +285,7 @@ impl Execution<'_> {
 }
 
 /// Creates the compute pipeline of a pre-skinning variant.
-pub fn create_pipeline(
+pub(crate) fn create_pipeline(
     gpu: &Context,
     layouts: &Layouts,
     sources: &ShaderSources,

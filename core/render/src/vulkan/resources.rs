@@ -27,7 +27,7 @@ use std::collections::{HashMap, HashSet};
 
 type Hash = [u8; 16];
 
-pub struct Mesh {
+pub(crate) struct Mesh {
     pub buffer: Buffer,
     /// Offset of the indices, after the vertices.
     pub index_offset: u64,
@@ -73,7 +73,7 @@ pub(crate) struct Resources {
 }
 
 impl Resources {
-    pub fn mesh(&self, hash: Hash, layout: VertexLayout) -> Option<&Mesh> {
+    pub(crate) fn mesh(&self, hash: Hash, layout: VertexLayout) -> Option<&Mesh> {
         self.meshes.get(&(hash, layout))
     }
 
@@ -86,7 +86,7 @@ impl Resources {
     }
 
     /// Numbers of meshes, textures and materials on the device.
-    pub fn counts(&self) -> [usize; 3] {
+    pub(crate) fn counts(&self) -> [usize; 3] {
         [self.meshes.len(), self.textures.len(), self.materials.len()]
     }
 
@@ -95,7 +95,7 @@ impl Resources {
     }
 
     /// Creates the resources that a recording binds and that do not exist yet.
-    pub fn prepare(
+    pub(crate) fn prepare(
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
@@ -386,7 +386,7 @@ impl Resources {
     }
 
     /// Drops all resources that the new scene resources do not contain. No frame may be in flight.
-    pub fn retain(&mut self, gpu: &Context, resources: &SceneResources) {
+    pub(crate) fn retain(&mut self, gpu: &Context, resources: &SceneResources) {
         let primitives: HashSet<Hash> = resources.primitives.iter().map(|p| p.hash).collect();
         let textures: HashSet<TextureKey> =
             (0..resources.textures.len() as u32).map(|t| texture_key(resources, t)).collect();
@@ -450,7 +450,7 @@ impl Resources {
     }
 
     /// Drops all objects with uploaded bytes. No frame may be in flight.
-    pub fn forget(&mut self, gpu: &Context) {
+    pub(crate) fn forget(&mut self, gpu: &Context) {
         self.retain(gpu, &SceneResources::default());
         if let Some(mut white) = self.white.take() {
             white.destroy(gpu);
@@ -458,7 +458,7 @@ impl Resources {
     }
 
     /// Destroys all objects. No frame may be in flight.
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(crate) fn destroy(&mut self, gpu: &Context) {
         self.forget(gpu);
         for (_, sampler) in self.samplers.drain() {
             // SAFETY: made from this device, no longer used.

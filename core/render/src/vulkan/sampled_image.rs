@@ -13,7 +13,7 @@ pub(crate) struct SampledImage {
 
 impl SampledImage {
     /// Creates the image and a sampler that clamps to the edge.
-    pub fn new(
+    pub(super) fn new(
         gpu: &Context,
         desc: &ImageDesc<'_>,
         sampler: vk::SamplerCreateInfo<'_>,
@@ -35,7 +35,7 @@ impl SampledImage {
     }
 
     /// Destroys the image and its sampler. No frame may be in flight.
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(super) fn destroy(&mut self, gpu: &Context) {
         self.image.destroy(gpu);
         // SAFETY: made from this device, no longer used.
         unsafe { gpu.device.destroy_sampler(self.sampler, None) };

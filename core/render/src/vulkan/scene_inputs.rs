@@ -16,7 +16,7 @@ use choreo_plugin::SceneImages;
 use glam::Vec4;
 
 /// Format of the color targets, which Vulkan guarantees as a color attachment on every device.
-pub const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+pub(crate) const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 /// Bytes per pixel of one target.
 const TARGET_PIXEL_BYTES: usize = 16;
 

@@ -22,7 +22,7 @@ pub(crate) struct SkyImages {
 }
 
 impl SkyImages {
-    pub fn new(gpu: &Context, panorama: &Panorama) -> Result<SkyImages, RenderError> {
+    pub(crate) fn new(gpu: &Context, panorama: &Panorama) -> Result<SkyImages, RenderError> {
         let info = vk::SamplerCreateInfo::default()
             .mag_filter(vk::Filter::LINEAR)
             .min_filter(vk::Filter::LINEAR)
@@ -33,12 +33,12 @@ impl SkyImages {
         Ok(SkyImages { hash: panorama.hash(), sampler, maps: None, background: None })
     }
 
-    pub fn shows_panorama(&self, panorama: Option<&Panorama>) -> bool {
+    pub(crate) fn shows_panorama(&self, panorama: Option<&Panorama>) -> bool {
         panorama.is_some_and(|p| p.hash() == self.hash)
     }
 
     /// Uploads those images of the sky that the plan reads and that are not on the device yet.
-    pub fn prepare(
+    pub(crate) fn prepare(
         &mut self,
         gpu: &Context,
         panorama: &Panorama,
@@ -58,14 +58,14 @@ impl SkyImages {
     }
 
     /// The views of maps and panorama. If only one exists it takes both places, so that no binding stays empty.
-    pub fn views(&self) -> Option<[vk::ImageView; 2]> {
+    pub(crate) fn views(&self) -> Option<[vk::ImageView; 2]> {
         let maps = self.maps.as_ref().map(|(_, image)| image.view);
         let background = self.background.as_ref().map(|image| image.view);
         Some([maps.or(background)?, background.or(maps)?])
     }
 
     /// Destroys the images. No frame may be in flight.
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(crate) fn destroy(&mut self, gpu: &Context) {
         for mut image in self.maps.take().map(|(_, image)| image).into_iter().chain(self.background.take()) {
             image.destroy(gpu);
         }

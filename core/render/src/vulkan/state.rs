@@ -10,7 +10,7 @@ use crate::scene_resources::vertex_layout::{Format, VertexLayout};
 use crate::shader::{DeferredPass, InputTargets, PeelPass, SceneVariant, switches};
 use ash::vk;
 
-pub struct PipelineState {
+pub(super) struct PipelineState {
     pub name: String,
     pub layout: vk::PipelineLayout,
     pub vertices: Option<VertexLayout>,
@@ -34,7 +34,7 @@ pub struct PipelineState {
 
 /// How a fragment is blended with the image.
 #[derive(Clone, Copy)]
-pub enum BlendMode {
+pub(super) enum BlendMode {
     Replace,
     /// Source over, straight alpha.
     Over,
@@ -46,7 +46,7 @@ pub enum BlendMode {
 
 impl BlendMode {
     /// Factors of source and destination color, then of source and destination alpha.
-    pub fn factors(self) -> Option<[vk::BlendFactor; 4]> {
+    pub(super) fn factors(self) -> Option<[vk::BlendFactor; 4]> {
         use vk::BlendFactor as F;
         match self {
             BlendMode::Replace => None,
@@ -59,7 +59,7 @@ impl BlendMode {
 
 impl PipelineState {
     /// The state of a scene pipeline with one sample per pixel.
-    pub fn scene(
+    pub(super) fn scene(
         variant: &SceneVariant,
         float: bool,
         layouts: &Layouts,
@@ -135,7 +135,7 @@ impl PipelineState {
         vk::PipelineRasterizationStateCreateInfo::default().front_face(front).line_width(1.0)
     }
 
-    pub fn multisample(&self) -> vk::PipelineMultisampleStateCreateInfo<'static> {
+    pub(super) fn multisample(&self) -> vk::PipelineMultisampleStateCreateInfo<'static> {
         vk::PipelineMultisampleStateCreateInfo::default()
             .rasterization_samples(vk::SampleCountFlags::from_raw(self.samples))
             .alpha_to_coverage_enable(self.coverage)
@@ -150,7 +150,7 @@ impl PipelineState {
             .depth_compare_op(compare)
     }
 
-    pub fn attachment(&self) -> vk::PipelineColorBlendAttachmentState {
+    pub(super) fn attachment(&self) -> vk::PipelineColorBlendAttachmentState {
         let attachment =
             vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
         let Some([from, to, alpha_from, alpha_to]) = self.blend_mode.factors() else { return attachment };

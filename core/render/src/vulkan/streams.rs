@@ -9,7 +9,7 @@ use crate::scene_resources::SceneResources;
 const KEPT_FRAMES: u64 = 8;
 
 #[derive(Default)]
-pub struct Streams {
+pub(super) struct Streams {
     frame: u64,
     /// Texture, material that shows it, and number of the frame that used it last.
     used: Vec<(TextureKey, [u8; 16], u64)>,

@@ -15,11 +15,11 @@ use ash::vk;
 use glam::Vec4;
 use gpu_allocator::MemoryLocation;
 
-pub const IMAGE_FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
+pub(super) const IMAGE_FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
 pub(crate) const FLOAT_FORMAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
-pub const DEPTH_FORMAT: vk::Format = vk::Format::D32_SFLOAT;
+pub(super) const DEPTH_FORMAT: vk::Format = vk::Format::D32_SFLOAT;
 
-pub fn format(target: Target) -> vk::Format {
+pub(super) fn format(target: Target) -> vk::Format {
     match target {
         Target::Image => IMAGE_FORMAT,
         Target::Float(_) | Target::Texture(_) => FLOAT_FORMAT,
@@ -28,7 +28,7 @@ pub fn format(target: Target) -> vk::Format {
 
 /// Images that a recording needs; recordings with equal needs share them.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TargetNeeds {
+pub(super) struct TargetNeeds {
     pub size: [u32; 2],
     pub samples: u32,
     pub scene: Target,
@@ -50,7 +50,7 @@ pub struct TargetNeeds {
 }
 
 impl TargetNeeds {
-    pub fn of(recording: &Recording) -> TargetNeeds {
+    pub(super) fn of(recording: &Recording) -> TargetNeeds {
         let mut needs = TargetNeeds {
             size: recording.size,
             samples: 1,
@@ -95,7 +95,7 @@ impl TargetNeeds {
     }
 }
 
-pub struct Targets {
+pub(super) struct Targets {
     pub needs: TargetNeeds,
     pub frame_image: Image,
     pub floats: Vec<Image>,
@@ -152,7 +152,7 @@ fn new_image(
 }
 
 impl Targets {
-    pub fn new(gpu: &Context, needs: TargetNeeds) -> Result<Targets, RenderError> {
+    pub(super) fn new(gpu: &Context, needs: TargetNeeds) -> Result<Targets, RenderError> {
         let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT
             | vk::ImageUsageFlags::TRANSFER_SRC
             | vk::ImageUsageFlags::TRANSFER_DST;
@@ -234,7 +234,7 @@ impl Targets {
     }
 
     /// Images that scene shaders read, except those of materials and of the sky, which are resources.
-    pub fn shader_images(&self) -> FrameImages<'_> {
+    pub(super) fn shader_images(&self) -> FrameImages<'_> {
         let layers = match (&self.depth, &self.layers[..]) {
             (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
             _ => None,
@@ -247,7 +247,7 @@ impl Targets {
         FrameImages { layers, gbuffer, shadow, scene_color_copy, sky: None, texels: None, faults: 0 }
     }
 
-    pub fn image(&self, target: Target) -> &Image {
+    pub(super) fn image(&self, target: Target) -> &Image {
         match target {
             Target::Image => &self.frame_image,
             // `TargetNeeds::of` counted them from the same recording.
@@ -299,12 +299,12 @@ impl Targets {
         Ok(())
     }
 
-    pub fn background(&self) -> Option<vk::Buffer> {
+    pub(super) fn background(&self) -> Option<vk::Buffer> {
         self.background.as_ref().map(|(buffer, _)| buffer.raw)
     }
 
     /// Destroys the images. No frame may be in flight.
-    pub fn destroy(&mut self, gpu: &Context) {
+    pub(super) fn destroy(&mut self, gpu: &Context) {
         self.frame_image.destroy(gpu);
         if let Some((mut buffer, _)) = self.background.take() {
             buffer.destroy(gpu);

@@ -20,7 +20,7 @@ struct ImageUpload {
 }
 
 impl Uploads {
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.buffers.is_empty() && self.images.is_empty()
     }
 
@@ -32,13 +32,17 @@ impl Uploads {
         at
     }
 
-    pub fn add_buffer(&mut self, to: vk::Buffer, bytes: &[u8]) {
+    pub(crate) fn add_buffer(&mut self, to: vk::Buffer, bytes: &[u8]) {
         let at = self.append(bytes);
         self.buffers.push((to, at, bytes.len() as u64));
     }
 
     /// Adds an image: (width, height, bytes) of each level, the largest first.
-    pub fn add_image<'a>(&mut self, to: vk::Image, levels: impl Iterator<Item = (u32, u32, &'a [u8])>) {
+    pub(crate) fn add_image<'a>(
+        &mut self,
+        to: vk::Image,
+        levels: impl Iterator<Item = (u32, u32, &'a [u8])>,
+    ) {
         let mut texel = 4;
         let levels = levels
             .enumerate()
@@ -60,7 +64,7 @@ impl Uploads {
     }
 
     /// Splits the uploads into parts of at most `bytes` each, unless a single buffer or image is larger.
-    pub fn split(self, bytes: usize) -> Vec<Uploads> {
+    pub(crate) fn split(self, bytes: usize) -> Vec<Uploads> {
         let mut full_parts = Vec::new();
         let mut part = Uploads::default();
         for (to, at, size) in &self.buffers {
@@ -92,7 +96,7 @@ impl Uploads {
     }
 
     /// Records the copies; the staging buffer must live until the commands have run.
-    pub fn record(self, gpu: &Context, commands: vk::CommandBuffer) -> Result<Buffer, RenderError> {
+    pub(crate) fn record(self, gpu: &Context, commands: vk::CommandBuffer) -> Result<Buffer, RenderError> {
         let mut staging = Buffer::staging(gpu, self.bytes.len() as u64)?;
         staging.mapped_mut()[..self.bytes.len()].copy_from_slice(&self.bytes);
         let to_write: Vec<_> = self

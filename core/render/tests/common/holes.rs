@@ -3,7 +3,7 @@
 use choreo_plugin::Frame;
 
 /// Numbers of pixels that the model covers, that are empty without its back faces, and that differ.
-pub fn count_holes(front: &Frame, both: &Frame) -> [usize; 3] {
+pub(crate) fn count_holes(front: &Frame, both: &Frame) -> [usize; 3] {
     let background = |p: &&[u8]| *p == [255, 0, 255, 255];
     let mut counts = [0; 3];
     for (front, both) in front.rgba.chunks_exact(4).zip(both.rgba.chunks_exact(4)) {

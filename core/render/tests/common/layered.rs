@@ -2,12 +2,12 @@
 
 use super::*;
 
-pub fn layered(layers: MaterialLayers, material: Material) -> Material {
+pub(crate) fn layered(layers: MaterialLayers, material: Material) -> Material {
     Material { layers: Some(Box::new(layers)), ..material }
 }
 
 /// A bent quad with uvs and tangents: 8 × 8 cells of a bulge.
-pub fn bulge(size: f32) -> Primitive {
+pub(crate) fn bulge(size: f32) -> Primitive {
     let mut p = Primitive { material: Some(0), ..Primitive::default() };
     for j in 0..9u32 {
         for i in 0..9u32 {
@@ -26,7 +26,7 @@ pub fn bulge(size: f32) -> Primitive {
     p
 }
 
-pub fn layered_scene() -> Scene {
+pub(crate) fn layered_scene() -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     scene.snapshot.background =
         Background::Gradient { top: Vec3::new(0.1, 0.3, 0.6), bottom: Vec3::new(0.6, 0.5, 0.4) };

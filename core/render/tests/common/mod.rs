@@ -1,7 +1,7 @@
 //! Scenes built in code, for the tests of plans and renderers.
 #![allow(dead_code)]
 
-pub mod layered;
+pub(crate) mod layered;
 
 use choreo_asset::*;
 use choreo_motion::{Skeleton, Time, Transform};
@@ -11,14 +11,14 @@ use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// A stage with its snapshot, built actor by actor.
-pub struct Scene {
+pub(crate) struct Scene {
     pub stage: Stage,
     pub snapshot: Snapshot,
 }
 
 impl Scene {
     /// An orthographic camera at z = 10 looking along −Z on a view `height` metres high; black background, no light.
-    pub fn ortho(height: f32) -> Scene {
+    pub(crate) fn ortho(height: f32) -> Scene {
         let camera = CameraState {
             camera: None,
             world_from_view: DAffine3::from_translation(DVec3::new(0.0, 0.0, 10.0)),
@@ -28,7 +28,7 @@ impl Scene {
     }
 
     /// A perspective camera at z = `distance`.
-    pub fn perspective(yfov: f32, distance: f64) -> Scene {
+    pub(crate) fn perspective(yfov: f32, distance: f64) -> Scene {
         let camera = CameraState {
             camera: None,
             world_from_view: DAffine3::from_translation(DVec3::new(0.0, 0.0, distance)),
@@ -37,7 +37,7 @@ impl Scene {
         Scene::with_camera(camera)
     }
 
-    pub fn with_camera(camera: CameraState) -> Scene {
+    pub(crate) fn with_camera(camera: CameraState) -> Scene {
         // No view transform, so that closed forms hold.
         let settings = Settings { view_transform: ViewTransform::None, ..Settings::default() };
         Scene {
@@ -58,7 +58,7 @@ impl Scene {
         }
     }
 
-    pub fn add(&mut self, asset: &Arc<Asset>, world_from_model: DAffine3) -> usize {
+    pub(crate) fn add(&mut self, asset: &Arc<Asset>, world_from_model: DAffine3) -> usize {
         let name = format!("actor{}", self.stage.actors.len());
         self.stage.actors.push(Actor::new(&name, asset.clone()));
         let mut model_from_joint: Vec<Affine3A> = Vec::new();
@@ -83,11 +83,11 @@ impl Scene {
         self.stage.actors.len() - 1
     }
 
-    pub fn at(&mut self, asset: &Arc<Asset>, x: f64, y: f64, z: f64) -> usize {
+    pub(crate) fn at(&mut self, asset: &Arc<Asset>, x: f64, y: f64, z: f64) -> usize {
         self.add(asset, DAffine3::from_translation(DVec3::new(x, y, z)))
     }
 
-    pub fn sun(&mut self, direction: Vec3, color: Vec3, intensity: f32) {
+    pub(crate) fn sun(&mut self, direction: Vec3, color: Vec3, intensity: f32) {
         let light = Light { kind: LightKind::Directional, color, intensity, range: None };
         self.snapshot.lights.push(LightState {
             light,
@@ -98,12 +98,12 @@ impl Scene {
         });
     }
 
-    pub fn resources(&self) -> Arc<SceneResources> {
+    pub(crate) fn resources(&self) -> Arc<SceneResources> {
         Arc::new(SceneResources::new(&self.stage))
     }
 
     /// Intensities of lights in the snapshot are multiples of π lux or candela: a white surface under 1 is 1.
-    pub fn plan(&self, options: &PlanOptions) -> (Arc<SceneResources>, Plan) {
+    pub(crate) fn plan(&self, options: &PlanOptions) -> (Arc<SceneResources>, Plan) {
         let resources = self.resources();
         let mut snapshot = self.snapshot.clone();
         snapshot.lights.iter_mut().for_each(|l| l.light.intensity *= std::f32::consts::PI);
@@ -113,7 +113,7 @@ impl Scene {
 }
 
 /// A quad in the z = 0 plane facing +Z, uv (0,0) at its top left.
-pub fn quad(half_width: f32, half_height: f32) -> Primitive {
+pub(crate) fn quad(half_width: f32, half_height: f32) -> Primitive {
     let (w, h) = (half_width, half_height);
     Primitive {
         indices: vec![0, 1, 2, 0, 2, 3],
@@ -131,7 +131,7 @@ pub fn quad(half_width: f32, half_height: f32) -> Primitive {
 }
 
 /// A cube of half a side, its normals split at the edges.
-pub fn cube(half: f32) -> Primitive {
+pub(crate) fn cube(half: f32) -> Primitive {
     let mut cube = Primitive { material: Some(0), ..Primitive::default() };
     for (n, u) in [
         (Vec3::X, Vec3::Y),
@@ -152,7 +152,7 @@ pub fn cube(half: f32) -> Primitive {
     cube
 }
 
-pub fn triangle(a: Vec3, b: Vec3, c: Vec3) -> Primitive {
+pub(crate) fn triangle(a: Vec3, b: Vec3, c: Vec3) -> Primitive {
     Primitive {
         indices: vec![0, 1, 2],
         positions: vec![a, b, c],
@@ -162,17 +162,21 @@ pub fn triangle(a: Vec3, b: Vec3, c: Vec3) -> Primitive {
     }
 }
 
-pub fn unlit(color: Vec4) -> Material {
+pub(crate) fn unlit(color: Vec4) -> Material {
     Material { shading: Shading::Unlit, base_color: color, ..Material::default() }
 }
 
 /// A rough dielectric: Lambertian, with a small specular part.
-pub fn matte(color: Vec4) -> Material {
+pub(crate) fn matte(color: Vec4) -> Material {
     Material { base_color: color, metallic: 0.0, ..Material::default() }
 }
 
 /// An asset with one mesh on one joint.
-pub fn asset(primitives: Vec<Primitive>, materials: Vec<Material>, images: Vec<Arc<Image>>) -> Arc<Asset> {
+pub(crate) fn asset(
+    primitives: Vec<Primitive>,
+    materials: Vec<Material>,
+    images: Vec<Arc<Image>>,
+) -> Arc<Asset> {
     let morph_targets = primitives.iter().map(|p| p.morphs.len()).max().unwrap_or(0);
     let skeleton = Skeleton::new(vec!["root".into()], vec![None], vec![Transform::IDENTITY]).unwrap();
     Arc::new(Asset {
@@ -193,7 +197,7 @@ pub fn asset(primitives: Vec<Primitive>, materials: Vec<Material>, images: Vec<A
 }
 
 /// An asset whose mesh has a skin of two joints: the root, and one a metre above it.
-pub fn skinned_asset(mut primitives: Vec<Primitive>, materials: Vec<Material>) -> Arc<Asset> {
+pub(crate) fn skinned_asset(mut primitives: Vec<Primitive>, materials: Vec<Material>) -> Arc<Asset> {
     for p in &mut primitives {
         p.influences = 4;
         for position in &p.positions {
@@ -216,11 +220,11 @@ pub fn skinned_asset(mut primitives: Vec<Primitive>, materials: Vec<Material>) -
     Arc::new(a)
 }
 
-pub fn texture(image: u32) -> TextureRef {
+pub(crate) fn texture(image: u32) -> TextureRef {
     TextureRef { image, sampler: Sampler::default(), uv_set: 0, uv_transform: glam::Affine2::IDENTITY }
 }
 
-pub fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Image> {
+pub(crate) fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Image> {
     let rgba = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y));
     Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect(), file: None })
 }
@@ -229,7 +233,7 @@ use choreo_plugin::Frame;
 use choreo_render::{CpuRenderer, GpuOptions, RenderError, Renderer, VulkanRenderer};
 
 /// A Vulkan renderer with the validation layer; prints a message and returns `None` without Vulkan.
-pub fn vulkan(options: GpuOptions) -> Option<VulkanRenderer> {
+pub(crate) fn vulkan(options: GpuOptions) -> Option<VulkanRenderer> {
     match VulkanRenderer::new(GpuOptions { validation: true, ..options }) {
         Ok(renderer) => Some(renderer),
         Err(RenderError::NoVulkan { why }) => {
@@ -240,7 +244,7 @@ pub fn vulkan(options: GpuOptions) -> Option<VulkanRenderer> {
     }
 }
 
-pub fn draw_with(renderer: &mut dyn Renderer, scene: &Scene, options: &PlanOptions) -> Frame {
+pub(crate) fn draw_with(renderer: &mut dyn Renderer, scene: &Scene, options: &PlanOptions) -> Frame {
     let (resources, plan) = scene.plan(options);
     renderer.load(resources).unwrap();
     renderer.submit(plan).unwrap();
@@ -248,37 +252,37 @@ pub fn draw_with(renderer: &mut dyn Renderer, scene: &Scene, options: &PlanOptio
 }
 
 /// Draws on the CPU.
-pub fn draw(scene: &Scene, options: &PlanOptions) -> Frame {
+pub(crate) fn draw(scene: &Scene, options: &PlanOptions) -> Frame {
     draw_with(&mut CpuRenderer::new(options.effects), scene, options)
 }
 
-pub fn draw_at(scene: &Scene, size: [u32; 2], samples: u32) -> Frame {
+pub(crate) fn draw_at(scene: &Scene, size: [u32; 2], samples: u32) -> Frame {
     draw(scene, &PlanOptions::new(size, samples))
 }
 
-pub fn pixel(f: &Frame, x: u32, y: u32) -> [u8; 4] {
+pub(crate) fn pixel(f: &Frame, x: u32, y: u32) -> [u8; 4] {
     let at = ((y * f.width + x) * 4) as usize;
     f.rgba[at..at + 4].try_into().unwrap()
 }
 
 /// The sRGB code of linear light in f64, not rounded (IEC 61966-2-1).
-pub fn encode(linear: f64) -> f64 {
+pub(crate) fn encode(linear: f64) -> f64 {
     let v = linear.clamp(0.0, 1.0);
     255.0 * if v <= 0.0031308 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
-pub fn decode(code: u8) -> f64 {
+pub(crate) fn decode(code: u8) -> f64 {
     let v = f64::from(code) / 255.0;
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 #[track_caller]
-pub fn assert_color(got: [u8; 4], linear: [f64; 3], what: &str) {
+pub(crate) fn assert_color(got: [u8; 4], linear: [f64; 3], what: &str) {
     assert_within(0.75, got, linear, what);
 }
 
 /// A dithered color is one of the two codes beside the exact one.
-pub fn assert_dithered_color(got: [u8; 4], linear: [f64; 3], what: &str) {
+pub(crate) fn assert_dithered_color(got: [u8; 4], linear: [f64; 3], what: &str) {
     assert_within(1.0, got, linear, what);
 }
 
@@ -294,7 +298,7 @@ fn assert_within(codes: f64, got: [u8; 4], linear: [f64; 3], what: &str) {
 }
 
 /// A scene of lit, unlit, textured, skinned, alpha-tested and blended quads under a sun and a lamp.
-pub fn busy_scene(offset: DVec3) -> Scene {
+pub(crate) fn busy_scene(offset: DVec3) -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
     scene.snapshot.camera.world_from_view.translation += offset;
     scene.snapshot.ambient_up = Vec3::splat(0.3);
@@ -336,7 +340,7 @@ pub fn busy_scene(offset: DVec3) -> Scene {
 }
 
 /// Adds an effect that is always on; on these actors only, or on everything if `actors` is empty.
-pub fn use_effect(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
+pub(crate) fn use_effect(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
     let parameters: Vec<(String, f64)> = parameters.iter().map(|(n, v)| (n.to_string(), *v)).collect();
     let effect = scene.stage.effects.len();
     scene.snapshot.effects.push(EffectState { effect, parameters: parameters.clone() });

@@ -306,7 +306,7 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
 }
 
 /// Reads argument `i` as a parent: an actor or a joint.
-pub fn attachment(c: &Call, i: usize) -> Result<Attachment, ApiError> {
+pub(crate) fn attachment(c: &Call, i: usize) -> Result<Attachment, ApiError> {
     let value = c.value(i);
     if let Some(actor) = value.read_lock::<ActorRef>() {
         return Ok(Attachment { actor: actor.id, joint: None });
@@ -349,7 +349,7 @@ fn count(c: &mut Call) -> Reply {
 }
 
 /// Refuses an asset without copies (instances), which has no count to set.
-pub fn check_has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
+pub(crate) fn check_has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
     if asset.has_copies() {
         return Ok(());
     }
@@ -367,7 +367,11 @@ fn check_has_line_width(asset: &Asset, function: &str) -> Result<(), ApiError> {
 }
 
 /// Pairs of mesh instance and morph target: all targets with a name, or the target with an index in every instance.
-pub fn morph_targets(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<Vec<(u32, u32)>, ApiError> {
+pub(crate) fn morph_targets(
+    asset: &Asset,
+    wanted: &Dynamic,
+    label: &str,
+) -> Result<Vec<(u32, u32)>, ApiError> {
     let mesh = |i: &MeshInstance| asset.meshes.get(i.mesh as usize);
     let mut found = Vec::new();
     let mut names: Vec<&str> = Vec::new();

@@ -367,13 +367,13 @@ fn handle_of_file_camera(c: &Call, actor: usize, camera: u32) -> Reply {
     Ok(Dynamic::from(CameraRef(stage_draft.cameras.len() - 1)))
 }
 
-pub fn of_actor(c: &mut Call) -> Reply {
+pub(crate) fn of_actor(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let camera = camera_index(c, &this.asset)?;
     handle_of_file_camera(c, this.id, camera)
 }
 
-pub fn of_asset(c: &mut Call) -> Reply {
+pub(crate) fn of_asset(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
     let camera = camera_index(c, &asset)?;
     let actor = c.stage_draft().actors.iter().position(|a| std::sync::Arc::ptr_eq(&a.actor.asset, &asset));

@@ -45,7 +45,7 @@ api! {
 }
 
 /// Makes a handle of a clip that a script has made, and counts its keyframes against the limit.
-pub fn clip_handle(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
+pub(crate) fn clip_handle(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
     count_keyframes(c, &clip)?;
     Ok(Dynamic::from(ClipRef { clip: Arc::new(clip), asset, dead: false }))
 }
@@ -65,7 +65,7 @@ fn count_keyframes(c: &Call, clip: &Clip) -> Result<(), ApiError> {
 }
 
 /// The pairs of left and right joints, morph targets and expressions of an asset.
-pub fn mirroring(c: &Call, asset: &Asset) -> Result<Mirroring, ApiError> {
+pub(crate) fn mirroring(c: &Call, asset: &Asset) -> Result<Mirroring, ApiError> {
     Mirroring::of(asset).map_err(|e| {
         let names = asset.skeleton.names().iter().map(String::as_str);
         ApiError::new(format!("{}: \"{}\": {e}", c.def.name, asset.name))
@@ -355,7 +355,7 @@ pub fn mapping_lines(
 
 /// A clip on an actor's skeleton: bound unchanged if the joints match, else retargeted. Joints that are lost are
 /// reported.
-pub fn fit_to_skeleton(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
+pub(crate) fn fit_to_skeleton(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
     let fitted = bind_or_retarget(&given.clip, &given.asset.skeleton, &asset.skeleton);
     let retargeted = fitted.2.is_some();
     let clip = check_bound_clip(c, given, asset, fitted)?;

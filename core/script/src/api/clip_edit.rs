@@ -188,7 +188,7 @@ fn key(c: &mut Call) -> Reply {
 }
 
 /// Converts keyframes relative to the rest pose to a curve in the space of the joint's parent.
-pub fn curve_in_parent_space(asset: &Asset, joint: u32, channel: &Channel) -> Curve {
+pub(crate) fn curve_in_parent_space(asset: &Asset, joint: u32, channel: &Channel) -> Curve {
     let skeleton = &asset.skeleton;
     let rest = &skeleton.rest()[joint as usize];
     let cubic = channel.interpolation == Interpolation::CubicSpline;

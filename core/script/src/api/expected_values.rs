@@ -11,13 +11,13 @@ use rhai::{Dynamic, FnPtr};
 use std::sync::{Arc, PoisonError};
 
 /// The tolerance argument, in the unit of the compared value.
-pub fn tolerance(c: &Call, default: f64) -> Result<f64, ApiError> {
+pub(crate) fn tolerance(c: &Call, default: f64) -> Result<f64, ApiError> {
     if c.len() < 2 { Ok(default) } else { c.number_in(1, 0.0, 1e12) }
 }
 
 /// The function of time in an argument; `None` if the argument is no function. `widths`: allowed counts of the numbers that the
 /// function returns.
-pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Formula>, ApiError> {
+pub(crate) fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Formula>, ApiError> {
     let Some(callback) = c.value(i).try_cast::<FnPtr>() else { return Ok(None) };
     let callback = with_copied_captures(&callback)?;
     let Some(engine) = c.context.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
@@ -78,7 +78,7 @@ pub(crate) fn rotation_goal(c: &Call) -> Result<RotationGoal, ApiError> {
 }
 
 /// The expected events, `[[0.0, "anna: Walk starts"], "anna: Walk ends"]` or one text, and their tolerance.
-pub fn events(c: &Call) -> Result<(Vec<EventPattern>, Time), ApiError> {
+pub(crate) fn events(c: &Call) -> Result<(Vec<EventPattern>, Time), ApiError> {
     let allowed = "an array of [time, text] or of texts";
     let given = c.value(0);
     let pattern = |v: &Dynamic| -> Result<EventPattern, ApiError> {

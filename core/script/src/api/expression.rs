@@ -8,7 +8,7 @@ use choreo_stage::ActorEdit;
 use rhai::Dynamic;
 
 /// Index of the expression with a name.
-pub fn find_expression(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<u32, ApiError> {
+pub(crate) fn find_expression(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<u32, ApiError> {
     let name = text(wanted, label)?;
     if let Some(index) = asset.expressions.iter().position(|e| e.name == name) {
         return Ok(index as u32);
@@ -22,7 +22,7 @@ pub fn find_expression(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<u
     Err(unknown("expression", &name, &format!(" in \"{}\"", asset.name), names.collect::<Vec<_>>()))
 }
 
-pub fn of_actor(c: &mut Call) -> Reply {
+pub(crate) fn of_actor(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let weight = c.number_in(1, 0.0, 1.0)? as f32;
     let expression = find_expression(&this.asset, &c.value(0), &c.label(0))?;
@@ -32,7 +32,7 @@ pub fn of_actor(c: &mut Call) -> Reply {
     })
 }
 
-pub fn names(c: &mut Call) -> Reply {
+pub(crate) fn names(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
     c.stage_draft().mark_used(&asset);
     let names = asset.expressions.iter().map(|e| Dynamic::from(e.name.clone()));

@@ -5,7 +5,7 @@ use crate::suggest::list;
 use choreo_asset::Asset;
 
 /// Index of a joint by its name, also without a prefix such as `mixamorig:`.
-pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
+pub(super) fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
     if let Some(joint) = asset.skeleton.find(name) {
         return Ok(joint as u32);
     }
@@ -25,7 +25,7 @@ pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
 }
 
 /// The joints that a pattern selects, a name or a text with `*`, and whether it ends in `..`, which adds all joints below them.
-pub fn joints_of_pattern(asset: &Asset, pattern: &str) -> Result<(Vec<u32>, bool), ApiError> {
+pub(super) fn joints_of_pattern(asset: &Asset, pattern: &str) -> Result<(Vec<u32>, bool), ApiError> {
     let (name, includes_subtree) = pattern.strip_suffix("..").map_or((pattern, false), |name| (name, true));
     if !name.contains('*') {
         let joint = find_joint(asset, name).map_err(|e| e.focus(pattern))?;
@@ -44,7 +44,7 @@ pub fn joints_of_pattern(asset: &Asset, pattern: &str) -> Result<(Vec<u32>, bool
 
 /// Whether a pattern of `*` (any characters) and plain letters matches the whole text, ignoring ASCII case. Greedy with
 /// backtracking to the last `*`, so the time is at most the product of the lengths.
-pub fn matches_wildcards(pattern: &str, text: &str) -> bool {
+pub(super) fn matches_wildcards(pattern: &str, text: &str) -> bool {
     let (pattern, text) = (pattern.as_bytes(), text.as_bytes());
     let (mut p, mut t, mut star) = (0, 0, None);
     while t < text.len() {

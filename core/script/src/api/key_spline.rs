@@ -35,7 +35,7 @@ pub(super) struct KeySide {
 }
 
 impl KeySide {
-    pub fn is_given(&self) -> bool {
+    pub(super) fn is_given(&self) -> bool {
         self.tangent.is_some() || self.weight.is_some()
     }
 }
@@ -59,7 +59,7 @@ pub(super) enum TangentForm {
 }
 
 impl TangentForm {
-    pub fn numbers(width: usize) -> TangentForm {
+    pub(super) fn numbers(width: usize) -> TangentForm {
         TangentForm::Numbers { min_count: width, width, factor: 1.0 }
     }
 
@@ -162,14 +162,14 @@ pub(super) struct Spline {
 
 impl Spline {
     /// A spline with equal tangents on both sides of each key.
-    pub fn symmetric(times: &[Time], values: &[Vec<f64>], tangents: Vec<Vec<f64>>) -> Spline {
+    pub(super) fn symmetric(times: &[Time], values: &[Vec<f64>], tangents: Vec<Vec<f64>>) -> Spline {
         let (times, values) = (times.to_vec(), values.to_vec());
         Spline { times, values, incoming: tangents.clone(), outgoing: tangents }
     }
 
     /// The spline through keyframes of which some have their own tangents; `None` if none has. `vector`: the numbers
     /// are the components of a position.
-    pub fn of(
+    pub(super) fn of(
         c: &Call,
         how: &str,
         (times, values): (&[Time], &[Vec<f64>]),

@@ -11,7 +11,7 @@ use rhai::Dynamic;
 
 /// A property that keyframes animate.
 #[derive(Clone, Copy)]
-pub struct KeyedProperty {
+pub(crate) struct KeyedProperty {
     /// The name that scripts use.
     pub name: &'static str,
     pub field_type: FieldType,
@@ -19,7 +19,7 @@ pub struct KeyedProperty {
 }
 
 /// The properties of a type of the stage that keyframes animate.
-pub fn keyed_properties<T: Described>() -> Vec<KeyedProperty> {
+pub(crate) fn keyed_properties<T: Described>() -> Vec<KeyedProperty> {
     let keyed = |field: &Field<T>| {
         field.keyed.map(|(name, property)| KeyedProperty { name, field_type: field.field_type, property })
     };
@@ -33,7 +33,7 @@ pub const INTERPOLATIONS: &[&str] = &["linear", "step", "smooth", "cubic", "catm
 type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
 
 /// The channels of a `.key(property, keys, how?)` call on a value of the stage.
-pub fn channels_of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiError> {
+pub(crate) fn channels_of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiError> {
     let keyed = named_property(c, &keyed_properties::<T>())?;
     let is_it = |field: &&Field<T>| field.keyed.is_some_and(|(name, _)| name == keyed.name);
     if let Some(why) = T::FIELDS.iter().find(is_it).and_then(|field| (field.missing_reason)(of)) {
@@ -44,7 +44,7 @@ pub fn channels_of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiEr
 }
 
 /// The property that the first argument of a `.key(property, …)` call names.
-pub fn named_property(c: &Call, all: &[KeyedProperty]) -> Result<KeyedProperty, ApiError> {
+pub(crate) fn named_property(c: &Call, all: &[KeyedProperty]) -> Result<KeyedProperty, ApiError> {
     let names: Vec<&'static str> = all.iter().map(|keyed| keyed.name).collect();
     let name = one_of(&c.value(0), "key: property", &names)?;
     let found = all.iter().find(|keyed| keyed.name == name).copied();
@@ -52,7 +52,7 @@ pub fn named_property(c: &Call, all: &[KeyedProperty]) -> Result<KeyedProperty, 
 }
 
 /// The channel of a property, from the keyframes in argument `at` and the interpolation after it.
-pub fn channel(c: &Call, keyed: KeyedProperty, at: usize) -> Result<Channel, ApiError> {
+pub(crate) fn channel(c: &Call, keyed: KeyedProperty, at: usize) -> Result<Channel, ApiError> {
     if at >= c.len() {
         return Err(ApiError::new(format!("key: write key(\"{}\", name, keys)", keyed.name)));
     }
@@ -188,7 +188,7 @@ fn rotations_between(ways: &[Vec<f64>]) -> Vec<Vec<f64>> {
 
 /// Channels of a property whose value has several numbers, one channel each. The keyframes are the second argument, `how` the third.
 /// `step`: the value cannot be interpolated and holds until the next keyframe, whatever `how` says.
-pub fn component_channels(
+pub(crate) fn component_channels(
     c: &Call,
     property: Property,
     step: bool,
@@ -215,7 +215,7 @@ pub fn component_channels(
 }
 
 /// Adds channels, which replace those of the same property.
-pub fn replace_channels(channels: &mut Vec<Channel>, new: Vec<Channel>) {
+pub(crate) fn replace_channels(channels: &mut Vec<Channel>, new: Vec<Channel>) {
     for channel in new {
         channels.retain(|c| c.property != channel.property);
         channels.push(channel);
@@ -224,7 +224,7 @@ pub fn replace_channels(channels: &mut Vec<Channel>, new: Vec<Channel>) {
 
 /// The interpolation or the easing of all keyframes of a property.
 #[derive(Clone, Copy)]
-pub struct KeyInterpolation {
+pub(crate) struct KeyInterpolation {
     /// The interpolation between them.
     pub how: &'static str,
     /// The easing into keyframes without their own.
@@ -232,12 +232,12 @@ pub struct KeyInterpolation {
 }
 
 impl KeyInterpolation {
-    pub const LINEAR: KeyInterpolation = KeyInterpolation { how: "linear", ease: None };
+    pub(crate) const LINEAR: KeyInterpolation = KeyInterpolation { how: "linear", ease: None };
 }
 
 /// The interpolation that argument `i` names, linear where it is left out, or an easing: a name with in_ or out_, or the points of a
 /// Bézier curve.
-pub fn read_interpolation(c: &Call, i: usize) -> Result<KeyInterpolation, ApiError> {
+pub(crate) fn read_interpolation(c: &Call, i: usize) -> Result<KeyInterpolation, ApiError> {
     if i >= c.len() {
         return Ok(KeyInterpolation::LINEAR);
     }
@@ -253,7 +253,7 @@ pub fn read_interpolation(c: &Call, i: usize) -> Result<KeyInterpolation, ApiErr
 }
 
 /// The channel of keyframes with one number each, [[time, number], …].
-pub fn scalar_channel(
+pub(crate) fn scalar_channel(
     c: &Call,
     value: &Dynamic,
     label: &str,
@@ -431,7 +431,7 @@ pub(crate) fn angles_or_quaternion(c: &mut Call) -> Result<DQuat, ApiError> {
 }
 
 /// Reads a quaternion [x, y, z, w] and normalizes it. Error: its length is zero or not finite.
-pub fn quaternion(v: &Dynamic, label: &str) -> Result<DQuat, ApiError> {
+pub(crate) fn quaternion(v: &Dynamic, label: &str) -> Result<DQuat, ApiError> {
     let four = numbers(v).filter(|n| n.len() == 4).map(|n| DQuat::from_xyzw(n[0], n[1], n[2], n[3]));
     let unit = four.filter(|q| q.is_finite() && q.length() > 1e-6).map(DQuat::normalize);
     unit.ok_or_else(|| wrong(v, label, "a quaternion, [x, y, z, w], that is not zero"))

@@ -128,7 +128,7 @@ fn register_quaternions(engine: &mut Engine) {
     });
 }
 
-pub fn register(engine: &mut Engine) {
+pub(crate) fn register(engine: &mut Engine) {
     register_quaternions(engine);
     numbers!(engine, "sin", |x| libm::sin(x));
     numbers!(engine, "cos", |x| libm::cos(x));

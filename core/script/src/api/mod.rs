@@ -1,47 +1,47 @@
 //! Tables of the functions and methods that a script can call.
 
-pub mod actor;
-pub mod asset;
-pub mod camera;
-pub mod clip;
+pub(crate) mod actor;
+pub(crate) mod asset;
+pub(crate) mod camera;
+pub(crate) mod clip;
 pub(crate) mod clip_edit;
-pub mod compare;
-pub mod constraints;
-pub mod cue;
-pub mod cuts;
-pub mod easing;
-pub mod effect;
-pub mod expect;
+pub(crate) mod compare;
+pub(crate) mod constraints;
+pub(crate) mod cue;
+pub(crate) mod cuts;
+pub(crate) mod easing;
+pub(crate) mod effect;
+pub(crate) mod expect;
 pub(crate) mod expected_values;
-pub mod expression;
+pub(crate) mod expression;
 mod fade;
-pub mod joint;
+pub(crate) mod joint;
 mod joint_names;
 mod key_spline;
-pub mod keys;
-pub mod layers_2d;
-pub mod light;
-pub mod look_at;
+pub(crate) mod keys;
+pub(crate) mod layers_2d;
+pub(crate) mod light;
+pub(crate) mod look_at;
 mod markers;
-pub mod maths;
-pub mod procedural;
-pub mod root_motion;
-pub mod sequences;
-pub mod sky;
+pub(crate) mod maths;
+pub(crate) mod procedural;
+pub(crate) mod root_motion;
+pub(crate) mod sequences;
+pub(crate) mod sky;
 mod spring_bones;
-pub mod stage;
-pub mod surfaces;
-pub mod test;
-pub mod values;
+pub(crate) mod stage;
+pub(crate) mod surfaces;
+pub(crate) mod test;
+pub(crate) mod values;
 mod visibility;
-pub mod walk_to;
+pub(crate) mod walk_to;
 
 use crate::call::Function;
 use crate::def::Defs;
 use std::sync::LazyLock;
 
 /// All functions and methods, by heading, in the order of the reference.
-pub const TABLES: &[(&str, &[&[Function]])] = &[
+pub(crate) const TABLES: &[(&str, &[&[Function]])] = &[
     ("Stage, parameters and callbacks", &[stage::DEFS]),
     ("Assets and clips", &[asset::DEFS]),
     ("Shapes, meshes, materials, textures and instancing", &[procedural::DEFS]),
@@ -64,7 +64,7 @@ pub const TABLES: &[(&str, &[&[Function]])] = &[
     ("Tests: comparisons", &[compare::DEFS]),
 ];
 
-pub fn functions() -> impl Iterator<Item = &'static Function> {
+pub(crate) fn functions() -> impl Iterator<Item = &'static Function> {
     TABLES.iter().flat_map(|(_, tables)| tables.iter().copied().flatten())
 }
 

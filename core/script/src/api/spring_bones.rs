@@ -23,7 +23,7 @@ fn change_springs(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
     c.receiver()
 }
 
-pub fn spring(c: &mut Call) -> Reply {
+pub(super) fn spring(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let joints = matching_joints(&this.asset, &c.value(0), &c.label(0))?;
     let mut spring = SpringParameters::default();
@@ -57,7 +57,7 @@ fn bone_tail(asset: &Asset, joint: u32) -> glam::Vec3 {
     child.map_or_else(|| own.rotation.inverse() * own.translation, |child| rest[child].translation)
 }
 
-pub fn springs(c: &mut Call) -> Reply {
+pub(super) fn springs(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     if let Ok(on) = c.value(0).as_bool() {
         let mut stage_draft = c.stage_draft();
@@ -84,7 +84,7 @@ pub fn springs(c: &mut Call) -> Reply {
     })
 }
 
-pub fn collider(c: &mut Call) -> Reply {
+pub(super) fn collider(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let joint = find_joint(&this.asset, &c.text(0)?)?;
     let o = c.options(1, &["radius", "at", "to"])?;
@@ -104,7 +104,7 @@ pub fn collider(c: &mut Call) -> Reply {
     })
 }
 
-pub fn wind(c: &mut Call) -> Reply {
+pub(super) fn wind(c: &mut Call) -> Reply {
     let velocity = c.point(0)?.clamp_length_max(1e4);
     if c.in_frame {
         let this: ActorRef = c.this()?;

@@ -115,7 +115,7 @@ fn stage(c: &mut Call) -> Reply {
 }
 
 /// Reads the size of an image in pixels.
-pub fn read_size(size: &Dynamic, label: &str) -> Result<[u32; 2], ApiError> {
+pub(crate) fn read_size(size: &Dynamic, label: &str) -> Result<[u32; 2], ApiError> {
     let sides = numbers(size).filter(|n| n.len() == 2);
     let sides = sides.filter(|n| n.iter().all(|v| v.fract() == 0.0 && (1.0..=16384.0).contains(v)));
     let sides = sides.ok_or_else(|| wrong(size, label, "[width, height], whole numbers from 1 to 16384"))?;
@@ -309,7 +309,7 @@ fn parse_parameter(kind: &str, text: &str) -> Option<Dynamic> {
     }
 }
 
-pub fn display_value(v: &Dynamic) -> String {
+pub(crate) fn display_value(v: &Dynamic) -> String {
     match numbers(v) {
         Some(values) => values.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
         None => v.to_string(),
@@ -339,7 +339,7 @@ impl Call<'_, '_> {
     }
 
     /// Reads a direction: a vector of any length but zero, normalized.
-    pub fn direction(v: &Dynamic, label: &str) -> Result<glam::DVec3, ApiError> {
+    pub(crate) fn direction(v: &Dynamic, label: &str) -> Result<glam::DVec3, ApiError> {
         let d = point(v, label)?;
         let length = d.length();
         if length < 1e-9 {

@@ -33,7 +33,7 @@ fn surfaces(c: &mut Call) -> Reply {
 }
 
 /// The option `cutouts`.
-pub fn cutouts(o: &Options) -> Result<Option<Cutouts>, ApiError> {
+pub(crate) fn cutouts(o: &Options) -> Result<Option<Cutouts>, ApiError> {
     Ok(o.one_of("cutouts", &["smooth", "hard"])?.map(|how| match how {
         "hard" => Cutouts::Hard,
         _ => Cutouts::Smooth,
@@ -41,7 +41,7 @@ pub fn cutouts(o: &Options) -> Result<Option<Cutouts>, ApiError> {
 }
 
 /// The option `transparency`.
-pub fn transparency(o: &Options) -> Result<Option<Transparency>, ApiError> {
+pub(crate) fn transparency(o: &Options) -> Result<Option<Transparency>, ApiError> {
     Ok(o.one_of("transparency", &["auto", "sorted", "independent"])?.map(|how| match how {
         "sorted" => Transparency::Sorted,
         "independent" => Transparency::Independent,

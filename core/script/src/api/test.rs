@@ -450,7 +450,7 @@ fn expect_image(c: &mut Call) -> Reply {
 }
 
 /// Records a comparison, to be judged when the stage is finished.
-pub fn record_expectation(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError> {
+pub(crate) fn record_expectation(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError> {
     let place: Place = c.place.clone();
     let source = c.context.source_line(&place.file, place.line).trim().to_string();
     let mut test = c.context.test();

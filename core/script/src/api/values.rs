@@ -34,7 +34,7 @@ pub(crate) const PLAN_COUNTS: &[(&str, PlanCount)] = &[
 ];
 
 /// Converts a plain value, arrays and maps of plain values included.
-pub fn plain_value(v: &Dynamic, depth: usize) -> Option<Value> {
+pub(crate) fn plain_value(v: &Dynamic, depth: usize) -> Option<Value> {
     // Maximum nesting: deeper values are not written by hand.
     const MAX_DEPTH: usize = 16;
     if depth > MAX_DEPTH {

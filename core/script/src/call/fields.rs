@@ -28,13 +28,13 @@ fn value(c: &Call, v: &Dynamic, label: &str, field_type: FieldType) -> Result<Fi
 }
 
 /// Two numbers, such as a position in the image.
-pub fn pair(v: &Dynamic, label: &str) -> Result<DVec2, ApiError> {
+pub(crate) fn pair(v: &Dynamic, label: &str) -> Result<DVec2, ApiError> {
     let two = numbers(v).filter(|n| n.len() == 2 && n.iter().all(|n| n.abs() <= 1e6));
     two.map(|n| DVec2::new(n[0], n[1])).ok_or_else(|| wrong(v, label, "[x, y]"))
 }
 
 /// Sets the fields that are keys of an option map.
-pub fn fill<T: Described>(c: &Call, o: &Options, of: &mut T) -> Result<(), ApiError> {
+pub(crate) fn fill<T: Described>(c: &Call, o: &Options, of: &mut T) -> Result<(), ApiError> {
     for field in T::FIELDS {
         if let Some(given) = o.get(field.name) {
             (field.set)(of, value(c, &given, &o.label(field.name), field.field_type)?);
@@ -44,7 +44,7 @@ pub fn fill<T: Described>(c: &Call, o: &Options, of: &mut T) -> Result<(), ApiEr
 }
 
 /// The field with the name of the called method, and the value that the first argument gives it.
-pub fn field_and_value<T: Described>(c: &Call) -> Result<(&'static Field<T>, FieldValue), ApiError> {
+pub(crate) fn field_and_value<T: Described>(c: &Call) -> Result<(&'static Field<T>, FieldValue), ApiError> {
     let field = T::field(c.def.name).ok_or_else(|| ApiError::new(format!("{} is no field", c.def.name)))?;
     let given = match field.field_type {
         FieldType::Flag if c.len() == 0 => FieldValue::Flag(true),
@@ -60,12 +60,12 @@ fn options<T: Described>(of: &T, without: &[&str]) -> impl Iterator<Item = &'sta
 }
 
 /// Names of the fields that are options of a value.
-pub fn names<T: Described>(of: &T, without: &[&str]) -> Vec<&'static str> {
+pub(crate) fn names<T: Described>(of: &T, without: &[&str]) -> Vec<&'static str> {
     options(of, without).map(|field| field.name).collect()
 }
 
 /// Description of the options for the reference: `intensity (0 to 1000000000, default 3), …`.
-pub fn describe_options<T: Described>(of: &T, without: &[&str]) -> String {
+pub(crate) fn describe_options<T: Described>(of: &T, without: &[&str]) -> String {
     let one = |field: &Field<T>| {
         let mut parts = vec![field.about()];
         match field.field_type {

@@ -1,6 +1,6 @@
 //! One call of a script function: reads and checks its arguments, and makes its errors.
 
-pub mod fields;
+pub(crate) mod fields;
 mod read;
 
 use read::check_coordinates;
@@ -63,7 +63,7 @@ macro_rules! api {
 pub(crate) use api;
 
 /// A function or method of scripts: its description and its implementation.
-pub struct Function {
+pub(crate) struct Function {
     pub def: Def,
     pub run: fn(&mut Call) -> Reply,
 }
@@ -79,7 +79,7 @@ fn did_you_mean_text<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + 
 }
 
 /// The error `unknown WHAT "NAME"PLACE; did you mean "…"?`, with the known names as a hint.
-pub fn unknown<'a>(
+pub(crate) fn unknown<'a>(
     what: &str,
     name: &str,
     place: &str,
@@ -106,7 +106,7 @@ pub(crate) fn unknown_of<'a>(
 }
 
 /// A call in progress: the called function, its arguments (the receiver first), and its place in the script.
-pub struct Call<'a, 'b> {
+pub(crate) struct Call<'a, 'b> {
     pub context: &'a Arc<ScriptContext>,
     pub def: &'static Def,
     pub args: &'a mut [&'b mut Dynamic],
@@ -121,17 +121,17 @@ impl Call<'_, '_> {
     }
 
     /// Number of arguments without the receiver.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.args.len() - self.offset()
     }
 
     /// Locks the stage draft. Drop the guard before calling anything that locks it, too.
-    pub fn stage_draft(&self) -> MutexGuard<'_, StageDraft> {
+    pub(crate) fn stage_draft(&self) -> MutexGuard<'_, StageDraft> {
         self.context.stage_draft.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The receiver. Error: it has another type than `T`.
-    pub fn this<T: rhai::Variant + Clone>(&self) -> Result<T, ApiError> {
+    pub(crate) fn this<T: rhai::Variant + Clone>(&self) -> Result<T, ApiError> {
         self.args[0]
             .flatten_clone()
             .try_cast::<T>()
@@ -144,48 +144,48 @@ impl Call<'_, '_> {
     }
 
     /// The receiver, to return for chaining.
-    pub fn receiver(&self) -> Reply {
+    pub(crate) fn receiver(&self) -> Reply {
         Ok(self.args[0].flatten_clone())
     }
 
     /// Argument `i`, the receiver not counted.
-    pub fn value(&self, i: usize) -> Dynamic {
+    pub(crate) fn value(&self, i: usize) -> Dynamic {
         self.args[i + self.offset()].flatten_clone()
     }
 
     /// The label of an argument in messages, such as `turn: degrees`.
-    pub fn label(&self, i: usize) -> String {
+    pub(crate) fn label(&self, i: usize) -> String {
         let len = self.len();
         let name = self.def.forms().into_iter().find(|f| f.len() == len).and_then(|f| f.get(i).copied());
         format!("{}: {}", self.def.name, name.unwrap_or("argument"))
     }
 
     /// The error `turn: degrees must be ALLOWED, got …` about argument `i`.
-    pub fn wrong(&self, i: usize, allowed: &str) -> ApiError {
+    pub(crate) fn wrong(&self, i: usize, allowed: &str) -> ApiError {
         wrong(&self.value(i), &self.label(i), allowed)
     }
 
-    pub fn number(&self, i: usize) -> Result<f64, ApiError> {
+    pub(crate) fn number(&self, i: usize) -> Result<f64, ApiError> {
         number(&self.value(i), &self.label(i))
     }
     pub(crate) fn number_in(&self, i: usize, min: f64, max: f64) -> Result<f64, ApiError> {
         number_in(&self.value(i), &self.label(i), min, max)
     }
     /// The argument as a stage time: inside `perform`, times count from its start.
-    pub fn time(&self, i: usize) -> Result<Time, ApiError> {
+    pub(crate) fn time(&self, i: usize) -> Result<Time, ApiError> {
         self.stage_time(&self.value(i), &self.label(i))
     }
     pub(crate) fn stage_time(&self, value: &Dynamic, label: &str) -> Result<Time, ApiError> {
         Ok(time(value, label)? + self.stage_draft().sequence_start)
     }
-    pub fn duration(&self, i: usize) -> Result<Time, ApiError> {
+    pub(crate) fn duration(&self, i: usize) -> Result<Time, ApiError> {
         duration(&self.value(i), &self.label(i))
     }
-    pub fn text(&self, i: usize) -> Result<String, ApiError> {
+    pub(crate) fn text(&self, i: usize) -> Result<String, ApiError> {
         text(&self.value(i), &self.label(i))
     }
     /// The argument as a name of something on stage, short enough for messages and tables.
-    pub fn name(&self, i: usize) -> Result<String, ApiError> {
+    pub(crate) fn name(&self, i: usize) -> Result<String, ApiError> {
         const MOST: usize = 200;
         let name = self.text(i)?;
         match name.chars().count() {
@@ -196,15 +196,15 @@ impl Call<'_, '_> {
             _ => Ok(name),
         }
     }
-    pub fn color(&self, i: usize) -> Result<Vec4, ApiError> {
+    pub(crate) fn color(&self, i: usize) -> Result<Vec4, ApiError> {
         color(&self.value(i), &self.label(i))
     }
-    pub fn target(&self, i: usize) -> Result<Target, ApiError> {
+    pub(crate) fn target(&self, i: usize) -> Result<Target, ApiError> {
         target(&self.value(i), &self.label(i))
     }
 
     /// A point from one array or three numbers, from argument `i` on.
-    pub fn point(&self, i: usize) -> Result<DVec3, ApiError> {
+    pub(crate) fn point(&self, i: usize) -> Result<DVec3, ApiError> {
         if self.len() >= i + 3 {
             let p = DVec3::new(self.number(i)?, self.number(i + 1)?, self.number(i + 2)?);
             return check_coordinates(p, self.def.name);
@@ -213,7 +213,7 @@ impl Call<'_, '_> {
     }
 
     /// The option map in argument `i`, empty if left out. Unknown keys are an error.
-    pub fn options(&self, i: usize, known: &[&str]) -> Result<Options, ApiError> {
+    pub(crate) fn options(&self, i: usize, known: &[&str]) -> Result<Options, ApiError> {
         if i >= self.len() {
             return Ok(Options { function: self.def.name.to_string(), map: Map::new() });
         }
@@ -228,7 +228,7 @@ impl Call<'_, '_> {
 }
 
 /// An object map of options whose keys have been checked.
-pub struct Options {
+pub(crate) struct Options {
     pub function: String,
     pub map: Map,
 }
@@ -249,7 +249,7 @@ impl Options {
         Ok(())
     }
     /// Error: the map has a key that is not in `known`.
-    pub fn check(&self, c: &Call, known: &[&str]) -> Result<(), ApiError> {
+    pub(crate) fn check(&self, c: &Call, known: &[&str]) -> Result<(), ApiError> {
         let Some(key) = self.map.keys().find(|k| !known.contains(&k.as_str())) else { return Ok(()) };
         let options = format!("options: {}", list(known.iter().copied(), 30));
         let near = closest(key, known.iter().copied());
@@ -265,46 +265,50 @@ impl Options {
         Err(ApiError::new(what).focus(key.to_string()).hint(hint))
     }
     /// Value of an option, if it is given.
-    pub fn get(&self, name: &str) -> Option<Dynamic> {
+    pub(crate) fn get(&self, name: &str) -> Option<Dynamic> {
         self.map.get(name).map(Dynamic::flatten_clone)
     }
     /// Label of an option in messages, such as `sun: color`.
-    pub fn label(&self, name: &str) -> String {
+    pub(crate) fn label(&self, name: &str) -> String {
         format!("{}: {name}", self.function)
     }
     /// Converts the value of an option by `reader`, which gets value and label; `None` if it is not given.
-    pub fn read<T>(
+    pub(crate) fn read<T>(
         &self,
         name: &str,
         reader: impl Fn(&Dynamic, &str) -> Result<T, ApiError>,
     ) -> Result<Option<T>, ApiError> {
         self.get(name).map(|v| reader(&v, &self.label(name))).transpose()
     }
-    pub fn number(&self, name: &str) -> Result<Option<f64>, ApiError> {
+    pub(crate) fn number(&self, name: &str) -> Result<Option<f64>, ApiError> {
         self.read(name, number)
     }
     pub(crate) fn number_in(&self, name: &str, min: f64, max: f64) -> Result<Option<f64>, ApiError> {
         self.read(name, |v, label| number_in(v, label, min, max))
     }
-    pub fn duration(&self, name: &str) -> Result<Option<Time>, ApiError> {
+    pub(crate) fn duration(&self, name: &str) -> Result<Option<Time>, ApiError> {
         self.read(name, duration)
     }
-    pub fn text(&self, name: &str) -> Result<Option<String>, ApiError> {
+    pub(crate) fn text(&self, name: &str) -> Result<Option<String>, ApiError> {
         self.read(name, text)
     }
-    pub fn flag(&self, name: &str) -> Result<Option<bool>, ApiError> {
+    pub(crate) fn flag(&self, name: &str) -> Result<Option<bool>, ApiError> {
         self.read(name, |v, label| v.as_bool().map_err(|_| wrong(v, label, "true or false")))
     }
-    pub fn color(&self, name: &str) -> Result<Option<Vec4>, ApiError> {
+    pub(crate) fn color(&self, name: &str) -> Result<Option<Vec4>, ApiError> {
         self.read(name, color)
     }
-    pub fn point(&self, name: &str) -> Result<Option<DVec3>, ApiError> {
+    pub(crate) fn point(&self, name: &str) -> Result<Option<DVec3>, ApiError> {
         self.read(name, point)
     }
-    pub fn target(&self, name: &str) -> Result<Option<Target>, ApiError> {
+    pub(crate) fn target(&self, name: &str) -> Result<Option<Target>, ApiError> {
         self.read(name, target)
     }
-    pub fn one_of(&self, name: &str, allowed: &[&'static str]) -> Result<Option<&'static str>, ApiError> {
+    pub(crate) fn one_of(
+        &self,
+        name: &str,
+        allowed: &[&'static str],
+    ) -> Result<Option<&'static str>, ApiError> {
         self.read(name, |v, label| one_of(v, label, allowed))
     }
 }

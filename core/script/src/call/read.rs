@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3, Vec3, Vec4};
 use rhai::Dynamic;
 
 /// Reads a text that must be one of `allowed`.
-pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'static str, ApiError> {
+pub(crate) fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'static str, ApiError> {
     let given = text(v, label)?;
     allowed.iter().find(|a| **a == given).copied().ok_or_else(|| {
         ApiError::new(format!(
@@ -23,7 +23,7 @@ pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'st
 }
 
 /// The error `LABEL must be ALLOWED, got …`.
-pub fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
+pub(crate) fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
     let mut error = ApiError::new(format!("{label} must be {allowed}, got {}", describe(v)));
     error.focus = v.clone().into_string().ok();
     if let Ok(letter) = v.as_char() {
@@ -33,7 +33,7 @@ pub fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
 }
 
 /// A value as messages show it.
-pub fn describe(v: &Dynamic) -> String {
+pub(crate) fn describe(v: &Dynamic) -> String {
     let v = v.flatten_clone();
     if v.is_unit() {
         return "nothing, ()".into();
@@ -80,12 +80,12 @@ pub fn describe(v: &Dynamic) -> String {
 }
 
 /// The value of an int or float, which need not be finite; `None` for any other value.
-pub fn int_or_float(v: &Dynamic) -> Option<f64> {
+pub(crate) fn int_or_float(v: &Dynamic) -> Option<f64> {
     v.as_int().map(|n| n as f64).or_else(|_| v.as_float()).ok()
 }
 
 /// Reads a finite int or float.
-pub fn number(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
+pub(crate) fn number(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
     let n = int_or_float(v).ok_or_else(|| wrong(v, label, "a number"))?;
     if n.is_finite() {
         Ok(n)
@@ -107,7 +107,7 @@ pub(crate) fn number_in(v: &Dynamic, label: &str, min: f64, max: f64) -> Result<
 const LONGEST_SECS: f64 = 1e6;
 
 /// Reads a time in seconds, within ±1 000 000 s.
-pub fn time(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
+pub(crate) fn time(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
     let secs = number(v, label).map_err(|e| match int_or_float(v).is_none() {
         true => wrong(v, label, "a time: seconds, or f(frame)"),
         false => e,
@@ -122,7 +122,7 @@ pub fn time(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
 }
 
 /// Reads a time in seconds that is not negative.
-pub fn duration(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
+pub(crate) fn duration(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
     let t = time(v, label)?;
     if t < Time::ZERO {
         return Err(ApiError::new(format!("{label} must not be negative, got {}", describe(v))));
@@ -131,12 +131,12 @@ pub fn duration(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
 }
 
 /// Reads a text.
-pub fn text(v: &Dynamic, label: &str) -> Result<String, ApiError> {
+pub(crate) fn text(v: &Dynamic, label: &str) -> Result<String, ApiError> {
     v.clone().into_string().map_err(|_| wrong(v, label, "text"))
 }
 
 /// Reads one text or an array of texts.
-pub fn texts(v: &Dynamic, label: &str) -> Result<Vec<String>, ApiError> {
+pub(crate) fn texts(v: &Dynamic, label: &str) -> Result<Vec<String>, ApiError> {
     match v.read_lock::<rhai::Array>() {
         Some(array) => array.iter().map(|v| text(v, label)).collect(),
         None => Ok(vec![text(v, label)?]),
@@ -144,7 +144,7 @@ pub fn texts(v: &Dynamic, label: &str) -> Result<Vec<String>, ApiError> {
 }
 
 /// Reads an array of finite numbers; `None` for any other value.
-pub fn numbers(v: &Dynamic) -> Option<Vec<f64>> {
+pub(crate) fn numbers(v: &Dynamic) -> Option<Vec<f64>> {
     let array = v.read_lock::<rhai::Array>()?;
     array.iter().map(|n| number(n, "").ok()).collect()
 }
@@ -153,7 +153,7 @@ pub fn numbers(v: &Dynamic) -> Option<Vec<f64>> {
 const FARTHEST: f64 = 1e15;
 
 /// Reads a point [x, y, z] in metres, each within ±1e15.
-pub fn point(v: &Dynamic, label: &str) -> Result<DVec3, ApiError> {
+pub(crate) fn point(v: &Dynamic, label: &str) -> Result<DVec3, ApiError> {
     match numbers(v).as_deref() {
         Some([x, y, z]) => check_coordinates(DVec3::new(*x, *y, *z), label),
         _ => Err(wrong(v, label, "a point, [x, y, z]")),
@@ -168,7 +168,7 @@ pub(super) fn check_coordinates(p: DVec3, label: &str) -> Result<DVec3, ApiError
 }
 
 /// Reads an actor, a joint or a point [x, y, z] in metres.
-pub fn target(v: &Dynamic, label: &str) -> Result<Target, ApiError> {
+pub(crate) fn target(v: &Dynamic, label: &str) -> Result<Target, ApiError> {
     if let Some(actor) = v.read_lock::<ActorRef>() {
         return Ok(Target::Actor(actor.id));
     }
@@ -182,7 +182,7 @@ pub fn target(v: &Dynamic, label: &str) -> Result<Target, ApiError> {
 }
 
 /// Linear RGBA from a name, `#rgb`, `#rrggbb`, `#rrggbbaa`, `[r, g, b]` or `[r, g, b, a]` in sRGB.
-pub fn color(v: &Dynamic, label: &str) -> Result<Vec4, ApiError> {
+pub(crate) fn color(v: &Dynamic, label: &str) -> Result<Vec4, ApiError> {
     if v.is_string() {
         let name = text(v, label)?;
         return color::parse_color(&name).map_err(|e| {
@@ -206,18 +206,18 @@ pub fn color(v: &Dynamic, label: &str) -> Result<Vec4, ApiError> {
 }
 
 /// Converts degrees to radians. Whole turns are removed first, so that large angles lose no precision in the sine.
-pub fn radians(degrees: f64) -> f64 {
+pub(crate) fn radians(degrees: f64) -> f64 {
     (degrees % 360.0).to_radians()
 }
 
 /// Rotation about x, then y, then z (fixed axes), in degrees.
-pub fn euler(degrees: DVec3) -> DQuat {
+pub(crate) fn euler(degrees: DVec3) -> DQuat {
     DQuat::from_rotation_z(radians(degrees.z))
         * DQuat::from_rotation_y(radians(degrees.y))
         * DQuat::from_rotation_x(radians(degrees.x))
 }
 
 /// Red, green and blue of a color, without alpha.
-pub fn rgb(c: Vec4) -> Vec3 {
+pub(crate) fn rgb(c: Vec4) -> Vec3 {
     c.truncate()
 }

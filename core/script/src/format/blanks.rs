@@ -4,7 +4,7 @@ use super::format_tokens::{FormatToken, Role};
 
 /// Whether a blank belongs between two neighbors on one line. `has_blank`: whether the text has one now, which decides where
 /// both are allowed.
-pub fn needs_blank(before: &FormatToken, next: &FormatToken, has_blank: bool) -> bool {
+pub(super) fn needs_blank(before: &FormatToken, next: &FormatToken, has_blank: bool) -> bool {
     has_blank_by_style(before, next, has_blank) || would_merge(before.text, next.text)
 }
 

@@ -25,7 +25,7 @@ fn last_line(text: &str) -> &str {
 }
 
 /// Keeps comments after code in one column if they are written in one column without a blank line between them.
-pub fn align_trailing_comments(text: &str, tokens: &[FormatToken], gaps: &mut [Gap]) {
+pub(super) fn align_trailing_comments(text: &str, tokens: &[FormatToken], gaps: &mut [Gap]) {
     // Comments by paragraph and column as written.
     let mut groups: BTreeMap<(usize, usize), Vec<TrailingComment>> = BTreeMap::new();
     let (mut paragraph, mut column) = (0, 0);
@@ -58,7 +58,7 @@ pub fn align_trailing_comments(text: &str, tokens: &[FormatToken], gaps: &mut [G
 
 /// A comment of several lines, moved so that its first line begins in `column`. The other lines move by the same number of
 /// columns.
-pub fn moved_comment(text: &str, comment: &FormatToken, column: usize, line_break: &str) -> String {
+pub(super) fn moved_comment(text: &str, comment: &FormatToken, column: usize, line_break: &str) -> String {
     let before = last_line(&text[..comment.range.start]);
     let old_column = if before.trim().is_empty() { width(before) } else { column };
     let mut lines = comment.text.lines();

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 /// Role of a token or comment, which decides about the blanks around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub(super) enum Role {
     /// A name, number or text.
     Operand,
     Keyword,
@@ -36,7 +36,7 @@ pub enum Role {
 
 /// A token or comment of a text.
 #[derive(Clone, Debug)]
-pub struct FormatToken<'a> {
+pub(super) struct FormatToken<'a> {
     pub text: &'a str,
     pub range: Range<usize>,
     pub role: Role,
@@ -45,7 +45,7 @@ pub struct FormatToken<'a> {
 }
 
 impl FormatToken<'_> {
-    pub fn is_comment(&self) -> bool {
+    pub(super) fn is_comment(&self) -> bool {
         matches!(self.role, Role::LineComment | Role::BlockComment)
     }
 
@@ -65,7 +65,7 @@ const KEYWORDS: [&str; 24] = [
 ///
 /// # Errors
 /// Returns an error if a part of the text is not a token, or if a string or comment is never closed.
-pub fn format_tokens(text: &str) -> Result<Vec<FormatToken<'_>>, FormatError> {
+pub(super) fn format_tokens(text: &str) -> Result<Vec<FormatToken<'_>>, FormatError> {
     let mut found: Vec<FormatToken> = Vec::new();
     let mut last_end = 0;
     let mut in_parameters = false;

@@ -4,7 +4,7 @@ use super::format_tokens::{FormatToken, Role};
 
 /// The beginning of a line: blank line before it, and indentation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LineStart {
+pub(super) struct LineStart {
     /// Whether a blank line precedes it.
     pub has_blank_line: bool,
     /// Steps of indentation.
@@ -29,7 +29,7 @@ struct BracketFrame {
 
 /// The line that each token or comment begins, if any. Line breaks are the author's, except that a closing bracket gets a line
 /// break if its opening bracket is followed by one.
-pub fn line_starts(tokens: &[FormatToken]) -> Vec<Option<LineStart>> {
+pub(super) fn line_starts(tokens: &[FormatToken]) -> Vec<Option<LineStart>> {
     let whole_text = BracketFrame {
         closing_depth: 0,
         content_depth: 0,

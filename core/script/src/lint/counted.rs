@@ -28,12 +28,12 @@ pub(super) struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    pub fn new(ast: &'a AST, text: &'a str) -> Source<'a> {
+    pub(super) fn new(ast: &'a AST, text: &'a str) -> Source<'a> {
         Source { ast, text }
     }
 
     /// Calls `visit` with name and place of each variable that the file declares.
-    pub fn visit_variables(&self, mut visit: impl FnMut(&str, LineColumn)) {
+    pub(super) fn visit_variables(&self, mut visit: impl FnMut(&str, LineColumn)) {
         self.ast.walk(&mut |nodes| {
             count_steps(1);
             if let Some(ASTNode::Stmt(Stmt::Var(variable, _, position))) = nodes.last()
@@ -46,7 +46,7 @@ impl<'a> Source<'a> {
     }
 
     /// Number of occurrences of each word of the text.
-    pub fn count_words(&self) -> HashMap<&'a str, usize> {
+    pub(super) fn count_words(&self) -> HashMap<&'a str, usize> {
         let mut counts = HashMap::new();
         count_steps(self.text.len());
         let words = self.text.split(|c: char| !c.is_alphanumeric() && c != '_');
@@ -55,7 +55,7 @@ impl<'a> Source<'a> {
     }
 
     /// The places at which one of `parts` occurs, in the order of the text.
-    pub fn places_of(&self, parts: &[&str]) -> SortedPositions {
+    pub(super) fn places_of(&self, parts: &[&str]) -> SortedPositions {
         let mut found = SortedPositions(Vec::new());
         let (mut line, mut column) = (1, 1);
         for (byte, c) in self.text.char_indices() {
@@ -75,7 +75,7 @@ pub(super) struct SortedPositions(Vec<LineColumn>);
 
 impl SortedPositions {
     /// The first place at or after `from`.
-    pub fn first_from(&self, from: LineColumn) -> Option<LineColumn> {
+    pub(super) fn first_from(&self, from: LineColumn) -> Option<LineColumn> {
         let is_before = |at: &LineColumn| {
             count_steps(1);
             *at < from
@@ -88,16 +88,16 @@ impl SortedPositions {
 pub(super) struct Drafts<'a>(&'a StageDraft);
 
 impl<'a> Drafts<'a> {
-    pub fn new(stage_draft: &'a StageDraft) -> Drafts<'a> {
+    pub(super) fn new(stage_draft: &'a StageDraft) -> Drafts<'a> {
         Drafts(stage_draft)
     }
 
-    pub fn loads(&self) -> impl Iterator<Item = &'a LoadDraft> {
+    pub(super) fn loads(&self) -> impl Iterator<Item = &'a LoadDraft> {
         self.0.loads.iter().inspect(|_| count_steps(1))
     }
 
     /// Variables that nothing reads.
-    pub fn unused_variables(&self) -> impl Iterator<Item = &'a UnusedVariable> {
+    pub(super) fn unused_variables(&self) -> impl Iterator<Item = &'a UnusedVariable> {
         self.0.unused_variables.iter().inspect(|_| count_steps(1))
     }
 }
@@ -107,13 +107,13 @@ pub(super) struct Lines<'a>(BTreeMap<&'a str, Vec<&'a str>>);
 
 impl<'a> Lines<'a> {
     /// Splits the texts (by file) to lines, once for all findings.
-    pub fn of(sources: &'a BTreeMap<String, Arc<str>>) -> Lines<'a> {
+    pub(super) fn of(sources: &'a BTreeMap<String, Arc<str>>) -> Lines<'a> {
         sources.values().for_each(|text| count_steps(text.len()));
         Lines(sources.iter().map(|(file, text)| (file.as_str(), text.lines().collect())).collect())
     }
 
     /// A line of a file by its number from 1.
-    pub fn get(&self, file: &str, number: usize) -> Option<&'a str> {
+    pub(super) fn get(&self, file: &str, number: usize) -> Option<&'a str> {
         count_steps(1);
         self.0.get(file)?.get(number.checked_sub(1)?).copied()
     }

@@ -29,7 +29,7 @@ impl TimedCue<'_> {
 }
 
 /// Finds cues of all actors that leave a gap, freeze, hide each other or are cut off.
-pub fn check_cues(stage_draft: &StageDraft, found: &mut Vec<PlacedFinding>) {
+pub(super) fn check_cues(stage_draft: &StageDraft, found: &mut Vec<PlacedFinding>) {
     let times = times_of_cues(stage_draft);
     let timed: Vec<TimedCue> = stage_draft
         .cues

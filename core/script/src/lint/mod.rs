@@ -36,7 +36,7 @@ pub(crate) struct PlacedFinding {
 }
 
 impl PlacedFinding {
-    pub fn warning(rule: &'static str, place: &Place, text: String) -> PlacedFinding {
+    pub(crate) fn warning(rule: &'static str, place: &Place, text: String) -> PlacedFinding {
         let (subject, at) = (Subject::Stage, Time::ZERO);
         PlacedFinding {
             rule,
@@ -49,17 +49,17 @@ impl PlacedFinding {
         }
     }
 
-    pub fn note(rule: &'static str, place: &Place, text: String) -> PlacedFinding {
+    pub(crate) fn note(rule: &'static str, place: &Place, text: String) -> PlacedFinding {
         PlacedFinding { severity: Severity::Note, ..PlacedFinding::warning(rule, place, text) }
     }
 
-    pub fn hint(mut self, hint: impl Into<String>) -> PlacedFinding {
+    pub(crate) fn hint(mut self, hint: impl Into<String>) -> PlacedFinding {
         self.hint = Some(hint.into());
         self
     }
 
     /// Sets the subject and the time on stage.
-    pub fn about(mut self, subject: Subject, at: Time) -> PlacedFinding {
+    pub(crate) fn about(mut self, subject: Subject, at: Time) -> PlacedFinding {
         (self.subject, self.at) = (subject, at);
         self
     }

@@ -25,7 +25,7 @@ fn staging_calls(defs: &Defs) -> Vec<String> {
 }
 
 /// Variables whose name occurs only once in the file, comments included. Takes time proportional to the length of the file.
-pub fn unused_variables(source: &Source, file: &str, defs: &Defs) -> Vec<UnusedVariable> {
+pub(super) fn unused_variables(source: &Source, file: &str, defs: &Defs) -> Vec<UnusedVariable> {
     let (words, statements) = (source.count_words(), Statements::of(source, &staging_calls(defs)));
     let mut found: Vec<UnusedVariable> = Vec::new();
     source.visit_variables(|name, (line, column)| {
@@ -59,7 +59,7 @@ impl Statements {
 }
 
 /// Finds loaded or made assets, and variables, that the script never uses.
-pub fn check_unused(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
+pub(super) fn check_unused(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
     let used = || drafts.loads().filter(|load| load.is_used);
     let used_assets: HashSet<_> = used().filter_map(|load| load.load.ready()).map(Arc::as_ptr).collect();
     let used_places: BTreeSet<&Place> = used().map(|load| &load.load.at).collect();

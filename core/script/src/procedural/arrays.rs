@@ -5,7 +5,7 @@ use rhai::{Array, Blob, Dynamic};
 
 /// The option `name` as a flat list of vectors of `width` numbers, from `[[x, y, z], …]`, `[x, y, z, x, …]` or a blob of
 /// little-endian f32. Empty without the option.
-pub fn floats(o: &Options, name: &str, width: usize) -> Result<Vec<f32>, ApiError> {
+pub(super) fn floats(o: &Options, name: &str, width: usize) -> Result<Vec<f32>, ApiError> {
     let Some(value) = o.map.get(name) else { return Ok(Vec::new()) };
     let error = |text: String| ApiError::new(format!("{}: {text}", o.function)).focus(name);
     if let Some(blob) = value.read_lock::<Blob>() {
@@ -44,7 +44,7 @@ pub fn floats(o: &Options, name: &str, width: usize) -> Result<Vec<f32>, ApiErro
 
 /// The option `name` as vertex indices, from `[0, 1, 2, …]`, `[[0, 1, 2], …]` or a blob of little-endian u32. Empty without the
 /// option.
-pub fn indices(o: &Options, name: &str) -> Result<Vec<u32>, ApiError> {
+pub(super) fn indices(o: &Options, name: &str) -> Result<Vec<u32>, ApiError> {
     let Some(value) = o.map.get(name) else { return Ok(Vec::new()) };
     let error = |text: String| ApiError::new(format!("{}: {text}", o.function)).focus(name);
     if let Some(blob) = value.read_lock::<Blob>() {
@@ -81,7 +81,7 @@ pub fn indices(o: &Options, name: &str) -> Result<Vec<u32>, ApiError> {
 
 /// The option `name` as linear RGBA, 4 numbers per vertex, from color names, `[r, g, b]` in sRGB as everywhere in scripts, a flat
 /// array of these numbers, or a blob of 4 bytes per vertex. Empty without the option.
-pub fn colors(o: &Options, name: &str, vertices: usize) -> Result<Vec<f32>, ApiError> {
+pub(super) fn colors(o: &Options, name: &str, vertices: usize) -> Result<Vec<f32>, ApiError> {
     let Some(value) = o.map.get(name) else { return Ok(Vec::new()) };
     let error = |text: String| ApiError::new(format!("{}: {text}", o.function)).focus(name);
     if let Some(blob) = value.read_lock::<Blob>() {

@@ -6,11 +6,11 @@ use glam::{Vec2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
 /// Names of the texture projections.
-pub const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone", "triplanar"];
+pub(super) const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone", "triplanar"];
 
 /// Sets texture coordinates by a projection around the center of the shape. `how`: one of [`PROJECTIONS`]. Afterwards no two
 /// triangles share a vertex.
-pub fn project_texture(p: &mut Primitive, how: &str) {
+pub(super) fn project_texture(p: &mut Primitive, how: &str) {
     let [low, high] = bounds(p);
     let (middle, size) = ((low + high) * 0.5, (high - low).max(Vec3::splat(1e-6)));
     let old = std::mem::take(&mut p.indices);
@@ -63,7 +63,7 @@ pub fn project_texture(p: &mut Primitive, how: &str) {
 }
 
 /// Axis-aligned bounding box of the positions: minimum and maximum.
-pub fn bounds(p: &Primitive) -> [Vec3; 2] {
+pub(super) fn bounds(p: &Primitive) -> [Vec3; 2] {
     let low = p.positions.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
     [low, p.positions.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b))]
 }
@@ -151,7 +151,7 @@ pub(crate) fn subdivide(p: &mut Primitive) {
 /// Displaces vertices along their normals by the brightness of an image. `height`: metres at white; `tiles`: repetitions of the
 /// image per unit of texture coordinates. Recomputes the normals; vertices that had the same position and normal keep a common
 /// normal.
-pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
+pub(super) fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
     let key = |v: Vec3| v.to_array().map(|c| (c + 0.0).to_bits());
     let groups: Vec<_> = p.positions.iter().zip(&p.normals).map(|(a, n)| (key(*a), key(*n))).collect();
     // Vertices with the same position and normal move by their mean brightness, so that no gap opens at a seam of the texture

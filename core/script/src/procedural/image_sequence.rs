@@ -21,7 +21,7 @@ impl ImageSource for ImagesInMemory {
 
 /// Operation that combines two images into one.
 #[derive(Clone, Copy, Debug)]
-pub enum ImageOperation {
+pub(super) enum ImageOperation {
     /// The first image, with alpha multiplied by the brightness of the second.
     MultiplyAlpha,
     /// The first image (a normal map), with the brightness of the second (a height map) as alpha.
@@ -71,7 +71,7 @@ pub(crate) fn combined_alpha_mode(a: AlphaMode, b: AlphaMode) -> AlphaMode {
 }
 
 /// Combines two images or image sequences of one size. `names`: the options that contain them, for errors.
-pub fn combine_images(
+pub(super) fn combine_images(
     o: &Options,
     names: [&str; 2],
     a: &ImageRef,
@@ -116,7 +116,7 @@ pub fn combine_images(
 }
 
 /// The image or image sequence (numbered files or an array) of an option.
-pub fn image_or_sequence(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
+pub(super) fn image_or_sequence(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
     let mut all = maps::images(o, name)?;
     if o.get(name).is_some_and(|v| v.is_array()) {
         return sequence_of_images(o, name, &all).map(Some);
@@ -125,7 +125,7 @@ pub fn image_or_sequence(o: &Options, name: &str) -> Result<Option<ImageRef>, Ap
 }
 
 /// The image sequence of an array of images.
-pub fn sequence_of_images(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
+pub(super) fn sequence_of_images(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
     let first = maps::first_of_equal_size(o, name, all)?;
     let images = all.iter().map(ImageRef::decoded).collect::<Result<Vec<Arc<Image>>, ApiError>>()?;
     let hashes = images.iter().map(|i| i.content_hash()).collect();
@@ -136,7 +136,7 @@ pub fn sequence_of_images(o: &Options, name: &str, all: &[ImageRef]) -> Result<I
 
 /// The texture animation of a material, if it has image sequences. `given`: each texture slot with the name of its option and its
 /// image sequence; `once`: play once instead of repeating.
-pub fn texture_animation(
+pub(super) fn texture_animation(
     o: &Options,
     given: &[(TextureSlot, &str, Option<ImageSequenceRef>)],
     fps: Option<f64>,

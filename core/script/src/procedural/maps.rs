@@ -40,7 +40,7 @@ pub(crate) fn first_of_equal_size<'a>(
 }
 
 /// A sprite sheet of images of one size, row by row from the top left, and its numbers of columns and rows.
-pub fn sprite_sheet(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
+pub(super) fn sprite_sheet(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
     let first = first_of_equal_size(o, "image", images)?;
     let (width, height) = (first.image.width, first.image.height);
     let count = images.len() as u32;
@@ -68,7 +68,7 @@ pub fn sprite_sheet(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32;
 }
 
 /// The images of an option, which is an image or an array of images. Empty without the option.
-pub fn images(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
+pub(super) fn images(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
     let Some(value) = o.get(name) else { return Ok(Vec::new()) };
     let all: Array = match value.read_lock::<Array>() {
         Some(array) => array.clone(),
@@ -83,7 +83,7 @@ pub fn images(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
 }
 
 /// An opaque white image of the size of an opacity map, to combine with the map.
-pub fn white_image(map: &ImageRef) -> ImageRef {
+pub(super) fn white_image(map: &ImageRef) -> ImageRef {
     let Image { width, height, .. } = *map.image;
     let rgba = vec![255; width as usize * height as usize * 4];
     let image = Image { name: "opacity".into(), width, height, rgba, file: None };
@@ -128,7 +128,7 @@ pub(crate) fn normals_from_heights(image: &Image, depth: f32) -> Image {
 }
 
 /// The mean of red, green and blue.
-pub fn brightness([r, g, b, _]: &[u8; 4]) -> u8 {
+pub(super) fn brightness([r, g, b, _]: &[u8; 4]) -> u8 {
     ((u16::from(*r) + u16::from(*g) + u16::from(*b)) / 3) as u8
 }
 

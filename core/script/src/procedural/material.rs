@@ -216,7 +216,7 @@ impl MaterialMaps {
 }
 
 /// The material of the options, and the images, to which its textures refer by index.
-pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
+pub(super) fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
     let maps = MaterialMaps::read(o)?;
     let sequences = maps.sequences(o);
     let sheet = maps.sheet;
@@ -471,7 +471,7 @@ impl Options {
     ///
     /// # Errors
     /// Returns an error if the value is no image or an image sequence.
-    pub fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
+    pub(crate) fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
         let Some(value) = self.get(name) else { return Ok(None) };
         let given = value.clone().try_cast::<ImageRef>();
         if given.as_ref().is_some_and(|i| i.sequence.is_some()) {

@@ -12,9 +12,9 @@ mod repeat;
 mod solids;
 mod texture;
 
-pub use raw_image::image;
-pub use repeat::repeat;
-pub use texture::texture;
+pub(crate) use raw_image::image;
+pub(crate) use repeat::repeat;
+pub(crate) use texture::texture;
 
 use crate::call::{ApiError, Call, Options, numbers, one_of, wrong};
 use crate::limits::raise_hint;
@@ -28,7 +28,7 @@ use glam::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
 /// The asset of a `shape(kind, options?)` call. Equal calls share one.
-pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
+pub(crate) fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let kind = one_of(&c.value(0), "shape: kind", solids::KINDS)?;
     let known: Vec<&str> =
         material::OPTIONS.into_iter().chain(["size", "projection", "sharpness", "detail"]).collect();
@@ -52,7 +52,7 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
 }
 
 /// The asset of a `mesh(#{ … })`, `lines(#{ … })` or `points(#{ … })` call.
-pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
+pub(crate) fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     let o = c.options(0, &mesh_options(topology))?;
     let function = o.function.clone();
     crate::build::check_limit(c.stage_draft().procedural_totals.meshes, "meshes", &c.context.limits)?;

@@ -11,7 +11,7 @@ use std::sync::Arc;
 const MAX_SIDE: f64 = 16384.0;
 
 /// The image of an `image(width, height, pixels)`, `image(options)` or `image(file, options)` call.
-pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
+pub(crate) fn image(c: &Call) -> Result<ImageRef, ApiError> {
     let mut known = vec!["name", "filter", "wrap"];
     let has_size_arguments = c.len() >= 3;
     let is_file = !has_size_arguments && c.value(0).is_string();
@@ -53,7 +53,7 @@ pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
 ///
 /// # Errors
 /// Returns an error if the total exceeds the limit.
-pub fn count_texels(c: &Call, texels: u64) -> Result<(), ApiError> {
+pub(super) fn count_texels(c: &Call, texels: u64) -> Result<(), ApiError> {
     let mut stage_draft = c.stage_draft();
     stage_draft.procedural_totals.texels = stage_draft.procedural_totals.texels.saturating_add(texels);
     if stage_draft.procedural_totals.texels > c.context.limits.texels {
@@ -65,7 +65,7 @@ pub fn count_texels(c: &Call, texels: u64) -> Result<(), ApiError> {
 }
 
 /// The sampler of the options `wrap` and `filter`.
-pub fn sampler(o: &Options) -> Result<Sampler, ApiError> {
+pub(super) fn sampler(o: &Options) -> Result<Sampler, ApiError> {
     let pair = o.get("wrap").and_then(|v| v.read_lock::<Array>().map(|a| a.to_vec()));
     let [wrap_u, wrap_v] = match pair.as_deref() {
         Some([across, down]) => [wrap(across)?, wrap(down)?],

@@ -23,7 +23,7 @@ pub(crate) fn environment_map(o: &Options) -> Result<Option<ImageRef>, ApiError>
 }
 
 /// Sets the reflectance of the environment. Call it after the shading model is set; the caller adds the textures.
-pub fn set_reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> {
+pub(super) fn set_reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     const WORDS: [&str; 3] = ["reflection", "reflection_map", "environment_map"];
     let Some(word) = WORDS.into_iter().find(|word| o.get(word).is_some()) else { return Ok(()) };
     let fail = |text: String| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));

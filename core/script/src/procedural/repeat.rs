@@ -9,7 +9,7 @@ use rhai::{Array, Dynamic, Map};
 use std::sync::Arc;
 
 /// Runs `asset.repeat(places)`: makes an asset with one instance at each place.
-pub fn repeat(c: &mut Call) -> Reply {
+pub(crate) fn repeat(c: &mut Call) -> Reply {
     let source = c.this_asset()?;
     let asset = &source;
     let places = c.value(0);

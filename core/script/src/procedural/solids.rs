@@ -9,10 +9,10 @@ const SEGMENTS: u32 = 48;
 const ROWS: u32 = 24;
 
 /// Names of the shapes.
-pub const KINDS: &[&str] = &["plane", "quad", "box", "sphere", "cylinder", "cone", "capsule", "torus"];
+pub(super) const KINDS: &[&str] = &["plane", "quad", "box", "sphere", "cylinder", "cone", "capsule", "torus"];
 
 /// The mesh of a shape, which stands on the ground (y = 0). `size`: metres along x, y and z.
-pub fn shape_mesh(kind: &str, size: Vec3) -> Primitive {
+pub(super) fn shape_mesh(kind: &str, size: Vec3) -> Primitive {
     match kind {
         "plane" => plane(size),
         "quad" => quad(size),
@@ -26,7 +26,7 @@ pub fn shape_mesh(kind: &str, size: Vec3) -> Primitive {
 }
 
 /// Size of a shape along x, y and z for `size: 1`. Another number for `size` multiplies it.
-pub fn proportions(kind: &str) -> Vec3 {
+pub(super) fn proportions(kind: &str) -> Vec3 {
     match kind {
         "capsule" => Vec3::new(0.5, 1.0, 0.5),
         "torus" => Vec3::new(1.0, 0.25, 1.0),
@@ -35,7 +35,7 @@ pub fn proportions(kind: &str) -> Vec3 {
 }
 
 /// Reason why a shape cannot have a size; `None` if it can.
-pub fn invalid_size(kind: &str, size: Vec3) -> Option<&'static str> {
+pub(super) fn invalid_size(kind: &str, size: Vec3) -> Option<&'static str> {
     let width = size.x.max(size.z);
     match kind {
         "capsule" if size.y < width => Some("a capsule must be at least as high as it is wide"),

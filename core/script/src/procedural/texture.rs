@@ -33,7 +33,7 @@ fn reads_slot(shading: Shading, slot: &str) -> bool {
 }
 
 /// Runs `asset.texture(material, slot, image)`: makes a copy of the asset with another texture.
-pub fn texture(c: &mut Call) -> Reply {
+pub(crate) fn texture(c: &mut Call) -> Reply {
     let source = c.this_asset()?;
     let material_name = c.text(0)?;
     let slot = one_of(&c.value(1), "texture: slot", SLOTS)?;

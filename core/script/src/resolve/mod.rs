@@ -26,7 +26,7 @@ type Notes = Vec<(Severity, Place, ApiError)>;
 /// Moves the drafts into a stage and returns it with the places of the calls. Errors are added to the diagnostics.
 ///
 /// `identity`: returns the hash that identifies the script of a callback, with its parameters and files.
-pub fn resolve(
+pub(crate) fn resolve(
     context: &Arc<ScriptContext>,
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,

@@ -93,7 +93,7 @@ impl CallText {
 }
 
 /// A term reduced to lower-case letters and digits, so that "look at", "look_at" and "lookAt" are equal.
-pub fn normalized_term(term: &str) -> String {
+pub(crate) fn normalized_term(term: &str) -> String {
     let plain = |c: char| if c == 'é' { 'e' } else { c };
     term.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).map(plain).collect()
 }
@@ -309,7 +309,7 @@ impl Call {
 }
 
 /// The entry of a mathematical function.
-pub fn mathematics(name: &str, defs: &Defs) -> Option<Call> {
+pub(crate) fn mathematics(name: &str, defs: &Defs) -> Option<Call> {
     let (name, args, about) = defs.maths.iter().find(|(known, ..)| *known == name)?;
     let usage = format!("{name}({args})");
     Some(Call { usage, about: Some((*about).to_string()), details: Vec::new(), page: page("Mathematics") })
@@ -373,7 +373,7 @@ pub(crate) fn topics(defs: &Defs) -> impl Iterator<Item = (&'static [&'static st
 }
 
 /// The topics' terms.
-pub fn terms() -> impl Iterator<Item = &'static str> {
+pub(crate) fn terms() -> impl Iterator<Item = &'static str> {
     TOPICS.iter().flat_map(|topic| topic.terms.iter().copied())
 }
 

@@ -454,7 +454,7 @@ impl std::fmt::Debug for Formula {
 
 /// The measured property of an expectation.
 #[derive(Clone, Debug)]
-pub enum Measure {
+pub(crate) enum Measure {
     Number(Quantity),
     Vector(VectorQuantity),
     Rotation(RotationQuantity),
@@ -467,7 +467,7 @@ pub enum Measure {
 
 impl Measure {
     /// The word used in messages.
-    pub fn word(&self) -> &'static str {
+    pub(crate) fn word(&self) -> &'static str {
         match self {
             Measure::Number(_) => "a number",
             Measure::Vector(VectorQuantity::Tint(_) | VectorQuantity::LightColor(_)) => "a color",

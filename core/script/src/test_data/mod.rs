@@ -4,9 +4,10 @@ mod expectation;
 mod state;
 mod timeout;
 
+pub(crate) use expectation::Measure;
 pub use expectation::{
     Claim, ComparedObject, ComparedWith, Contact, Count, EventPattern, EventsTest, Expectation, Flag,
-    Formula, ImageExpectation, InFrame, Measure, NumberGoal, NumberTest, PlanCount, PlanOptions, Quantity,
+    Formula, ImageExpectation, InFrame, NumberGoal, NumberTest, PlanCount, PlanOptions, Quantity,
     RotationGoal, RotationQuantity, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal,
     VectorQuantity, VectorTest, When,
 };

@@ -40,7 +40,7 @@ pub(crate) struct TestState {
 
 impl TestState {
     /// Counts a comparison for a call of `expect`, also a comparison that has failed with an error.
-    pub fn count_comparison(&mut self, expect: usize) {
+    pub(crate) fn count_comparison(&mut self, expect: usize) {
         if let Some(pending) = self.pending_expects.get_mut(expect) {
             pending.comparisons += 1;
             pending.unused_modifier = None;
@@ -59,7 +59,7 @@ pub(crate) struct PendingExpect {
 
 /// A script that a call of `scene` runs.
 #[derive(Clone, Debug)]
-pub struct RunningScript {
+pub(crate) struct RunningScript {
     /// Canonical path of the folder of the script.
     pub folder: PathBuf,
     /// Names and values of parameters, which replace those given with `--set`.

@@ -8,7 +8,7 @@ const MARK: &str = "//~";
 
 /// All expected diagnostics of a script, and errors about `//~` comments that contain neither `error` nor `warning`. A line that
 /// has only comments belongs to the line of code above it.
-pub fn parse_expected(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic>) {
+pub(super) fn parse_expected(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic>) {
     let (mut expected, mut wrong) = (Vec::new(), Vec::new());
     let mut code_line = 1;
     for (index, row) in text.lines().enumerate() {
@@ -76,7 +76,7 @@ fn find_mark(row: &str) -> Option<usize> {
 
 /// Removes expected diagnostics from `diagnostics` and records that they have occurred. One comment may match several diagnostics
 /// of its line. Diagnostics of another script also belong to the line that runs it.
-pub fn match_expected(
+pub(super) fn match_expected(
     file: &str,
     scenes: &[(String, Place)],
     expected: &mut [ExpectedDiagnostic],

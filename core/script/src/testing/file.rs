@@ -23,7 +23,7 @@ pub(crate) struct TestFile {
 
 /// The sections of a file, and the statements that each of them needs.
 #[derive(Debug)]
-pub struct Listing {
+pub(crate) struct Listing {
     pub sections: Vec<SectionInfo>,
     /// Index of the `test` statement of each section in the file. `None`: the section is not a plain top-level statement, for
     /// example because a loop or a function calls `test`.
@@ -34,7 +34,11 @@ pub struct Listing {
 
 impl Listing {
     /// Finds the statements of each section. `calls`: line and column of the call of `test` for each section.
-    pub fn new(parsed: &ParsedScript, sections: Vec<SectionInfo>, calls: &[(usize, usize)]) -> Listing {
+    pub(crate) fn new(
+        parsed: &ParsedScript,
+        sections: Vec<SectionInfo>,
+        calls: &[(usize, usize)],
+    ) -> Listing {
         let section_at: BTreeMap<(usize, usize), usize> = calls.iter().copied().zip(0..).collect();
         let mut section_statements = vec![None; sections.len()];
         let mut common_statements = Vec::new();
@@ -61,7 +65,7 @@ impl Listing {
     }
 
     /// The syntax tree to run one section: the plain top-level `test` statements of all other sections are left out.
-    pub fn ast_of_section(&self, section: usize, parsed: &ParsedScript) -> AST {
+    pub(crate) fn ast_of_section(&self, section: usize, parsed: &ParsedScript) -> AST {
         let own = self.section_statements.get(section).copied().flatten();
         let own = own.and_then(|at| Some((at, parsed.ast.statements().get(at)?)));
         let at = own.map_or(usize::MAX, |(at, _)| at);
@@ -193,7 +197,7 @@ impl TestFiles {
 
 impl TestFile {
     /// The sections of the file, if they are known.
-    pub fn listing(&self) -> Option<&Arc<Listing>> {
+    pub(crate) fn listing(&self) -> Option<&Arc<Listing>> {
         self.listing.get()
     }
 

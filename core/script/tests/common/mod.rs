@@ -18,18 +18,18 @@ static TOY: LazyLock<Manifest> = LazyLock::new(|| {
         .text("color", "of the shirt", "red", &["red", "teal"])
 });
 
-pub struct Toy;
+pub(crate) struct Toy;
 
 /// Number of meshes that toy imports made in this process.
-pub static MESHES_MADE: AtomicUsize = AtomicUsize::new(0);
+pub(crate) static MESHES_MADE: AtomicUsize = AtomicUsize::new(0);
 
 /// Number of clips whose keys toy imports decoded in this process.
-pub static CLIPS_DECODED: AtomicUsize = AtomicUsize::new(0);
+pub(crate) static CLIPS_DECODED: AtomicUsize = AtomicUsize::new(0);
 
 /// Number of images that toy imports decoded in this process.
-pub static IMAGES_DECODED: AtomicUsize = AtomicUsize::new(0);
+pub(crate) static IMAGES_DECODED: AtomicUsize = AtomicUsize::new(0);
 
-pub const JOINTS: [&str; 5] = ["Hips", "Spine", "Head", "LeftHand", "RightHand"];
+pub(crate) const JOINTS: [&str; 5] = ["Hips", "Spine", "Head", "LeftHand", "RightHand"];
 
 impl Importer for Toy {
     fn manifest(&self) -> &Manifest {
@@ -128,7 +128,7 @@ impl Importer for Toy {
 static GLOW: LazyLock<Manifest> =
     LazyLock::new(|| Manifest::new("glow", "1", "for tests").number("strength", "how much", 0.5, 0.0..=1.0));
 
-pub struct Glow;
+pub(crate) struct Glow;
 
 impl EffectPlugin for Glow {
     fn manifest(&self) -> &Manifest {
@@ -154,7 +154,7 @@ static LINE: LazyLock<Manifest> = LazyLock::new(|| {
         .curve("fall", "how it fades", &[[0.0, 1.0], [1.0, 0.0]], 0.0..=1.0)
 });
 
-pub struct Line;
+pub(crate) struct Line;
 
 impl EffectPlugin for Line {
     fn manifest(&self) -> &Manifest {
@@ -164,7 +164,7 @@ impl EffectPlugin for Line {
 
 impl OutlineEffect for Line {}
 
-pub fn registry() -> Registry {
+pub(crate) fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(Toy);
     registry.add_effect(Effect::shutter(Glow));
@@ -173,10 +173,10 @@ pub fn registry() -> Registry {
 }
 
 /// Temporary folder with files, removed when dropped.
-pub struct Folder(pub tempfile::TempDir);
+pub(crate) struct Folder(pub tempfile::TempDir);
 
 impl Folder {
-    pub fn new(files: &[(&str, &str)]) -> Folder {
+    pub(crate) fn new(files: &[(&str, &str)]) -> Folder {
         let dir = tempfile::tempdir().unwrap();
         for (name, text) in files {
             let path = dir.path().join(name);
@@ -185,22 +185,22 @@ impl Folder {
         }
         Folder(dir)
     }
-    pub fn path(&self) -> &FilePath {
+    pub(crate) fn path(&self) -> &FilePath {
         self.0.path()
     }
-    pub fn file(&self, name: &str) -> PathBuf {
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.path().join(name)
     }
-    pub fn run(&self, name: &str) -> Result<Script, Vec<Diagnostic>> {
+    pub(crate) fn run(&self, name: &str) -> Result<Script, Vec<Diagnostic>> {
         run_file(&self.file(name), &registry(), &ScriptOptions::default())
     }
-    pub fn run_text(&self, text: &str, options: &ScriptOptions) -> Result<Script, Vec<Diagnostic>> {
+    pub(crate) fn run_text(&self, text: &str, options: &ScriptOptions) -> Result<Script, Vec<Diagnostic>> {
         run_text("t.rhai", text, self.path(), &registry(), options)
     }
 }
 
 /// The files that most tests use.
-pub fn assets() -> Folder {
+pub(crate) fn assets() -> Folder {
     Folder::new(&[
         ("hero.toy", ""),
         ("moves.toy", "mixamorig:"),
@@ -212,21 +212,21 @@ pub fn assets() -> Folder {
     ])
 }
 
-pub fn run(text: &str) -> Result<Script, Vec<Diagnostic>> {
+pub(crate) fn run(text: &str) -> Result<Script, Vec<Diagnostic>> {
     assets().run_text(text, &ScriptOptions::default())
 }
 
 /// Runs a script; panics with its messages if there are errors.
-pub fn run_or_panic(text: &str) -> Script {
+pub(crate) fn run_or_panic(text: &str) -> Script {
     run(text).unwrap_or_else(|e| panic!("{}", show(&e)))
 }
 
-pub fn show(diagnostics: &[Diagnostic]) -> String {
+pub(crate) fn show(diagnostics: &[Diagnostic]) -> String {
     diagnostics.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
 /// The stage of a script that loads characters of the sample files in a folder.
-pub fn stage_of_samples(folder: &FilePath, text: &str) -> choreo_stage::Stage {
+pub(crate) fn stage_of_samples(folder: &FilePath, text: &str) -> choreo_stage::Stage {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_fbx::FbxImporter);

@@ -44,7 +44,7 @@ pub(super) enum KeyName<'p> {
 }
 
 impl<'p> KeyName<'p> {
-    pub fn of(name: &'p str) -> KeyName<'p> {
+    pub(super) fn of(name: &'p str) -> KeyName<'p> {
         if let Some(method) = name.strip_prefix('.') {
             return KeyName::Method(method);
         }
@@ -59,7 +59,7 @@ impl<'p> KeyName<'p> {
     }
 
     /// Number of arguments before the list of keys.
-    pub fn leading_argument_count(self) -> usize {
+    pub(super) fn leading_argument_count(self) -> usize {
         match self {
             KeyName::Method(_) => 0,
             KeyName::Property(_) | KeyName::Joint { .. } => 1,
@@ -68,7 +68,7 @@ impl<'p> KeyName<'p> {
     }
 
     /// Text of the call up to the list of keys.
-    pub fn call_opening(self) -> String {
+    pub(super) fn call_opening(self) -> String {
         match self {
             KeyName::Property(property) => format!("key({}, ", quoted(property)),
             KeyName::Weight { of, name } => format!("key({}, {}, ", quoted(of), quoted(name)),
@@ -80,7 +80,7 @@ impl<'p> KeyName<'p> {
     }
 
     /// Name of the property in messages.
-    pub fn display_name(self) -> String {
+    pub(super) fn display_name(self) -> String {
         match self {
             KeyName::Property(name) => name.to_string(),
             KeyName::Method(name) => name.replace('_', " "),

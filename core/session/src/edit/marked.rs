@@ -1,7 +1,7 @@
 //! Texts of tests in which `|` marks a position.
 
 /// The text without its first `|`, and the line and column of the mark, from 1.
-pub fn marked(text: &str) -> (String, usize, usize) {
+pub(crate) fn marked(text: &str) -> (String, usize, usize) {
     let at = text.find('|').unwrap();
     let before = &text[..at];
     let column = before.rsplit('\n').next().unwrap().chars().count() + 1;

@@ -36,7 +36,7 @@ pub(super) struct Call {
 }
 
 impl Call {
-    pub fn is_option(&self) -> bool {
+    pub(super) fn is_option(&self) -> bool {
         self.end == self.inside.end
     }
 }
@@ -52,12 +52,12 @@ pub(super) struct Loop<'a> {
 }
 
 impl<'a> Source<'a> {
-    pub fn new(text: &'a str) -> Source<'a> {
+    pub(super) fn new(text: &'a str) -> Source<'a> {
         Source::of(text, tokens_of(text))
     }
 
     /// A text whose tokens are known.
-    pub fn of(text: &'a str, tokens: Tokens) -> Source<'a> {
+    pub(super) fn of(text: &'a str, tokens: Tokens) -> Source<'a> {
         Source { text, tokens }
     }
 
@@ -92,7 +92,7 @@ impl<'a> Source<'a> {
     }
 
     /// The first byte at or after `at` that is neither whitespace nor in a comment.
-    pub fn next_token_start(&self, at: usize) -> usize {
+    pub(super) fn next_token_start(&self, at: usize) -> usize {
         self.token_start(self.token_index_at(at))
     }
 
@@ -307,7 +307,7 @@ impl<'a> Source<'a> {
     }
 
     /// All calls of a function, in order.
-    pub fn calls_of(&self, name: &str) -> impl Iterator<Item = Call> {
+    pub(super) fn calls_of(&self, name: &str) -> impl Iterator<Item = Call> {
         let is_it =
             move |index: &usize| self.token(*index) == name && (*index == 0 || self.token(index - 1) != ".");
         let found = (0..self.tokens.len()).filter(is_it);
@@ -356,7 +356,7 @@ impl<'a> Source<'a> {
     }
 
     /// The range without whitespace and comments at its ends.
-    pub fn trimmed(&self, bytes: &Range<usize>) -> Range<usize> {
+    pub(super) fn trimmed(&self, bytes: &Range<usize>) -> Range<usize> {
         let (first, behind) = (self.token_index_at(bytes.start), self.token_index_at(bytes.end));
         match self.tokens.get(first..behind) {
             Some([first, .., last]) => first.start..last.end.min(bytes.end),

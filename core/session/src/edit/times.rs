@@ -98,7 +98,7 @@ pub(super) struct TimeLiteral {
 
 impl TimeLiteral {
     /// Parses a time. `None` if it is computed.
-    pub fn of(text: &Source, bytes: &Range<usize>) -> Option<TimeLiteral> {
+    pub(super) fn of(text: &Source, bytes: &Range<usize>) -> Option<TimeLiteral> {
         if let Some((range, number)) = parse_literal(text, bytes) {
             return Some(TimeLiteral { range, number, in_frames: false });
         }
@@ -115,7 +115,7 @@ impl TimeLiteral {
     }
 
     /// The edit that replaces the time, in the same style.
-    pub fn set(self, text: &str, time: EditTime) -> Edit {
+    pub(super) fn set(self, text: &str, time: EditTime) -> Edit {
         Edit::in_old_style(text, self.range, &time.text(self.in_frames))
     }
 }

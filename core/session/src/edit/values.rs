@@ -34,7 +34,7 @@ pub(super) fn trimmed(digits: &str) -> String {
 
 /// The literal or the calculation with literals alone at these bytes: its bytes without whitespace, and its value. `None` if it is computed, and
 /// for frames, `f(12)`, since the frame rate is not known here.
-pub fn parse_literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> {
+pub(super) fn parse_literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> {
     let inside = &text[bytes.clone()];
     let literal = inside.trim();
     let digits = literal.strip_prefix('-').unwrap_or(literal);
@@ -47,7 +47,7 @@ pub fn parse_literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, 
 }
 
 /// The numbers of `a, b, c` or `[a, b, c]` with their bytes. `None` if one is not a literal.
-pub fn parse_literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
+pub(super) fn parse_literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
     parse_components(text, bytes).into_iter().map(|(range, number)| Some((range, number?))).collect()
 }
 
@@ -81,7 +81,7 @@ pub(super) fn parse_components(text: &Source, bytes: &Range<usize>) -> Vec<Compo
 
 /// Rewrites some literals and keeps the text between them. The edit reaches from the first changed number to the last, including numbers whose
 /// digits stay the same.
-pub fn rewrite_literals(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
+pub(super) fn rewrite_literals(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
     let is_alone = old.len() == 1;
     let part = |((range, old), new): (&(Range<usize>, f64), &f64)| {
         (range.clone(), new_number_text(&text[range.clone()], *old, *new, is_alone))
@@ -151,7 +151,7 @@ fn replace_parts(text: &str, parts: &[(Range<usize>, Option<String>)]) -> Option
 
 /// Whether a value may be overwritten: a number, a time in frames, a calculation with numbers alone, a list of numbers, a string literal, or a map
 /// of these.
-pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
+pub(super) fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
     let inside = text[bytes.clone()].trim();
     let quoted =
         inside.len() >= 2 && inside.starts_with('"') && inside[1..].find('"') == Some(inside.len() - 2);

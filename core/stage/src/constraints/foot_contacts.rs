@@ -63,7 +63,7 @@ pub(super) struct FootContacts<'a> {
 }
 
 impl<'a> FootContacts<'a> {
-    pub fn new(actor: &'a Actor, legs: &[Leg], known: &ClipContacts) -> FootContacts<'a> {
+    pub(super) fn new(actor: &'a Actor, legs: &[Leg], known: &ClipContacts) -> FootContacts<'a> {
         // Only the ball of the foot counts: after heel strike the foot still rotates about the heel.
         let ball = |leg: &Leg| Foot { joints: vec![leg.toe.unwrap_or(leg.foot)] };
         let feet: Vec<Foot> = legs.iter().map(ball).collect();
@@ -86,7 +86,7 @@ impl<'a> FootContacts<'a> {
     }
 
     /// Contacts of the feet of `legs` legs between two times, as touch-down and lift-off times, with a resolution of 1/480 s.
-    pub fn contact_spans(&self, legs: usize, from: Time, to: Time) -> Vec<Vec<(Time, Time)>> {
+    pub(super) fn contact_spans(&self, legs: usize, from: Time, to: Time) -> Vec<Vec<(Time, Time)>> {
         let at = |i: usize| from + Time(i as i64 * CONTACT_SAMPLE_INTERVAL.0);
         let count = ((to - from).0 / CONTACT_SAMPLE_INTERVAL.0) as usize;
         let mut ratios = vec![Vec::with_capacity(count + 1); legs];

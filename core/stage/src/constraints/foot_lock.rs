@@ -290,7 +290,7 @@ pub(super) fn hip_drops(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64
 
 impl Contact {
     /// A contact that does not roll, is not lowered, and has no footsteps. `offsets`: `first_offset` and `last_offset`.
-    pub fn new(span: (Time, Time), position: Option<DVec3>, offsets: [DVec3; 2]) -> Contact {
+    pub(super) fn new(span: (Time, Time), position: Option<DVec3>, offsets: [DVec3; 2]) -> Contact {
         let ((from, to), [first_offset, last_offset]) = (span, offsets);
         Contact {
             from,
@@ -305,7 +305,7 @@ impl Contact {
     }
 
     /// Moves the contact to another world position.
-    pub fn move_to(&mut self, at: DVec3) {
+    pub(super) fn move_to(&mut self, at: DVec3) {
         let way = at - self.position.unwrap_or(at);
         (self.position, self.first_offset, self.last_offset) =
             (Some(at), self.first_offset + way, self.last_offset + way);
@@ -313,7 +313,7 @@ impl Contact {
 
     /// Whether a foot with the animated position `place` is low and near enough to keep its contact. `offset`: `first_offset` or
     /// `last_offset` of the contact.
-    pub fn keeps_position(&self, offset: DVec3, place: DVec3, leg_length: f64) -> bool {
+    pub(super) fn keeps_position(&self, offset: DVec3, place: DVec3, leg_length: f64) -> bool {
         self.position.is_some_and(|at| {
             let off = at - place;
             offset.y - off.y < ROLL_HEIGHT_LEGS * leg_length

@@ -104,7 +104,7 @@ pub(crate) struct FootLockContext<'a> {
 impl FootLocks {
     /// The track that applies at a time, if any. The result does not depend on which thread asks first; two threads that ask at once may
     /// both plan it.
-    pub fn track_at(
+    pub(crate) fn track_at(
         &self,
         context: FootLockContext,
         time: Time,

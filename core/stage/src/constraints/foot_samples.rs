@@ -42,7 +42,7 @@ pub(super) struct FeetInMotion<'a> {
 
 impl FeetInMotion<'_> {
     /// Samples the feet from one time to another, both included.
-    pub fn sample_feet(&mut self, from: Time, to: Time) -> Result<FootSamples, StageError> {
+    pub(super) fn sample_feet(&mut self, from: Time, to: Time) -> Result<FootSamples, StageError> {
         let mut snapshot = Snapshot::default();
         let foot_lock = self.foot_lock;
         let count = foot_lock.legs.len();
@@ -84,7 +84,7 @@ impl FeetInMotion<'_> {
     }
 
     /// World position of a foot at a time.
-    pub fn foot_position(&mut self, leg: usize, time: Time) -> Result<DVec3, StageError> {
+    pub(super) fn foot_position(&mut self, leg: usize, time: Time) -> Result<DVec3, StageError> {
         Ok(self.sample_feet(time, time)?.feet[leg][0])
     }
 }
@@ -103,7 +103,7 @@ pub(super) fn leg_length(stage: &Stage, actor: usize, foot_lock: &FootLock) -> f
 }
 
 impl FootSamples {
-    pub fn time_of_sample(&self, index: usize) -> Time {
+    pub(super) fn time_of_sample(&self, index: usize) -> Time {
         self.from + Time(index as i64 * SAMPLE_INTERVAL.0)
     }
 
@@ -116,7 +116,7 @@ impl FootSamples {
     }
 
     /// Indices of the first and the last sample within a time span, or of the nearest sample if there is none.
-    pub fn samples_between(&self, (from, to): (Time, Time)) -> (usize, usize) {
+    pub(super) fn samples_between(&self, (from, to): (Time, Time)) -> (usize, usize) {
         let count = self.transforms.len();
         let first = ((from - self.from).0 as u64).div_ceil(SAMPLE_INTERVAL.0 as u64) as usize;
         let first = first.min(count - 1);
@@ -124,14 +124,14 @@ impl FootSamples {
     }
 
     /// World position of a foot at a time, interpolated linearly between two samples.
-    pub fn foot_position(&self, leg: usize, time: Time) -> DVec3 {
+    pub(super) fn foot_position(&self, leg: usize, time: Time) -> DVec3 {
         let (low, share) = self.index_at(time);
         let places = &self.feet[leg];
         places[low].lerp(places[(low + 1).min(places.len() - 1)], share)
     }
 
     /// World height of the floor at a sample: that of the actor's origin.
-    pub fn floor_height(&self, index: usize) -> f64 {
+    pub(super) fn floor_height(&self, index: usize) -> f64 {
         self.transforms[index].translation.y
     }
 }

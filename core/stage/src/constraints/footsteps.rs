@@ -76,7 +76,7 @@ pub(super) struct PlannedStep {
 
 impl FootstepPlan<'_> {
     /// Plans the steps of each foot, in order of time. `None` if no number of steps brings the feet to their targets.
-    pub fn run(&self) -> Option<Vec<Vec<PlannedStep>>> {
+    pub(super) fn run(&self) -> Option<Vec<Vec<PlannedStep>>> {
         let step_secs = step_secs(self.leg_length);
         let mut steps: Vec<Vec<PlannedStep>> = vec![Vec::new(); self.feet.len()];
         let mut places: Vec<DVec3> = self.feet.iter().map(|f| f.position).collect();
@@ -193,7 +193,7 @@ pub(super) struct Footstep {
 
 impl Footstep {
     /// Converts a planned step to stage time. `begin`: start of the plan; `backwards`: the plan runs back in time from there.
-    pub fn new(step: PlannedStep, begin: Time, backwards: bool) -> Footstep {
+    pub(super) fn new(step: PlannedStep, begin: Time, backwards: bool) -> Footstep {
         let sign = if backwards { -1.0 } else { 1.0 };
         let [a, b] = [step.from, step.to].map(|secs| begin + Time::from_secs(sign * secs));
         Footstep { from: a.min(b), to: a.max(b), step, backwards }
@@ -205,7 +205,7 @@ impl Footstep {
     }
 
     /// Positions of the foot before and after the step, in the order of time.
-    pub fn start_and_end(&self) -> [DVec3; 2] {
+    pub(super) fn start_and_end(&self) -> [DVec3; 2] {
         let PlannedStep { start, end, .. } = self.step;
         if self.backwards { [end, start] } else { [start, end] }
     }
@@ -213,7 +213,7 @@ impl Footstep {
     /// World position of the foot at a time of the step. The horizontal path has minimum jerk (T. Flash, N. Hogan, "The Coordination of Arm
     /// Movements", 1985): the quintic from the start's position and velocity to rest. The height follows 16 s² (1 − s)² over the whole
     /// step, so that the foot also rises before it moves and descends after.
-    pub fn at(&self, time: Time) -> DVec3 {
+    pub(super) fn at(&self, time: Time) -> DVec3 {
         let whole = (self.to - self.from).as_secs();
         let s = ((time - self.from).as_secs() / whole).clamp(0.0, 1.0);
         let s = if self.backwards { 1.0 - s } else { s };

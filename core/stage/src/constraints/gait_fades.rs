@@ -28,7 +28,7 @@ pub(super) struct GaitFade {
 
 impl GaitFade {
     /// The gait fades of a constraint. `contacts`: contacts in the clips, by leg.
-    pub fn find_all(
+    pub(super) fn find_all(
         foot_lock: &FootLock,
         samples: &FootSamples,
         contacts: &[Vec<(Time, Time)>],
@@ -58,7 +58,7 @@ impl GaitFade {
     }
 
     /// Upper limit of the world height of a contact; infinite outside gait fades.
-    pub fn max_contact_height(fades: &[GaitFade], leg: usize, (from, to): (Time, Time)) -> f64 {
+    pub(super) fn max_contact_height(fades: &[GaitFade], leg: usize, (from, to): (Time, Time)) -> f64 {
         let fade =
             fades.iter().find(|fade| from <= fade.span.1 + FADE_MARGIN && to >= fade.span.0 - FADE_MARGIN);
         fade.and_then(|fade| fade.standing_height(leg, from.middle(to))).unwrap_or(f64::INFINITY)
@@ -66,7 +66,7 @@ impl GaitFade {
 
     /// Shortest time in which a foot goes from one contact to the next in a gait fade: that of a hurried step, or less for a short
     /// distance; zero outside gait fades. Contacts may be closer together if the feet of two gaits land in different orders.
-    pub fn min_gap(fades: &[GaitFade], leg: usize, leg_length: f64, ends: [&Contact; 2]) -> Time {
+    pub(super) fn min_gap(fades: &[GaitFade], leg: usize, leg_length: f64, ends: [&Contact; 2]) -> Time {
         let [Some(start), Some(end)] = ends.map(|contact| contact.position) else { return Time::ZERO };
         if GaitFade::ground_height(fades, leg, ends[0].to.middle(ends[1].from)).is_none() {
             return Time::ZERO;
@@ -76,7 +76,7 @@ impl GaitFade {
     }
 
     /// World height of the ground under a foot in a gait fade, and the share of the clearance that applies, 0..=1.
-    pub fn ground_height(fades: &[GaitFade], leg: usize, time: Time) -> Option<(f64, f64)> {
+    pub(super) fn ground_height(fades: &[GaitFade], leg: usize, time: Time) -> Option<(f64, f64)> {
         let (from, to) = (time - FADE_MARGIN, time + FADE_MARGIN);
         let fade = fades.iter().find(|fade| from < fade.span.1 && fade.span.0 < to)?;
         let inside = (to - fade.span.0).min(fade.span.1 - from);

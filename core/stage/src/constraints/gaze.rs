@@ -22,7 +22,7 @@ pub(super) struct Gaze<'a> {
 impl Gaze<'_> {
     /// Turns the eyes if the file states how far they turn: by their bones, or by the expressions lookLeft, lookRight, lookUp and lookDown,
     /// which other expressions may suppress. `aimed`: whether an eye joint has a look-at of its own and is left alone.
-    pub fn turn_eyes(
+    pub(super) fn turn_eyes(
         &self,
         aimed: impl Fn(u32) -> bool,
         state: &mut ActorState,

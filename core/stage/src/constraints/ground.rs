@@ -14,7 +14,7 @@ pub(crate) struct Ground {
 }
 
 impl Ground {
-    pub fn of(stage: &Stage, actor: usize) -> Result<Ground, StageError> {
+    pub(crate) fn of(stage: &Stage, actor: usize) -> Result<Ground, StageError> {
         let mut snapshot = Snapshot::default();
         let mut scratch = ActorScratch::for_actors(vec![actor]);
         evaluate_actors(stage, &mut scratch, Time::ZERO, None, &mut snapshot)?;
@@ -35,7 +35,7 @@ impl Ground {
     }
 
     /// World height of the highest surface at a point's x and z that is not above `ceiling`.
-    pub fn height(&self, at: DVec3, ceiling: f64) -> Option<f64> {
+    pub(crate) fn height(&self, at: DVec3, ceiling: f64) -> Option<f64> {
         let level = |p: DVec3| DVec2::new(p.x, p.z);
         let p = level(at);
         let mut highest: Option<f64> = None;

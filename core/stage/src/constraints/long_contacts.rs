@@ -31,7 +31,7 @@ pub(super) struct LongContacts<'a> {
 impl LongContacts<'_> {
     /// Splits a contact into the time spans in which the foot stands: the whole contact if the leg reaches that far, else the parts between
     /// as few steps as let it reach, or bring it nearest.
-    pub fn split_contact(&self, span: (Time, Time)) -> Vec<(Time, Time)> {
+    pub(super) fn split_contact(&self, span: (Time, Time)) -> Vec<(Time, Time)> {
         let mut best = (self.overreach(span), vec![span]);
         for parts in (1..=MAX_STEPS).filter_map(|count| self.split_evenly(span, count)) {
             if best.0 <= 0.0 {
@@ -59,7 +59,7 @@ impl LongContacts<'_> {
     }
 
     /// The steps between the parts of a contact.
-    pub fn steps_between(&self, parts: &[Contact]) -> Vec<Footstep> {
+    pub(super) fn steps_between(&self, parts: &[Contact]) -> Vec<Footstep> {
         let step = |pair: &[Contact]| {
             let [start, end] = [pair[0].position?, pair[1].position?];
             let (to, lift) = ((pair[1].from - pair[0].to).as_secs(), step_lift(start, end, self.leg_length));

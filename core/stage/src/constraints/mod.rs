@@ -40,7 +40,7 @@ pub(crate) struct ConstrainedScratch {
 }
 
 impl ConstrainedScratch {
-    pub fn of(actors: actors::ActorScratch) -> ConstrainedScratch {
+    pub(crate) fn of(actors: actors::ActorScratch) -> ConstrainedScratch {
         ConstrainedScratch { actors, ..ConstrainedScratch::default() }
     }
 }

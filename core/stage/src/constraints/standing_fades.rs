@@ -58,7 +58,7 @@ pub(super) struct FadeSteps<'a> {
 impl FadeSteps<'_> {
     /// Replaces the contacts of all legs in the fade and adds its footsteps. If the feet cannot reach their targets in time, the contacts
     /// stay. `places`: if the feet are held in the standing span, the positions of the feet while the standing clip plays alone; updated.
-    pub fn run(
+    pub(super) fn run(
         &self,
         feet: &mut FeetInMotion,
         contact_on_ground: &mut GroundContactFn,

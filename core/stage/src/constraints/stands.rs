@@ -70,7 +70,7 @@ pub(super) fn find_stands(actor: &Actor, foot_lock: &FootLock) -> Vec<StandingSp
 
 impl StandingSpan {
     /// World position of each foot; `None` if the clip or the actor moves a foot away. `leg_length`: metres.
-    pub fn foot_positions(
+    pub(super) fn foot_positions(
         &self,
         feet: &mut FeetInMotion,
         leg_length: f64,
@@ -134,7 +134,7 @@ impl StandingSpan {
     }
 
     /// The contact of a foot for the whole standing span.
-    pub fn contact_at(&self, at: DVec3) -> Contact {
+    pub(super) fn contact_at(&self, at: DVec3) -> Contact {
         Contact { by_step: true, ..Contact::new((self.from, self.to), Some(at), [DVec3::ZERO; 2]) }
     }
 }
@@ -152,7 +152,7 @@ pub(super) struct HeldFoot<'a> {
 impl HeldFoot<'_> {
     /// Keeps the foot in place from its last step before the standing span, or the start of `span`, to its first step after the standing
     /// span, or the end of `span`. A foot that stood elsewhere and took no step moves to its position within [`FADE_SECS`]; it is off by millimetres.
-    pub fn hold(&self, stand: &StandingSpan, contacts: &mut Vec<Contact>) {
+    pub(super) fn hold(&self, stand: &StandingSpan, contacts: &mut Vec<Contact>) {
         let (mut from, mut to) = (stand.from.max(self.span.0), stand.to.min(self.span.1));
         for step in self.steps {
             match step.leads_to_walk() {

@@ -53,7 +53,7 @@ const MAX_REORDERED: usize = 256;
 impl ConstraintSteps {
     /// Fills `ordered` with the active constraints and look-ats of an actor. The default order: foot locks, aims, looks, reaches, each in the
     /// order of the script. A step whose target is moved by another step comes after that step, unless that step depends on it.
-    pub fn find_and_sort(
+    pub(super) fn find_and_sort(
         &mut self,
         stage: &Stage,
         parents: &ActiveParents,

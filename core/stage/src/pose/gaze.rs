@@ -61,7 +61,7 @@ pub(crate) struct EyeTurn<'a> {
 }
 
 impl EyeTurn<'_> {
-    pub fn apply(
+    pub(crate) fn apply(
         &self,
         aimed: impl Fn(u32) -> bool,
         state: &mut ActorState,

@@ -27,16 +27,16 @@ pub(crate) struct CueInertialization {
 pub(crate) struct Inertializations(Vec<Option<CueInertialization>>);
 
 impl Inertializations {
-    pub fn of(&self, cue: usize) -> Option<&CueInertialization> {
+    pub(crate) fn of(&self, cue: usize) -> Option<&CueInertialization> {
         self.0.get(cue).and_then(Option::as_ref)
     }
 
     /// Whether the actor has inertialized cues.
-    pub fn has_any(&self) -> bool {
+    pub(crate) fn has_any(&self) -> bool {
         !self.0.is_empty()
     }
 
-    pub fn new(actor: &Actor, track: Option<&RootMotionTrack>) -> Inertializations {
+    pub(crate) fn new(actor: &Actor, track: Option<&RootMotionTrack>) -> Inertializations {
         let Some(layer) = actor.layers.first() else { return Inertializations::default() };
         if layer.cues.iter().all(|cue| cue.inertialization <= Time::ZERO) {
             return Inertializations::default();

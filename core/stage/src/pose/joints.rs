@@ -12,12 +12,12 @@ pub(crate) struct PosedSkeleton<'a> {
 
 impl PosedSkeleton<'_> {
     /// Position of a joint in model space.
-    pub fn position(&self, joint: u32) -> DVec3 {
+    pub(crate) fn position(&self, joint: u32) -> DVec3 {
         Vec3::from(self.model_from_joint[joint as usize].translation).as_dvec3()
     }
 
     /// Rotation of a joint in model space, without its scale.
-    pub fn rotation(&self, joint: u32) -> DQuat {
+    pub(crate) fn rotation(&self, joint: u32) -> DQuat {
         rotation_of(&self.model_from_joint[joint as usize])
     }
 
@@ -28,13 +28,13 @@ impl PosedSkeleton<'_> {
     }
 
     /// Turns a joint and all joints below it about its position; model space.
-    pub fn turn(&mut self, joint: u32, turn: DQuat) {
+    pub(crate) fn turn(&mut self, joint: u32, turn: DQuat) {
         let pivot = self.position(joint);
         self.move_subtree(joint, turn, pivot, DVec3::ZERO);
     }
 
     /// Moves a joint and all joints below it; model space.
-    pub fn shift(&mut self, joint: u32, by: DVec3) {
+    pub(crate) fn shift(&mut self, joint: u32, by: DVec3) {
         self.move_subtree(joint, DQuat::IDENTITY, DVec3::ZERO, by);
     }
 

@@ -51,12 +51,12 @@ impl PoseScratch {
     }
 
     /// Resolved weights of the expressions of the actor that was posed last.
-    pub fn resolved_expressions(&self) -> &[f32] {
+    pub(crate) fn resolved_expressions(&self) -> &[f32] {
         &self.expressions
     }
 
     /// Requested expression weights of the actor that was posed last, before they are resolved.
-    pub fn requested_expressions(&self) -> &[f32] {
+    pub(crate) fn requested_expressions(&self) -> &[f32] {
         &self.requested
     }
 }

@@ -13,7 +13,7 @@ pub(crate) struct Motions {
 }
 
 impl Motions {
-    pub fn new(stage: &Stage) -> Motions {
+    pub(crate) fn new(stage: &Stage) -> Motions {
         let root_motion = RootMotionTracks::new(stage);
         let inertia = |(i, actor)| Arc::new(Inertializations::new(actor, root_motion.of(i)));
         let inertializations = stage.actors.iter().enumerate().map(inertia).collect();
@@ -21,12 +21,12 @@ impl Motions {
     }
 
     /// The motions of one actor, as if it were the only one of the stage.
-    pub fn for_actor(&self, actor: usize) -> Motions {
+    pub(crate) fn for_actor(&self, actor: usize) -> Motions {
         let inertializations = self.inertializations.get(actor).into_iter().cloned().collect();
         Motions { root_motion: self.root_motion.for_actor(actor), inertializations }
     }
 
-    pub fn of(&self, actor: usize) -> (Option<&RootMotionTrack>, Option<&Inertializations>) {
+    pub(crate) fn of(&self, actor: usize) -> (Option<&RootMotionTrack>, Option<&Inertializations>) {
         (self.root_motion.of(actor), self.inertializations.get(actor).map(Arc::as_ref))
     }
 }

@@ -44,7 +44,7 @@ fn available_threads() -> usize {
 impl Posing<'_> {
     /// Poses the actors that need it and returns their number. `scratch` grows to one entry per chunk of actors. `expression_weights`: one
     /// entry per actor, filled for actors whose file states how their eyes move.
-    pub fn run(
+    pub(crate) fn run(
         &self,
         actors: &[Actor],
         states: &mut [ActorState],

@@ -26,7 +26,7 @@ const VELOCITY_INTERVAL: Time = Time(Time::TICKS_PER_SECOND / 240);
 
 /// Accumulated root motion of an actor: its frame, and the distance that it went forwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Displacement {
+pub(crate) struct Displacement {
     pub frame: Planar,
     /// Metres along the clips' forward direction, regardless of turns.
     pub forward: f64,
@@ -51,16 +51,16 @@ impl Displacement {
 pub(crate) struct RootMotionTracks(Vec<Option<Arc<RootMotionTrack>>>);
 
 impl RootMotionTracks {
-    pub fn new(stage: &Stage) -> RootMotionTracks {
+    pub(crate) fn new(stage: &Stage) -> RootMotionTracks {
         RootMotionTracks(stage.actors.iter().map(|a| RootMotionTrack::of(a).map(Arc::new)).collect())
     }
 
     /// The track of one actor alone.
-    pub fn for_actor(&self, actor: usize) -> RootMotionTracks {
+    pub(crate) fn for_actor(&self, actor: usize) -> RootMotionTracks {
         RootMotionTracks(vec![self.0.get(actor).cloned().flatten()])
     }
 
-    pub fn of(&self, actor: usize) -> Option<&RootMotionTrack> {
+    pub(crate) fn of(&self, actor: usize) -> Option<&RootMotionTrack> {
         self.0.get(actor).and_then(Option::as_deref)
     }
 }
@@ -207,7 +207,7 @@ impl RootMotionTrack {
     }
 
     /// Root motion of an actor at a time: current model space from model space without root motion.
-    pub fn displacement_at(
+    pub(crate) fn displacement_at(
         &self,
         actor: &Actor,
         time: Time,
@@ -219,7 +219,7 @@ impl RootMotionTrack {
         Displacement { frame: frame.compose(back), forward }
     }
 
-    pub fn anchor(&self) -> DVec3 {
+    pub(crate) fn anchor(&self) -> DVec3 {
         self.anchor
     }
 

@@ -178,7 +178,7 @@ fn format_numbers(numbers: &[f64]) -> String {
 }
 
 /// Conversion between a member of a stage type and the value of its field.
-pub trait FieldStorage {
+pub(crate) trait FieldStorage {
     fn value(&self) -> FieldValue;
     /// Values of another type are ignored: the type of the field has been checked.
     fn store(&mut self, value: FieldValue);

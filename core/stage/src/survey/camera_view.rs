@@ -17,7 +17,7 @@ pub(crate) enum OutOfView {
 }
 
 impl OutOfView {
-    pub fn description(self) -> &'static str {
+    pub(super) fn description(self) -> &'static str {
         match self {
             OutOfView::Behind => "behind the camera",
             OutOfView::TooNear => "nearer than the camera's near plane",
@@ -38,14 +38,14 @@ pub(crate) struct CameraView {
 }
 
 impl CameraView {
-    pub fn new(camera: &CameraState, size: [u32; 2]) -> CameraView {
+    pub(super) fn new(camera: &CameraState, size: [u32; 2]) -> CameraView {
         let view_from_world = camera.world_from_view.inverse();
         let size = size.map(|n| f64::from(n.max(1)));
         CameraView { view_from_world, projection: camera.projection, size }
     }
 
     /// Bounds of a posed actor in view axes (right, up, back); empty if it has no meshes or is not posed.
-    pub fn actor_bounds(&self, asset: &Asset, state: &ActorState) -> DAabb {
+    pub(super) fn actor_bounds(&self, asset: &Asset, state: &ActorState) -> DAabb {
         let mut bounds = DAabb::EMPTY;
         let view_from_model = self.view_from_world * state.world_from_model;
         for index in 0..asset.instances.len() {
@@ -60,7 +60,7 @@ impl CameraView {
 
     /// Longer side, in pixels, of the area that a box in view axes covers, or the reason why the box is not in the image. The test is exact
     /// for such boxes: the view is widest at their greatest depth.
-    pub fn covered_pixels(&self, bounds: &DAabb) -> Result<f64, OutOfView> {
+    pub(super) fn covered_pixels(&self, bounds: &DAabb) -> Result<f64, OutOfView> {
         let (nearest, farthest) = (-bounds.max.z, -bounds.min.z);
         let aspect = self.size[0] / self.size[1];
         // Half of the image's width and height at a depth.

@@ -55,7 +55,7 @@ struct CameraFacts {
 }
 
 #[derive(Debug)]
-pub struct SurveyFacts {
+pub(super) struct SurveyFacts {
     actors: Vec<ActorFacts>,
     look_ats: Vec<Vec<LookAtFacts>>,
     reaches: ReachDistances,
@@ -69,7 +69,7 @@ pub struct SurveyFacts {
 }
 
 impl SurveyFacts {
-    pub fn new(stage: &Stage) -> SurveyFacts {
+    pub(super) fn new(stage: &Stage) -> SurveyFacts {
         SurveyFacts {
             actors: vec![ActorFacts::default(); stage.actors.len()],
             look_ats: stage.actors.iter().map(|a| vec![LookAtFacts::default(); a.look_at.len()]).collect(),
@@ -83,7 +83,7 @@ impl SurveyFacts {
     }
 
     /// Records the observations of one time.
-    pub fn record(&mut self, stage: &Stage, edits: &FrameEdits, snapshot: &Snapshot, time: Time) {
+    pub(super) fn record(&mut self, stage: &Stage, edits: &FrameEdits, snapshot: &Snapshot, time: Time) {
         self.times += 1;
         let view = CameraView::new(&snapshot.camera, stage.settings.size);
         let camera = snapshot.camera.camera.unwrap_or(stage.cameras.len());
@@ -165,7 +165,7 @@ impl SurveyFacts {
     }
 
     /// Whether another time could still remove a finding.
-    pub fn may_change(&self, stage: &Stage) -> bool {
+    pub(super) fn may_change(&self, stage: &Stage) -> bool {
         let is_unseen = |(actor, f): (&Actor, &ActorFacts)| {
             has_meshes(&actor.asset) && (!f.was_in_image || f.max_pixels < 1.0)
         };
@@ -193,7 +193,7 @@ impl SurveyFacts {
                 .any(|(on, f)| *on > Time::ZERO && !(f.was_active && f.has_seen_actor))
     }
 
-    pub fn findings(&self, stage: &Stage) -> Vec<Finding> {
+    pub(super) fn findings(&self, stage: &Stage) -> Vec<Finding> {
         let mut findings = Vec::new();
         for index in 0..stage.actors.len() {
             findings.extend(self.actor_findings(stage, index));

@@ -26,11 +26,11 @@ struct NearestDistance {
 pub(super) struct ReachDistances(Vec<Vec<Option<NearestDistance>>>);
 
 impl ReachDistances {
-    pub fn new(stage: &Stage) -> ReachDistances {
+    pub(super) fn new(stage: &Stage) -> ReachDistances {
         ReachDistances(stage.actors.iter().map(|actor| vec![None; actor.constraints.len()]).collect())
     }
 
-    pub fn record(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
+    pub(super) fn record(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
         for (index, actor) in stage.actors.iter().enumerate() {
             for (constraint, nearest) in actor.constraints.iter().zip(&mut self.0[index]) {
                 let Some(now) = target_distance(stage, snapshot, (actor, index), constraint, time) else {
@@ -44,14 +44,14 @@ impl ReachDistances {
     }
 
     /// Whether another time could still remove a finding.
-    pub fn may_change(&self, stage: &Stage) -> bool {
+    pub(super) fn may_change(&self, stage: &Stage) -> bool {
         let all = stage.actors.iter().zip(&self.0).flat_map(|(a, found)| a.constraints.iter().zip(found));
         all.filter(|(c, _)| matches!(c.kind, ConstraintKind::Reach(_)) && c.weight > FULL_WEIGHT)
             .any(|(_, nearest)| nearest.is_none_or(|n| !n.reached))
     }
 
     /// The findings of one actor. `times_note`: text that states how many times were evaluated, if not all.
-    pub fn findings(&self, stage: &Stage, index: usize, times_note: &str) -> Vec<Finding> {
+    pub(super) fn findings(&self, stage: &Stage, index: usize, times_note: &str) -> Vec<Finding> {
         let actor = &stage.actors[index];
         let missed = |(number, nearest): (usize, &Option<NearestDistance>)| {
             let nearest = nearest.filter(|nearest| !nearest.reached)?;

@@ -35,7 +35,7 @@ impl ActiveParent {
 
     /// Placement of the actor in this parent's space. `own`: the actor's placement with keys, edits and root motion. Edits also apply to a
     /// placement that the parent sets.
-    pub fn local_placement<'e>(
+    pub(crate) fn local_placement<'e>(
         &self,
         own: &Placement,
         edits: impl Iterator<Item = &'e ActorEdit>,
@@ -62,7 +62,7 @@ pub(crate) struct ActiveParents {
 
 impl ActiveParents {
     /// Finds the active parents of all actors. `edits`: those of the frame; the last one that attaches an actor replaces all its parents.
-    pub fn find_active(
+    pub(crate) fn find_active(
         &mut self,
         stage: &Stage,
         time: Time,
@@ -109,7 +109,7 @@ impl ActiveParents {
     }
 
     /// The active parents of an actor, the newest last; empty if it is in world space.
-    pub fn of(&self, actor: usize) -> &[ActiveParent] {
+    pub(crate) fn of(&self, actor: usize) -> &[ActiveParent] {
         &self.all[self.range_of_actor(actor)]
     }
 
@@ -119,7 +119,7 @@ impl ActiveParents {
     }
 
     /// The actors and joints that an actor is attached to, several during a blend; links to actors that do not exist are left out.
-    pub fn carriers(&self, actor: usize) -> impl Iterator<Item = Attachment> {
+    pub(crate) fn carriers(&self, actor: usize) -> impl Iterator<Item = Attachment> {
         let count = self.ends.len();
         self.of(actor).iter().filter_map(|parent| parent.to).filter(move |to| to.actor < count)
     }
@@ -144,12 +144,12 @@ impl KeptTransforms {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub fn insert(&self, actor: usize, parent: usize, transform: DAffine3) {
+    pub(crate) fn insert(&self, actor: usize, parent: usize, transform: DAffine3) {
         self.lock().insert((actor, parent), transform);
     }
 
     /// Transforms that a time needs and that are not known yet, as (start, actor, index of the parent), sorted.
-    pub fn missing_transforms(&self, stage: &Stage, time: Time) -> Vec<(Time, usize, usize)> {
+    pub(crate) fn missing_transforms(&self, stage: &Stage, time: Time) -> Vec<(Time, usize, usize)> {
         let mut needed = Vec::new();
         for (index, actor) in stage.actors.iter().enumerate() {
             let parents = actor.parents.iter().enumerate().take_while(|(_, p)| p.has_begun(time));

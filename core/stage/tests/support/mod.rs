@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 #[path = "../../../motion/tests/support/random.rs"]
-pub mod random;
+pub(crate) mod random;
 
 use choreo_asset::*;
 use choreo_motion::spring::{RigBone, SpringBone, SpringRig};
@@ -11,21 +11,21 @@ use choreo_stage::*;
 use glam::{Affine3A, DMat3, DVec3, Mat4, Quat, Vec3};
 use std::sync::Arc;
 
-pub fn secs(s: f64) -> Time {
+pub(crate) fn secs(s: f64) -> Time {
     Time::from_secs(s)
 }
 
-pub fn skeleton(joints: &[(&str, Option<u32>, Transform)]) -> Arc<Skeleton> {
+pub(crate) fn skeleton(joints: &[(&str, Option<u32>, Transform)]) -> Arc<Skeleton> {
     let names = joints.iter().map(|j| j.0.to_string()).collect();
     let parents = joints.iter().map(|j| j.1).collect();
     Arc::new(Skeleton::new(names, parents, joints.iter().map(|j| j.2).collect()).unwrap())
 }
 
-pub fn at(x: f32, y: f32, z: f32) -> Transform {
+pub(crate) fn at(x: f32, y: f32, z: f32) -> Transform {
     Transform { translation: Vec3::new(x, y, z), ..Transform::IDENTITY }
 }
 
-pub fn curve(joint: u32, path: Path, keys: &[(f64, &[f32])]) -> Curve {
+pub(crate) fn curve(joint: u32, path: Path, keys: &[(f64, &[f32])]) -> Curve {
     Curve {
         joint,
         path,
@@ -35,24 +35,24 @@ pub fn curve(joint: u32, path: Path, keys: &[(f64, &[f32])]) -> Curve {
     }
 }
 
-pub fn clip(name: &str, joints: usize, curves: Vec<Curve>) -> Arc<Clip> {
+pub(crate) fn clip(name: &str, joints: usize, curves: Vec<Curve>) -> Arc<Clip> {
     Arc::new(Clip::new(name.to_string(), joints, curves).unwrap())
 }
 
 /// Joints of [`figure`].
-pub const HIPS: u32 = 0;
-pub const CHEST: u32 = 1;
-pub const HEAD: u32 = 2;
-pub const ARM: u32 = 3;
-pub const HAND: u32 = 4;
+pub(crate) const HIPS: u32 = 0;
+pub(crate) const CHEST: u32 = 1;
+pub(crate) const HEAD: u32 = 2;
+pub(crate) const ARM: u32 = 3;
+pub(crate) const HAND: u32 = 4;
 /// Clips of [`figure`]: hips at x = t, at y = 2t (both 4 s long); arm about Z to 90° in 2 s; head about Y to 40° in 1 s.
-pub const ALONG_X: usize = 0;
-pub const ALONG_Y: usize = 1;
-pub const RAISE: usize = 2;
-pub const NOD: usize = 3;
+pub(crate) const ALONG_X: usize = 0;
+pub(crate) const ALONG_Y: usize = 1;
+pub(crate) const RAISE: usize = 2;
+pub(crate) const NOD: usize = 3;
 
 /// A person of five joints, 1.8 m high, facing +Z: a box skinned to hips and chest, a rigid box on the head.
-pub fn figure() -> Arc<Asset> {
+pub(crate) fn figure() -> Arc<Asset> {
     let skeleton = skeleton(&[
         ("Hips", None, Transform::IDENTITY),
         ("Chest", Some(0), at(0.0, 1.2, 0.0)),
@@ -113,7 +113,7 @@ pub fn figure() -> Arc<Asset> {
 }
 
 /// A rigid unit stick along +Y with a flat morph: target 0 moves every vertex by +X, target 1 by +Z.
-pub fn stick() -> Arc<Asset> {
+pub(crate) fn stick() -> Arc<Asset> {
     let mut primitive = box_primitive(Vec3::new(-0.05, 0.0, -0.05), Vec3::new(0.05, 1.0, 0.05));
     let n = primitive.positions.len();
     for offset in [Vec3::X, Vec3::Z] {
@@ -142,7 +142,7 @@ pub fn stick() -> Arc<Asset> {
     })
 }
 
-pub fn box_primitive(min: Vec3, max: Vec3) -> Primitive {
+pub(crate) fn box_primitive(min: Vec3, max: Vec3) -> Primitive {
     let positions = Aabb { min, max }.corners().to_vec();
     let normals = positions.iter().map(|p| (*p - (min + max) * 0.5).normalize()).collect();
     let indices = vec![
@@ -165,28 +165,28 @@ fn skinned_box(min: Vec3, max: Vec3) -> Primitive {
 }
 
 /// World position of a joint.
-pub fn joint_world(snapshot: &Snapshot, actor: usize, joint: u32) -> DVec3 {
+pub(crate) fn joint_world(snapshot: &Snapshot, actor: usize, joint: u32) -> DVec3 {
     let state = &snapshot.actors[actor];
     let in_model = Vec3::from(state.model_from_joint[joint as usize].translation).as_dvec3();
     state.world_from_model.transform_point3(in_model)
 }
 
-pub fn joint_axes(m: &Affine3A) -> DMat3 {
+pub(crate) fn joint_axes(m: &Affine3A) -> DMat3 {
     glam::Mat3::from(m.matrix3).as_dmat3()
 }
 
 #[track_caller]
-pub fn assert_close(actual: DVec3, expected: DVec3, tolerance: f64) {
+pub(crate) fn assert_close(actual: DVec3, expected: DVec3, tolerance: f64) {
     let error = (actual - expected).length();
     assert!(error <= tolerance, "expected {expected}, actual {actual}: {error} > {tolerance}");
 }
 
-pub fn v(x: f64, y: f64, z: f64) -> DVec3 {
+pub(crate) fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
 /// Springs of these joints, each with this tail in its joint's space.
-pub fn spring_rig(joints: impl IntoIterator<Item = u32>, tail: Vec3) -> SpringRig {
+pub(crate) fn spring_rig(joints: impl IntoIterator<Item = u32>, tail: Vec3) -> SpringRig {
     let mut rig = SpringRig::default();
     for joint in joints {
         rig.add(RigBone {

@@ -7,7 +7,7 @@ use choreo_motion::Time;
 use choreo_script::testing::Expectation;
 
 /// Values over time; times ascend.
-pub struct Series {
+pub(super) struct Series {
     pub times: Vec<Time>,
     pub values: Vec<f64>,
 }

@@ -8,7 +8,7 @@ use choreo_script::hex;
 use choreo_script::testing::{ComparedObject, ComparedWith, Expectation, When};
 use choreo_stage::{ActorState, Snapshot, Stage};
 
-pub fn judge(
+pub(super) fn judge(
     snapshots: &mut [SnapshotCache],
     e: &Expectation,
     what: ComparedObject,

@@ -24,7 +24,7 @@ const MAX_PLANTED_RISE_M: f64 = 0.005;
 
 /// Whether a joint that moves from `before` to `now` in `secs` seconds touches the floor. `lowest_while_planted`: its lowest height since it
 /// came down, if it touched the floor before.
-pub fn touches_floor(
+pub(super) fn touches_floor(
     contact: &Contact,
     lowest_while_planted: Option<f64>,
     [before, now]: [DVec3; 2],
@@ -39,7 +39,7 @@ pub fn touches_floor(
 }
 
 /// Distance that the joint has slid on the floor since it came down, in metres, at each time.
-pub fn slide_distances(
+pub(super) fn slide_distances(
     snapshots: &mut SnapshotCache,
     e: &Expectation,
     contact: &Contact,

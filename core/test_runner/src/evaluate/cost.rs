@@ -18,7 +18,7 @@ const MAX_BLOCKS: usize = 3;
 
 /// Evaluates the two stages alternately, so that other load on the machine slows both down. The result of a block is the median ratio of its
 /// rounds. The smallest result of up to three blocks counts, since other load is unlikely to raise all three.
-pub fn judge(snapshots: &[SnapshotCache], e: &Expectation, other: usize, factor: f64) -> Judgment {
+pub(super) fn judge(snapshots: &[SnapshotCache], e: &Expectation, other: usize, factor: f64) -> Judgment {
     let not = if e.negated { "not " } else { "" };
     let expected = format!("{not}at most {} times the time of the other stage", text_format::number(factor));
     let Some(other) = snapshots.get(other) else {

@@ -12,7 +12,7 @@ const MAX_FRAMES: i64 = 2000;
 /// Number of frames evaluated once more, in reverse order.
 const REPEATED_FRAMES: usize = 16;
 
-pub fn judge(run: &SectionRun, snapshots: &mut [SnapshotCache]) -> Vec<Check> {
+pub(super) fn judge(run: &SectionRun, snapshots: &mut [SnapshotCache]) -> Vec<Check> {
     let Some(own) = snapshots.first_mut() else { return Vec::new() };
     let place = || SourceLocation { file: run.info.file.clone(), line: 0, column: 0 };
     let passed =

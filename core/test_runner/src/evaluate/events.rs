@@ -8,13 +8,13 @@ use choreo_script::testing::{EventPattern, EventsTest, Expectation, Subject};
 use choreo_stage::Stage;
 
 #[derive(Clone, Debug, PartialEq)]
-pub struct Event {
+pub(super) struct Event {
     pub at: Time,
     pub text: String,
 }
 
 /// Events of the whole stage or of one actor, sorted by time. At the same time, ends come before starts.
-pub fn list_events(stage: &Stage, subject: Option<Subject>) -> Vec<Event> {
+pub(super) fn list_events(stage: &Stage, subject: Option<Subject>) -> Vec<Event> {
     let mut events: Vec<(Time, bool, String)> = Vec::new();
     for (index, actor) in stage.actors.iter().enumerate() {
         if subject.is_some() && subject != Some(Subject::Actor(index)) {
@@ -46,7 +46,7 @@ pub fn list_events(stage: &Stage, subject: Option<Subject>) -> Vec<Event> {
     events.into_iter().map(|(at, _, text)| Event { at, text }).collect()
 }
 
-pub fn judge(
+pub(super) fn judge(
     snapshots: &SnapshotCache,
     e: &Expectation,
     subject: Option<Subject>,

@@ -9,7 +9,7 @@ use choreo_motion::Time;
 use choreo_script::testing::{Expectation, Flag, Subject};
 
 /// Judges a property that is true or false at each time.
-pub fn judge(snapshots: &mut SnapshotCache, e: &Expectation, flag: &Flag) -> Judgment {
+pub(super) fn judge(snapshots: &mut SnapshotCache, e: &Expectation, flag: &Flag) -> Judgment {
     let (who, what) = flag_words(snapshots, flag);
     let (label, words) = (format!("{who} {what}"), format!("{who} is {what}"));
     let step = snapshots.step(e);

@@ -12,7 +12,7 @@ use choreo_stage::posed_meshes;
 use glam::{DAffine3, DVec3};
 
 /// Bounding box of a posed actor in world space (minimum, maximum); NaN if it has no visible vertices.
-pub fn posed_bounds(
+pub(super) fn posed_bounds(
     snapshots: &mut SnapshotCache,
     actor: usize,
     time: Time,
@@ -32,14 +32,14 @@ fn posed_vertices(snapshots: &mut SnapshotCache, actor: usize, time: Time) -> Re
 }
 
 /// A camera at a time: transforms from world space to the image.
-pub struct CameraView {
+pub(super) struct CameraView {
     view_from_world: DAffine3,
     projection: Projection,
     aspect: f64,
 }
 
 impl CameraView {
-    pub fn new(
+    pub(super) fn new(
         snapshots: &mut SnapshotCache,
         camera: Option<usize>,
         time: Time,
@@ -63,7 +63,7 @@ impl CameraView {
 
     /// Projects a point in world space: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z in metres in front of the camera. x
     /// and y are NaN behind a perspective camera.
-    pub fn project(&self, world: DVec3) -> DVec3 {
+    pub(super) fn project(&self, world: DVec3) -> DVec3 {
         let p = self.view_from_world.transform_point3(world);
         let depth = -p.z;
         let perspective = matches!(self.projection, Projection::Perspective { .. });
@@ -76,7 +76,7 @@ impl CameraView {
 }
 
 /// Bounding box of an actor in the image.
-pub struct ImageBounds {
+pub(super) struct ImageBounds {
     pub min: DVec3,
     pub max: DVec3,
     /// Fraction of the vertices that are in the image, 0..=1.
@@ -85,7 +85,7 @@ pub struct ImageBounds {
 }
 
 impl ImageBounds {
-    pub fn height(&self) -> f64 {
+    pub(super) fn height(&self) -> f64 {
         self.max.y - self.min.y
     }
 
@@ -101,7 +101,7 @@ impl ImageBounds {
     }
 }
 
-pub fn image_bounds(
+pub(super) fn image_bounds(
     snapshots: &mut SnapshotCache,
     actor: usize,
     camera: Option<usize>,
@@ -134,7 +134,7 @@ pub fn image_bounds(
 
 /// Angle in degrees, in the image, between up and the subject's +y axis, 0..=180; 90 if the axis points straight towards or away from the
 /// camera.
-pub fn tilt_deg(
+pub(super) fn tilt_deg(
     snapshots: &mut SnapshotCache,
     subject: Subject,
     camera: Option<usize>,
@@ -161,7 +161,7 @@ pub fn tilt_deg(
     Ok(libm::atan2(x.abs(), y).to_degrees())
 }
 
-pub fn judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) -> Judgment {
+pub(super) fn judge(snapshots: &mut SnapshotCache, e: &Expectation, claim: &InFrame) -> Judgment {
     match try_judge(snapshots, e, claim) {
         Ok(judged) => judged,
         Err(why) => Judgment::impossible("an image to check", why),

@@ -21,7 +21,7 @@ fn stencil(quantity: &Quantity) -> (i64, i64) {
     }
 }
 
-pub fn unit(quantity: &Quantity) -> &'static str {
+pub(super) fn unit(quantity: &Quantity) -> &'static str {
     match quantity {
         Quantity::Component(v, _) | Quantity::Length(v) => vector::unit(v),
         Quantity::Distance(..) | Quantity::Slide(_) | Quantity::Lowest(_) | Quantity::Highest(_) => "m",
@@ -35,7 +35,7 @@ pub fn unit(quantity: &Quantity) -> &'static str {
     }
 }
 
-pub fn label(snapshots: &SnapshotCache, quantity: &Quantity) -> String {
+pub(super) fn label(snapshots: &SnapshotCache, quantity: &Quantity) -> String {
     let actor = |a: usize| snapshots.stage.actors.get(a).map_or(String::new(), |a| a.name.clone());
     match quantity {
         Quantity::Component(v, axis) => {
@@ -71,7 +71,7 @@ pub fn label(snapshots: &SnapshotCache, quantity: &Quantity) -> String {
 }
 
 /// Values of a quantity at the times of an expectation.
-pub fn sample_series(
+pub(super) fn sample_series(
     snapshots: &mut SnapshotCache,
     e: &Expectation,
     quantity: &Quantity,
@@ -264,7 +264,7 @@ fn clip_time(actor: &Actor, clip: &str, time: Time) -> f64 {
     best.map_or(f64::NAN, |(_, at)| at.as_secs())
 }
 
-pub fn judge(
+pub(super) fn judge(
     snapshots: &mut SnapshotCache,
     e: &Expectation,
     quantity: &Quantity,

@@ -10,7 +10,7 @@ use choreo_render::{Plan, PlanOptions as RenderOptions, SceneResources};
 use choreo_script::testing::{Count, PlanCount, PlanOptions};
 use std::sync::Arc;
 
-pub fn make_plan(
+pub(super) fn make_plan(
     snapshots: &mut SnapshotCache,
     options: &PlanOptions,
     time: Time,
@@ -36,7 +36,7 @@ fn record_plan(plan: &Plan, resources: &SceneResources) -> Recording {
     record(plan, RecordOptions::default(), thirds)
 }
 
-pub fn count_in_plan(
+pub(super) fn count_in_plan(
     snapshots: &mut SnapshotCache,
     options: &PlanOptions,
     what: PlanCount,

@@ -10,12 +10,12 @@ use choreo_motion::Time;
 use choreo_script::testing::{Expectation, RotationGoal, RotationQuantity};
 use glam::{DQuat, EulerRot};
 
-pub fn label(snapshots: &SnapshotCache, quantity: &RotationQuantity) -> String {
+pub(super) fn label(snapshots: &SnapshotCache, quantity: &RotationQuantity) -> String {
     let RotationQuantity::Of(subject, _) = quantity;
     format!("{} rotation", subject_name(snapshots, *subject))
 }
 
-pub fn rotation_at(
+pub(super) fn rotation_at(
     snapshots: &mut SnapshotCache,
     quantity: &RotationQuantity,
     time: Time,
@@ -48,7 +48,7 @@ fn euler_text(q: DQuat) -> String {
     format!("[{}]°", degrees.join(", "))
 }
 
-pub fn judge(
+pub(super) fn judge(
     snapshots: &mut SnapshotCache,
     e: &Expectation,
     quantity: &RotationQuantity,

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Largest number of evaluations for one expectation: enough for hours of film, and bounds the memory.
-pub const MAX_SAMPLES: i64 = 200_000;
+pub(super) const MAX_SAMPLES: i64 = 200_000;
 /// Largest number of snapshots that are kept for further expectations.
 const MAX_CACHED: usize = 4096;
 
@@ -28,7 +28,7 @@ pub(crate) struct Deadline {
 }
 
 impl Deadline {
-    pub fn after(seconds: f64, timeout: Option<Timeout>) -> Deadline {
+    pub(super) fn after(seconds: f64, timeout: Option<Timeout>) -> Deadline {
         let span = Duration::try_from_secs_f64(seconds).ok();
         Deadline { at: span.and_then(|span| Instant::now().checked_add(span)), limit_secs: seconds, timeout }
     }
@@ -43,7 +43,7 @@ impl Deadline {
 }
 
 /// A stage with cached snapshots, for its expectations.
-pub struct SnapshotCache<'a> {
+pub(super) struct SnapshotCache<'a> {
     pub stage: Arc<Stage>,
     pub registry: &'a Registry,
     deadline: Deadline,
@@ -57,7 +57,7 @@ pub struct SnapshotCache<'a> {
 }
 
 impl<'a> SnapshotCache<'a> {
-    pub fn new(stage: &Arc<Stage>, registry: &'a Registry, deadline: Deadline) -> SnapshotCache<'a> {
+    pub(super) fn new(stage: &Arc<Stage>, registry: &'a Registry, deadline: Deadline) -> SnapshotCache<'a> {
         SnapshotCache {
             stage: stage.clone(),
             registry,
@@ -70,7 +70,7 @@ impl<'a> SnapshotCache<'a> {
         }
     }
 
-    pub fn resources(&mut self) -> Arc<SceneResources> {
+    pub(super) fn resources(&mut self) -> Arc<SceneResources> {
         let stage = &self.stage;
         self.resources.get_or_insert_with(|| Arc::new(SceneResources::new(stage))).clone()
     }
@@ -81,7 +81,7 @@ impl<'a> SnapshotCache<'a> {
     }
 
     /// Snapshot at a time. Fails with the error of a callback and its place.
-    pub fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, JudgeError> {
+    pub(super) fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, JudgeError> {
         self.check_deadline()?;
         if let Some(snapshot) = self.cached.get(&time) {
             return Ok(snapshot.clone());
@@ -95,7 +95,11 @@ impl<'a> SnapshotCache<'a> {
     }
 
     /// State of a camera; `None` stands for the active camera.
-    pub fn camera_state(&mut self, camera: Option<usize>, time: Time) -> Result<CameraState, JudgeError> {
+    pub(super) fn camera_state(
+        &mut self,
+        camera: Option<usize>,
+        time: Time,
+    ) -> Result<CameraState, JudgeError> {
         let Some(camera) = camera else { return Ok(self.at(time)?.camera) };
         let stage = &self.stage;
         let evaluator = self.camera_evaluators.entry(camera).or_insert_with(|| {
@@ -107,7 +111,7 @@ impl<'a> SnapshotCache<'a> {
     }
 
     /// State of a light; `None` if it is off.
-    pub fn light_state(&mut self, light: usize, time: Time) -> Result<Option<LightState>, JudgeError> {
+    pub(super) fn light_state(&mut self, light: usize, time: Time) -> Result<Option<LightState>, JudgeError> {
         let stage = &self.stage;
         let evaluator = self.light_evaluators.entry(light).or_insert_with(|| {
             let mut one_light_stage = (**stage).clone();
@@ -153,7 +157,11 @@ impl<'a> SnapshotCache<'a> {
         })
     }
 
-    pub fn world_from_attachment(&mut self, at: &Attachment, time: Time) -> Result<DAffine3, JudgeError> {
+    pub(super) fn world_from_attachment(
+        &mut self,
+        at: &Attachment,
+        time: Time,
+    ) -> Result<DAffine3, JudgeError> {
         let snapshot = self.at(time)?;
         let nowhere = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::NAN };
         let Some(state) = snapshot.actors.get(at.actor) else { return Ok(nowhere) };
@@ -164,7 +172,7 @@ impl<'a> SnapshotCache<'a> {
     }
 
     /// Times at which an expectation is evaluated.
-    pub fn times(&self, e: &Expectation) -> Result<Vec<Time>, JudgeError> {
+    pub(super) fn times(&self, e: &Expectation) -> Result<Vec<Time>, JudgeError> {
         let settings = &self.stage.settings;
         let (from, until) = match e.when {
             When::At(time) => return Ok(vec![time]),
@@ -210,7 +218,7 @@ impl<'a> SnapshotCache<'a> {
     }
 
     /// Time between two evaluations.
-    pub fn step(&self, e: &Expectation) -> Time {
+    pub(super) fn step(&self, e: &Expectation) -> Time {
         e.step.unwrap_or_else(|| self.stage.settings.fps.time_of(1))
     }
 }
@@ -227,7 +235,7 @@ fn model_from_joint(state: &ActorState, joint: u32) -> Option<DAffine3> {
 }
 
 /// Rotation of a matrix that includes scale: keeps the +z axis, then +y as well as possible. For a mirrored matrix, x is flipped.
-pub fn rotation_of(m: &DMat3) -> DQuat {
+pub(super) fn rotation_of(m: &DMat3) -> DQuat {
     let z = m.z_axis.try_normalize().unwrap_or(DVec3::Z);
     let x = m.y_axis.cross(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
     DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize()

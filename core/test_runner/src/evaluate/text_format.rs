@@ -4,7 +4,7 @@ use choreo_motion::Time;
 use glam::DVec3;
 
 /// Formats a number with at most six significant digits and no trailing zeros.
-pub fn number(v: f64) -> String {
+pub(super) fn number(v: f64) -> String {
     if !v.is_finite() {
         return if v.is_nan() { "nothing".into() } else { format!("{v}") };
     }
@@ -33,14 +33,14 @@ pub(crate) fn number_with_unit(v: f64, unit: &str) -> String {
     }
 }
 
-pub fn point(v: DVec3) -> String {
+pub(super) fn point(v: DVec3) -> String {
     if v.is_nan() {
         return "nothing".into();
     }
     format!("[{}, {}, {}]", number(v.x), number(v.y), number(v.z))
 }
 
-pub fn time(t: Time) -> String {
+pub(super) fn time(t: Time) -> String {
     format!("{} s", number(t.as_secs()))
 }
 
@@ -53,7 +53,7 @@ pub(crate) fn tolerance_ratio(off: f64, tolerance: f64) -> String {
 }
 
 /// Whether a text matches a pattern in which `*` stands for any text and `?` for one character.
-pub fn matches_pattern(text: &str, pattern: &str) -> bool {
+pub(super) fn matches_pattern(text: &str, pattern: &str) -> bool {
     let (text, pattern): (Vec<char>, Vec<char>) = (text.chars().collect(), pattern.chars().collect());
     let (mut t, mut p) = (0, 0);
     // Positions in the text and the pattern at which matching resumes if the last `*` must match one more character.

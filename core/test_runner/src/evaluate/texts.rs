@@ -12,7 +12,7 @@ use choreo_stage::Stage;
 use std::sync::Arc;
 
 /// Warnings of the script and of every asset on stage, each once.
-pub fn collect_warnings(stage: &Stage) -> Vec<String> {
+pub(super) fn collect_warnings(stage: &Stage) -> Vec<String> {
     let mut lines = stage.warnings.clone();
     let mut seen: Vec<&Arc<choreo_asset::Asset>> = Vec::new();
     for actor in &stage.actors {
@@ -28,7 +28,7 @@ pub fn collect_warnings(stage: &Stage) -> Vec<String> {
     lines
 }
 
-pub fn judge(
+pub(super) fn judge(
     run: &SectionRun,
     snapshots: &mut SnapshotCache,
     e: &Expectation,

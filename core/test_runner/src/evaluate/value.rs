@@ -4,7 +4,7 @@ use super::Judgment;
 use super::text_format::{self, matches_pattern, tolerance_ratio};
 use choreo_script::testing::{Expectation, Value, ValueTest};
 
-pub fn judge(e: &Expectation, got: &Value, test: &ValueTest) -> Judgment {
+pub(super) fn judge(e: &Expectation, got: &Value, test: &ValueTest) -> Judgment {
     let number = as_number(got);
     let (holds, expected, by) = match test {
         ValueTest::Equals(wanted) => {

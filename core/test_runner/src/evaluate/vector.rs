@@ -11,7 +11,7 @@ use choreo_motion::Time;
 use choreo_script::testing::{Expectation, Subject, VectorGoal, VectorQuantity, VectorTest, When};
 use glam::DVec3;
 
-pub fn unit(quantity: &VectorQuantity) -> &'static str {
+pub(super) fn unit(quantity: &VectorQuantity) -> &'static str {
     match quantity {
         VectorQuantity::Position(..) | VectorQuantity::Size(_) => "m",
         _ => "",
@@ -19,7 +19,7 @@ pub fn unit(quantity: &VectorQuantity) -> &'static str {
 }
 
 /// Name of a subject in messages: `anna`, `anna Head`, `camera wide`, `light 0`.
-pub fn subject_name(snapshots: &SnapshotCache, subject: Subject) -> String {
+pub(super) fn subject_name(snapshots: &SnapshotCache, subject: Subject) -> String {
     let stage = &snapshots.stage;
     match subject {
         Subject::Actor(actor) => stage.actors.get(actor).map_or("an actor".into(), |a| a.name.clone()),
@@ -37,7 +37,7 @@ pub fn subject_name(snapshots: &SnapshotCache, subject: Subject) -> String {
     }
 }
 
-pub fn label(snapshots: &SnapshotCache, quantity: &VectorQuantity) -> String {
+pub(super) fn label(snapshots: &SnapshotCache, quantity: &VectorQuantity) -> String {
     let (subject, what) = match quantity {
         VectorQuantity::Position(subject, _) => (*subject, ""),
         VectorQuantity::Scale(subject) => (*subject, " scale"),
@@ -50,7 +50,7 @@ pub fn label(snapshots: &SnapshotCache, quantity: &VectorQuantity) -> String {
     format!("{}{what}", subject_name(snapshots, subject))
 }
 
-pub fn vector_at(
+pub(super) fn vector_at(
     snapshots: &mut SnapshotCache,
     quantity: &VectorQuantity,
     time: Time,
@@ -136,7 +136,7 @@ pub(crate) fn reason_for_no_value(
     Ok("at this time it is hidden, or is a light that is off".into())
 }
 
-pub fn judge(
+pub(super) fn judge(
     snapshots: &mut SnapshotCache,
     e: &Expectation,
     quantity: &VectorQuantity,

@@ -13,7 +13,7 @@ const MAX_POINTS: usize = 1300;
 /// Largest number of plots for one check.
 const MAX_PLOTS: usize = 12;
 
-pub fn plots(traces: &[Trace]) -> String {
+pub(super) fn plots(traces: &[Trace]) -> String {
     let drawn: String = traces.iter().take(MAX_PLOTS).map(plot).collect();
     if drawn.is_empty() {
         return drawn;

@@ -9,7 +9,7 @@ use choreo_test_runner::Check;
 use choreo_test_runner::evaluate::evaluate;
 use std::sync::OnceLock;
 
-pub fn registry() -> Registry {
+pub(crate) fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_mannequin::Mannequin);
@@ -18,7 +18,7 @@ pub fn registry() -> Registry {
 }
 
 /// All runs of one test program share their assets.
-pub fn options() -> TestOptions {
+pub(crate) fn options() -> TestOptions {
     static ASSETS: OnceLock<AssetCache> = OnceLock::new();
     let mut options = TestOptions::default();
     options.script.assets = ASSETS.get_or_init(AssetCache::default).clone();
@@ -26,7 +26,7 @@ pub fn options() -> TestOptions {
 }
 
 /// Runs every section of a text: the run, and its checks.
-pub fn run_sections(text: &str) -> Vec<(SectionRun, Vec<Check>)> {
+pub(crate) fn run_sections(text: &str) -> Vec<(SectionRun, Vec<Check>)> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("t.rhai");
     std::fs::write(&path, text).unwrap();
@@ -41,14 +41,14 @@ pub fn run_sections(text: &str) -> Vec<(SectionRun, Vec<Check>)> {
 }
 
 /// The checks of the only section of a text.
-pub fn checks(text: &str) -> Vec<Check> {
+pub(crate) fn checks(text: &str) -> Vec<Check> {
     let mut runs = run_sections(text);
     assert_eq!(runs.len(), 1);
     runs.remove(0).1
 }
 
 /// Place, title, expected and actual value, error and hint of each failed check.
-pub fn failed_check_texts(checks: &[Check]) -> Vec<String> {
+pub(crate) fn failed_check_texts(checks: &[Check]) -> Vec<String> {
     let failed = checks.iter().filter(|c| !c.passed);
     failed
         .map(|c| {

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A started command. Clones refer to the same process.
 #[derive(Clone)]
-pub struct Process(Arc<Mutex<ChildState>>);
+pub(super) struct Process(Arc<Mutex<ChildState>>);
 
 struct ChildState {
     child: Child,
@@ -15,7 +15,7 @@ struct ChildState {
 }
 
 /// Output streams of a finished command.
-pub struct CommandOutput {
+pub(super) struct CommandOutput {
     pub stdout: String,
     pub stderr: String,
     pub interrupted: bool,
@@ -25,7 +25,7 @@ pub struct CommandOutput {
 const MAX_STREAM_BYTES: u64 = 64 << 20;
 
 impl Process {
-    pub fn start(words: &[OsString]) -> io::Result<Process> {
+    pub(super) fn start(words: &[OsString]) -> io::Result<Process> {
         let (program, args) = words.split_first().ok_or(io::ErrorKind::NotFound)?;
         let mut command = Command::new(program);
         command.args(args).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -37,7 +37,7 @@ impl Process {
     }
 
     /// Waits for the end. `line`: called with each line of standard error; lines for which it returns `true` are not kept.
-    pub fn wait_for_end(&self, mut line: impl FnMut(&str) -> bool) -> io::Result<CommandOutput> {
+    pub(super) fn wait_for_end(&self, mut line: impl FnMut(&str) -> bool) -> io::Result<CommandOutput> {
         let (stdout, stderr) = {
             let child = &mut self.lock_state().child;
             (child.stdout.take(), child.stderr.take())
@@ -68,7 +68,7 @@ impl Process {
     }
 
     /// Interrupts the process like Ctrl-C, so that it removes incomplete files; the second call kills it.
-    pub fn interrupt(&self) {
+    pub(super) fn interrupt(&self) {
         let mut started = self.lock_state();
         let again = std::mem::replace(&mut started.interrupted, true);
         #[cfg(unix)]

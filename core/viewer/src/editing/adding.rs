@@ -303,8 +303,9 @@ impl Viewer {
                 continue;
             };
             let file = file.canonicalize().unwrap_or_else(|_| file.clone());
-            let name = load_path_within(&file, &folder)
-                .unwrap_or_else(|| load_path(&asset_destination(&file, &folder, &loaded.read_files, &mut copies)));
+            let name = load_path_within(&file, &folder).unwrap_or_else(|| {
+                load_path(&asset_destination(&file, &folder, &loaded.read_files, &mut copies))
+            });
             let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             let own =
                 room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::square(0.5).moved(along_x));

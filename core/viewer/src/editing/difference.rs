@@ -7,7 +7,7 @@ const MAX_LINES: usize = 400;
 
 /// Lines of the difference, each marked with `-`, `+` or a blank. Computed as the longest common subsequence of the lines between the common
 /// beginning and end.
-pub fn diff_lines(before: &str, after: &str) -> Vec<(char, String)> {
+pub(crate) fn diff_lines(before: &str, after: &str) -> Vec<(char, String)> {
     let (a, b): (Vec<&str>, Vec<&str>) = (before.lines().collect(), after.lines().collect());
     let first = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
     let most = a.len().min(b.len()) - first;

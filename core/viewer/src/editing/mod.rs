@@ -61,7 +61,7 @@ pub(crate) struct Step<'m> {
 }
 
 impl<'m> Step<'m> {
-    pub fn new(
+    pub(crate) fn new(
         place: Place,
         siblings: usize,
         make: impl Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm,
@@ -70,14 +70,14 @@ impl<'m> Step<'m> {
     }
 
     /// The same step that keeps a number as it was typed.
-    pub fn keeping_number(self, typed: &TypedNumber) -> Step<'m> {
+    pub(crate) fn keeping_number(self, typed: &TypedNumber) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep(text, make(text, line, column));
         Step { make: Box::new(make), ..self }
     }
 
     /// The same step that keeps a time as it was typed. `fps`: frame rate of the stage.
-    pub fn keeping_time(self, typed: &TypedNumber, fps: f64) -> Step<'m> {
+    pub(crate) fn keeping_time(self, typed: &TypedNumber, fps: f64) -> Step<'m> {
         let (make, typed) = (self.make, typed.clone());
         let make = move |text: &str, line, column| typed.keep_time(text, make(text, line, column), fps);
         Step { make: Box::new(make), ..self }

@@ -26,11 +26,11 @@ impl Footprint {
     }
 
     /// A square around the origin for an object of which only the half width is known.
-    pub fn square(half_width: f64) -> Footprint {
+    pub(super) fn square(half_width: f64) -> Footprint {
         Footprint { low: DVec2::splat(-half_width), high: DVec2::splat(half_width) }
     }
 
-    pub fn moved(self, by: DVec3) -> Footprint {
+    pub(super) fn moved(self, by: DVec3) -> Footprint {
         let by = DVec2::new(by.x, by.z);
         Footprint { low: self.low + by, high: self.high + by }
     }

@@ -15,10 +15,10 @@ const CLIPS_KEYWORD: &str = "choreo clips";
 /// Largest thumbnail file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 22;
 /// Largest total size of the cached thumbnails, bytes: some thousands of them.
-pub const MAX_CACHE_BYTES: u64 = 64 << 20;
+pub(super) const MAX_CACHE_BYTES: u64 = 64 << 20;
 
 /// Cache file of a thumbnail, named after the content of the displayed file, so that a changed file gets a new one.
-pub fn path(cache: &Path, shown_file: &Path, clip: Option<&str>) -> Option<PathBuf> {
+pub(super) fn path(cache: &Path, shown_file: &Path, clip: Option<&str>) -> Option<PathBuf> {
     let name = hex(&content_of(shown_file)?[..16]);
     // The name of a clip may contain characters that a file name must not.
     let clip = hex(clip.unwrap_or("").as_bytes());
@@ -26,7 +26,7 @@ pub fn path(cache: &Path, shown_file: &Path, clip: Option<&str>) -> Option<PathB
     Some(cache.join("thumbnails").join(format!("{version}-{name}-{clip:.60}.png")))
 }
 
-pub fn read(file: &Path) -> Option<Thumbnail> {
+pub(super) fn read(file: &Path) -> Option<Thumbnail> {
     let bytes = choreo_files::read(file, MAX_FILE_BYTES).ok()?;
     // The modification time marks the last use. Without write permission it does not change.
     let _ = File::options().append(true).open(file).and_then(|file| file.set_modified(SystemTime::now()));
@@ -51,7 +51,7 @@ pub fn read(file: &Path) -> Option<Thumbnail> {
 }
 
 /// Writes a thumbnail. Errors are ignored, since the image is then drawn again the next time.
-pub fn write(file: &Path, thumbnail: &Thumbnail) {
+pub(super) fn write(file: &Path, thumbnail: &Thumbnail) {
     let (Some(bytes), Some(folder), Some(name)) = (encode_png(thumbnail), file.parent(), file.file_name())
     else {
         return;
@@ -60,7 +60,7 @@ pub fn write(file: &Path, thumbnail: &Thumbnail) {
 }
 
 /// Deletes the least recently used thumbnails until the others have at most `max_bytes` bytes in total.
-pub fn delete_oldest(folder: &Path, max_bytes: u64) {
+pub(super) fn delete_oldest(folder: &Path, max_bytes: u64) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     let image = |entry: std::fs::DirEntry| {
         let (path, about) = (entry.path(), entry.metadata().ok()?);

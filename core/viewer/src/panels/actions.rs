@@ -14,7 +14,7 @@ use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
 /// State of the window that an action acts on.
-pub struct Context<'c> {
+pub(super) struct Context<'c> {
     pub panels: &'c mut Panels,
     pub ui: &'c Ui,
     pub viewer: &'c mut Viewer,
@@ -24,7 +24,7 @@ pub struct Context<'c> {
 
 /// Contexts in which the keys of an action work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scope {
+pub(super) enum Scope {
     Always,
     /// Everywhere except in text fields.
     OutsideText,
@@ -34,7 +34,7 @@ pub enum Scope {
     Unfocused,
 }
 
-pub struct Action {
+pub(super) struct Action {
     /// Name in the shortcuts file.
     pub id: &'static str,
     pub title: &'static str,
@@ -264,12 +264,12 @@ pub(super) fn synonyms(id: &str) -> &'static str {
 }
 
 /// The action with this name in the shortcuts file.
-pub fn find_action(id: &str) -> Option<&'static Action> {
+pub(super) fn find_action(id: &str) -> Option<&'static Action> {
     ACTIONS.iter().find(|action| action.id == id)
 }
 
 /// Keys of an action as displayed in menus.
-pub fn shortcut_text(viewer: &Viewer, id: &str) -> String {
+pub(super) fn shortcut_text(viewer: &Viewer, id: &str) -> String {
     let chosen =
         find_action(id).map(|action| viewer.shortcuts.display_text(action.id, action.default_shortcuts));
     let chosen = chosen.filter(|keys| !keys.is_empty());
@@ -393,7 +393,7 @@ enum ShortcutTarget {
 }
 
 /// Performs the actions whose keys were pressed.
-pub fn run_pressed_shortcuts(c: &mut Context) {
+pub(super) fn run_pressed_shortcuts(c: &mut Context) {
     let in_text = c.ui.ctx().text_edit_focused();
     let in_widget = in_text || c.ui.ctx().egui_wants_keyboard_input();
     let is_on = |scope: Scope| match scope {
@@ -433,7 +433,7 @@ pub fn run_pressed_shortcuts(c: &mut Context) {
 }
 
 /// The first error in the user's shortcuts: an unknown action or key.
-pub fn shortcuts_problem(viewer: &Viewer) -> Option<String> {
+pub(crate) fn shortcuts_problem(viewer: &Viewer) -> Option<String> {
     for (id, keys) in &viewer.shortcuts.user_keys {
         if find_action(id).is_none() && !Tab::ALL.into_iter().any(|tab| panel_id(tab) == *id) {
             return Some(format!("shortcuts.json: there is no action \"{id}\""));

@@ -25,7 +25,7 @@ const LIGHT_ENTRIES: [(&str, &str, Addition); 5] = [
 ];
 
 /// Additions for the command palette with their labels. `None`: a camera at the view.
-pub fn palette_additions(viewer: &Viewer) -> Vec<(String, Option<Addition>)> {
+pub(super) fn palette_additions(viewer: &Viewer) -> Vec<(String, Option<Addition>)> {
     let plain = OBJECT_ENTRIES
         .iter()
         .chain(&LIGHT_ENTRIES)
@@ -91,7 +91,7 @@ fn show_camera_entries(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
 }
 
 /// Constraints of the selected actor for the command palette, with their labels.
-pub fn palette_constraints(viewer: &Viewer) -> Vec<(String, NewConstraint)> {
+pub(super) fn palette_constraints(viewer: &Viewer) -> Vec<(String, NewConstraint)> {
     let targets = constraint_targets(viewer);
     let of = |call: ConstraintCall| {
         let all = std::iter::once(None).chain(targets.iter().cloned().map(Some));
@@ -142,24 +142,24 @@ fn show_constraint_menu(ui: &mut Ui, viewer: &Viewer) -> Option<NewConstraint> {
 }
 
 /// Adds an object to the script. `None`: a camera at the view.
-pub fn add_object(viewer: &mut Viewer, what: Option<&Addition>) {
+pub(super) fn add_object(viewer: &mut Viewer, what: Option<&Addition>) {
     viewer.edit(|v| match what {
         Some(what) => v.add_object(what),
         None => v.add_camera_of_view(),
     });
 }
 
-pub fn show_menu(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show_menu(ui: &mut Ui, viewer: &mut Viewer) {
     ui.add_enabled_ui(can_add(viewer), |ui| ui.menu_button("Add", |ui| show_entries(ui, viewer)));
 }
 
 /// Whether there is a script to add to; previewed files are not one.
-pub fn can_add(viewer: &Viewer) -> bool {
+pub(super) fn can_add(viewer: &Viewer) -> bool {
     viewer.path.is_some() && viewer.scene.is_some() && viewer.previewed_files.is_empty()
 }
 
 /// Entries of the menu.
-pub fn show_entries(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show_entries(ui: &mut Ui, viewer: &mut Viewer) {
     let mut choice: Option<Option<Addition>> = None;
     let entry = |ui: &mut Ui, (name, about, what): &(&str, &str, Addition)| {
         ui.button(*name).hint(*about).clicked().then(|| Some(what.clone()))

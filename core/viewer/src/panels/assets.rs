@@ -28,7 +28,7 @@ pub(crate) struct ModelDrag(pub PathBuf);
 
 /// State of the browser.
 #[derive(Default)]
-pub struct Browser {
+pub(super) struct Browser {
     /// Displayed folder, in the folder of the script.
     folder: PathBuf,
     /// Folder of the script when `entries` were read.
@@ -70,7 +70,12 @@ impl Browser {
     }
 }
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, thumbnails: &mut ThumbnailTextures) {
+pub(super) fn show(
+    ui: &mut Ui,
+    viewer: &mut Viewer,
+    browser: &mut Browser,
+    thumbnails: &mut ThumbnailTextures,
+) {
     let root = viewer.path.as_ref().and_then(|path| path.canonicalize().ok());
     let Some(root) = root.as_deref().and_then(Path::parent) else {
         ui.label("no script is open; this panel lists the models in the script's folder");

@@ -17,7 +17,7 @@ const AXIS_END_RADIUS: f32 = 8.0;
 const NO_SIDE_LABEL: &str = "View";
 
 /// Rectangle of the axes, if they are shown.
-pub fn axes_rect(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
+pub(super) fn axes_rect(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
     let has_room = place.width() >= 200.0 && place.height() >= 120.0;
     let side = 2.0 * (AXIS_LENGTH + AXIS_END_RADIUS);
     let corner = place.right_top() + vec2(-10.0 - side, 10.0);
@@ -26,7 +26,13 @@ pub fn axes_rect(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
 }
 
 /// Draws the axes and handles clicks. Returns whether the mouse is over an end.
-pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_view: &DAffine3) -> bool {
+pub(super) fn show(
+    ui: &Ui,
+    viewer: &mut Viewer,
+    index: usize,
+    place: Rect,
+    world_from_view: &DAffine3,
+) -> bool {
     let Some(middle) = axes_rect(viewer, index, place).map(|own| own.center()) else { return false };
     let painter = ui.painter_at(place);
     let view_from_world = world_from_view.matrix3.inverse();
@@ -87,16 +93,16 @@ fn free_orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
 }
 
 /// Label of the menu: the side of the present view.
-pub fn menu_label(viewer: &Viewer, index: usize) -> &'static str {
+pub(super) fn menu_label(viewer: &Viewer, index: usize) -> &'static str {
     free_orbit(viewer, index).as_ref().and_then(Side::of).map_or(NO_SIDE_LABEL, Side::name)
 }
 
 /// All labels of the menu.
-pub fn menu_labels() -> impl Iterator<Item = &'static str> {
+pub(super) fn menu_labels() -> impl Iterator<Item = &'static str> {
     [NO_SIDE_LABEL].into_iter().chain(Side::ALL.map(Side::name))
 }
 
-pub fn show_view_menu(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+pub(super) fn show_view_menu(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     let orbit = free_orbit(viewer, index);
     let side = orbit.as_ref().and_then(Side::of);
     let flat = orbit.is_some_and(|o| matches!(o.projection, Projection::Orthographic { .. }));

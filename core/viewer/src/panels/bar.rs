@@ -23,7 +23,7 @@ struct BarContext<'w> {
     now: f64,
 }
 
-pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+pub(super) fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal(|ui| {
             let mut bar = Toolbar::new("top");
@@ -235,7 +235,7 @@ fn show_note(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// Dialog for an offered edit, with the difference.
-pub fn show_offer(ui: &Ui, viewer: &mut Viewer) {
+pub(super) fn show_offer(ui: &Ui, viewer: &mut Viewer) {
     let Some(offer) = &viewer.offer else { return };
     let mut answer = None;
     let is_dismissed = dialog::show(ui, "Change the script?", |ui| {

@@ -12,7 +12,7 @@ use choreo_session::edit::{RowSide, are_keys};
 use egui::{Button, Event, Response, Ui};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
+pub(super) enum Command {
     Split,
     Duplicate,
     Copy,
@@ -41,7 +41,7 @@ impl Command {
     }
 
     /// Side that a row is moved to by this command.
-    pub fn row_side(self) -> Option<RowSide> {
+    pub(super) fn row_side(self) -> Option<RowSide> {
         match self {
             Command::RowUp => Some(RowSide::Above),
             Command::RowDown => Some(RowSide::Below),
@@ -50,7 +50,7 @@ impl Command {
     }
 
     /// Whether the command applies to the object of a row.
-    pub fn suits_row(self, viewer: &Viewer, what: &Selected) -> bool {
+    pub(super) fn suits_row(self, viewer: &Viewer, what: &Selected) -> bool {
         match self {
             Command::Paste => matches!(what, Selected::Actor(_)),
             Command::Rename => viewer.name_of(what).is_some(),
@@ -77,7 +77,7 @@ const COMMANDS: [(Command, &str, &str); 11] = [
 ];
 
 /// Context menu of a bar.
-pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
+pub(super) fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
     let mut act = None;
     if response.secondary_clicked() && !viewer.is_bar_selected(bar) {
         act = Some(Act::Select(bar.clone(), false));
@@ -90,7 +90,7 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
 }
 
 /// Menu entries of the commands that `suits` accepts.
-pub fn show_entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) -> Option<Command> {
+pub(super) fn show_entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) -> Option<Command> {
     let mut chosen = None;
     for (command, name, key) in COMMANDS.into_iter().filter(|(command, ..)| suits(*command)) {
         if ui.add(Button::new(name).shortcut_text(super::actions::shortcut_text(viewer, key))).clicked() {
@@ -102,7 +102,7 @@ pub fn show_entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> boo
 }
 
 /// Copies, cuts or pastes the selected clips or keys.
-pub fn run_clipboard(ui: &Ui, viewer: &mut Viewer, command: Command) {
+pub(super) fn run_clipboard(ui: &Ui, viewer: &mut Viewer, command: Command) {
     let are_keys = viewer.has_only_keys_selected();
     match command {
         Command::Copy if are_keys => key_menu::run(ui, viewer, KeyAct::RunCommand(KeyCommand::Copy)),
@@ -112,7 +112,7 @@ pub fn run_clipboard(ui: &Ui, viewer: &mut Viewer, command: Command) {
 }
 
 /// Handles the system's copy, cut and paste events.
-pub fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
+pub(super) fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
     key_menu::handle_clipboard_events(ui, viewer);
     for event in ui.input(|i| i.events.clone()) {
         match event {
@@ -134,7 +134,7 @@ fn paste_text(viewer: &mut Viewer, text: &str) {
 }
 
 /// Performs a command on the selected bars.
-pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
+pub(super) fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
     let changes = !matches!(command, Command::Copy | Command::Paste | Command::Rename | Command::GoToLine);
     if changes && headers::refuses_locked(viewer) {
         return;

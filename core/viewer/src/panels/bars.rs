@@ -33,7 +33,7 @@ const DASH_LENGTH: f32 = 5.0;
 const MAX_ROUND_MARKS: usize = 200;
 
 /// An action of the user on a bar.
-pub enum Act {
+pub(super) enum Act {
     /// Selects a bar; `true`: adds it to the selection.
     Select(Bar, bool),
     Move(Bar, f64, MoveKind),
@@ -52,7 +52,7 @@ pub enum Act {
 
 /// Kind of a move.
 #[derive(Clone, Copy, PartialEq)]
-pub enum MoveKind {
+pub(super) enum MoveKind {
     Alone,
     /// Ripple: all later bars of the layer move, too.
     Ripple,
@@ -61,18 +61,18 @@ pub enum MoveKind {
 }
 
 /// A row's lane, which converts between times and positions.
-pub struct Lane {
+pub(super) struct Lane {
     pub rect: Rect,
     /// Index of the row.
     pub row: usize,
 }
 
 impl Lane {
-    pub fn x(&self, viewer: &Viewer, secs: f64) -> f32 {
+    pub(super) fn x(&self, viewer: &Viewer, secs: f64) -> f32 {
         self.rect.left() + viewer.visible_span.x_of(secs, self.rect.width())
     }
 
-    pub fn secs(&self, viewer: &Viewer, x: f32) -> f64 {
+    pub(super) fn secs(&self, viewer: &Viewer, x: f32) -> f64 {
         viewer.visible_span.secs_at(x - self.rect.left(), self.rect.width())
     }
 
@@ -82,7 +82,7 @@ impl Lane {
     }
 
     /// Time at a dragged position, snapped to nearby times of other bars, else to a frame. `excluded`: the dragged bar.
-    pub fn snapped(&self, viewer: &Viewer, x: f32, excluded: Option<&Bar>) -> f64 {
+    pub(super) fn snapped(&self, viewer: &Viewer, x: f32, excluded: Option<&Bar>) -> f64 {
         let secs = self.secs(viewer, x);
         let near = viewer.snap_target(secs, self.snap_distance(viewer), excluded);
         near.unwrap_or_else(|| self.snapped_to_frame(viewer, secs))
@@ -104,7 +104,14 @@ impl Lane {
 }
 
 /// Draws the bars of a row, and returns the user's action.
-pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, locked: bool) -> Option<Act> {
+pub(super) fn show(
+    ui: &Ui,
+    viewer: &Viewer,
+    bars: &[Bar],
+    label: &str,
+    lane: &Lane,
+    locked: bool,
+) -> Option<Act> {
     let (mut act, mut hovered_bar) = (None, None);
     for (number, bar) in bars.iter().enumerate() {
         let place = lane.bar_rect(viewer, bar.start.as_secs(), bar.end.as_secs()).intersect(lane.rect);
@@ -153,7 +160,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
 }
 
 /// Performs an action.
-pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
+pub(super) fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
     match act {
         Act::Select(bar, adds) => viewer.select_bar(bar, adds),
         Act::Move(bar, secs, kind) => viewer.edit(|v| v.move_bar(&bar, secs, kind)),

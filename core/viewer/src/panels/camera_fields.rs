@@ -14,13 +14,13 @@ use egui::{Grid, Ui};
 use glam::DVec3;
 
 /// An edit by the user: of the camera itself, or of the call that moves it.
-pub enum CameraChange {
+pub(super) enum CameraChange {
     Field(FieldChange),
     Call(CallChange),
 }
 
 /// Shows the fields. `key_button`: draws the button that sets a key of the property with this name.
-pub fn show(
+pub(super) fn show(
     ui: &mut Ui,
     viewer: &Viewer,
     stated: &StatedValues,

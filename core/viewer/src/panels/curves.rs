@@ -56,31 +56,31 @@ impl Plot {
         self.x_at(time.as_secs())
     }
 
-    pub fn x_at(&self, secs: f64) -> f32 {
+    pub(super) fn x_at(&self, secs: f64) -> f32 {
         self.rect.left() + self.time_span.x_of(secs, self.rect.width())
     }
 
-    pub fn y(&self, value: f64) -> f32 {
+    pub(super) fn y(&self, value: f64) -> f32 {
         let part = (value - self.value_span.from) / (self.value_span.to - self.value_span.from);
         self.rect.bottom() - (part.clamp(-1e4, 1e4) * f64::from(self.rect.height())) as f32
     }
 
     /// Difference in value per pixel of the screen.
-    pub fn value_per_pixel(&self, ui: &Ui) -> f64 {
+    pub(super) fn value_per_pixel(&self, ui: &Ui) -> f64 {
         self.value_difference(1.0 / ui.ctx().pixels_per_point())
     }
 
     /// Difference in value for a height in points.
-    pub fn value_difference(&self, points: f32) -> f64 {
+    pub(super) fn value_difference(&self, points: f32) -> f64 {
         f64::from(points / self.rect.height().max(1.0)) * (self.value_span.to - self.value_span.from)
     }
 
-    pub fn secs(&self, x: f32) -> f64 {
+    pub(super) fn secs(&self, x: f32) -> f64 {
         self.time_span.secs_at(x - self.rect.left(), self.rect.width())
     }
 }
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     viewer.curves.was_drawn = true;
     let Some((what, all)) = displayed_properties(viewer) else {
         ui.label(

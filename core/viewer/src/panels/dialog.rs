@@ -4,7 +4,7 @@ use egui::accesskit::Role;
 use egui::{Align2, Id, Key, Modal, ModalResponse, Modifiers, RichText, TextStyle, Ui, Vec2, WidgetText};
 
 /// Shows a dialog. Returns whether the user left it with Escape.
-pub fn show(ui: &Ui, title: &str, content: impl FnOnce(&mut Ui)) -> bool {
+pub(super) fn show(ui: &Ui, title: &str, content: impl FnOnce(&mut Ui)) -> bool {
     let dialog = show_modal(ui, title, (Align2::CENTER_CENTER, Vec2::ZERO), |ui| {
         // The title is also the accessible name of the dialog.
         let words = WidgetText::from(RichText::new(title).strong());
@@ -19,7 +19,7 @@ pub fn show(ui: &Ui, title: &str, content: impl FnOnce(&mut Ui)) -> bool {
 }
 
 /// Shows content over everything else that takes all clicks. `anchor`: alignment in the window, and offset from there in points.
-pub fn show_modal<T>(
+pub(super) fn show_modal<T>(
     ui: &Ui,
     name: &str,
     (anchor, offset): (Align2, Vec2),

@@ -17,12 +17,12 @@ const MIN_VIEW_TO_GROUND_SINE: f64 = 0.05;
 
 /// Dropped files whose position is not known yet, and the time of the drop in seconds.
 #[derive(Default)]
-pub struct PendingDrop {
+pub(super) struct PendingDrop {
     files: Vec<PathBuf>,
     dropped_at: f64,
 }
 
-pub fn take_dropped_files(pending: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
+pub(super) fn take_dropped_files(pending: &mut PendingDrop, ui: &Ui, viewer: &mut Viewer) {
     let (dropped, now) = ui.input(|i| (i.raw.dropped_files.clone(), i.time));
     for file in dropped {
         let path = file.path().to_path_buf();

@@ -3,7 +3,7 @@
 use crate::app::Viewer;
 use egui::{Grid, Ui};
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(shown) = viewer.shown() else {
         ui.label("no frame was drawn yet");
         return;

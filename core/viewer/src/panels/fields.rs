@@ -26,10 +26,10 @@ const SURFACE_PARAMETERS: [(&str, f64, f64, f64); 2] =
     [("roughness", 0.0, 1.0, 0.9), ("metallic", 0.0, 1.0, 0.0)];
 
 /// Source text of everything that the script states about an object, by name.
-pub type StatedValues = BTreeMap<String, String>;
+pub(super) type StatedValues = BTreeMap<String, String>;
 
 /// The object whose fields are shown.
-pub struct Form<'f> {
+pub(super) struct Form<'f> {
     pub stated: &'f StatedValues,
     /// Prefix of the names of its fields, to distinguish them from fields with the same name.
     pub name_prefix: &'f str,
@@ -51,7 +51,7 @@ impl Form<'_> {
 }
 
 /// Shows the fields of the selection, and returns the user's edit.
-pub fn show(
+pub(super) fn show(
     ui: &mut Ui,
     viewer: &Viewer,
     stage: &Stage,
@@ -76,7 +76,7 @@ pub fn show(
 }
 
 /// Context menu of a field's name with the entry "Reset to default". It also opens on the numbers next to the name.
-pub fn reset_menu(name: &Response, names: &[&'static str]) -> Option<FieldChange> {
+pub(super) fn reset_menu(name: &Response, names: &[&'static str]) -> Option<FieldChange> {
     let mut edit = None;
     values::name_menu(name).show(|ui| {
         if ui.button("Reset to default").clicked() {
@@ -88,7 +88,7 @@ pub fn reset_menu(name: &Response, names: &[&'static str]) -> Option<FieldChange
 }
 
 /// Name of a field with its context menu; strong if the script states the value.
-pub fn name_label(
+pub(super) fn name_label(
     ui: &mut Ui,
     stated: &StatedValues,
     name: &'static str,
@@ -119,7 +119,7 @@ fn new_value_syntax(form: &Form, name: &str) -> NewValueSyntax {
 }
 
 /// A field of a described type, as a row of a grid with two columns.
-pub fn described_field<T: Described>(
+pub(super) fn described_field<T: Described>(
     ui: &mut Ui,
     form: &Form,
     of: &T,
@@ -486,7 +486,7 @@ fn parse_number(text: &str) -> Option<f64> {
 }
 
 /// Parses a point: three numbers in brackets.
-pub fn parse_point(text: &str) -> Option<DVec3> {
+pub(super) fn parse_point(text: &str) -> Option<DVec3> {
     <[f64; 3]>::try_from(parse_numbers(text)?).ok().map(DVec3::from_array)
 }
 

@@ -9,7 +9,7 @@ use crate::library::templates::TEMPLATES;
 use egui::{Key, RichText, ScrollArea, TextEdit, Ui};
 
 /// Entries of the menu.
-pub fn show_file_menu(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show_file_menu(ui: &mut Ui, viewer: &mut Viewer) {
     let shown = viewer.path.clone();
     ui.menu_button("New", |ui| {
         for template in TEMPLATES {

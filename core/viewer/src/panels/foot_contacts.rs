@@ -12,11 +12,11 @@ const MAX_SAMPLES: i64 = 2000;
 const MAX_ACTORS: usize = 64;
 
 /// Foot contacts of one actor.
-pub type ActorContacts = Vec<FootSpans>;
+pub(super) type ActorContacts = Vec<FootSpans>;
 
 /// Contacts of a foot with the floor: start and end of each, stage seconds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FootSpans {
+pub(super) struct FootSpans {
     /// Short name of the foot joint.
     pub name: String,
     pub spans: Vec<(f64, f64)>,
@@ -24,13 +24,13 @@ pub struct FootSpans {
 
 /// Foot contacts of one version of the scene, computed for each actor on request.
 #[derive(Clone, Default)]
-pub struct FootContacts {
+pub(super) struct FootContacts {
     number: u64,
     by_actor: BTreeMap<usize, Arc<ActorContacts>>,
 }
 
 impl FootContacts {
-    pub fn get(&mut self, number: u64, stage: &Stage, actor: usize) -> Option<Arc<ActorContacts>> {
+    pub(super) fn get(&mut self, number: u64, stage: &Stage, actor: usize) -> Option<Arc<ActorContacts>> {
         if self.number != number {
             *self = FootContacts { number, by_actor: BTreeMap::new() };
         }

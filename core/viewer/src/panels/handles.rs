@@ -13,7 +13,7 @@ use glam::{DAffine3, DVec2};
 const AXIS_COLORS: [Color32; 3] = [X_COLOR, Y_COLOR, Z_COLOR];
 
 /// Draws the gizmo and handles the mouse. Returns whether the mouse is over it or drags it.
-pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
+pub(super) fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let Some(Selected::Actor(name)) = viewer.selection.clone() else { return false };
     let (Some(scene), Some(shown)) = (&viewer.scene, &viewer.views[canvas.index].shown) else { return false };
     if viewer.toggles.locked.contains(&name) {

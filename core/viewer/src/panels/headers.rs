@@ -16,7 +16,7 @@ const BUTTON_WIDTH: f32 = 16.0;
 const EXPANDER_WIDTH: f32 = 13.0;
 
 /// A button in a row header that was pressed.
-pub enum Toggle {
+pub(super) enum Toggle {
     Collapse(String),
     /// Shows or hides a row for each keyed property.
     Expand((String, Option<usize>)),
@@ -27,7 +27,7 @@ pub enum Toggle {
 }
 
 /// Context menu of a row, or of an entry of the stage tree.
-pub fn show_menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Command> {
+pub(super) fn show_menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Command> {
     let mut command = None;
     response.context_menu(|ui| {
         command = bar_menu::show_entries(ui, viewer, |command| command.suits_row(viewer, what))
@@ -74,7 +74,7 @@ pub(crate) fn name_rect(timeline: &Timeline, index: usize, label: Rect) -> Rect 
     Rect::from_min_max(label.min + vec2(left, 0.0), label.max - vec2(buttons * BUTTON_WIDTH, 0.0))
 }
 
-pub fn show_buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<Toggle> {
+pub(super) fn show_buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<Toggle> {
     let row = &viewer.timeline.rows[index];
     let mut toggled = None;
     if !row.parts.is_empty() {

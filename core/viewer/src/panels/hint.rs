@@ -6,7 +6,7 @@ use egui::{Context, Id, Pos2, Response, WidgetText};
 /// Distance that the mouse must move until tooltips appear again, points.
 const MIN_POINTER_MOVE: f32 = 6.0;
 
-pub trait Hint {
+pub(super) trait Hint {
     /// Shows a tooltip while the mouse rests on the widget.
     fn hint(self, text: impl Into<WidgetText>) -> Response;
 }

@@ -17,19 +17,19 @@ egui_phosphor::subset! {
 pub(super) use font::regular::*;
 
 /// Fonts of the window: those of egui, and the icons for characters that these lack.
-pub fn fonts() -> FontDefinitions {
+pub(super) fn fonts() -> FontDefinitions {
     let mut fonts = FontDefinitions::default();
     font::regular::add_to_fonts(&mut fonts);
     fonts
 }
 
 /// A button within a line of text.
-pub fn small_button(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
+pub(super) fn small_button(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
     set_name_and_hint(ui.small_button(icon), name, hint)
 }
 
 /// A small toggle button, which is faint while it is off.
-pub fn small_toggle_button(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
+pub(super) fn small_toggle_button(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
     let text = RichText::new(icon).size(12.0);
     let text = if on { text.strong() } else { text.weak() };
     let response = ui.add(Button::selectable(on, text).small()).hint(hint);

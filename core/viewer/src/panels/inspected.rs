@@ -15,14 +15,14 @@ fn focus_frame_id() -> egui::Id {
 }
 
 /// Records that a field has the keyboard focus; must be called for each field.
-pub fn record_focus(ui: &Ui, field: &Response) {
+pub(super) fn record_focus(ui: &Ui, field: &Response) {
     if field.has_focus() {
         let now = ui.ctx().cumulative_pass_nr();
         ui.data_mut(|d| d.insert_temp(focus_frame_id(), now));
     }
 }
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let id = ui.id().with("inspected");
     let held: Option<u64> = ui.data(|d| d.get_temp(focus_frame_id()));
     let before: Option<Option<Selected>> = ui.data(|d| d.get_temp(id));

@@ -55,7 +55,7 @@ type KeyableProperties<'k> = &'k [KeyedProperty];
 const MAX_CLIPS: usize = 200;
 const MAX_JOINTS: usize = 400;
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let (Some(scene), Some(selection)) = (viewer.scene.clone(), viewer.selection.clone()) else {
         ui.label("select an actor, a bar, a camera or a light");
         return;

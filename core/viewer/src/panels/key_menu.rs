@@ -16,7 +16,7 @@ use egui::{
 
 /// An action of the user on keys.
 #[derive(Clone, Debug, PartialEq)]
-pub enum KeyAct {
+pub(super) enum KeyAct {
     Select(Vec<KeyRef>),
     RunCommand(KeyCommand),
     /// Sets the easing of the spans before the selected keys, as source text.
@@ -34,7 +34,7 @@ pub enum KeyAct {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum KeyCommand {
+pub(super) enum KeyCommand {
     /// Copies the keys to the playhead.
     Duplicate,
     Copy,
@@ -58,7 +58,7 @@ const COMMANDS: [(KeyCommand, &str, &str); 6] = [
 const DEFAULT_BEZIER: &str = "[0.42, 0.0, 0.58, 1.0]";
 
 /// Opens the menu of a mark that holds keys.
-pub fn open_on_right_click(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
+pub(super) fn open_on_right_click(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     if !response.secondary_clicked() {
         return None;
     }
@@ -81,7 +81,7 @@ fn menu_id() -> Id {
 }
 
 /// Shows the open menu, which stays until something else is clicked, a command is chosen or Escape is pressed.
-pub fn show_open_menu(ui: &Ui, viewer: &mut Viewer) {
+pub(super) fn show_open_menu(ui: &Ui, viewer: &mut Viewer) {
     let Some(mut menu) = ui.data(|d| d.get_temp::<OpenMenu>(menu_id())) else { return };
     menu.keys.iter_mut().for_each(|key| update_key_time(viewer, key));
     let popup = Popup::new(menu_id(), ui.ctx().clone(), PopupAnchor::Position(menu.position), ui.layer_id())
@@ -193,7 +193,7 @@ fn show_choices(ui: &mut Ui, default_label: &str, names: &[String]) -> Option<Op
 }
 
 /// Handles copy and cut events if only keys are selected.
-pub fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
+pub(super) fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
     if !viewer.has_only_keys_selected() {
         return;
     }
@@ -213,7 +213,7 @@ pub fn handle_clipboard_events(ui: &Ui, viewer: &mut Viewer) {
 }
 
 /// Performs an action.
-pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
+pub(super) fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
     let is_read_only =
         matches!(act, KeyAct::Select(_) | KeyAct::RunCommand(KeyCommand::Copy | KeyCommand::GoToLine));
     if !is_read_only && headers::refuses_locked(viewer) {
@@ -263,7 +263,7 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
 }
 
 /// Sets keys of the selection at the playhead.
-pub fn set_keys(viewer: &mut Viewer) {
+pub(super) fn set_keys(viewer: &mut Viewer) {
     if !headers::refuses_locked(viewer) {
         viewer.edit(Viewer::set_keys_of_selection);
     }

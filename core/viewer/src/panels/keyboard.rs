@@ -10,7 +10,7 @@ use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
 /// Handles pressed keys: some always, others unless a text field or a widget uses them.
-pub fn handle_keyboard(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
+pub(super) fn handle_keyboard(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     if panels.has_open_dialog(viewer) || shortcut_list::record_shortcut(&mut panels.shortcut_list, ui, viewer)
     {
         return;
@@ -62,7 +62,7 @@ pub(crate) fn nudge_bars(viewer: &mut Viewer, part: CueTime, frames: i64) {
 }
 
 /// Sets the start or the end of the playback range at the playhead; at the same position again, removes the range.
-pub fn set_range_boundary(viewer: &mut Viewer, is_end: bool) {
+pub(super) fn set_range_boundary(viewer: &mut Viewer, is_end: bool) {
     let (now, length) = (viewer.playhead.time(), viewer.playhead.length());
     let (from, to) = viewer.playhead.range().unwrap_or((choreo_motion::Time::ZERO, length));
     let last = to - choreo_motion::Time(1);
@@ -74,7 +74,7 @@ pub fn set_range_boundary(viewer: &mut Viewer, is_end: bool) {
     }
 }
 
-pub fn toggle_hidden(viewer: &mut Viewer) {
+pub(super) fn toggle_hidden(viewer: &mut Viewer) {
     if let Some(name) = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string)
         && !viewer.toggles.hidden.remove(&name)
     {

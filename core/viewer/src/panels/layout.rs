@@ -19,7 +19,7 @@ pub(crate) struct SplitFractions {
 }
 
 impl SplitFractions {
-    pub fn of(dock: &DockState<Tab>) -> Vec<Option<f32>> {
+    pub(super) fn of(dock: &DockState<Tab>) -> Vec<Option<f32>> {
         let fraction = |node: &Node<Tab>| match node {
             Node::Vertical(split) | Node::Horizontal(split) => Some(split.fraction),
             Node::Leaf(_) | Node::Empty => None,
@@ -28,7 +28,7 @@ impl SplitFractions {
     }
 
     /// Restores the chosen fractions if the size of the window has changed since the last frame.
-    pub fn restore(&mut self, dock: &mut DockState<Tab>, size: egui::Vec2) {
+    pub(super) fn restore(&mut self, dock: &mut DockState<Tab>, size: egui::Vec2) {
         if size != self.size {
             self.size = size;
             self.apply_to(dock);
@@ -44,7 +44,7 @@ impl SplitFractions {
     }
 
     /// Records fractions that the user has changed in a frame. `before`: fractions before the frame; `has_input`: whether a button or key is down.
-    pub fn record_changes(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], has_input: bool) {
+    pub(super) fn record_changes(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], has_input: bool) {
         let now = SplitFractions::of(dock);
         let same_nodes = self.chosen.len() == now.len()
             && self.chosen.iter().zip(&now).all(|(chosen, now)| chosen.is_some() == now.is_some());
@@ -60,7 +60,7 @@ impl SplitFractions {
     }
 
     /// JSON of the dock's layout with the chosen fractions.
-    pub fn to_json(&self, dock: &DockState<Tab>) -> Value {
+    pub(super) fn to_json(&self, dock: &DockState<Tab>) -> Value {
         let mut written = dock.clone();
         self.apply_to(&mut written);
         layout_json(&written)
@@ -93,7 +93,7 @@ fn node_json(tree: &Tree<Tab>, at: NodeIndex) -> Value {
 }
 
 /// Parses a layout. `None` if it is invalid.
-pub fn parse_layout(layout: &Value) -> Option<DockState<Tab>> {
+pub(super) fn parse_layout(layout: &Value) -> Option<DockState<Tab>> {
     let mut seen = BTreeSet::new();
     let first = parse_tabs(first_leaf(layout, 0)?, &mut BTreeSet::new())?;
     let mut dock = DockState::new(first);

@@ -12,7 +12,7 @@ const FLAG_LINES: usize = 4;
 /// Largest width of a name, points; longer ones are shown in a tooltip.
 const MAX_NAME_WIDTH: f32 = 180.0;
 
-pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
+pub(super) fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     let lanes = Rect::from_min_max(ruler.min, area.max);
     let painter = ui.painter_at(lanes);
     let visuals = ui.visuals();

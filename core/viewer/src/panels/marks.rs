@@ -27,12 +27,12 @@ pub(super) const SELECTED_COLOR: Color32 = Color32::from_rgb(0xff, 0x8a, 0x2a);
 const MAX_MARKS: usize = 400;
 
 /// File name and line of a position: `dance.rhai:12`.
-pub fn file_and_line(place: &Place) -> String {
+pub(super) fn file_and_line(place: &Place) -> String {
     format!("{}:{}", file_name(&place.file), place.line)
 }
 
 /// An action of the user on a mark.
-pub enum MarkAct {
+pub(super) enum MarkAct {
     /// A click; `true`: adds to the selection, with Ctrl or Shift.
     Click(Event, bool),
     /// A drag by seconds.
@@ -46,7 +46,13 @@ fn dragged_id() -> egui::Id {
 }
 
 /// Draws the marks of a row, and returns the user's action.
-pub fn show_events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect) -> Option<MarkAct> {
+pub(super) fn show_events(
+    ui: &Ui,
+    viewer: &Viewer,
+    row: &Row,
+    number: RowNumber,
+    lane: Rect,
+) -> Option<MarkAct> {
     // Marks are above the names of bars.
     let y = mark_center_y(row, lane);
     let painter = ui.painter_at(lane);
@@ -175,7 +181,7 @@ fn marker_shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
 }
 
 /// Draws foot contacts, a line for each foot. Returns the start of a clicked contact.
-pub fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
+pub(super) fn draw_foot_contacts(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return None };
     let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));
     let index = actor(&scene.stage, name).filter(|_| is_base)?;

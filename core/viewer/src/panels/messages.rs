@@ -8,7 +8,7 @@ use egui::{RichText, Sense, Ui};
 /// Largest number of displayed messages, since the window draws all of them in each frame.
 const MAX_MESSAGES: usize = 100;
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let visuals = ui.visuals().clone();
     if viewer.problems.is_empty() && viewer.renderer_problems.is_empty() && viewer.without_vulkan.is_none() {
         ui.label("no messages");

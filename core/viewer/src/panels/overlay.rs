@@ -11,15 +11,15 @@ use glam::{DVec2, DVec3};
 /// Largest total number of joints that are drawn.
 const MAX_JOINTS: usize = 20_000;
 
-pub const X_COLOR: Color32 = Color32::from_rgb(0xe0, 0x55, 0x4d);
-pub const Y_COLOR: Color32 = Color32::from_rgb(0x6a, 0xb0, 0x3f);
-pub const Z_COLOR: Color32 = Color32::from_rgb(0x4c, 0x8d, 0xe8);
+pub(super) const X_COLOR: Color32 = Color32::from_rgb(0xe0, 0x55, 0x4d);
+pub(super) const Y_COLOR: Color32 = Color32::from_rgb(0x6a, 0xb0, 0x3f);
+pub(super) const Z_COLOR: Color32 = Color32::from_rgb(0x4c, 0x8d, 0xe8);
 
-pub fn to_pos2(p: DVec2) -> egui::Pos2 {
+pub(super) fn to_pos2(p: DVec2) -> egui::Pos2 {
     pos2(p.x as f32, p.y as f32)
 }
 
-pub fn draw_line(painter: &Painter, projection: &ViewProjection, a: DVec3, b: DVec3, stroke: Stroke) {
+pub(super) fn draw_line(painter: &Painter, projection: &ViewProjection, a: DVec3, b: DVec3, stroke: Stroke) {
     let clip = painter.clip_rect();
     let ends = projection.project_line(a, b).and_then(|ends| clip_segment(ends, clip.expand(8.0)));
     if let Some(ends) = ends {
@@ -46,7 +46,7 @@ fn clip_segment([a, b]: [DVec2; 2], to: Rect) -> Option<[DVec2; 2]> {
     (from <= until && by.is_finite()).then(|| [a + by * from, a + by * until])
 }
 
-pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
+pub(super) fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
     let (view, projection) = (&viewer.views[canvas.index], &canvas.projection);
     let (Some(scene), Some(shown)) = (&viewer.scene, &view.shown) else { return };
     let painter = canvas.painter(ui);

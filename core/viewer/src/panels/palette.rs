@@ -54,7 +54,7 @@ struct Entry {
 }
 
 #[derive(Default)]
-pub struct Palette {
+pub(super) struct Palette {
     open: bool,
     /// Whether the text field gets the keyboard focus.
     needs_focus: bool,
@@ -65,7 +65,7 @@ pub struct Palette {
 }
 
 impl Palette {
-    pub fn is_open(&self) -> bool {
+    pub(super) fn is_open(&self) -> bool {
         self.open
     }
 
@@ -92,7 +92,7 @@ impl Palette {
     }
 }
 
-pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
+pub(super) fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     if !panels.palette.open {
         return;
     }

@@ -11,7 +11,7 @@ const STAGE_COLORS: [Color32; 3] = [
     Color32::from_rgb(0x2f, 0x7f, 0xc8),
 ];
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.horizontal(|ui| {
         ui.label("at most");
         let caps = [None, Some(60), Some(30), Some(15), Some(5)];

@@ -4,7 +4,7 @@ use super::Tab;
 use egui_dock::{DockState, NodeIndex};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Preset {
+pub(super) enum Preset {
     /// The initial layout.
     General,
     Scripting,
@@ -14,10 +14,10 @@ pub enum Preset {
 }
 
 impl Preset {
-    pub const ALL: [Preset; 5] =
+    pub(super) const ALL: [Preset; 5] =
         [Preset::General, Preset::Scripting, Preset::Animating, Preset::Lighting, Preset::Testing];
 
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Preset::General => "Default",
             Preset::Scripting => "Scripting",

@@ -12,7 +12,7 @@ use egui::{Rect, Sense, Ui, vec2};
 const INDENT: f32 = 24.0;
 
 /// Draws the row, and performs the user's actions. A click on its name selects all of its keys.
-pub fn show(ui: &mut Ui, viewer: &mut Viewer, number: RowNumber, ruler: Rect) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, number: RowNumber, ruler: Rect) {
     let (label, lane) = allocate_row(ui, number, ruler);
     let Some(row) = viewer.timeline.row(number) else { return };
     let row_name = viewer.timeline.row_name(number);

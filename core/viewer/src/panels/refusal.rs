@@ -12,12 +12,12 @@ const MAX_WIDTH: f32 = 420.0;
 
 /// Position of the displayed refusal, and number of refusals shown so far.
 #[derive(Default)]
-pub struct Refusals {
+pub(super) struct Refusals {
     shown_count: u64,
     position: Option<Pos2>,
 }
 
-pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
+pub(super) fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
     if refusals.shown_count != viewer.refusals {
         refusals.shown_count = viewer.refusals;
         let pointer = ui.input(|i| i.pointer.latest_pos());

@@ -9,7 +9,7 @@ use egui::{Area, Frame, Key, Order, Pos2, TextEdit, Ui};
 
 /// Object being renamed, and the text typed so far.
 #[derive(Default)]
-pub struct NameField {
+pub(super) struct NameField {
     what: Option<Selected>,
     text: String,
     position: Pos2,
@@ -17,7 +17,7 @@ pub struct NameField {
 }
 
 /// Opens the field for the selection.
-pub fn start_rename(viewer: &mut Viewer) {
+pub(super) fn start_rename(viewer: &mut Viewer) {
     let what = viewer.selection.clone().filter(|what| viewer.name_of(what).is_some());
     match what {
         Some(what) => viewer.to_rename = Some(what),
@@ -28,7 +28,7 @@ pub fn start_rename(viewer: &mut Viewer) {
     }
 }
 
-pub fn show(field: &mut NameField, ui: &Ui, viewer: &mut Viewer) {
+pub(super) fn show(field: &mut NameField, ui: &Ui, viewer: &mut Viewer) {
     if let Some(what) = viewer.to_rename.take() {
         let row = sequencer::object_row_rect(ui, viewer, &what).map(|row| row.left_bottom());
         let pointer = || ui.input(|i| i.pointer.latest_pos());

@@ -13,7 +13,7 @@ use std::path::Path;
 /// Range of a render's width and height, pixels.
 const IMAGE_SIDE_RANGE: std::ops::RangeInclusive<u32> = 1..=16_384;
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(of_scene) = viewer.scene.clone().filter(|_| !viewer.commands.program.is_empty()) else {
         ui.label("nothing to render yet");
         return;

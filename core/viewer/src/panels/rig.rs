@@ -17,10 +17,10 @@ use egui::{Grid, RichText, Ui};
 const MAX_CALLS: usize = 40;
 
 /// A user's edit of a call.
-pub struct CallChange(pub StatedCall, pub FieldChange);
+pub(super) struct CallChange(pub StatedCall, pub FieldChange);
 
 /// Shows everything that places or moves an actor in addition to its clips. `index`: index of the actor on stage.
-pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option<CallChange> {
+pub(super) fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option<CallChange> {
     let places = &viewer.scene.as_ref()?.places;
     let shown = |calls: &[Vec<Place>], number: usize, name: &str| {
         let place = calls.get(index).and_then(|own| own.get(number)).cloned().unwrap_or_default();

@@ -6,7 +6,12 @@ use choreo_session::edit::RowSide;
 use egui::{Id, LayerId, Order, Rect, Response, Stroke, Ui};
 
 /// Marks the target of a dragged row; at the end of the drag, returns the row next to it and the side.
-pub fn drag_row(ui: &Ui, viewer: &Viewer, row: usize, response: &Response) -> Option<(usize, RowSide)> {
+pub(super) fn drag_row(
+    ui: &Ui,
+    viewer: &Viewer,
+    row: usize,
+    response: &Response,
+) -> Option<(usize, RowSide)> {
     if !response.dragged() && !response.drag_stopped() {
         return None;
     }

@@ -124,7 +124,7 @@ impl SceneIcon {
 }
 
 /// Draws the icons and handles the mouse. Returns whether the mouse is over one of them or drags it.
-pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
+pub(super) fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let Canvas { index, response, projection, .. } = canvas;
     // The image of a camera of the script has no icons, since it is shown as it will be rendered.
     let view = &viewer.views[*index];

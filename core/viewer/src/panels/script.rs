@@ -9,7 +9,7 @@ use egui::{Color32, CursorIcon, FontId, RichText, ScrollArea, Sense, TextStyle, 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let places = viewer.scene.as_ref().map(|s| s.places.clone());
     let shown = places.as_ref().and_then(|p| p.sources.get(&p.main).cloned());
     // The messages of a faulty version refer to its own text.
@@ -151,7 +151,7 @@ fn select_line(viewer: &mut Viewer, line: usize) {
 }
 
 /// Line of the script that creates an object.
-pub fn line_of(viewer: &Viewer, what: &Selected) -> Option<usize> {
+pub(super) fn line_of(viewer: &Viewer, what: &Selected) -> Option<usize> {
     let scene = viewer.scene.as_ref()?;
     let (stage, places) = (&scene.stage, &scene.places);
     let actor = |name: &str| crate::state::selection::actor(stage, name);

@@ -29,7 +29,7 @@ pub(super) const RULER_HEIGHT: f32 = 22.0;
 const MIN_BEAT_DISTANCE: f32 = 6.0;
 
 /// Colors that remain distinguishable with a red-green color vision deficiency (after Okabe and Ito, "Color Universal Design").
-pub const BAR_COLORS: [[u8; 3]; 8] = [
+pub(super) const BAR_COLORS: [[u8; 3]; 8] = [
     [0x00, 0x72, 0xb2],
     [0x00, 0x86, 0x62],
     [0xa8, 0x5c, 0x00],
@@ -54,7 +54,7 @@ pub fn color_of_clip(name: &str) -> [u8; 3] {
     [r, g, b]
 }
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     show_transport(ui, viewer, now);
     let area = ui.available_rect_before_wrap();
     let ruler = Rect::from_min_max(

@@ -12,7 +12,7 @@ const TEXT_WIDTH: f32 = 600.0;
 
 /// State of the list.
 #[derive(Default)]
-pub struct ShortcutList {
+pub(super) struct ShortcutList {
     pub open: bool,
     /// Id of the action whose new keys are being pressed.
     action_to_assign: Option<String>,
@@ -91,7 +91,7 @@ fn is_modifier(key: Key) -> bool {
     modifiers.contains(&key)
 }
 
-pub fn show(ui: &Ui, list: &mut ShortcutList, viewer: &mut Viewer) {
+pub(super) fn show(ui: &Ui, list: &mut ShortcutList, viewer: &mut Viewer) {
     // The list uses all available height; egui would limit a window to 400 points.
     let room = ui.ctx().content_rect().height() - 80.0;
     let ShortcutList { open, action_to_assign } = list;

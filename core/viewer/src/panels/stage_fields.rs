@@ -15,7 +15,7 @@ use glam::Vec3;
 const VIEW_TRANSFORMS: [(ViewTransform, &str); 3] =
     [(ViewTransform::Neutral, "neutral"), (ViewTransform::Agx, "agx"), (ViewTransform::None, "none")];
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(scene) = viewer.scene.clone() else { return };
     if viewer.path.is_none() || !viewer.previewed_files.is_empty() {
         ui.label("select an actor, a bar, a camera or a light");

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Width of an image, points.
 const TILE_WIDTH: f32 = 200.0;
 
-pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     // Files dropped on this page are opened.
     if let Some(file) = viewer.dropped_files.drain(..).next() {
         viewer.documents.file_to_open = Some(file);

@@ -28,7 +28,7 @@ struct HandlePlace<'p> {
 }
 
 /// Draws the handles at the selected keys of one property. At the end of a drag, returns the key with its new tangents.
-pub fn show(
+pub(super) fn show(
     ui: &Ui,
     viewer: &Viewer,
     plot: &Plot,
@@ -167,7 +167,7 @@ impl HandlePlace<'_> {
 }
 
 /// Menu of tangent choices for the selected keys.
-pub fn show_menu(ui: &mut Ui) -> Option<KeyAct> {
+pub(super) fn show_menu(ui: &mut Ui) -> Option<KeyAct> {
     let mut act = None;
     ui.menu_button("Tangents", |ui| {
         for (choice, name) in TangentChoice::ALL {
@@ -180,7 +180,7 @@ pub fn show_menu(ui: &mut Ui) -> Option<KeyAct> {
 }
 
 /// Number fields for the tangents of a key.
-pub fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: usize) -> Option<KeyAct> {
+pub(super) fn show_number_fields(ui: &mut Ui, property: &KeyedProperty, key: usize) -> Option<KeyAct> {
     let mut act = None;
     for (side, handle) in property.handles(key).iter().enumerate() {
         let Some(handle) = handle else { continue };

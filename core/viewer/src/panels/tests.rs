@@ -14,7 +14,7 @@ const IMAGE_SIDE_RANGE: std::ops::RangeInclusive<f32> = 96.0..=220.0;
 /// Indentation of the title of a section, points.
 const INDENT: f32 = 24.0;
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     if viewer.commands.program.is_empty() {
         ui.label("nothing to test");
         return;

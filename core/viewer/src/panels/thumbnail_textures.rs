@@ -14,11 +14,11 @@ const MAX_TEXTURES: usize = 256;
 
 /// Textures with the images that they were made from.
 #[derive(Default)]
-pub struct ThumbnailTextures(BTreeMap<Subject, (Arc<Thumbnail>, Vec<TextureHandle>)>);
+pub(super) struct ThumbnailTextures(BTreeMap<Subject, (Arc<Thumbnail>, Vec<TextureHandle>)>);
 
 impl ThumbnailTextures {
     /// Draws the thumbnail of a subject into a rectangle, and returns its state. Previews play continuously.
-    pub fn show(
+    pub(super) fn show(
         &mut self,
         ui: &Ui,
         viewer: &mut Viewer,
@@ -67,7 +67,7 @@ impl ThumbnailTextures {
 }
 
 /// Height of a thumbnail with a given width.
-pub fn thumbnail_height(width: f32) -> f32 {
+pub(super) fn thumbnail_height(width: f32) -> f32 {
     (width * SIZE[1] as f32 / SIZE[0] as f32).round()
 }
 

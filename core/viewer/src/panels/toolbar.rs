@@ -72,7 +72,7 @@ pub(super) struct Toolbar<'a, C> {
 
 impl<'a, C> Toolbar<'a, C> {
     /// `id`: distinguishes the toolbar from others.
-    pub fn new(id: impl std::hash::Hash + std::fmt::Debug) -> Toolbar<'a, C> {
+    pub(super) fn new(id: impl std::hash::Hash + std::fmt::Debug) -> Toolbar<'a, C> {
         Toolbar { id: egui::Id::new(("toolbar", id)), entries: Vec::new() }
     }
 
@@ -92,39 +92,39 @@ impl<'a, C> Toolbar<'a, C> {
     }
 
     /// Reserves room in the last entry for these captions, so that the entries after it do not move.
-    pub fn reserve_width_for<'f>(&mut self, captions: impl Iterator<Item = &'f str>) {
+    pub(super) fn reserve_width_for<'f>(&mut self, captions: impl Iterator<Item = &'f str>) {
         if let Some(last) = self.entries.last_mut() {
             last.other_captions = captions.map(str::to_string).collect();
         }
     }
 
     /// Keeps the menu of the last entry open until a click outside it.
-    pub fn keep_menu_open(&mut self) {
+    pub(super) fn keep_menu_open(&mut self) {
         if let Some(last) = self.entries.last_mut() {
             last.stays_open = true;
         }
     }
 
     /// Enables or disables the last entry.
-    pub fn set_enabled(&mut self, enabled: bool) {
+    pub(super) fn set_enabled(&mut self, enabled: bool) {
         if let Some(last) = self.entries.last_mut() {
             last.enabled = enabled;
         }
     }
 
-    pub fn add_button(&mut self, text: &str, hint: &str, action: impl FnOnce(&mut C) + 'a) {
+    pub(super) fn add_button(&mut self, text: &str, hint: &str, action: impl FnOnce(&mut C) + 'a) {
         self.add(text, text, hint, EntryKind::Button(Box::new(action)));
     }
 
-    pub fn add_icon(&mut self, icon: &str, name: &str, hint: &str, action: impl FnOnce(&mut C) + 'a) {
+    pub(super) fn add_icon(&mut self, icon: &str, name: &str, hint: &str, action: impl FnOnce(&mut C) + 'a) {
         self.add(icon, name, hint, EntryKind::Button(Box::new(action)));
     }
 
-    pub fn add_toggle(&mut self, on: bool, text: &str, hint: &str, action: impl FnOnce(&mut C) + 'a) {
+    pub(super) fn add_toggle(&mut self, on: bool, text: &str, hint: &str, action: impl FnOnce(&mut C) + 'a) {
         self.add(text, text, hint, EntryKind::Toggle(on, Box::new(action)));
     }
 
-    pub fn add_icon_toggle(
+    pub(super) fn add_icon_toggle(
         &mut self,
         icon: &str,
         on: bool,
@@ -135,12 +135,12 @@ impl<'a, C> Toolbar<'a, C> {
         self.add(icon, name, hint, EntryKind::Toggle(on, Box::new(action)));
     }
 
-    pub fn add_menu(&mut self, text: &str, hint: &str, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
+    pub(super) fn add_menu(&mut self, text: &str, hint: &str, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
         self.add(text, text, hint, EntryKind::Menu(Box::new(show)));
     }
 
     /// Adds a widget. `name`: distinguishes it from others.
-    pub fn add_widget(
+    pub(super) fn add_widget(
         &mut self,
         name: &str,
         moves_to_menu_first: bool,
@@ -153,19 +153,19 @@ impl<'a, C> Toolbar<'a, C> {
     }
 
     /// Adds a text, which moves to the menu before buttons do.
-    pub fn add_text(&mut self, text: &str, hint: &str, style: TextStyle) {
+    pub(super) fn add_text(&mut self, text: &str, hint: &str, style: TextStyle) {
         self.add(text, text, hint, EntryKind::Text(style));
         if let Some(last) = self.entries.last_mut() {
             last.moves_to_menu_first = true;
         }
     }
 
-    pub fn add_separator(&mut self) {
+    pub(super) fn add_separator(&mut self) {
         self.add("", "", "", EntryKind::Separator);
     }
 
     /// Width of all entries in one line, points.
-    pub fn width(&self, ui: &Ui) -> f32 {
+    pub(super) fn width(&self, ui: &Ui) -> f32 {
         let spacing = ui.spacing().item_spacing.x;
         self.widths(ui).iter().map(|width| width + spacing).sum::<f32>() - spacing + ROUNDING_ALLOWANCE
     }
@@ -188,7 +188,7 @@ impl<'a, C> Toolbar<'a, C> {
     }
 
     /// Draws the toolbar. `reserved`: width at its end that it leaves free, points.
-    pub fn show(self, ui: &mut Ui, context: &mut C, reserved: f32) {
+    pub(super) fn show(self, ui: &mut Ui, context: &mut C, reserved: f32) {
         let spacing = ui.spacing().item_spacing.x;
         let menu_button_width =
             text_width(ui, OVERFLOW_LABEL, TextStyle::Button) + 2.0 * ui.spacing().button_padding.x;

@@ -15,11 +15,11 @@ const PICK_RADIUS: f64 = 7.0;
 /// Offsets of the onion skins from the playhead, frames.
 const ONION_SKIN_OFFSETS: [i64; 4] = [-10, -5, 5, 10];
 pub(crate) const PAST_COLOR: Color32 = Color32::from_rgb(0x5a, 0xa9, 0xf0);
-pub const FUTURE_COLOR: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
+pub(super) const FUTURE_COLOR: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
 const PRESENT_COLOR: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
 
 /// Draws the overlays and handles the mouse. Returns whether the mouse is over a joint.
-pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
+pub(super) fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let projection = &canvas.projection;
     let overlays = viewer.views[canvas.index].overlays;
     let painter = canvas.painter(ui);

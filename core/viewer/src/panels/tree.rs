@@ -14,7 +14,7 @@ use std::collections::BTreeSet;
 /// Largest number of joints that a search shows.
 const MAX_JOINTS: usize = 40;
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(scene) = viewer.scene.clone() else {
         ui.label("empty");
         return;

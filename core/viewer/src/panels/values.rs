@@ -8,7 +8,7 @@ use egui::{DragValue, Id, Key, Popup, Rect, Response, SetOpenCommand, Slider, Ui
 use std::ops::RangeInclusive;
 
 /// A number field.
-pub struct NumberField<'n> {
+pub(super) struct NumberField<'n> {
     pub name: &'n str,
     pub value: f64,
     /// Change of the value per point of a drag if the number is 0; see [`speed_of_drag`].
@@ -63,7 +63,7 @@ pub(super) fn take_refused_flag(ui: &Ui) -> bool {
 }
 
 /// A number with the text that was typed for it, if that was an expression: `1.0 / 3.0` or `f(12)`.
-pub fn typed_number(ui: &Ui, value: f64) -> TypedNumber {
+pub(super) fn typed_number(ui: &Ui, value: f64) -> TypedNumber {
     let last =
         ui.data(|d| d.get_temp::<(String, f64)>(typed_number_id())).filter(|(_, meant)| *meant == value);
     let text = last.and_then(|(text, _)| expression::to_script_syntax(&text));
@@ -71,13 +71,13 @@ pub fn typed_number(ui: &Ui, value: f64) -> TypedNumber {
 }
 
 /// Source text of a number; see [`typed_number`].
-pub fn source_text(ui: &Ui, value: f64) -> String {
+pub(super) fn source_text(ui: &Ui, value: f64) -> String {
     typed_number(ui, value).text
 }
 
 /// Source text of a list of numbers, separated by commas, of which the one at `index` was changed to `to`. `stated`: the present source text, whose
 /// other numbers stay as they are written or computed.
-pub fn number_list_text(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
+pub(super) fn number_list_text(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
     let inside = stated.unwrap_or_default().trim();
     let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
     let parts: Vec<&str> = inside.split(',').map(str::trim).collect();
@@ -219,7 +219,7 @@ pub(super) fn forget_name(ui: &Ui) {
 }
 
 /// Context menu that resets a number. Returns the default if it was chosen.
-pub fn reset_menu(response: &Response, default: f64) -> Option<f64> {
+pub(super) fn reset_menu(response: &Response, default: f64) -> Option<f64> {
     let mut chosen = None;
     response.context_menu(|ui| {
         let default_text = format_number(default);
@@ -233,7 +233,7 @@ pub fn reset_menu(response: &Response, default: f64) -> Option<f64> {
 
 /// A number that the script does not state: displays `derived`, the value that applies instead, in a weak color, or nothing, until something is
 /// typed.
-pub fn derived_number_field(
+pub(super) fn derived_number_field(
     ui: &mut Ui,
     name: &str,
     derived: Option<f64>,
@@ -267,7 +267,7 @@ pub(super) fn set_widget_name(response: Response, kind: WidgetType, name: &str) 
     response
 }
 
-pub fn number_field(
+pub(super) fn number_field(
     ui: &mut Ui,
     name: &str,
     value: f64,
@@ -278,7 +278,7 @@ pub fn number_field(
 }
 
 /// A time in seconds, which can also be typed as frames.
-pub fn time_field(
+pub(super) fn time_field(
     ui: &mut Ui,
     name: &str,
     value: f64,
@@ -289,7 +289,7 @@ pub fn time_field(
 }
 
 /// A number that returns source text; see [`NumberField::show_source`].
-pub fn number_source_field(
+pub(super) fn number_source_field(
     ui: &mut Ui,
     name: &str,
     value: f64,
@@ -302,18 +302,18 @@ pub fn number_source_field(
 }
 
 impl NumberField<'_> {
-    pub fn show(self, ui: &mut Ui) -> Option<f64> {
+    pub(super) fn show(self, ui: &mut Ui) -> Option<f64> {
         self.show_with_text(ui, None)
     }
 
     /// Shows the field and returns the new value as source text, which is an expression if one was typed; see [`NumberField::show_with_source`].
-    pub fn show_source(self, ui: &mut Ui, stated: Option<&str>) -> Option<String> {
+    pub(super) fn show_source(self, ui: &mut Ui, stated: Option<&str>) -> Option<String> {
         let now = self.show_with_source(ui, stated)?;
         Some(source_text(ui, now))
     }
 
     /// Shows the field and returns the new value. `stated`: source text of the value, displayed if it is an expression.
-    pub fn show_with_source(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
+    pub(super) fn show_with_source(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
         let fps: f64 = ui.data(|d| d.get_temp(frame_rate_id())).unwrap_or(30.0);
         let is_current = |text: &&str| {
             let meant = expression::to_script_syntax(text).and_then(|text| expression::evaluate(&text, fps));
@@ -343,7 +343,7 @@ impl NumberField<'_> {
     }
 
     /// The same field with a slider, unless the range is wide.
-    pub fn show_slider(self, ui: &mut Ui) -> Option<f64> {
+    pub(super) fn show_slider(self, ui: &mut Ui) -> Option<f64> {
         let NumberField { name, value, default, .. } = self;
         let id = ui.id().with(("slider", name));
         let is_wide = self.range.end() - self.range.start() > WIDE_RANGE_WIDTH;
@@ -368,7 +368,7 @@ impl NumberField<'_> {
 }
 
 /// A color as sRGB bytes: a color picker, and hexadecimal digits as text.
-pub fn color_field(ui: &mut Ui, name: &str, value: [u8; 3]) -> Option<[u8; 3]> {
+pub(super) fn color_field(ui: &mut Ui, name: &str, value: [u8; 3]) -> Option<[u8; 3]> {
     ui.horizontal(|ui| {
         let picked = color_picker(ui, name, value);
         hex_field(ui, name, value).filter(|now| *now != value).or(picked)

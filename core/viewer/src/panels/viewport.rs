@@ -29,7 +29,7 @@ pub(crate) fn toggle_camera(viewer: &mut Viewer) {
 }
 
 /// Centers the orbit of the free camera on the selection.
-pub fn focus_selection(viewer: &mut Viewer) {
+pub(super) fn focus_selection(viewer: &mut Viewer) {
     let Some(point) = viewer.point_of_interest() else { return };
     let active = viewer.active_view.min(viewer.views.len() - 1);
     if let Some(orbit) = viewer.free_camera(active) {
@@ -39,7 +39,7 @@ pub fn focus_selection(viewer: &mut Viewer) {
 }
 
 /// Saves the next image of the active viewport next to the script: `NAME_12.png`, numbered by frame.
-pub fn request_screenshot(viewer: &mut Viewer) {
+pub(super) fn request_screenshot(viewer: &mut Viewer) {
     let folder = viewer.path.as_ref().and_then(|p| p.parent()).unwrap_or(std::path::Path::new(""));
     let stem = viewer.name.rsplit_once('.').map_or(viewer.name.as_str(), |(stem, _)| stem).to_string();
     viewer.screenshot = Some(folder.join(format!("{stem}_{}.png", viewer.playhead.frame())));
@@ -47,7 +47,7 @@ pub fn request_screenshot(viewer: &mut Viewer) {
     viewer.view_mut().requested = None;
 }
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, frame_texture: Option<TextureId>) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, frame_texture: Option<TextureId>) {
     show_toolbar(ui, viewer, index);
     let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = if index == 0 { "picture".to_string() } else { format!("image {}", index + 1) };

@@ -68,7 +68,7 @@ impl EventCollector {
     }
 
     /// Adds the keys of properties. `prefix`: put before their names.
-    pub fn add_keys(&mut self, all: &[KeyedProperty], prefix: &str) {
+    pub(crate) fn add_keys(&mut self, all: &[KeyedProperty], prefix: &str) {
         for keyed in all {
             if keyed.property().is_none_or(|property| property == Property::Visible) {
                 continue;
@@ -103,7 +103,7 @@ impl EventCollector {
     }
 
     /// Adds the events of an actor, except for its cues.
-    pub fn add_actor(&mut self, actor: &Actor, scene: &Scene) {
+    pub(crate) fn add_actor(&mut self, actor: &Actor, scene: &Scene) {
         let what = Selected::Actor(actor.name.clone());
         let joints = keyed_parts::joint_keys_cue(actor).is_some();
         match joints {
@@ -131,7 +131,7 @@ impl EventCollector {
     }
 
     /// Adds the keys of a cue, and the markers of its clip whenever they are played before `end`.
-    pub fn add_cue(
+    pub(crate) fn add_cue(
         &mut self,
         (cue, what): (&Cue, &Selected),
         scene: &Scene,
@@ -169,7 +169,7 @@ impl EventCollector {
     }
 
     /// Events within the scene, sorted by time.
-    pub fn into_events(mut self, length: Time, what: Option<&Selected>, place: &Place) -> Vec<Event> {
+    pub(crate) fn into_events(mut self, length: Time, what: Option<&Selected>, place: &Place) -> Vec<Event> {
         self.all.retain(|(at, ..)| Time::ZERO <= *at && *at <= length);
         self.all.sort_by(|a, b| (a.0, a.1, &a.2).cmp(&(b.0, b.1, &b.2)));
         self.all.dedup();

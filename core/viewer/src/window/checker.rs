@@ -17,19 +17,19 @@ pub(super) struct Checker {
 }
 
 impl Checker {
-    pub fn new() -> Checker {
+    pub(super) fn new() -> Checker {
         let thread = ThreadPoolBuilder::new().num_threads(1).thread_name(|_| "check".into());
         let thread = thread.start_handler(|_| priority::lower_thread()).build().ok();
         Checker { thread, wanted: Arc::default() }
     }
 
     /// Abandons the current check.
-    pub fn cancel(&self) -> u64 {
+    pub(super) fn cancel(&self) -> u64 {
         self.wanted.fetch_add(1, Ordering::SeqCst) + 1
     }
 
     /// Checks a scene, and abandons the previous check. `report` is called on the worker thread, unless another check starts meanwhile.
-    pub fn start(
+    pub(super) fn start(
         &self,
         scene: Arc<Scene>,
         source: SceneSource,

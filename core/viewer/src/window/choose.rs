@@ -6,7 +6,7 @@ use choreo_command_line::software_vulkan_reason;
 
 /// The best device that can present to the surface. A GPU is preferred to a driver that draws on the CPU, which is refused unless the user asked
 /// for Vulkan by name.
-pub fn choose_device(
+pub(super) fn choose_device(
     instance: &ash::Instance,
     surfaces: &khr::surface::Instance,
     surface: vk::SurfaceKHR,

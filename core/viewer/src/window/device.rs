@@ -19,7 +19,7 @@ const TIMEOUT_NS: u64 = 60_000_000_000;
 const MAX_VIEWS: u32 = crate::state::view::MAX_VIEWS as u32;
 
 /// All objects created from the device, in one struct so that they are freed in order.
-pub struct Device {
+pub(super) struct Device {
     raw: ash::Device,
     pub queue: vk::Queue,
     swapchains: khr::swapchain::Device,
@@ -43,7 +43,7 @@ pub struct Device {
 }
 
 /// Image of a view, if it has one, and its texture in egui.
-pub struct ViewImage {
+pub(super) struct ViewImage {
     descriptor_set: vk::DescriptorSet,
     image: Option<WindowImage>,
     pub id: Option<TextureId>,
@@ -51,7 +51,7 @@ pub struct ViewImage {
 
 impl Device {
     /// Creates the objects that do not depend on the window's size.
-    pub fn new(
+    pub(super) fn new(
         instance: &ash::Instance,
         raw: ash::Device,
         queue: vk::Queue,
@@ -78,7 +78,7 @@ impl Device {
         }
     }
 
-    pub fn create_objects(
+    pub(super) fn create_objects(
         &mut self,
         instance: &ash::Instance,
         physical: vk::PhysicalDevice,
@@ -147,7 +147,7 @@ impl Device {
     }
 
     /// Waits until the last frame is done.
-    pub fn wait_for_last_frame(&mut self) -> Result<(), GpuError> {
+    pub(super) fn wait_for_last_frame(&mut self) -> Result<(), GpuError> {
         // SAFETY: the fence is alive; it is signaled at first.
         unsafe { self.raw.wait_for_fences(&[self.frame_done], true, TIMEOUT_NS) }.for_object("last frame")?;
         for id in std::mem::take(&mut self.to_free) {
@@ -158,7 +158,7 @@ impl Device {
         Ok(())
     }
 
-    pub fn update_textures(&mut self, mut textures: TexturesDelta) -> Result<(), GpuError> {
+    pub(super) fn update_textures(&mut self, mut textures: TexturesDelta) -> Result<(), GpuError> {
         // The list is emptied at once: egui reports an error if it is dropped with content.
         let set = std::mem::take(&mut textures.set);
         self.to_free.extend(std::mem::take(&mut textures.free));
@@ -222,7 +222,7 @@ impl Device {
         Ok(())
     }
 
-    pub fn record(
+    pub(super) fn record(
         &mut self,
         index: u32,
         primitives: &[ClippedPrimitive],
@@ -292,7 +292,7 @@ impl Device {
         drawn.for_object("panels")
     }
 
-    pub fn submit(&self, index: u32) -> Result<(), GpuError> {
+    pub(super) fn submit(&self, index: u32) -> Result<(), GpuError> {
         let Some(swapchain) = &self.swapchain else { return Ok(()) };
         let stage = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
         let wait = [vk::SemaphoreSubmitInfo::default().semaphore(self.image_acquired).stage_mask(stage)];

@@ -43,7 +43,7 @@ pub(crate) fn read_shortcuts(viewer: &mut Viewer, file: Option<&Path>) -> Option
 }
 
 /// File name for titles.
-pub fn name_of(source: &SceneSource) -> String {
+pub(super) fn name_of(source: &SceneSource) -> String {
     source.input.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 

@@ -26,7 +26,7 @@ pub(crate) enum ViewerError {
 
 impl ViewerError {
     /// Exit code of the program.
-    pub fn exit_code(&self) -> u8 {
+    pub(crate) fn exit_code(&self) -> u8 {
         match self {
             ViewerError::Project(_) => 1,
             _ => 4,

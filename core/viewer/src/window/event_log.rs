@@ -14,17 +14,17 @@ pub(crate) struct EventLog {
 }
 
 impl EventLog {
-    pub fn new(on: bool) -> EventLog {
+    pub(super) fn new(on: bool) -> EventLog {
         EventLog { since: on.then(Instant::now) }
     }
 
     /// Reports a step of the program's start.
-    pub fn log_step(&self, what: &str) {
+    pub(super) fn log_step(&self, what: &str) {
         self.write_line(|| json!({ "event": what }));
     }
 
     /// Reports a version; its problems are errors if it is faulty, else warnings.
-    pub fn log_version(&self, version: &SceneVersion) {
+    pub(super) fn log_version(&self, version: &SceneVersion) {
         let (number, faulty) = (version.number, version.scene.is_none());
         self.write_line(|| {
             json!({ "event": "scene", "version": number, "faulty": faulty, "problems": version.problems.len() })
@@ -32,12 +32,12 @@ impl EventLog {
     }
 
     /// Reports that the messages of `check` about a version have arrived.
-    pub fn log_check(&self, version: u64, message_count: usize) {
+    pub(super) fn log_check(&self, version: u64, message_count: usize) {
         self.write_line(|| json!({ "event": "checked", "version": version, "messages": message_count }));
     }
 
     /// Reports an image on the screen, with the durations of its frame and the objects that the renderer holds.
-    pub fn log_shown_frame(&self, view: usize, shown: &FrameInfo, usage: &DeviceUsage) {
+    pub(super) fn log_shown_frame(&self, view: usize, shown: &FrameInfo, usage: &DeviceUsage) {
         let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;
         self.write_line(|| {
             json!({
@@ -55,7 +55,7 @@ impl EventLog {
     }
 
     /// Reports a frame of the window: CPU time of its panels, and total time including drawing.
-    pub fn log_window_frame(&self, panels: Duration, whole: Duration) {
+    pub(super) fn log_window_frame(&self, panels: Duration, whole: Duration) {
         self.write_line(|| {
             json!({
                 "event": "painted",

@@ -23,7 +23,7 @@ pub(crate) struct Gpu {
 
 impl Gpu {
     /// Opens a device for a window. `accepts_software`: whether a driver that draws on the CPU is accepted, too.
-    pub fn new(window: &Window, accepts_software: bool) -> Result<Gpu, GpuError> {
+    pub(super) fn new(window: &Window, accepts_software: bool) -> Result<Gpu, GpuError> {
         let other = |object: &'static str, text: String| GpuError::Other { object, text };
         // SAFETY: loading libvulkan runs its own initializers, as every Vulkan program does.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
@@ -102,13 +102,13 @@ impl Gpu {
     }
 
     /// Texture with the last frame of each view, if it has one.
-    pub fn view_textures(&self) -> Vec<Option<TextureId>> {
+    pub(super) fn view_textures(&self) -> Vec<Option<TextureId>> {
         self.device.iter().flat_map(|d| &d.view_images).map(|slot| slot.id).collect()
     }
 
     /// Draws one frame of the window. `frames`: new images of views; `before_present`: called directly before presenting. Returns whether the frame
     /// was drawn: a window without pixels, such as a minimized one, keeps its images waiting.
-    pub fn draw(
+    pub(super) fn draw(
         &mut self,
         window: [u32; 2],
         primitives: &[ClippedPrimitive],

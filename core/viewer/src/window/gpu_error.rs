@@ -16,7 +16,7 @@ pub(crate) enum GpuError {
     Other { object: &'static str, text: String },
 }
 
-pub trait ForObject<T> {
+pub(super) trait ForObject<T> {
     fn for_object(self, object: &'static str) -> Result<T, GpuError>;
 }
 

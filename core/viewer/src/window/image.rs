@@ -21,7 +21,7 @@ pub(crate) struct WindowImage {
 }
 
 impl WindowImage {
-    pub fn new(
+    pub(super) fn new(
         device: &ash::Device,
         allocator: &mut Allocator,
         size: [u32; 2],
@@ -101,12 +101,12 @@ impl WindowImage {
             .for_object("staging buffer")
     }
 
-    pub fn view(&self) -> vk::ImageView {
+    pub(super) fn view(&self) -> vk::ImageView {
         self.view
     }
 
     /// Records the upload of a frame with the size of the image. The image must not be in use by a frame in flight.
-    pub fn upload(&mut self, device: &ash::Device, commands: vk::CommandBuffer, frame: &Frame) {
+    pub(super) fn upload(&mut self, device: &ash::Device, commands: vk::CommandBuffer, frame: &Frame) {
         let Some(to) = self.staging_memory.as_mut().and_then(Allocation::mapped_slice_mut) else { return };
         let bytes = frame.rgba.len().min(to.len());
         to[..bytes].copy_from_slice(&frame.rgba[..bytes]);
@@ -159,7 +159,7 @@ impl WindowImage {
     }
 
     /// Frees the image, which must not be in use by a frame in flight.
-    pub fn destroy(&mut self, device: &ash::Device, allocator: &mut Allocator) {
+    pub(super) fn destroy(&mut self, device: &ash::Device, allocator: &mut Allocator) {
         // SAFETY: made from this device, no longer used; null handles are ignored.
         unsafe {
             device.destroy_image_view(self.view, None);
@@ -173,7 +173,7 @@ impl WindowImage {
     }
 }
 
-pub fn color_subresource_range() -> vk::ImageSubresourceRange {
+pub(super) fn color_subresource_range() -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange {
         aspect_mask: vk::ImageAspectFlags::COLOR,
         base_mip_level: 0,

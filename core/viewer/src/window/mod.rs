@@ -76,7 +76,7 @@ enum WindowMessage {
 const FIRST_FILE: u64 = 0;
 
 /// Opens the window, and returns when it is closed. The error says what is missing.
-pub fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
+pub(crate) fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let source = options.first_file.map(|input| options.files.source(input)).transpose()?;
     let event_log = EventLog::new(options.event_log);
     let events = start::create_event_loop()?;

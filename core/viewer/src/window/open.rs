@@ -12,7 +12,7 @@ use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::window::Window;
 
 /// The window, the translation of its events, and the painter that draws into it.
-pub struct OpenWindow {
+pub(super) struct OpenWindow {
     pub egui: egui::Context,
     pub input: egui_winit::State,
     // Dropped before the window, whose surface it draws on.
@@ -28,7 +28,7 @@ pub struct OpenWindow {
 }
 
 /// A window on the screen without a painter. It survives the loss of a device.
-pub struct BareWindow {
+pub(super) struct BareWindow {
     window: Arc<Window>,
     #[cfg(feature = "accesskit")]
     adapter: Adapter,
@@ -40,7 +40,7 @@ pub struct BareWindow {
 impl BareWindow {
     /// Shows a window. `window`: not visible yet.
     #[cfg_attr(not(feature = "accesskit"), expect(unused_variables))]
-    pub fn new(
+    pub(super) fn new(
         window: Window,
         events: &ActiveEventLoop,
         proxy: &EventLoopProxy<WindowMessage>,
@@ -61,7 +61,7 @@ impl BareWindow {
 impl OpenWindow {
     /// Drops everything that draws into the window. `None` if the accessibility adapter is missing.
     #[cfg_attr(not(feature = "accesskit"), expect(unused_mut))]
-    pub fn close(mut self) -> Option<BareWindow> {
+    pub(super) fn close(mut self) -> Option<BareWindow> {
         Some(BareWindow {
             window: self.window,
             #[cfg(feature = "accesskit")]
@@ -71,7 +71,7 @@ impl OpenWindow {
         })
     }
 
-    pub fn new(
+    pub(super) fn new(
         shown: BareWindow,
         device: Device,
         proxy: &EventLoopProxy<WindowMessage>,
@@ -114,7 +114,7 @@ impl OpenWindow {
     }
 
     /// Input events since the last call, in points of the current scale.
-    pub fn take_input(&mut self) -> egui::RawInput {
+    pub(super) fn take_input(&mut self) -> egui::RawInput {
         let mut input = self.input.take_egui_input(&self.window);
         if self.scale != self.window.scale_factor() {
             let size =

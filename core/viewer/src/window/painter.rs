@@ -29,7 +29,10 @@ pub(crate) enum Painter {
 
 impl Painter {
     /// Also returns the reason if Vulkan was wanted but cannot draw the window.
-    pub fn new(window: &Arc<Window>, device: Device) -> Result<(Painter, Option<GpuError>), PaintError> {
+    pub(super) fn new(
+        window: &Arc<Window>,
+        device: Device,
+    ) -> Result<(Painter, Option<GpuError>), PaintError> {
         if device == Device::Cpu {
             return Ok((Painter::Software(Box::new(Software::new(window)?)), None));
         }
@@ -54,7 +57,7 @@ impl Painter {
     }
 
     /// Texture with the last frame of each view, if it has one.
-    pub fn view_textures(&self) -> Vec<Option<TextureId>> {
+    pub(super) fn view_textures(&self) -> Vec<Option<TextureId>> {
         match self {
             Painter::Vulkan(gpu) => gpu.view_textures(),
             Painter::Software(software) => software.view_textures(),
@@ -63,7 +66,7 @@ impl Painter {
 
     /// Draws one frame of the window. `frames`: new images of views; `before_present`: called directly before presenting. Returns whether the frame
     /// was drawn: a window without pixels, such as a minimized one, keeps its images waiting.
-    pub fn draw(
+    pub(super) fn draw(
         &mut self,
         window: [u32; 2],
         primitives: &[ClippedPrimitive],

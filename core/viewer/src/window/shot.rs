@@ -5,7 +5,7 @@ use choreo_files::PartFile;
 use choreo_plugin::{Frame, Registry, VideoInfo};
 use std::path::Path;
 
-pub fn save_screenshot(
+pub(super) fn save_screenshot(
     plugins: &Registry,
     frame: &Frame,
     fps: choreo_motion::FrameRate,

@@ -13,7 +13,7 @@ use winit::window::Window;
 /// Largest width or height of a texture, pixels: that of egui's font atlas.
 pub(crate) const LARGEST_TEXTURE: usize = 4096;
 
-pub struct Software {
+pub(super) struct Software {
     surface: Surface<Arc<Window>, Arc<Window>>,
     textures: Textures,
     /// Texture with the last frame of each view, if it has one.
@@ -21,18 +21,18 @@ pub struct Software {
 }
 
 impl Software {
-    pub fn new(window: &Arc<Window>) -> Result<Software, SoftBufferError> {
+    pub(super) fn new(window: &Arc<Window>) -> Result<Software, SoftBufferError> {
         let surface = Surface::new(&Context::new(window.clone())?, window.clone())?;
         let view_textures = vec![None; crate::state::view::MAX_VIEWS];
         Ok(Software { surface, textures: Textures::default(), view_textures })
     }
 
-    pub fn view_textures(&self) -> Vec<Option<TextureId>> {
+    pub(super) fn view_textures(&self) -> Vec<Option<TextureId>> {
         self.view_textures.clone()
     }
 
     /// Draws one frame of the window, like [`super::gpu::Gpu::draw`].
-    pub fn draw(
+    pub(super) fn draw(
         &mut self,
         size: [u32; 2],
         primitives: &[ClippedPrimitive],

@@ -66,7 +66,7 @@ fn wayland_answers() -> bool {
 
 /// Runs the event loop. If the display disappears, winit panics (its X11 window unwraps every reply of the server); this function returns an error
 /// instead.
-pub fn run(
+pub(super) fn run(
     events: EventLoop<WindowMessage>,
     app: &mut impl ApplicationHandler<WindowMessage>,
 ) -> Result<(), ViewerError> {
@@ -113,7 +113,7 @@ fn without_source_location(why: &str) -> &str {
 }
 
 /// Starts the renderer that `choreo render` would use. Custom shaders require Vulkan, so that a software driver is accepted for them, too.
-pub fn start_renderer(
+pub(super) fn start_renderer(
     effects: Vec<Effect>,
     shaders: Option<PathBuf>,
     device: Device,

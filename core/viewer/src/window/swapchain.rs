@@ -30,7 +30,7 @@ pub(crate) fn surface_format(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::Sur
 }
 
 impl Swapchain {
-    pub fn new(
+    pub(super) fn new(
         device: &ash::Device,
         loader: khr::swapchain::Device,
         surface: vk::SurfaceKHR,
@@ -107,7 +107,7 @@ impl Swapchain {
     }
 
     /// Acquires the next image. `None` if the surface has changed and a new swapchain is needed.
-    pub fn acquire_next(&self, signal: vk::Semaphore) -> Result<Option<u32>, GpuError> {
+    pub(super) fn acquire_next(&self, signal: vk::Semaphore) -> Result<Option<u32>, GpuError> {
         const NANOS_PER_SEC: u64 = 1_000_000_000;
         // SAFETY: the semaphore is unsignaled and no frame waits for it.
         match unsafe {
@@ -121,7 +121,7 @@ impl Swapchain {
     }
 
     /// Presents an image. Returns whether the swapchain still fits the window.
-    pub fn present(&self, queue: vk::Queue, index: u32) -> Result<bool, GpuError> {
+    pub(super) fn present(&self, queue: vk::Queue, index: u32) -> Result<bool, GpuError> {
         let (chains, indices, wait) = ([self.raw], [index], [self.image_drawn[index as usize]]);
         let info =
             vk::PresentInfoKHR::default().swapchains(&chains).image_indices(&indices).wait_semaphores(&wait);
@@ -134,7 +134,7 @@ impl Swapchain {
     }
 
     /// Frees all objects. No frame may be in flight.
-    pub fn destroy(&mut self, device: &ash::Device) {
+    pub(super) fn destroy(&mut self, device: &ash::Device) {
         // SAFETY: made from this device, no longer used.
         unsafe {
             self.views.drain(..).for_each(|view| device.destroy_image_view(view, None));

@@ -1,7 +1,7 @@
 //! Test fixture: a script in a temporary folder and the viewer that shows it, without a window of the system.
 #![allow(dead_code)]
 
-pub mod mouse;
+pub(crate) mod mouse;
 
 use choreo_plugin::Frame;
 use choreo_render::{CpuRenderer, Renderer};
@@ -16,9 +16,9 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 /// All panels of a viewer, run by the test harness.
-pub type Desk = Harness<'static, Place>;
+pub(crate) type Desk = Harness<'static, Place>;
 
-pub struct Place {
+pub(crate) struct Place {
     pub folder: tempfile::TempDir,
     pub session: Session,
     pub viewer: Viewer,
@@ -28,12 +28,12 @@ pub struct Place {
 }
 
 impl Place {
-    pub fn new(script: &str) -> Place {
+    pub(crate) fn new(script: &str) -> Place {
         Place::within(tempfile::tempdir().unwrap(), script)
     }
 
     /// Creates the fixture in a folder that already contains files.
-    pub fn within(folder: tempfile::TempDir, script: &str) -> Place {
+    pub(crate) fn within(folder: tempfile::TempDir, script: &str) -> Place {
         let path = folder.path().join("a.rhai");
         fs::write(&path, script).unwrap();
         let session = Session::new(SceneSource::new(&path), &choreo::registry(), false).unwrap();
@@ -49,17 +49,17 @@ impl Place {
         place
     }
 
-    pub fn reload_with(&mut self, text: &str) {
+    pub(crate) fn reload_with(&mut self, text: &str) {
         self.write(text);
         self.reload();
     }
 
-    pub fn reload(&mut self) {
+    pub(crate) fn reload(&mut self) {
         assert!(self.show_version(), "{:?} {:?}", self.viewer.message, self.viewer.problems);
     }
 
     /// Loads the present script. Returns whether it is free of errors.
-    pub fn show_version(&mut self) -> bool {
+    pub(crate) fn show_version(&mut self) -> bool {
         let version = self.session.build(BTreeSet::new());
         let is_good = version.scene.is_some();
         self.viewer.take_version(version);
@@ -67,7 +67,7 @@ impl Place {
     }
 
     /// Draws the requested frame, so that the viewer knows the positions of all objects.
-    pub fn paint(&mut self) -> Option<Frame> {
+    pub(crate) fn paint(&mut self) -> Option<Frame> {
         let asked = self.viewer.next_request()?;
         let (painter, reply) = self.painter.get_or_insert_with(|| {
             let (to, reply) = channel();
@@ -84,23 +84,23 @@ impl Place {
     }
 
     /// Writes and loads a script that must have errors.
-    pub fn load_faulty(&mut self, text: &str) {
+    pub(crate) fn load_faulty(&mut self, text: &str) {
         self.write(text);
         let version = self.session.build(BTreeSet::new());
         assert!(version.scene.is_none(), "the script was expected to be faulty");
         self.viewer.take_version(version);
     }
 
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         fs::read_to_string(self.folder.path().join("a.rhai")).unwrap()
     }
 
-    pub fn write(&self, text: &str) {
+    pub(crate) fn write(&self, text: &str) {
         fs::write(self.folder.path().join("a.rhai"), text).unwrap();
     }
 
     /// Test harness with all panels, in a window of `size` points.
-    pub fn harness(self, size: Vec2) -> Desk {
+    pub(crate) fn harness(self, size: Vec2) -> Desk {
         let ui = |ui: &mut egui::Ui, place: &mut Place| {
             place.panels.show(ui, &mut place.viewer, &[Some(TextureId::User(0)); 4], 0.0);
         };
@@ -111,7 +111,7 @@ impl Place {
 }
 
 /// Drags with the primary button, in two moves.
-pub fn drag(desk: &mut Desk, from: Pos2, to: Pos2) {
+pub(crate) fn drag(desk: &mut Desk, from: Pos2, to: Pos2) {
     desk.hover_at(from);
     desk.run();
     desk.drag_at(from);
@@ -124,7 +124,7 @@ pub fn drag(desk: &mut Desk, from: Pos2, to: Pos2) {
     desk.run();
 }
 
-pub fn secondary_click(desk: &mut Desk, pos: Pos2) {
+pub(crate) fn secondary_click(desk: &mut Desk, pos: Pos2) {
     desk.hover_at(pos);
     desk.run();
     for pressed in [true, false] {

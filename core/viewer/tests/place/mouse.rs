@@ -24,7 +24,7 @@ impl TestRenderer for TextureRecorder {
     }
 }
 
-pub struct Mouse {
+pub(crate) struct Mouse {
     pub desk: Desk,
     textures: TextureRecorder,
     /// Folder for screenshots (`CHOREO_SHOTS`). `None`: nothing is drawn.
@@ -34,7 +34,7 @@ pub struct Mouse {
 }
 
 impl Mouse {
-    pub fn new(place: Place, size: Vec2) -> Mouse {
+    pub(crate) fn new(place: Place, size: Vec2) -> Mouse {
         let ui = |ui: &mut egui::Ui, place: &mut Place| {
             place.panels.show(ui, &mut place.viewer, &[Some(TextureId::User(0)); 4], 0.0);
         };
@@ -51,7 +51,7 @@ impl Mouse {
     }
 
     /// Does the work of the window between two gestures: reloads a changed script and draws the frame.
-    pub fn look(&mut self) {
+    pub(crate) fn look(&mut self) {
         let text = self.desk.state().text();
         if text != self.shown {
             self.shown = text;
@@ -69,7 +69,7 @@ impl Mouse {
     }
 
     /// Rectangle of the widget whose name is or begins with `label`. Text next to a field of the same name is skipped.
-    pub fn find(&self, label: &str) -> Rect {
+    pub(crate) fn find(&self, label: &str) -> Rect {
         let is_seen = |rect: &Rect| Rect::from_min_size(Pos2::ZERO, self.size).contains(rect.center());
         let named = self.desk.query_all_by_label_contains(label).filter(|node| is_seen(&node.rect()));
         let order = |node: &Node<'_>| {
@@ -81,17 +81,17 @@ impl Mouse {
     }
 
     /// Names of all widgets, for the message of a failure.
-    pub fn labels(&self) -> Vec<String> {
+    pub(crate) fn labels(&self) -> Vec<String> {
         let all = self.desk.query_all_by(|node| node.label().is_some());
         all.map(|node| format!("{} {:?}", node.accesskit_node().label().unwrap_or_default(), node.rect()))
             .collect()
     }
 
-    pub fn click(&mut self, label: &str) {
+    pub(crate) fn click(&mut self, label: &str) {
         self.click_at(self.find(label).center());
     }
 
-    pub fn click_at(&mut self, at: Pos2) {
+    pub(crate) fn click_at(&mut self, at: Pos2) {
         self.desk.hover_at(at);
         self.desk.run();
         self.desk.drag_at(at);
@@ -101,12 +101,12 @@ impl Mouse {
     }
 
     /// Clicks menu entries one after the other.
-    pub fn menu(&mut self, path: &[&str]) {
+    pub(crate) fn menu(&mut self, path: &[&str]) {
         path.iter().for_each(|label| self.click(label));
     }
 
     /// Opens the field with this name by a click, types into it, and leaves it open.
-    pub fn write(&mut self, label: &str, text: &str) {
+    pub(crate) fn write(&mut self, label: &str, text: &str) {
         self.click(label);
         self.desk.key_press_modifiers(Modifiers::COMMAND, egui::Key::A);
         self.desk.event(Event::Text(text.into()));
@@ -114,7 +114,7 @@ impl Mouse {
     }
 
     /// Types into a single-line field and presses Enter.
-    pub fn type_into(&mut self, label: &str, text: &str) {
+    pub(crate) fn type_into(&mut self, label: &str, text: &str) {
         self.write(label, text);
         self.desk.key_press(egui::Key::Enter);
         self.desk.run();
@@ -122,7 +122,7 @@ impl Mouse {
     }
 
     /// Saves a screenshot if a folder for them is set.
-    pub fn picture(&mut self, name: &str) {
+    pub(crate) fn picture(&mut self, name: &str) {
         let Some(folder) = self.images.clone() else { return };
         self.desk.run();
         let (width, height) = (self.size.x as usize, self.size.y as usize);

@@ -27,13 +27,13 @@ fn atom(connection: &RustConnection, name: &str) -> Atom {
 }
 
 /// Minimal window manager: maps windows on request, iconifies them (ICCCM §4.1.4) and reports it (EWMH, `_NET_WM_STATE_HIDDEN`).
-pub struct Manager {
+pub(super) struct Manager {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Manager {
-    pub fn start(display: &str) -> Manager {
+    pub(super) fn start(display: &str) -> Manager {
         let (connection, root) = connected(display);
         let redirect = EventMask::SUBSTRUCTURE_REDIRECT | EventMask::SUBSTRUCTURE_NOTIFY;
         let attributes = ChangeWindowAttributesAux::new().event_mask(redirect);
@@ -100,14 +100,14 @@ fn manage(connection: &RustConnection, stop: &AtomicBool) {
 }
 
 /// Settings daemon that announces the desktop's scale (<https://specifications.freedesktop.org/xsettings-spec/0.5/>).
-pub struct Settings {
+pub(super) struct Settings {
     connection: RustConnection,
     owner: Window,
     property: Atom,
 }
 
 impl Settings {
-    pub fn start(display: &str, dpi: u32) -> Settings {
+    pub(super) fn start(display: &str, dpi: u32) -> Settings {
         let (connection, root) = connected(display);
         let owner = window(&connection, root);
         let selection = atom(&connection, "_XSETTINGS_S0");
@@ -118,7 +118,7 @@ impl Settings {
         settings
     }
 
-    pub fn set_dpi(&self, dpi: u32) {
+    pub(super) fn set_dpi(&self, dpi: u32) {
         let name = b"Xft/DPI";
         // Little-endian; serial number, one setting: an integer, its name, its own serial number, its value.
         let mut data = vec![0, 0, 0, 0];
@@ -146,7 +146,7 @@ fn window(connection: &RustConnection, root: Window) -> Window {
 }
 
 /// Files that are dragged over a window (XDND 5, <https://www.freedesktop.org/wiki/Specifications/XDND/>).
-pub struct Drag {
+pub(super) struct Drag {
     connection: RustConnection,
     source: Window,
     target: Window,
@@ -154,7 +154,7 @@ pub struct Drag {
 
 impl Drag {
     /// Enters the middle of the window, and sends the file names on request.
-    pub fn over(display: &str, target: &str, files: &[&Path]) -> Drag {
+    pub(super) fn over(display: &str, target: &str, files: &[&Path]) -> Drag {
         let (connection, root) = connected(display);
         let source = window(&connection, root);
         let drag = Drag { connection, source, target: target.parse().unwrap() };
@@ -198,7 +198,7 @@ impl Drag {
         drag
     }
 
-    pub fn drop(self) {
+    pub(super) fn drop(self) {
         self.send("XdndDrop", [self.source, 0, CURRENT_TIME, 0, 0]);
         let finished = self.atom("XdndFinished");
         loop {
@@ -211,7 +211,7 @@ impl Drag {
         }
     }
 
-    pub fn leave(self) {
+    pub(super) fn leave(self) {
         self.send("XdndLeave", [self.source, 0, 0, 0, 0]);
         // A reply that is unread when a connection closes discards earlier requests, so everything is read first.
         self.connection.get_input_focus().unwrap().reply().unwrap();

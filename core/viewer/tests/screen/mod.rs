@@ -1,10 +1,10 @@
 //! A virtual X display, with simulated mouse and keyboard input.
 #![allow(dead_code)]
 
-pub mod random;
-pub mod resource_record;
-pub mod viewer_process;
-pub mod wayland;
+pub(crate) mod random;
+pub(crate) mod resource_record;
+pub(crate) mod viewer_process;
+pub(crate) mod wayland;
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +12,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// A process that is killed when the test ends, also by a panic.
-pub struct Running(pub Child);
+pub(crate) struct Running(pub Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
@@ -35,31 +35,31 @@ impl Drop for Screen {
     }
 }
 
-pub struct Screen {
+pub(crate) struct Screen {
     pub server: Running,
     pub display: String,
 }
 
 /// Whether the validation layer is installed.
-pub fn is_validation_installed() -> bool {
+pub(crate) fn is_validation_installed() -> bool {
     Path::new("/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json").is_file()
 }
 
 /// Asserts that the log has neither a panic nor a message of the validation layer.
-pub fn assert_no_errors(folder: &Path) {
+pub(crate) fn assert_no_errors(folder: &Path) {
     let said = std::fs::read_to_string(folder.join("said.txt")).unwrap();
     for bad in ["panicked", "VUID", "Validation", "UNASSIGNED"] {
         assert!(!said.contains(bad), "{said}");
     }
 }
 
-pub fn is_program_installed(program: &str) -> bool {
+pub(crate) fn is_program_installed(program: &str) -> bool {
     std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).any(|p| p.join(program).is_file())
 }
 
 /// The viewer's command line without a display; settings are in a separate folder, and overlays are off, so that
 /// the pixels of an image are those of the scene.
-pub fn viewer(device: &str, args: &[&str], folder: &Path) -> Command {
+pub(crate) fn viewer(device: &str, args: &[&str], folder: &Path) -> Command {
     let Some(program) = option_env!("CARGO_BIN_EXE_choreo-view") else {
         panic!("only the tests of choreo-viewer are built with its program")
     };
@@ -74,7 +74,7 @@ pub fn viewer(device: &str, args: &[&str], folder: &Path) -> Command {
 }
 
 /// Starts a viewer in a folder, with its output in a file there. `validation`: under the validation layer.
-pub fn start_in(mut command: Command, folder: &Path, validation: bool) -> Running {
+pub(crate) fn start_in(mut command: Command, folder: &Path, validation: bool) -> Running {
     command.current_dir(folder);
     if validation {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
@@ -85,7 +85,7 @@ pub fn start_in(mut command: Command, folder: &Path, validation: bool) -> Runnin
 
 impl Screen {
     /// Starts the display. `None`, with a printed reason, if this machine lacks a program for it.
-    pub fn new() -> Option<Screen> {
+    pub(crate) fn new() -> Option<Screen> {
         for program in ["Xvfb", "xdotool", "import"] {
             if !is_program_installed(program) {
                 println!("SKIP 1: {program} is not installed");
@@ -105,39 +105,39 @@ impl Screen {
         Some(Screen { server: Running(child), display: format!(":{}", line.trim()) })
     }
 
-    pub fn run(&self, program: &str, args: &[&str]) -> Output {
+    pub(crate) fn run(&self, program: &str, args: &[&str]) -> Output {
         Command::new(program).args(args).env("DISPLAY", &self.display).output().unwrap()
     }
 
-    pub fn xdotool(&self, args: &[&str]) -> String {
+    pub(crate) fn xdotool(&self, args: &[&str]) -> String {
         let output = self.run("xdotool", args);
         String::from_utf8_lossy(&output.stdout).trim().to_string()
     }
 
     /// Command of the viewer on this display, drawn by Vulkan.
-    pub fn command(&self, args: &[&str], folder: &Path) -> Command {
+    pub(crate) fn command(&self, args: &[&str], folder: &Path) -> Command {
         self.command_on("vulkan", args, folder)
     }
 
     /// Command of the viewer on this display, with images of the script's size; see [`viewer`].
-    pub fn command_on(&self, device: &str, args: &[&str], folder: &Path) -> Command {
+    pub(crate) fn command_on(&self, device: &str, args: &[&str], folder: &Path) -> Command {
         let mut command = viewer(device, args, folder);
         command.arg("--full-size").env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
         command
     }
 
     /// Starts the viewer in a folder, with its output in a file.
-    pub fn view(&self, args: &[&str], folder: &Path) -> Running {
+    pub(crate) fn view(&self, args: &[&str], folder: &Path) -> Running {
         start_in(self.command(args, folder), folder, is_validation_installed())
     }
 
     /// Waits for the viewer's window and returns its id.
-    pub fn window(&self) -> String {
+    pub(crate) fn window(&self) -> String {
         self.window_named("choreo")
     }
 
     /// Waits for the window of a program and returns its id.
-    pub fn window_named(&self, program: &str) -> String {
+    pub(crate) fn window_named(&self, program: &str) -> String {
         until("a window", || {
             let found = self.xdotool(&["search", "--onlyvisible", "--name", program]);
             found.lines().next().map(str::to_string)
@@ -145,7 +145,7 @@ impl Screen {
     }
 
     /// Screenshot of a window.
-    pub fn shot(&self, window: &str) -> Screenshot {
+    pub(crate) fn shot(&self, window: &str) -> Screenshot {
         // A window has no image for a moment while it is resized or mapped.
         until("an image of the window", || {
             let output = self.run("import", &["-window", window, "-depth", "8", "ppm:-"]);
@@ -153,7 +153,7 @@ impl Screen {
         })
     }
 
-    pub fn save(&self, window: &str, name: &str) {
+    pub(crate) fn save(&self, window: &str, name: &str) {
         // Screenshots are saved on request for visual inspection.
         if let Some(folder) = std::env::var_os("CHOREO_SHOTS") {
             let file = Path::new(&folder).join(name);
@@ -161,13 +161,13 @@ impl Screen {
         }
     }
 
-    pub fn key(&self, window: &str, key: &str) {
+    pub(crate) fn key(&self, window: &str, key: &str) {
         self.xdotool(&["windowfocus", window]);
         self.xdotool(&["key", key]);
     }
 
     /// Waits until a viewer and this display are idle; see [`rest`].
-    pub fn rest(&self, viewer: u32) {
+    pub(crate) fn rest(&self, viewer: u32) {
         rest(&[viewer, self.server.0.id()]);
     }
 }
@@ -175,7 +175,7 @@ impl Screen {
 /// Waits until all processes have handled their input and compute nothing. On a busy machine that takes seconds, and later
 /// input would arrive together with earlier input. A viewer that plays never becomes idle, so that the wait ends after ten
 /// seconds.
-pub fn rest(processes: &[u32]) {
+pub(crate) fn rest(processes: &[u32]) {
     let end = Instant::now() + Duration::from_secs(10);
     let mut still = 0;
     while still < 3 && Instant::now() < end {
@@ -194,7 +194,7 @@ fn is_busy(process: u32) -> bool {
 }
 
 #[derive(Clone, PartialEq)]
-pub struct Screenshot {
+pub(crate) struct Screenshot {
     pub width: usize,
     pub height: usize,
     pub rgb: Vec<u8>,
@@ -202,7 +202,7 @@ pub struct Screenshot {
 
 impl Screenshot {
     /// Reads a binary PPM.
-    pub fn read(bytes: &[u8]) -> Option<Screenshot> {
+    pub(crate) fn read(bytes: &[u8]) -> Option<Screenshot> {
         let mut at = 0;
         let mut words = Vec::new();
         while words.len() < 4 {
@@ -215,13 +215,13 @@ impl Screenshot {
     }
 
     /// Number of pixels with about this color.
-    pub fn count(&self, color: [u8; 3]) -> usize {
+    pub(crate) fn count(&self, color: [u8; 3]) -> usize {
         let near = |p: &[u8]| p.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 2);
         self.rgb.chunks_exact(3).filter(|p| near(p)).count()
     }
 
     /// Bounding rectangle of all pixels of this color: left, top, right, bottom.
-    pub fn bounds(&self, color: [u8; 3]) -> [usize; 4] {
+    pub(crate) fn bounds(&self, color: [u8; 3]) -> [usize; 4] {
         let mut found = [usize::MAX, usize::MAX, 0, 0];
         for (i, p) in self.rgb.chunks_exact(3).enumerate() {
             if p.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 1) {
@@ -233,12 +233,12 @@ impl Screenshot {
     }
 
     /// Whether a pixel has about this color; the device's encoding can differ by one or two steps.
-    pub fn is(&self, x: usize, y: usize, color: [u8; 3]) -> bool {
+    pub(crate) fn is(&self, x: usize, y: usize, color: [u8; 3]) -> bool {
         self.pixel(x, y).iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 3)
     }
 
     /// A bar of the sequencer: the pixel row between two heights with the most pixels of a color, and the first and last such pixel.
-    pub fn bar(&self, color: [u8; 3], [top, bottom]: [usize; 2]) -> Option<(usize, usize, usize)> {
+    pub(crate) fn bar(&self, color: [u8; 3], [top, bottom]: [usize; 2]) -> Option<(usize, usize, usize)> {
         let rows = (top..bottom.min(self.height)).map(|y| {
             // Dark colors can differ by a few steps after the device's encoding.
             let near = |x: &usize| self.pixel(*x, y).iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 8);
@@ -251,13 +251,13 @@ impl Screenshot {
         (count > 8).then_some((first?, last?, y))
     }
 
-    pub fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
+    pub(crate) fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
         let at = (y * self.width + x) * 3;
         [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
     }
 }
 
-pub fn until<T>(what: &str, mut is: impl FnMut() -> Option<T>) -> T {
+pub(crate) fn until<T>(what: &str, mut is: impl FnMut() -> Option<T>) -> T {
     let end = Instant::now() + Duration::from_secs(600);
     loop {
         if let Some(found) = is() {

@@ -5,13 +5,13 @@ use serde_json::Value;
 
 /// Memory in MB, objects and bytes on the device, threads, open files.
 #[derive(Default)]
-pub struct ResourceRecord {
+pub(crate) struct ResourceRecord {
     rows: Vec<[u64; 5]>,
 }
 
 impl ResourceRecord {
     /// Adds a row to the table. `shown`: report about the displayed image of the idle viewer.
-    pub fn note(&mut self, minute: u64, actions: u64, viewer: &ViewerProcess, shown: &Value) {
+    pub(crate) fn note(&mut self, minute: u64, actions: u64, viewer: &ViewerProcess, shown: &Value) {
         if self.rows.is_empty() {
             println!(
                 "| minute | actions | versions | memory MB | on the device: objects, MB | threads | open files |\n\
@@ -35,7 +35,7 @@ impl ResourceRecord {
     }
 
     /// Checks that no number grows like a leak. Hidden or selected objects change the numbers, but a leak grows with each of a thousand versions.
-    pub fn assert_no_growth(&self) {
+    pub(crate) fn assert_no_growth(&self) {
         let (first, second) = self.rows.split_at(self.rows.len().div_ceil(2));
         let most = |rows: &[[u64; 5]], n: usize| rows.iter().map(|row| row[n]).max().unwrap_or(0);
         let least = |rows: &[[u64; 5]], n: usize| rows.iter().map(|row| row[n]).min().unwrap_or(0);

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(600);
 
-pub struct ViewerProcess {
+pub(crate) struct ViewerProcess {
     pub process: Running,
     lines: Receiver<(Instant, Value)>,
     /// Frame times of the window, separate from the other events, since every mouse move causes one.
@@ -18,7 +18,7 @@ pub struct ViewerProcess {
 
 impl ViewerProcess {
     /// `command` without `--event-log`.
-    pub fn start(mut command: Command) -> ViewerProcess {
+    pub(crate) fn start(mut command: Command) -> ViewerProcess {
         let mut child = command.arg("--event-log").stdout(Stdio::piped()).spawn().unwrap();
         let ((to, lines), (to_paints, paints)) = (channel(), channel());
         let from = BufReader::new(child.stdout.take().unwrap());
@@ -40,12 +40,12 @@ impl ViewerProcess {
     }
 
     /// The next line of the event log, with its time of arrival.
-    pub fn next(&self) -> (Instant, Value) {
+    pub(crate) fn next(&self) -> (Instant, Value) {
         self.lines.recv_timeout(PATIENCE).unwrap_or_else(|e| panic!("the viewer reports nothing: {e}"))
     }
 
     /// The next displayed image of this version or a later one.
-    pub fn shown(&self, version: u64) -> (Instant, Value) {
+    pub(crate) fn shown(&self, version: u64) -> (Instant, Value) {
         loop {
             let (when, value) = self.next();
             if value["event"] == "shown" && value["version"].as_u64() >= Some(version) {
@@ -55,7 +55,7 @@ impl ViewerProcess {
     }
 
     /// The next displayed image before a time. `None` if there is none.
-    pub fn shown_before(&self, end: Instant) -> Option<(Instant, Value)> {
+    pub(crate) fn shown_before(&self, end: Instant) -> Option<(Instant, Value)> {
         loop {
             let left = end.checked_duration_since(Instant::now())?;
             let (when, value) = self.lines.recv_timeout(left).ok()?;
@@ -66,7 +66,7 @@ impl ViewerProcess {
     }
 
     /// The next loaded version later than `after`: its number, and whether it is faulty.
-    pub fn version(&self, after: u64) -> (u64, bool) {
+    pub(crate) fn version(&self, after: u64) -> (u64, bool) {
         loop {
             let (_, value) = self.next();
             if let Some(number) =
@@ -78,7 +78,7 @@ impl ViewerProcess {
     }
 
     /// The last displayed image once no event has come for `quiet`. `None` if events continue for more than `most`.
-    pub fn settled(&self, quiet: Duration, most: Duration) -> Option<Option<Value>> {
+    pub(crate) fn settled(&self, quiet: Duration, most: Duration) -> Option<Option<Value>> {
         let end = Instant::now() + most;
         let mut last = None;
         while Instant::now() < end {
@@ -91,7 +91,7 @@ impl ViewerProcess {
     }
 
     /// Waits for five more frames, which shows that playback runs: its rate depends on the machine.
-    pub fn plays(&self) {
+    pub(crate) fn plays(&self) {
         self.meanwhile();
         let mut shown = 0;
         while shown < 5 {
@@ -100,7 +100,7 @@ impl ViewerProcess {
     }
 
     /// Processor time of all threads, seconds (`man proc_pid_stat`, fields 14 and 15).
-    pub fn processor_secs(&self) -> f64 {
+    pub(crate) fn processor_secs(&self) -> f64 {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.process.0.id())).unwrap();
         // The name can contain blanks; it ends at the last parenthesis.
         // 100 ticks a second, on every Linux machine that runs this: `getconf CLK_TCK`.
@@ -108,17 +108,17 @@ impl ViewerProcess {
     }
 
     /// Lines of the event log since the last call.
-    pub fn meanwhile(&self) -> Vec<Value> {
+    pub(crate) fn meanwhile(&self) -> Vec<Value> {
         self.lines.try_iter().map(|(_, value)| value).collect()
     }
 
     /// Frame times of the window since the last call.
-    pub fn painted(&self) -> Vec<Value> {
+    pub(crate) fn painted(&self) -> Vec<Value> {
         self.paints.try_iter().collect()
     }
 
     /// Name and processor time in seconds of each thread.
-    pub fn threads(&self) -> Vec<(String, f64)> {
+    pub(crate) fn threads(&self) -> Vec<(String, f64)> {
         let tasks = std::fs::read_dir(format!("/proc/{}/task", self.process.0.id())).unwrap();
         let stats = tasks.flatten().filter_map(|task| std::fs::read_to_string(task.path().join("stat")).ok());
         stats
@@ -131,14 +131,14 @@ impl ViewerProcess {
     }
 
     /// A value of `/proc/PID/status`: kB, or a count.
-    pub fn status(&self, name: &str) -> u64 {
+    pub(crate) fn status(&self, name: &str) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.process.0.id())).unwrap();
         let line = status.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'));
         line.and_then(|l| l.split_whitespace().next()?.parse().ok()).unwrap_or_else(|| panic!("no {name}"))
     }
 
     /// Number of open files, sockets and pipes.
-    pub fn files(&self) -> usize {
+    pub(crate) fn files(&self) -> usize {
         std::fs::read_dir(format!("/proc/{}/fd", self.process.0.id())).unwrap().count()
     }
 }

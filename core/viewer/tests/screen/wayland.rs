@@ -22,13 +22,13 @@ use wayland_protocols_wlr::virtual_pointer::v1::client::zwlr_virtual_pointer_man
 use wayland_protocols_wlr::virtual_pointer::v1::client::zwlr_virtual_pointer_v1::ZwlrVirtualPointerV1;
 
 /// Size of the only output, in pixels.
-pub const SIZE: [u32; 2] = [1280, 860];
+pub(crate) const SIZE: [u32; 2] = [1280, 860];
 
 /// Codes from `linux/input-event-codes.h`.
 const BTN_LEFT: u32 = 0x110;
 const KEY_LEFTCTRL: u32 = 29;
-pub const KEY_Q: u32 = 16;
-pub const KEY_Z: u32 = 44;
+pub(crate) const KEY_Q: u32 = 16;
+pub(crate) const KEY_Z: u32 = 44;
 /// Bit of the Control modifier in the keymap below.
 const CONTROL: u32 = 1 << 2;
 /// Keymap of a standard keyboard (xkeyboard-config).
@@ -42,7 +42,7 @@ const KEYMAP: &str = r#"xkb_keymap {
 const NOBODY: u32 = 65_534;
 
 /// The compositor sway, whose windows fill the output.
-pub struct Compositor {
+pub(crate) struct Compositor {
     pub server: Running,
     folder: tempfile::TempDir,
     socket: String,
@@ -51,7 +51,7 @@ pub struct Compositor {
 
 impl Compositor {
     /// Starts the compositor. `None`, with a printed reason, if this machine lacks a program for it.
-    pub fn new() -> Option<Compositor> {
+    pub(crate) fn new() -> Option<Compositor> {
         for program in ["sway", "grim"] {
             if !is_program_installed(program) {
                 println!("SKIP 1: {program} is not installed");
@@ -94,25 +94,25 @@ impl Compositor {
     }
 
     /// Restricts the viewer's command to this compositor.
-    pub fn connect<'a>(&self, command: &'a mut Command) -> &'a mut Command {
+    pub(crate) fn connect<'a>(&self, command: &'a mut Command) -> &'a mut Command {
         command.env_remove("DISPLAY").env("XDG_RUNTIME_DIR", self.folder.path());
         command.env("WAYLAND_DISPLAY", &self.socket)
     }
 
     /// Runs a command of sway, such as `output * scale 2`.
-    pub fn run_sway_command(&self, order: &str) {
+    pub(crate) fn run_sway_command(&self, order: &str) {
         let status = self.client("swaymsg").args(["--quiet", "--", order]).status().unwrap();
         assert!(status.success(), "{order}");
     }
 
     /// Whether any window is open.
-    pub fn has_window(&self) -> bool {
+    pub(crate) fn has_window(&self) -> bool {
         let tree = self.client("swaymsg").args(["-t", "get_tree", "--raw"]).output().unwrap().stdout;
         String::from_utf8_lossy(&tree).contains("\"xdg_shell\"")
     }
 
     /// Screenshot of the output.
-    pub fn shot(&self) -> Screenshot {
+    pub(crate) fn shot(&self) -> Screenshot {
         until("an image of the output", || {
             let output = self.client("grim").args(["-t", "ppm", "-"]).output().unwrap();
             Screenshot::read(&output.stdout)
@@ -120,14 +120,14 @@ impl Compositor {
     }
 
     /// Saves a screenshot on request for visual inspection.
-    pub fn save(&self, name: &str) {
+    pub(crate) fn save(&self, name: &str) {
         if let Some(folder) = std::env::var_os("CHOREO_SHOTS") {
             assert!(self.client("grim").arg(Path::new(&folder).join(name)).status().unwrap().success());
         }
     }
 
     /// Creates the input devices; must precede the window, which would miss the first keys of a later keyboard.
-    pub fn create_input_devices(&self) -> InputDevices {
+    pub(crate) fn create_input_devices(&self) -> InputDevices {
         let stream = UnixStream::connect(self.folder.path().join(&self.socket)).unwrap();
         let connection = Connection::from_socket(stream).unwrap();
         let (globals, mut queue) = registry_queue_init::<Nothing>(&connection).unwrap();
@@ -148,7 +148,7 @@ impl Compositor {
 }
 
 /// Virtual mouse of the output (`wlr-virtual-pointer-unstable-v1`) and virtual keyboard (`virtual-keyboard-unstable-v1`).
-pub struct InputDevices {
+pub(crate) struct InputDevices {
     queue: EventQueue<Nothing>,
     pointer: ZwlrVirtualPointerV1,
     keyboard: ZwpVirtualKeyboardV1,
@@ -166,19 +166,19 @@ impl InputDevices {
     }
 
     /// Moves the mouse to a pixel of the output at scale 1.
-    pub fn to(&mut self, x: usize, y: usize) {
+    pub(crate) fn to(&mut self, x: usize, y: usize) {
         self.pointer.motion_absolute(self.milliseconds(), x as u32, y as u32, SIZE[0], SIZE[1]);
         self.sent();
     }
 
-    pub fn button(&mut self, down: bool) {
+    pub(crate) fn button(&mut self, down: bool) {
         let state = if down { ButtonState::Pressed } else { ButtonState::Released };
         self.pointer.button(self.milliseconds(), BTN_LEFT, state);
         self.sent();
     }
 
     /// Presses a key while Ctrl is held.
-    pub fn ctrl(&mut self, key: u32) {
+    pub(crate) fn ctrl(&mut self, key: u32) {
         let time = self.milliseconds();
         self.keyboard.key(time, KEY_LEFTCTRL, 1);
         self.keyboard.modifiers(CONTROL, 0, 0, 0);

@@ -16,7 +16,7 @@ use std::rc::Rc;
 /// Version of the format. Readers of the last eight years know it.
 const VERSION: [u8; 8] = [0, 8, 0, 0, 0, 0, 0, 0];
 /// Bytes of the header.
-pub const HEADER_BYTES: usize = 88;
+pub(crate) const HEADER_BYTES: usize = 88;
 
 const IS_ARRAY: u64 = 1 << 63;
 const IS_INLINED: u64 = 1 << 62;
@@ -52,7 +52,7 @@ fn header(tables_at: u64) -> [u8; HEADER_BYTES] {
 }
 
 /// Writes everything after the header, and returns the header.
-pub fn write_body(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEADER_BYTES]> {
+pub(crate) fn write_body(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEADER_BYTES]> {
     let mut writer = Writer {
         out,
         tokens: Table::default(),

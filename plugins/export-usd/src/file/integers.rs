@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 /// Codes the differences between neighboring integers: the most frequent one needs only its 2-bit code, every other one 1, 2 or 4
 /// bytes more.
-pub fn encode_differences(list: &[i32]) -> Vec<u8> {
+pub(super) fn encode_differences(list: &[i32]) -> Vec<u8> {
     if list.is_empty() {
         return Vec::new();
     }
@@ -41,7 +41,7 @@ pub fn encode_differences(list: &[i32]) -> Vec<u8> {
 }
 
 /// Compresses bytes as a single LZ4 chunk. The leading 0 means that no further chunks follow.
-pub fn compress(bytes: &[u8]) -> Vec<u8> {
+pub(super) fn compress(bytes: &[u8]) -> Vec<u8> {
     let mut out = vec![0];
     out.extend(lz4_flex::block::compress(bytes));
     out

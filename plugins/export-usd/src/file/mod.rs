@@ -1,10 +1,10 @@
 //! Layers as files: text (`.usda`), crate files (`.usdc`), and packages of both (`.usdz`).
 
-pub mod binary;
+pub(crate) mod binary;
 mod integers;
 mod out;
 mod paths;
-pub mod text;
-pub mod zip;
+pub(crate) mod text;
+pub(crate) mod zip;
 
-pub use out::Out;
+pub(crate) use out::Out;

@@ -5,7 +5,7 @@ use std::io::{Result, Write};
 /// Bytes that are collected before they are written.
 const CHUNK_BYTES: usize = 1 << 16;
 
-pub struct Out<'w> {
+pub(crate) struct Out<'w> {
     file: &'w mut dyn Write,
     position: u64,
     /// The position in the output at which the current file of a package begins.
@@ -16,13 +16,13 @@ pub struct Out<'w> {
 }
 
 impl<'w> Out<'w> {
-    pub fn file(file: &'w mut dyn Write) -> Out<'w> {
+    pub(crate) fn file(file: &'w mut dyn Write) -> Out<'w> {
         Out { file, position: 0, origin: 0, sum: None, pending: Vec::with_capacity(2 * CHUNK_BYTES) }
     }
 
     /// Bytes written so far, counted from the start of the current file of a package, or of the whole output where none has
     /// begun.
-    pub fn position(&self) -> u64 {
+    pub(crate) fn position(&self) -> u64 {
         self.position - self.origin
     }
 
@@ -49,7 +49,7 @@ impl<'w> Out<'w> {
         Ok(self.sum.take().unwrap_or_default())
     }
 
-    pub fn put(&mut self, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.position += bytes.len() as u64;
         self.pending.extend_from_slice(bytes);
         if self.pending.len() >= CHUNK_BYTES { self.send() } else { Ok(()) }
@@ -65,7 +65,7 @@ impl<'w> Out<'w> {
     }
 
     /// Writes the pending bytes and flushes the output.
-    pub fn finish(mut self) -> Result<()> {
+    pub(crate) fn finish(mut self) -> Result<()> {
         self.send()?;
         self.file.flush()
     }

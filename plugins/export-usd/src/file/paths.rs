@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-pub struct Paths {
+pub(super) struct Paths {
     nodes: Vec<Node>,
 }
 
@@ -15,7 +15,7 @@ struct Node {
 
 /// The three parallel lists of the PATHS section.
 #[derive(Default)]
-pub struct Encoded {
+pub(super) struct Encoded {
     pub indices: Vec<i32>,
     pub tokens: Vec<i32>,
     pub jumps: Vec<i32>,
@@ -23,15 +23,15 @@ pub struct Encoded {
 
 impl Paths {
     /// A tree that holds only the root, whose index is 0.
-    pub fn new() -> Paths {
+    pub(super) fn new() -> Paths {
         Paths { nodes: vec![Node { token: 0, is_property: false, children: BTreeMap::new() }] }
     }
 
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    pub fn child_index(&mut self, parent: u32, token: u32, is_property: bool) -> u32 {
+    pub(super) fn child_index(&mut self, parent: u32, token: u32, is_property: bool) -> u32 {
         let next = self.nodes.len() as u32;
         let index = *self.nodes[parent as usize].children.entry((is_property, token)).or_insert(next);
         if index == next {
@@ -41,7 +41,7 @@ impl Paths {
     }
 
     /// Index of an absolute path, `/a/b` or `/a/b.c`. Adds the path where the tree does not have it yet.
-    pub fn index_of(&mut self, path: &str, mut token: impl FnMut(&str) -> u32) -> u32 {
+    pub(super) fn index_of(&mut self, path: &str, mut token: impl FnMut(&str) -> u32) -> u32 {
         let (prim, property) = match path.split_once('.') {
             Some((prim, property)) => (prim, Some(property)),
             None => (path, None),
@@ -54,7 +54,7 @@ impl Paths {
     }
 
     /// Lists the tree depth first.
-    pub fn encode_tree(&self) -> Encoded {
+    pub(super) fn encode_tree(&self) -> Encoded {
         let mut out = Encoded::default();
         self.encode(0, false, &mut out);
         out

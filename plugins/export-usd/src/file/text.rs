@@ -10,7 +10,7 @@ use std::io::Result;
 /// Bytes of text that are collected before they are written.
 const CHUNK_BYTES: usize = 1 << 14;
 
-pub fn write(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<()> {
+pub(crate) fn write(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<()> {
     let mut text = Text { out, line: String::new() };
     text.write_header(layer);
     for prim in &layer.prims {

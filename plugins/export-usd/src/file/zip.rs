@@ -5,7 +5,7 @@ use choreo_plugin::ExportError;
 
 /// Checksum and length of a file, as its header in the archive states them.
 #[derive(Clone, Copy, Default)]
-pub struct Contents {
+pub(crate) struct Contents {
     /// CRC-32.
     pub checksum: u32,
     pub length: u64,
@@ -28,7 +28,7 @@ const DATE: u16 = 1 << 5 | 1;
 const CHECKSUM_OFFSET: u64 = 14;
 
 #[derive(Default)]
-pub struct Archive {
+pub(crate) struct Archive {
     entries: Vec<Entry>,
 }
 
@@ -37,7 +37,12 @@ impl Archive {
     ///
     /// # Errors
     /// The archive would exceed 4 GiB or 65,535 files.
-    pub fn begin(&mut self, out: &mut Out<'_>, name: String, contents: Contents) -> Result<(), ExportError> {
+    pub(crate) fn begin(
+        &mut self,
+        out: &mut Out<'_>,
+        name: String,
+        contents: Contents,
+    ) -> Result<(), ExportError> {
         let at = out.position();
         let entry = Entry { name, contents, at };
         entry.check_length(contents.length)?;
@@ -66,7 +71,7 @@ impl Archive {
     ///
     /// # Errors
     /// The archive would exceed 4 GiB.
-    pub fn end(&mut self, contents: Contents) -> Result<(u64, Vec<u8>), ExportError> {
+    pub(crate) fn end(&mut self, contents: Contents) -> Result<(u64, Vec<u8>), ExportError> {
         let Some(entry) = self.entries.last_mut() else { return Ok((0, Vec::new())) };
         entry.check_length(contents.length)?;
         entry.contents = contents;
@@ -74,7 +79,7 @@ impl Archive {
     }
 
     /// Writes the central directory of the archive.
-    pub fn finish(self, out: &mut Out<'_>) -> Result<(), ExportError> {
+    pub(crate) fn finish(self, out: &mut Out<'_>) -> Result<(), ExportError> {
         let from = out.position();
         for entry in &self.entries {
             out.put(b"PK\x01\x02\x0a\x00")?;

@@ -3,24 +3,24 @@
 use glam::{DMat3, DVec3};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fault {
+pub(crate) enum Fault {
     OppositeOrder,
     PositionAddsToOffset,
 }
 
-pub struct Joint {
+pub(crate) struct Joint {
     parent: Option<usize>,
     offset: DVec3,
     channels: Vec<String>,
 }
 
-pub struct Oracle {
+pub(crate) struct Oracle {
     pub joints: Vec<Joint>,
     pub frames: Vec<Vec<f64>>,
 }
 
 impl Oracle {
-    pub fn read(text: &str) -> Oracle {
+    pub(crate) fn read(text: &str) -> Oracle {
         let (head, motion) = text.split_once("MOTION").unwrap();
         let mut joints: Vec<Joint> = Vec::new();
         let mut stack: Vec<usize> = Vec::new();
@@ -47,7 +47,7 @@ impl Oracle {
     }
 
     /// Greatest extent at rest.
-    pub fn size(&self) -> f64 {
+    pub(crate) fn size(&self) -> f64 {
         let mut at: Vec<DVec3> = Vec::new();
         for j in &self.joints {
             at.push(j.offset + j.parent.map_or(DVec3::ZERO, |p| at[p]));
@@ -58,7 +58,7 @@ impl Oracle {
     }
 
     /// Joint positions in the file's units, interpolated by `part` from a frame to the next.
-    pub fn positions(&self, frame: usize, part: f64, fault: Option<Fault>) -> Vec<DVec3> {
+    pub(crate) fn positions(&self, frame: usize, part: f64, fault: Option<Fault>) -> Vec<DVec3> {
         let a = self.locals(frame, fault);
         let b = if part > 0.0 { self.locals(frame + 1, fault) } else { a.clone() };
         let mut world: Vec<(DMat3, DVec3)> = Vec::new();

@@ -14,7 +14,7 @@ const ONLY_CLIPS: ImportScope =
     ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
 
 #[derive(Clone, Copy, Debug, Default)]
-pub struct LargestErrors {
+pub(super) struct LargestErrors {
     /// Metres, of any node in its parent's space.
     pub translation: f64,
     pub degrees: f64,
@@ -29,7 +29,7 @@ const MAX_METRES: f64 = 1e-4;
 
 /// A tolerance in degrees, or keys a second.
 #[derive(Clone, Copy)]
-pub enum Sampling {
+pub(super) enum Sampling {
     Within(f64),
     Rate(f64),
 }
@@ -45,7 +45,12 @@ fn import_clips(bytes: &[u8], sampling: Sampling) -> Asset {
 }
 
 /// Compares clips with ufbx at `samples` evenly spaced times, which fall between keys. `delay_secs` is a planted fault.
-pub fn largest_errors(bytes: &[u8], sampling: Sampling, samples: usize, delay_secs: f64) -> LargestErrors {
+pub(super) fn largest_errors(
+    bytes: &[u8],
+    sampling: Sampling,
+    samples: usize,
+    delay_secs: f64,
+) -> LargestErrors {
     let asset = import_clips(bytes, sampling);
     let scene = load::load(bytes, ONLY_CLIPS, &Companions::none()).unwrap();
     let mut errors = LargestErrors::default();

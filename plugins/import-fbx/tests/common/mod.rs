@@ -2,14 +2,14 @@
 #![allow(dead_code, unused_imports)]
 
 use choreo_asset::Asset;
-pub use choreo_importer_kit_testing::{assets, source};
+pub(crate) use choreo_importer_kit_testing::{assets, source};
 use choreo_motion::{Clip, LocalToModel, Pose, Sample, Time};
 use glam::{Affine3A, DAffine3, DVec3};
 use import_fbx::FbxImporter;
 use std::path::{Path, PathBuf};
 
 /// Every FBX of the folder, in order.
-pub fn all_files(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn all_files(folder: &Path) -> Vec<PathBuf> {
     let mut out = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
     while let Some(folder) = folders.pop() {
@@ -27,16 +27,16 @@ pub fn all_files(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The project's own sample, for where no others are.
-pub fn own() -> Vec<u8> {
+pub(crate) fn own() -> Vec<u8> {
     std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/flag.fbx")).unwrap()
 }
 
-pub fn import_path(path: &Path) -> Asset {
+pub(crate) fn import_path(path: &Path) -> Asset {
     choreo_importer_kit_testing::import_path(&FbxImporter, path).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Joints in model space and morph weights at a time of a clip.
-pub fn pose(asset: &Asset, clip: Option<(&Clip, f64)>) -> (Vec<Affine3A>, Vec<Vec<f32>>) {
+pub(crate) fn pose(asset: &Asset, clip: Option<(&Clip, f64)>) -> (Vec<Affine3A>, Vec<Vec<f32>>) {
     let mut pose = Pose::rest(&asset.skeleton);
     let mut weights: Vec<Vec<f32>> = asset.instances.iter().map(|i| i.weights.clone()).collect();
     if let Some((clip, secs)) = clip {
@@ -52,18 +52,18 @@ pub fn pose(asset: &Asset, clip: Option<(&Clip, f64)>) -> (Vec<Affine3A>, Vec<Ve
 }
 
 /// All vertices of an asset, posed, in metres.
-pub fn posed_vertices(asset: &Asset, clip: Option<(&Clip, f64)>) -> Vec<DVec3> {
+pub(crate) fn posed_vertices(asset: &Asset, clip: Option<(&Clip, f64)>) -> Vec<DVec3> {
     let (model, weights) = pose(asset, clip);
     let posed = choreo_asset::posed_meshes_in(asset, &model, &weights, DAffine3::IDENTITY);
     posed.iter().flat_map(|i| &i.primitives).flat_map(|p| p.positions.iter().copied()).collect()
 }
 
-pub fn rest_box(asset: &Asset) -> (DVec3, DVec3) {
+pub(crate) fn rest_box(asset: &Asset) -> (DVec3, DVec3) {
     let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     posed_vertices(asset, None).iter().fold(none, |(a, b), p| (a.min(*p), b.max(*p)))
 }
 
-pub fn triangles(asset: &Asset) -> usize {
+pub(crate) fn triangles(asset: &Asset) -> usize {
     let meshes = asset.instances.iter().map(|i| &asset.meshes[i.mesh as usize]);
     meshes.flat_map(|m| &m.primitives).map(|p| p.indices.len() / 3).sum()
 }

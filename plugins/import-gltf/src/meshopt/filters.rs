@@ -2,7 +2,7 @@
 
 use super::Filter;
 
-pub fn apply(filter: Filter, stride: usize, bytes: &mut [u8]) {
+pub(super) fn apply(filter: Filter, stride: usize, bytes: &mut [u8]) {
     match (filter, stride) {
         (Filter::None, _) => {}
         (Filter::Octahedral, 4) => {

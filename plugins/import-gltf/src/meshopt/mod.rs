@@ -10,7 +10,7 @@ use crate::problem::Result;
 
 /// `mode` of the extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
+pub(crate) enum Mode {
     Attributes,
     Triangles,
     Indices,
@@ -18,7 +18,7 @@ pub enum Mode {
 
 /// `filter` of the extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Filter {
+pub(crate) enum Filter {
     None,
     Octahedral,
     Quaternion,
@@ -29,7 +29,7 @@ pub enum Filter {
 
 /// Compression parameters of one view, from its JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Packed {
+pub(crate) struct Packed {
     pub mode: Mode,
     pub filter: Filter,
     /// Number of elements: vertices or indices.
@@ -40,7 +40,7 @@ pub struct Packed {
 
 impl Packed {
     /// Checks the specification's rules for count and stride. The error text states the problem.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let Packed { mode, filter, count, stride } = *self;
         let strides = |allowed: bool, text: &str| match allowed {
             true => Ok(()),
@@ -71,12 +71,12 @@ impl Packed {
     }
 
     /// Decompressed size in bytes. Call [`Packed::check`] first.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         (self.count as u64).saturating_mul(self.stride as u64)
     }
 
     /// The fewest bytes that can encode this many elements. A false count is found before anything is allocated.
-    pub fn min_encoded_bytes(&self) -> u64 {
+    pub(crate) fn min_encoded_bytes(&self) -> u64 {
         let (count, stride) = (self.count as u64, self.stride as u64);
         match self.mode {
             Mode::Attributes => {
@@ -92,7 +92,7 @@ impl Packed {
     }
 
     /// Decompresses. [`Packed::check`] must have passed. Fails where bytes of `data` are left over.
-    pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>> {
+    pub(crate) fn unpack(&self, data: &[u8]) -> Result<Vec<u8>> {
         let Packed { mode, filter, count, stride } = *self;
         if (data.len() as u64) < self.min_encoded_bytes() {
             let (least, length) = (self.min_encoded_bytes(), data.len());

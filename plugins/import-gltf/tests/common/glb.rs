@@ -1,7 +1,7 @@
 //! Binary glTF files.
 
 /// A GLB of these two chunks.
-pub fn glb_of(json: &serde_json::Value, bin: &[u8]) -> Vec<u8> {
+pub(crate) fn glb_of(json: &serde_json::Value, bin: &[u8]) -> Vec<u8> {
     let mut text = serde_json::to_vec(json).unwrap();
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut out = b"glTF".to_vec();

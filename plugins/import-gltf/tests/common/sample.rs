@@ -3,21 +3,21 @@
 use serde_json::{Value, json};
 
 /// Byte offsets of the parts of the binary chunk.
-pub const POSITIONS: usize = 0;
-pub const INDICES: usize = 36;
-pub const TIMES: usize = 44;
-pub const ROTATIONS: usize = 56;
-pub const JOINTS: usize = 104;
-pub const WEIGHTS: usize = 116;
-pub const BINDS: usize = 164;
-pub const MORPH: usize = 292;
-pub const LENGTH: usize = 328;
+pub(crate) const POSITIONS: usize = 0;
+pub(crate) const INDICES: usize = 36;
+pub(crate) const TIMES: usize = 44;
+pub(crate) const ROTATIONS: usize = 56;
+pub(crate) const JOINTS: usize = 104;
+pub(crate) const WEIGHTS: usize = 116;
+pub(crate) const BINDS: usize = 164;
+pub(crate) const MORPH: usize = 292;
+pub(crate) const LENGTH: usize = 328;
 
 fn floats(out: &mut Vec<u8>, values: &[f32]) {
     values.iter().for_each(|v| out.extend(v.to_le_bytes()));
 }
 
-pub fn sample() -> (Value, Vec<u8>) {
+pub(crate) fn sample() -> (Value, Vec<u8>) {
     let mut bin = Vec::new();
     floats(&mut bin, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
     bin.extend([0, 0, 1, 0, 2, 0, 0, 0]);

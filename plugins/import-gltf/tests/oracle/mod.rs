@@ -5,7 +5,7 @@ use glam::{DMat4, DQuat, DVec3, DVec4};
 use serde_json::Value;
 use std::path::Path;
 
-pub struct Oracle {
+pub(crate) struct Oracle {
     pub json: Value,
     buffers: Vec<Vec<u8>>,
     /// Nodes of the default scene, each before its children, as they are listed.
@@ -17,7 +17,7 @@ pub struct Oracle {
 
 /// A deliberate mistake, to show that a comparison would see one.
 #[derive(Clone, Copy)]
-pub enum Fault {
+pub(crate) enum Fault {
     /// The x of one node's animated rotations has the other sign.
     Sign { node: usize },
     /// One node is moved by this much, in its parent's units.
@@ -42,7 +42,7 @@ enum Local {
 }
 
 impl Oracle {
-    pub fn open(path: &Path) -> Oracle {
+    pub(crate) fn open(path: &Path) -> Oracle {
         let bytes = std::fs::read(path).unwrap();
         let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
         let (json, bin): (Value, Vec<u8>) = if bytes.starts_with(b"glTF") {
@@ -95,7 +95,7 @@ impl Oracle {
     }
 
     /// All components of an accessor, sparse ones replaced.
-    pub fn accessor(&self, at: usize, normalized: bool) -> Vec<f64> {
+    pub(crate) fn accessor(&self, at: usize, normalized: bool) -> Vec<f64> {
         let a = &self.json["accessors"][at];
         let width = match a["type"].as_str().unwrap() {
             "SCALAR" => 1,
@@ -161,12 +161,12 @@ impl Oracle {
         out
     }
 
-    pub fn clips(&self) -> usize {
+    pub(crate) fn clips(&self) -> usize {
         self.channels.len()
     }
 
     /// Key times of all channels of a clip; those of STEP channels also apart, where values jump.
-    pub fn key_times(&self, clip: usize) -> (Vec<f64>, Vec<f64>) {
+    pub(crate) fn key_times(&self, clip: usize) -> (Vec<f64>, Vec<f64>) {
         let times = |step: bool| {
             let of = self.channels[clip].iter().filter(move |c| !step || c.interpolation == "STEP");
             of.flat_map(|c| c.times.iter().copied()).collect()
@@ -175,7 +175,7 @@ impl Oracle {
     }
 
     /// world-from-node of every node, and the animated morph weights, at a time of a clip (`None`: at rest).
-    pub fn pose(&self, clip: Option<usize>, secs: f64) -> (Vec<DMat4>, Vec<(usize, Vec<f64>)>) {
+    pub(crate) fn pose(&self, clip: Option<usize>, secs: f64) -> (Vec<DMat4>, Vec<(usize, Vec<f64>)>) {
         let secs = if let Some(Fault::Late { secs: late }) = self.fault { secs - late } else { secs };
         let nodes = list(&self.json, "nodes");
         let mut locals: Vec<Local> = nodes.iter().map(rest).collect();
@@ -213,7 +213,7 @@ impl Oracle {
     }
 
     /// World positions of the vertices of a node's mesh, one list per primitive: §3.7.2.2 (morph), §3.7.3.3 (skin).
-    pub fn vertices(&self, node: usize, world: &[DMat4], weights: &[f64]) -> Vec<Vec<DVec3>> {
+    pub(crate) fn vertices(&self, node: usize, world: &[DMat4], weights: &[f64]) -> Vec<Vec<DVec3>> {
         let node_json = &self.json["nodes"][node];
         let mesh = &self.json["meshes"][index(&node_json["mesh"])];
         let matrices = node_json["skin"].as_u64().map(|skin| {
@@ -352,11 +352,11 @@ fn list_depth_first(nodes: &[Value], node: usize, order: &mut Vec<usize>) {
     list(&nodes[node], "children").iter().for_each(|c| list_depth_first(nodes, index(c), order));
 }
 
-pub fn list<'a>(value: &'a Value, name: &str) -> &'a [Value] {
+pub(crate) fn list<'a>(value: &'a Value, name: &str) -> &'a [Value] {
     value.get(name).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
 
-pub fn index(value: &Value) -> usize {
+pub(crate) fn index(value: &Value) -> usize {
     value.as_u64().unwrap() as usize
 }
 

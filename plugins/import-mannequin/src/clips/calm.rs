@@ -5,7 +5,7 @@ use crate::pose::{Pose, turn};
 use glam::vec3;
 
 /// Two breaths and one weight shift in six seconds.
-pub fn idle(t: f32) -> Pose {
+pub(super) fn idle(t: f32) -> Pose {
     let mut pose = Pose::default();
     let phase = t / 6.0;
     let breath = 0.5 - 0.5 * cos(2.0 * phase);

@@ -147,7 +147,7 @@ fn feet(beat: f32, spot: f32, weight: f32) -> [Foot; 2] {
 }
 
 /// A spin: winds up, turns once on the left ball, and ends in a pose.
-pub fn spin(t: f32) -> Pose {
+pub(super) fn spin(t: f32) -> Pose {
     let mut pose = Pose::default();
     let facing = keys(t, &[(0.52, 0.0), (0.72, 50.0), (1.30, 322.0), (1.56, 360.0)]);
     pose.facing = facing;

@@ -7,7 +7,7 @@ use crate::keys::{cos, cycle, ease, hermite, sin};
 use crate::pose::{Foot, Pose, turn};
 use glam::vec3;
 
-pub struct Gait {
+pub(super) struct Gait {
     /// Duration of a full cycle of two steps, seconds.
     pub period: f32,
     /// Speed of the floor, metres a second.
@@ -25,7 +25,7 @@ pub struct Gait {
     carry: f32,
 }
 
-pub const WALK: Gait = Gait {
+pub(super) const WALK: Gait = Gait {
     period: 1.0,
     speed: 1.2,
     stance: 0.62,
@@ -76,7 +76,7 @@ impl Gait {
 }
 
 /// A walk, with the left heel strike at 0.
-pub fn walk(t: f32) -> Pose {
+pub(super) fn walk(t: f32) -> Pose {
     let p = t / WALK.period;
     let mut pose = Pose { feet: WALK.feet(p), ..Pose::default() };
     pose.hips = vec3(0.020 * cos(p - 0.30), -0.030 + 0.017 * cos(2.0 * (p - 0.30)), 0.006 * sin(2.0 * p));
@@ -98,7 +98,7 @@ pub fn walk(t: f32) -> Pose {
     pose
 }
 
-pub fn run(t: f32) -> Pose {
+pub(super) fn run(t: f32) -> Pose {
     let p = t / RUN.period;
     let mut pose = Pose { feet: RUN.feet(p), ..Pose::default() };
     pose.hips = vec3(0.012 * cos(p - 0.18), -0.030 - 0.036 * cos(2.0 * (p - 0.16)), 0.01 * sin(2.0 * p));

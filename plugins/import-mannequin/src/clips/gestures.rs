@@ -5,7 +5,7 @@ use crate::pose::{Pose, turn};
 use glam::vec3;
 
 /// Three waves of the right hand, with a reaction of the body.
-pub fn wave(t: f32) -> Pose {
+pub(super) fn wave(t: f32) -> Pose {
     let mut pose = Pose::default();
     // The body moves first, then the arm, then the hand.
     let body = keys(t, &[(0.0, 0.0), (0.45, 1.0), (2.15, 1.0), (2.85, 0.0)]);
@@ -34,7 +34,7 @@ pub fn wave(t: f32) -> Pose {
 }
 
 /// The right hand comes in front of the body, the left opens to the side, and the body folds at the hips.
-pub fn bow(t: f32) -> Pose {
+pub(super) fn bow(t: f32) -> Pose {
     let mut pose = Pose::default();
     let down = keys(t, &[(0.15, 0.0), (0.35, -0.06), (1.25, 1.0), (1.95, 1.0), (2.95, -0.02), (3.35, 0.0)]);
     let head = keys(t, &[(0.2, 0.0), (1.15, 1.0), (2.1, 1.05), (3.2, 0.0)]);
@@ -66,7 +66,7 @@ const TAKEOFF_SECS: f32 = 0.62;
 const LANDING_SECS: f32 = 1.12;
 
 /// A crouch, half a second in the air (30 cm high, by gravity), and a soft landing.
-pub fn jump(t: f32) -> Pose {
+pub(super) fn jump(t: f32) -> Pose {
     let mut pose = Pose::default();
     let air = t.clamp(TAKEOFF_SECS, LANDING_SECS) - TAKEOFF_SECS;
     let flight = 0.5 * 9.81 * air * (LANDING_SECS - TAKEOFF_SECS - air);

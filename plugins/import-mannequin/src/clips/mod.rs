@@ -12,7 +12,7 @@ use glam::Quat;
 use std::sync::Arc;
 
 /// A looping movement: its last pose equals its first.
-pub struct Movement {
+pub(crate) struct Movement {
     pub name: &'static str,
     pub duration_secs: f32,
     pub pose: fn(f32) -> Pose,
@@ -20,7 +20,7 @@ pub struct Movement {
 
 pub(crate) const KEYS_PER_SECOND: f32 = 30.0;
 
-pub fn movements() -> Vec<Movement> {
+pub(crate) fn movements() -> Vec<Movement> {
     let at = |name, duration_secs, pose| Movement { name, duration_secs, pose };
     vec![
         at("Idle", 6.0, calm::idle),
@@ -47,7 +47,7 @@ fn curve(joint: usize, path: Path, times: &Arc<[Time]>, keys: Vec<Vec<f32>>) -> 
     }
 }
 
-pub fn clip(movement: &Movement, joints: &[Joint], scale: f32) -> Result<Clip, ClipError> {
+pub(crate) fn clip(movement: &Movement, joints: &[Joint], scale: f32) -> Result<Clip, ClipError> {
     let intervals = (movement.duration_secs * KEYS_PER_SECOND).round() as usize;
     let mut times = Vec::new();
     let mut hips = Vec::new();

@@ -16,11 +16,11 @@ impl Files for NoFiles {
     }
 }
 
-pub fn source() -> Source {
+pub(crate) fn source() -> Source {
     Source { name: SOURCE_NAME.into(), bytes: Arc::default() }
 }
 
-pub fn import_with(options: &[(&str, OptionValue)], needs: ImportScope) -> Result<Asset, ImportError> {
+pub(crate) fn import_with(options: &[(&str, OptionValue)], needs: ImportScope) -> Result<Asset, ImportError> {
     let options = ImportOptions(options.iter().map(|(k, v)| (k.to_string(), v.clone())).collect());
     let options = Mannequin.manifest().complete(&options).map_err(|e| ImportError {
         file: SOURCE_NAME.into(),
@@ -31,17 +31,17 @@ pub fn import_with(options: &[(&str, OptionValue)], needs: ImportScope) -> Resul
     Mannequin.import(&source(), &NoFiles, needs, &options)
 }
 
-pub fn import() -> Asset {
+pub(crate) fn import() -> Asset {
     import_with(&[], ImportScope::ALL).expect("the figure is made without options")
 }
 
-pub fn pose_at(asset: &Asset, clip: &Clip, secs: f64) -> Pose {
+pub(crate) fn pose_at(asset: &Asset, clip: &Clip, secs: f64) -> Pose {
     let mut pose = Pose::rest(&asset.skeleton);
     Sample { clip, time: Time::from_secs(secs), pose: &mut pose }.run();
     pose
 }
 
-pub fn joints_at(asset: &Asset, clip: &Clip, secs: f64) -> Vec<Affine3A> {
+pub(crate) fn joints_at(asset: &Asset, clip: &Clip, secs: f64) -> Vec<Affine3A> {
     let pose = pose_at(asset, clip, secs);
     let mut model_from_joint = vec![Affine3A::IDENTITY; asset.skeleton.len()];
     LocalToModel { skeleton: &asset.skeleton, pose: &pose, model_from_joint: &mut model_from_joint }.run();
@@ -49,7 +49,7 @@ pub fn joints_at(asset: &Asset, clip: &Clip, secs: f64) -> Vec<Affine3A> {
 }
 
 /// Every vertex in model space.
-pub fn vertices_at(asset: &Asset, clip: &Clip, secs: f64) -> Vec<DVec3> {
+pub(crate) fn vertices_at(asset: &Asset, clip: &Clip, secs: f64) -> Vec<DVec3> {
     let posed = posed_meshes_in(asset, &joints_at(asset, clip, secs), &[], DAffine3::IDENTITY);
     posed.into_iter().flat_map(|i| i.primitives).flat_map(|p| p.positions).collect()
 }

@@ -4,17 +4,17 @@
 #[path = "../../../import-gltf/tests/common/glb.rs"]
 mod glb;
 
-pub use glb::glb_of;
+pub(crate) use glb::glb_of;
 use serde_json::{Value, json};
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Version {
+pub(crate) enum Version {
     V0,
     V1,
 }
 
 /// Nodes by name; their order is the file's.
-pub const NODES: [&str; 13] = [
+pub(crate) const NODES: [&str; 13] = [
     "hips",
     "spine",
     "head",
@@ -30,11 +30,11 @@ pub const NODES: [&str; 13] = [
     "left eye",
 ];
 
-pub fn node(name: &str) -> usize {
+pub(crate) fn node(name: &str) -> usize {
     NODES.iter().position(|n| *n == name).unwrap()
 }
 
-pub fn floats(out: &mut Vec<u8>, values: &[f32]) {
+pub(crate) fn floats(out: &mut Vec<u8>, values: &[f32]) {
     values.iter().for_each(|v| out.extend(v.to_le_bytes()));
 }
 
@@ -52,7 +52,7 @@ fn views(lengths: &[usize]) -> Vec<Value> {
 }
 
 /// The character as JSON and binary chunk. In 1.0 it looks along +Z, in 0.x along −Z: the same body, turned.
-pub fn character(version: Version) -> (Value, Vec<u8>) {
+pub(crate) fn character(version: Version) -> (Value, Vec<u8>) {
     let s: f32 = if version == Version::V1 { 1.0 } else { -1.0 };
     let at = |x: f32, y: f32, z: f32| json!([s * x, y, s * z]);
     let mut bin = Vec::new();
@@ -180,13 +180,13 @@ fn v0() -> Value {
     } })
 }
 
-pub fn glb(version: Version) -> Vec<u8> {
+pub(crate) fn glb(version: Version) -> Vec<u8> {
     let (json, bin) = character(version);
     glb_of(&json, &bin)
 }
 
 /// The character with its JSON changed.
-pub fn edited(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<u8> {
+pub(crate) fn edited(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<u8> {
     let (mut json, bin) = character(version);
     edit(&mut json);
     glb_of(&json, &bin)
@@ -194,7 +194,7 @@ pub fn edited(version: Version, edit: impl FnOnce(&mut Value)) -> Vec<u8> {
 
 /// The human bones of the character nod by 60° and rise by half a hip's height, on a rig that rests in other axes: the head's x
 /// axis points forward. `happy` comes in.
-pub fn animation() -> (Value, Vec<u8>) {
+pub(crate) fn animation() -> (Value, Vec<u8>) {
     let mut bin = Vec::new();
     floats(&mut bin, &[0.0, 1.0]);
     // The head rests turned by −90° about y: its x axis points forward (+Z), its z axis to −X. Left is −z.

@@ -29,7 +29,7 @@ const EXPECTED: [&str; 13] = [
 ];
 
 /// Unpacks the archive and runs its programs.
-pub fn archive(file: &Path, name: &str) -> Result<(), String> {
+pub(super) fn archive(file: &Path, name: &str) -> Result<(), String> {
     let root = folder().join("check");
     std::fs::create_dir_all(&root).map_err(|e| format!("{}: {e}", root.display()))?;
     output(Command::new("tar").arg("-xf").arg(file).arg("-C").arg(&root))?;
@@ -46,7 +46,7 @@ pub fn archive(file: &Path, name: &str) -> Result<(), String> {
 }
 
 /// Installs the package with dpkg, and runs its programs under chroot.
-pub fn debian(file: &Path) -> Result<(), String> {
+pub(super) fn debian(file: &Path) -> Result<(), String> {
     let root = folder().join("check");
     for empty in ["var/lib/dpkg/info", "var/lib/dpkg/updates", "tmp"] {
         std::fs::create_dir_all(root.join(empty)).map_err(|e| format!("{}: {e}", root.display()))?;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const NAMES: [&str; 5] = ["license", "licence", "copying", "copyright", "notice"];
 
 /// Writes `CRATE-VERSION/LICENSE…` for each crate, and a list of the crates without a text.
-pub fn write(to: &Path) -> Result<(), String> {
+pub(super) fn write(to: &Path) -> Result<(), String> {
     let packages = packages()?;
     let mut without = String::new();
     for package in all(&packages).values() {

@@ -16,7 +16,7 @@ fn folder() -> PathBuf {
     root().join("target/dist")
 }
 
-pub fn dist(args: &[&str]) -> Result<(), String> {
+pub(crate) fn dist(args: &[&str]) -> Result<(), String> {
     let (checks, programs) = match args {
         [] => (false, None),
         ["--check"] => (true, None),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Paths of built programs.
-pub struct Built {
+pub(super) struct Built {
     choreo: PathBuf,
     view: PathBuf,
     manuals: PathBuf,
@@ -15,7 +15,7 @@ pub struct Built {
 
 impl Built {
     /// All programs are built by one call: a second call, with other features of clap, would build them again.
-    pub fn release() -> Result<Built, String> {
+    pub(super) fn release() -> Result<Built, String> {
         let args = ["build", "--release", "--quiet", "-p", "choreo", "-p", "choreo-viewer"];
         let mut build = cargo(&args);
         build.args(["-p", "manuals", "-p", "guide"]);
@@ -25,7 +25,7 @@ impl Built {
         Built::in_folder(&target.join("release"))
     }
 
-    pub fn in_folder(folder: &Path) -> Result<Built, String> {
+    pub(super) fn in_folder(folder: &Path) -> Result<Built, String> {
         let program = |name: &str| {
             let file = folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
             if file.is_file() { Ok(file) } else { Err(format!("{}: does not exist", file.display())) }
@@ -46,7 +46,7 @@ const TEXTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE", "THIRD-PARTY.m
 const ICONS: [u32; 3] = [48, 128, 256];
 
 /// Writes the file tree below a folder that does not exist yet.
-pub fn write(built: &Built, to: &Path) -> Result<(), String> {
+pub(super) fn write(built: &Built, to: &Path) -> Result<(), String> {
     let (bin, share) = (to.join("bin"), to.join("share"));
     for program in [&built.choreo, &built.view] {
         copy(program, &bin.join(program.file_name().unwrap_or_default()))?;
@@ -113,7 +113,7 @@ fn copy_tracked(folder: &str, is_wanted: impl Fn(&str) -> bool, to: &Path) -> Re
     names.try_for_each(|name| copy(&root().join(folder).join(name), &to.join(name)))
 }
 
-pub fn copy(from: &Path, to: &Path) -> Result<(), String> {
+pub(super) fn copy(from: &Path, to: &Path) -> Result<(), String> {
     let folder = to.parent().unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     std::fs::copy(from, to).map(drop).map_err(|e| format!("{}: {e}", from.display()))

@@ -140,7 +140,7 @@ fn listed(root: &Path) -> Result<Vec<String>, String> {
 }
 
 /// Violations in all files of the repository.
-pub fn all_problems(root: &Path) -> Result<Vec<String>, String> {
+pub(crate) fn all_problems(root: &Path) -> Result<Vec<String>, String> {
     let rules = Rule::all();
     let mut found = Vec::new();
     for path in listed(root)? {
@@ -152,7 +152,7 @@ pub fn all_problems(root: &Path) -> Result<Vec<String>, String> {
 }
 
 /// Runs `cargo xtask words`.
-pub fn words() -> Result<(), String> {
+pub(crate) fn words() -> Result<(), String> {
     let found = all_problems(&crate::root())?;
     found.iter().for_each(|problem| println!("{problem}"));
     match found.len() {

@@ -1,7 +1,7 @@
 //! Extraction of the texts in a source file that people read.
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub(super) enum Kind {
     /// A doc comment, `///` or `//!`.
     Doc,
     Comment,
@@ -13,14 +13,14 @@ pub enum Kind {
 
 /// A text, with the line on which it begins.
 #[derive(Debug)]
-pub struct Text {
+pub(super) struct Text {
     pub kind: Kind,
     pub line: usize,
     pub words: String,
 }
 
 /// Doc comments, comments and messages of Rust code, except in test modules.
-pub fn texts_of_rust(source: &str) -> Vec<Text> {
+pub(super) fn texts_of_rust(source: &str) -> Vec<Text> {
     let end = source.find("#[cfg(test)]\nmod ").unwrap_or(source.len());
     let source = &source[..end];
     let mut texts: Vec<Text> = Vec::new();
@@ -107,7 +107,7 @@ fn add(texts: &mut Vec<Text>, kind: Kind, line: usize, token: &str) {
 }
 
 /// Paragraphs of Markdown, without code blocks.
-pub fn texts_of_markdown(source: &str) -> Vec<Text> {
+pub(super) fn texts_of_markdown(source: &str) -> Vec<Text> {
     let mut texts: Vec<Text> = Vec::new();
     let (mut code, mut begins) = (false, true);
     for (index, line) in source.lines().enumerate() {
@@ -126,7 +126,7 @@ pub fn texts_of_markdown(source: &str) -> Vec<Text> {
 }
 
 /// Comments of a script or shader, `//` to the end of the line.
-pub fn texts_of_comments(source: &str) -> Vec<Text> {
+pub(super) fn texts_of_comments(source: &str) -> Vec<Text> {
     let mut texts = Vec::new();
     for (index, line) in source.lines().enumerate() {
         if let Some((_, comment)) = line.split_once("//") {

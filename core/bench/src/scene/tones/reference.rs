@@ -110,7 +110,7 @@ fn red_modifier_weight(v: DVec3) -> f64 {
 }
 
 /// ACES: linear sRGB of the scene to linear sRGB of the display, 0 to 1.
-pub fn aces(light: DVec3) -> DVec3 {
+pub(super) fn aces(light: DVec3) -> DVec3 {
     let (ap0, ap1, srgb) = (to_xyz(AP0, D60), to_xyz(AP1, D60), to_xyz(SRGB, D65));
     let mut c = ap0.inverse() * chromatic_adaptation(D65, D60) * srgb * light;
     // The glow module lifts dark saturated colors a little.
@@ -154,7 +154,7 @@ pub(crate) fn agx_stops(light: DVec3) -> DVec3 {
     DVec3::new(stops(v.x), stops(v.y), stops(v.z))
 }
 
-pub fn sigmoid(x: f64) -> f64 {
+pub(super) fn sigmoid(x: f64) -> f64 {
     const SLOPE: f64 = 2.0;
     let (at, value) = (10.0 / 16.5, 0.5);
     let (below, power) = if x >= at { (1.0, 3.25) } else { (-1.0, 3.0) };

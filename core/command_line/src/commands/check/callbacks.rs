@@ -16,7 +16,7 @@ type FrameResult = Option<Option<(Problem, f64)>>;
 
 /// Runs the callbacks, and returns each different problem once, with its first time and the number of frames. Callbacks cannot read the
 /// stage, so they run without posing it. No further frame is tried once `should_continue` returns false.
-pub fn callback_problems(
+pub(super) fn callback_problems(
     stage: &Stage,
     limits: &Limits,
     should_continue: &(dyn Fn() -> bool + Sync),

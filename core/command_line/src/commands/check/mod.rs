@@ -24,7 +24,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
+pub(crate) fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
     svg::check_plot_path(args.plot.as_deref())?;
     let registry = scene::registry_with_plugin_files(&args.scene, plugins)?;
     let text = std::fs::read_to_string(&args.scene.input).unwrap_or_default();
@@ -109,7 +109,7 @@ fn section_problems(
 }
 
 /// Errors of the stage, and findings that are probably not intended. The findings are incomplete once `should_continue` returns false.
-pub fn check_stage(
+pub(crate) fn check_stage(
     stage: &Arc<Stage>,
     registry: &Registry,
     places: &Places,

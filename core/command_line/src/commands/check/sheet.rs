@@ -9,7 +9,7 @@ const MAX_ACTORS: usize = 60;
 const COLORS: [&str; 8] =
     ["#2b6cb0", "#2f855a", "#b7791f", "#6b46c1", "#b83280", "#2c7a7b", "#c05621", "#4a5568"];
 
-pub fn cue_sheet(name: &str, stage: &Stage, marks: &[(Subject, Time, &'static str)]) -> Timeline {
+pub(super) fn cue_sheet(name: &str, stage: &Stage, marks: &[(Subject, Time, &'static str)]) -> Timeline {
     let length = stage.settings.length;
     let marks_of = |wanted: &dyn Fn(&Subject) -> bool| -> Vec<Mark> {
         let found = marks.iter().filter(|(subject, ..)| wanted(subject));

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 /// Largest number of names per part; further ones are only counted.
 const MAX_NAMES_PER_PART: usize = 3;
 
-pub struct FrameContent<'a> {
+pub(super) struct FrameContent<'a> {
     pub stage: &'a Stage,
     pub resources: &'a SceneResources,
     pub places: &'a Places,
@@ -18,7 +18,7 @@ pub struct FrameContent<'a> {
 }
 
 impl FrameContent<'_> {
-    pub fn table(&self) -> Table {
+    pub(super) fn table(&self) -> Table {
         let columns = [("", "kind"), ("included", "what"), (">size", "bytes"), ("requested by", "asked_by")];
         let mut table = Table::new("", &columns);
         for part in &self.parts {
@@ -32,7 +32,7 @@ impl FrameContent<'_> {
         table
     }
 
-    pub fn json(&self) -> Value {
+    pub(super) fn json(&self) -> Value {
         let part = |part: &Cost| {
             let by = &part.requested_by;
             let actors: Vec<Value> = by.actors.iter().map(|a| self.actor_json(*a as usize)).collect();
@@ -46,7 +46,7 @@ impl FrameContent<'_> {
     }
 
     /// Bytes of each part, for the chart.
-    pub fn bytes_by_part(&self) -> Vec<(String, u64)> {
+    pub(super) fn bytes_by_part(&self) -> Vec<(String, u64)> {
         let named = |p: &Cost| Some((format!("{} {}", p.kind.name(), p.what), p.bytes?));
         self.parts.iter().filter_map(named).collect()
     }

@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
+pub(crate) fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     svg::check_plot_path(args.plot.as_deref())?;
     let at = values::parse_at(&args.at)?;
     let size = args.size.as_deref().map(values::parse_size).transpose()?;

@@ -13,7 +13,7 @@ const MAX_PLANNING_TIME: Duration = Duration::from_secs(2);
 
 /// The part of the previous frame that is reused.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reuse {
+pub(super) enum Reuse {
     Nothing,
     /// The scene is reused, with other 2D layers in front of it.
     Scene,
@@ -32,7 +32,7 @@ impl Reuse {
         }
     }
 
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Reuse::Nothing => "nothing",
             Reuse::Scene => "scene",
@@ -43,7 +43,7 @@ impl Reuse {
 
 /// Numbers of frames, counted from the first one on, in the terms of `choreo render --json`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ReuseCounts {
+pub(super) struct ReuseCounts {
     /// Number of frames of the scene.
     pub frames: u64,
     /// Number of frames that were planned and compared.
@@ -54,7 +54,7 @@ pub struct ReuseCounts {
 }
 
 impl ReuseCounts {
-    pub fn json(self) -> Value {
+    pub(super) fn json(self) -> Value {
         let ReuseCounts { frames, looked_at, drawn, repeated, recomposed } = self;
         json!({
             "frames": frames, "looked_at": looked_at, "drawn": drawn, "reused": repeated + recomposed, "repeated": repeated,
@@ -62,7 +62,7 @@ impl ReuseCounts {
         })
     }
 
-    pub fn text(self) -> String {
+    pub(super) fn text(self) -> String {
         let ReuseCounts { frames, looked_at, drawn, repeated, recomposed } = self;
         let of = if looked_at < frames { format!("the first {looked_at} of ") } else { String::new() };
         format!(
@@ -73,7 +73,7 @@ impl ReuseCounts {
 }
 
 /// Plans frames and compares them.
-pub struct ReuseCounter<P, K> {
+pub(super) struct ReuseCounter<P, K> {
     pub plan: P,
     /// Hash of a plan without the 2D layers in front of the scene.
     pub scene_key: K,
@@ -85,7 +85,7 @@ impl<P: FnMut(Time) -> Result<Plan, Failure>, K: Fn(&Plan) -> Key> ReuseCounter<
     }
 
     /// Compares a frame, whose plan is given, with the previous frame.
-    pub fn reuse_at(&mut self, plan: &Plan, at: Time, settings: &Settings) -> Result<Reuse, Failure> {
+    pub(super) fn reuse_at(&mut self, plan: &Plan, at: Time, settings: &Settings) -> Result<Reuse, Failure> {
         let before = at - settings.fps.time_of(1);
         if before < Time::ZERO {
             return Ok(Reuse::Nothing);
@@ -95,7 +95,7 @@ impl<P: FnMut(Time) -> Result<Plan, Failure>, K: Fn(&Plan) -> Key> ReuseCounter<
     }
 
     /// Counts the frames of the scene.
-    pub fn count_frames(&mut self, settings: &Settings) -> Result<ReuseCounts, Failure> {
+    pub(super) fn count_frames(&mut self, settings: &Settings) -> Result<ReuseCounts, Failure> {
         let frames = settings.fps.frames_in(settings.length).max(1);
         let mut counts = ReuseCounts { frames: frames.unsigned_abs(), ..ReuseCounts::default() };
         let (begun, mut before) = (Instant::now(), None);

@@ -26,7 +26,7 @@ impl FilmCost {
     }
 
     /// Seconds of all frames, drawn one after another.
-    pub fn total_secs(&self, frames: u64) -> f64 {
+    pub(super) fn total_secs(&self, frames: u64) -> f64 {
         (0..frames).map(|frame| self.frame_secs(frame)).sum()
     }
 }

@@ -39,7 +39,7 @@ pub(crate) struct Film {
 
 impl Film {
     /// Folder of the film's segments, in the job's folder.
-    pub fn folder(&self) -> String {
+    pub(super) fn folder(&self) -> String {
         match self.segments.as_str() {
             "" => SEGMENTS_FOLDER.to_string(),
             below => format!("{SEGMENTS_FOLDER}/{below}"),
@@ -48,12 +48,12 @@ impl Film {
 }
 
 impl FarmJob {
-    pub fn json(&self) -> Value {
+    pub(super) fn json(&self) -> Value {
         json!({ "job": 1, "films": self.films, "pattern": self.pattern })
     }
 
     /// Parses a job; `None` if a field is missing, or if a path leads out of the folder.
-    pub fn read(value: &Value) -> Option<FarmJob> {
+    pub(super) fn read(value: &Value) -> Option<FarmJob> {
         (value["job"] == 1).then_some(())?;
         let job = FarmJob::deserialize(value).ok()?;
         let is_inside =

@@ -66,12 +66,12 @@ impl<'a> JobRequest<'a> {
 }
 
 /// Prints the progress of the job in a folder.
-pub fn status(folder: &Path, args: &FarmArgs) -> Result<(), Failure> {
+pub(crate) fn status(folder: &Path, args: &FarmArgs) -> Result<(), Failure> {
     status::run(folder, args.sheet.as_deref(), args.json)
 }
 
 /// Writes a job. `options`: text of the project's `choreo.toml`.
-pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
+pub(crate) fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
     let request = JobRequest::new(args)?;
     let segments = request.job_folder.join(SEGMENTS_FOLDER);
     if segments.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {

@@ -8,7 +8,7 @@ use choreo_motion::spring::parameters::ColliderShape;
 use serde_json::{Value, json};
 
 /// Adds the lines about a character to the overview. `joints`: also list the joint of each bone.
-pub fn write_character_lines(page: &mut Page, asset: &Asset, joints: bool) {
+pub(super) fn write_character_lines(page: &mut Page, asset: &Asset, joints: bool) {
     for (label, about) in &asset.origin.about {
         page.line(format_args!("{label:<10} {about}"));
     }
@@ -62,7 +62,7 @@ pub fn write_character_lines(page: &mut Page, asset: &Asset, joints: bool) {
     }
 }
 
-pub fn character_json(asset: &Asset) -> Value {
+pub(super) fn character_json(asset: &Asset) -> Value {
     let springs = &asset.springs;
     let colliders: Vec<Value> = springs
         .colliders

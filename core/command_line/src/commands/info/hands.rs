@@ -38,7 +38,7 @@ fn find_hands(asset: &Asset) -> Vec<Hand> {
 }
 
 /// Formats hands, each as `mixamorig:LeftHand fingers +y, palm +z, thumb -x`.
-pub fn hands_text(asset: &Asset) -> Option<String> {
+pub(super) fn hands_text(asset: &Asset) -> Option<String> {
     let hand_text = |hand: &Hand| {
         let name = asset.skeleton.names().get(hand.joint as usize)?;
         let [fingers, palm, thumb] = [hand.fingers, hand.palm, hand.thumb].map(format_direction);
@@ -48,7 +48,7 @@ pub fn hands_text(asset: &Asset) -> Option<String> {
     (!lines.is_empty()).then(|| lines.join("; "))
 }
 
-pub fn hands_json(asset: &Asset) -> Vec<Value> {
+pub(super) fn hands_json(asset: &Asset) -> Vec<Value> {
     let hand_json = |hand: Hand| {
         json!({
             "joint": hand.joint, "fingers": hand.fingers.to_array(), "palm": hand.palm.to_array(),

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 use std::sync::Arc;
 
-pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
+pub(crate) fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     let registry = plugin_files::registry_with_files(plugins, &args.import.plugins, &[&args.file])?;
     model::check_is_file(&args.file)?;
     if args.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {

@@ -44,7 +44,7 @@ enum PluginKind {
     Exporter,
 }
 
-pub fn run(args: NewArgs) -> Result<(), Failure> {
+pub(crate) fn run(args: NewArgs) -> Result<(), Failure> {
     let into = args.into.clone().unwrap_or_default();
     let kind = match args.kind {
         NewKind::Project => return project::run(&args, &into),

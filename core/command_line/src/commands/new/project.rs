@@ -20,7 +20,7 @@ const PROJECT_FILES: [(&str, &str); 10] = [
     (".nvim.lua", include_str!("project/nvim.lua")),
 ];
 
-pub fn run(args: &NewArgs, into: &Path) -> Result<(), Failure> {
+pub(super) fn run(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     check_project_name(&args.name)?;
     if args.single || args.wasm || args.hook.is_some() || args.sources.is_some() {
         return Err(Failure::Usage(

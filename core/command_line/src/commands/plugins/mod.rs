@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 
-pub fn run(args: PluginsArgs, app: &App) -> Result<(), Failure> {
+pub(crate) fn run(args: PluginsArgs, app: &App) -> Result<(), Failure> {
     let plugins = &app.registry;
     match &args.action {
         Some(PluginsAction::Install { path, replace }) => packages::install(path, *replace, plugins),

@@ -29,7 +29,7 @@ const BIT_FLIPS: usize = 64;
 /// Folders of a package that are searched for samples and test scripts.
 const SEARCHED_FOLDERS: [&str; 3] = ["", "samples", "tests"];
 
-pub fn run(path: &Path, plugins: &Registry) -> Result<(), Failure> {
+pub(super) fn run(path: &Path, plugins: &Registry) -> Result<(), Failure> {
     let (folder, package) = packages::open_or_installed(path)?;
     let listing = packages::list_working_plugins(&folder, plugins)?;
     let notes = packages::package_notes(&folder, &package, &listing);

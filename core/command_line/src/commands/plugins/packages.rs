@@ -32,7 +32,7 @@ pub(crate) fn open_or_installed(path: &Path) -> Result<(PathBuf, Package), Failu
 }
 
 /// Opens the package at a path, which is its folder, its description or one of its plugin files. Returns the folder too.
-pub fn open_package(path: &Path) -> Result<(PathBuf, Package), Failure> {
+pub(super) fn open_package(path: &Path) -> Result<(PathBuf, Package), Failure> {
     if !path.exists() {
         return Err(Failure::input(format!("{}: no such file or folder", path.display())));
     }
@@ -73,7 +73,7 @@ fn read_description(folder: &Path) -> Result<Package, Failure> {
 }
 
 /// Lists the plugins of a package. Fails unless all of them work and agree with its description.
-pub fn list_working_plugins(folder: &Path, plugins: &Registry) -> Result<Listing, Failure> {
+pub(super) fn list_working_plugins(folder: &Path, plugins: &Registry) -> Result<Listing, Failure> {
     let listing = list_package(plugins, folder).map_err(|e| Failure::input(e.to_string()))?;
     let problems: Vec<Problem> = listing.problems().into_iter().map(Problem::Text).collect();
     match problems.is_empty() {
@@ -84,7 +84,7 @@ pub fn list_working_plugins(folder: &Path, plugins: &Registry) -> Result<Listing
 
 /// Notes about a working package: its license, plugin files missing in its description, and plugins with the same name as other plugins of
 /// the user.
-pub fn package_notes(folder: &Path, package: &Package, listing: &Listing) -> Vec<String> {
+pub(super) fn package_notes(folder: &Path, package: &Package, listing: &Listing) -> Vec<String> {
     let shown = folder.join(DESCRIPTION);
     let license = package.license_note().map(|note| format!("{}: {note}", shown.display()));
     let names = Folder::open(folder).and_then(|folder| folder.names(MAX_PACKAGE_FILES)).unwrap_or_default();
@@ -105,7 +105,7 @@ fn install_folder() -> Result<PathBuf, Failure> {
     })
 }
 
-pub fn install(path: &Path, replace: bool, plugins: &Registry) -> Result<(), Failure> {
+pub(super) fn install(path: &Path, replace: bool, plugins: &Registry) -> Result<(), Failure> {
     let (source, package) = open_package(path)?;
     let listing = list_working_plugins(&source, plugins)?;
     let folder = install_folder()?;
@@ -227,7 +227,7 @@ impl FolderCopy {
     }
 }
 
-pub fn list_packages(as_json: bool) -> Result<(), Failure> {
+pub(super) fn list_packages(as_json: bool) -> Result<(), Failure> {
     let folder = install_folder()?;
     let mut problems = Vec::new();
     let mut packages: Vec<(PathBuf, Package)> = Vec::new();
@@ -271,7 +271,7 @@ fn package_json(place: &Path, package: &Package) -> Value {
     })
 }
 
-pub fn remove(name: &str) -> Result<(), Failure> {
+pub(super) fn remove(name: &str) -> Result<(), Failure> {
     let folder = install_folder()?;
     let place = folder.join(name);
     let is_installed = is_valid_name(name) && place.join(DESCRIPTION).symlink_metadata().is_ok();

@@ -19,7 +19,7 @@ use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
 
-pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Failure> {
+pub(super) fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Failure> {
     let rows = rows::read_table(table)?;
     let outputs = rows::output_paths(&rows, &args.output)?;
     let renders = || rows.iter().zip(&outputs).map(|(row, output)| row_args(args, row, output));

@@ -37,7 +37,7 @@ fn pixel_bytes(wish: FrameWish) -> usize {
 }
 
 /// Result of a render, with the device that drew it.
-pub struct DrawResult {
+pub(super) struct DrawResult {
     pub device: String,
     pub samples: u32,
     /// Reason for the choice of the device; `None` if it was named.
@@ -52,7 +52,7 @@ pub struct DrawResult {
 }
 
 /// Draws the frames of a job and writes them to its output. `jobs`: largest number of threads that encode images.
-pub fn draw_job(
+pub(super) fn draw_job(
     args: &RenderArgs,
     job: &Job,
     started: device::StartedRenderer,

@@ -27,7 +27,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// A render with checked arguments.
-pub struct Job {
+pub(crate) struct Job {
     pub scene: OpenedScene,
     pub target: Target,
     pub exporter: Arc<dyn Exporter>,
@@ -42,7 +42,7 @@ pub struct Job {
     pub notes: Vec<String>,
 }
 
-pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
+pub(crate) fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     if let Some(table) = &args.set_from {
         return batch::run(&args, table, plugins);
     }
@@ -91,7 +91,7 @@ fn device_request(args: &RenderArgs) -> device::DeviceRequest {
 }
 
 /// Opens the scene and checks everything that can be refused before drawing. `reopen_state`: state of earlier renders of the same input.
-pub fn prepare_job(
+pub(crate) fn prepare_job(
     args: &RenderArgs,
     target: Target,
     registry: &Registry,

@@ -16,13 +16,13 @@ const GAP_PIXELS: u32 = 4;
 const GAP_COLOR: [u8; 4] = [32, 32, 32, 255];
 
 /// Frame numbers in the middle of equal parts of the film: films often begin and end in black.
-pub fn evenly_spread_frames(total: i64) -> Vec<i64> {
+pub(crate) fn evenly_spread_frames(total: i64) -> Vec<i64> {
     let count = DEFAULT_FRAME_COUNT.min(total.max(1));
     (0..count).map(|i| (2 * i + 1) * total / (2 * count)).map(|frame| frame.min(total - 1).max(0)).collect()
 }
 
 /// Size of one frame in pixels, with the aspect ratio of the stage.
-pub fn cell_size(stage: [u32; 2]) -> [u32; 2] {
+pub(crate) fn cell_size(stage: [u32; 2]) -> [u32; 2] {
     let larger = f64::from(stage[0].max(stage[1]));
     let scale = (f64::from(DEFAULT_CELL_SIDE) / larger).min(1.0);
     stage.map(|side| ((f64::from(side) * scale).round() as u32).max(1))
@@ -39,12 +39,12 @@ pub(crate) fn check_is_one_image(target: &Target, is_one_image: bool) -> Result<
 }
 
 /// Caption of a frame: its number and time.
-pub fn caption((number, time): (i64, Time)) -> String {
+pub(crate) fn caption((number, time): (i64, Time)) -> String {
     format!("{number}: {:.3} s", time.as_secs())
 }
 
 /// Composes the sheet row by row; each frame has its caption in the top left corner.
-pub fn compose(frames: Vec<(String, Frame)>) -> Frame {
+pub(crate) fn compose(frames: Vec<(String, Frame)>) -> Frame {
     let [width, height] = frames.first().map_or([1, 1], |(_, frame)| [frame.width, frame.height]);
     let columns = column_count(frames.len() as u32, [width, height]);
     let rows = (frames.len() as u32).div_ceil(columns);

@@ -33,7 +33,7 @@ fn draw_caption(image: &mut Frame, text: &str) {
 }
 
 /// Draws a text in the top left corner, `height` pixels high. A text too small to be read is left out.
-pub fn draw_label(image: &mut Frame, text: &str, height: f32) {
+pub(super) fn draw_label(image: &mut Frame, text: &str, height: f32) {
     let size = [image.width, image.height];
     if height < 7.0 {
         return;
@@ -66,7 +66,7 @@ fn darken_top_left(image: &mut Frame, [width, height]: [u32; 2]) {
 }
 
 /// Writes the images `1_model.png` to `6_shade.png` to the folder `-o`, at the time `--at`, or else at the first frame.
-pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
+pub(super) fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let folder = Path::new(&args.output);
     if folder.extension().is_some() {
         let text = format!(

@@ -8,7 +8,7 @@ use crate::failure::{Failure, print_json, print_json_message, print_message};
 use crate::output::target::Target;
 use crate::terminal::counted;
 
-pub fn report(args: &RenderArgs, job: &Job, drawn: &DrawResult, secs: f64) -> Result<(), Failure> {
+pub(super) fn report(args: &RenderArgs, job: &Job, drawn: &DrawResult, secs: f64) -> Result<(), Failure> {
     let frames = job.frames.len() as u64;
     let FrameCounts { drawn: own, repeated, recomposed } = drawn.counts;
     if args.json {

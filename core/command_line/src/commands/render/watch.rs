@@ -20,7 +20,7 @@ use choreo_session::{Watch, WatchEvent, WatchedPaths};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
+pub(super) fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let jobs = args.jobs.as_deref().map(values::parse_jobs).transpose()?;
     let target = Target::parse(&args.output)?;
     if target == Target::Stdout {

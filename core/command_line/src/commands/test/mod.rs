@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 /// Folders that are searched for tests if the command line names none.
 const DEFAULT_FOLDERS: [&str; 2] = ["tests/suite", "scripts"];
 
-pub fn run(mut args: TestArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
+pub(crate) fn run(mut args: TestArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
     // The unpacked folders are removed when this value is dropped.
     let _unpacked = unpack_scenes(&mut args)?;
     let job = TestJob { may_read_project: !no_project_file, ..TestJob::new(&args)? };
@@ -90,7 +90,7 @@ pub(crate) fn run_package(args: TestArgs, folder: &Path, plugins: &Registry) -> 
 }
 
 /// Tests to run: the command line, checked.
-pub struct TestJob {
+pub(crate) struct TestJob {
     paths: Vec<PathBuf>,
     selection: Selection,
     options: RunOptions,

@@ -8,7 +8,7 @@ use choreo_test_runner::report::terminal;
 use choreo_test_runner::run::Report;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-pub struct ProgressReporter {
+pub(super) struct ProgressReporter {
     quiet: bool,
     /// Whether only the final report is printed.
     only_final_report: bool,
@@ -21,7 +21,7 @@ pub struct ProgressReporter {
 }
 
 impl ProgressReporter {
-    pub fn new(args: &TestArgs, cases: &[Case]) -> ProgressReporter {
+    pub(super) fn new(args: &TestArgs, cases: &[Case]) -> ProgressReporter {
         use std::io::IsTerminal;
         let bar = (!args.quiet && !args.json && std::io::stderr().is_terminal()).then(|| {
             let bar = ProgressBar::with_draw_target(
@@ -43,7 +43,7 @@ impl ProgressReporter {
         }
     }
 
-    pub fn report(&mut self, outcome: &Outcome) {
+    pub(super) fn report(&mut self, outcome: &Outcome) {
         if self.file_outcomes.first().is_some_and(|first| first.file != outcome.file) {
             self.finish_file();
         }
@@ -79,7 +79,7 @@ impl ProgressReporter {
         self.output_failure = printed.err();
     }
 
-    pub fn finish(mut self, report: &Report) -> Result<(), Failure> {
+    pub(super) fn finish(mut self, report: &Report) -> Result<(), Failure> {
         self.finish_file();
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();

@@ -21,7 +21,7 @@ const TEST_FILE_ENDING: &str = ".rhai";
 /// BLAKE3 hash of each file; `None` if the file does not exist.
 type KnownContents = BTreeMap<PathBuf, Option<[u8; 32]>>;
 
-pub fn run(args: &TestArgs, job: &TestJob, plugins: &Registry) -> Result<(), Failure> {
+pub(super) fn run(args: &TestArgs, job: &TestJob, plugins: &Registry) -> Result<(), Failure> {
     let failed = |e: WatchError| Failure::input(format!("--watch: {e}"));
     let mut watch = Watch::new().map_err(failed)?;
     let mut known = KnownContents::new();

@@ -48,7 +48,7 @@ impl From<io::Error> for JoinError {
 }
 
 impl<'a> FilmWriter<'a> {
-    pub fn begin(
+    pub(crate) fn begin(
         exporter: &'a dyn Exporter,
         info: &'a VideoInfo,
         out: Box<dyn Write + Send>,
@@ -60,7 +60,7 @@ impl<'a> FilmWriter<'a> {
     }
 
     /// Adds the frames of a record. `number`: number of its segment.
-    pub fn add_record(
+    pub(crate) fn add_record(
         &mut self,
         number: usize,
         segment: &Segment,
@@ -104,7 +104,7 @@ impl<'a> FilmWriter<'a> {
     }
 
     /// Ends the film. Returns the head, which belongs before everything that was written, and the numbers of frames.
-    pub fn finish(self) -> Result<(Vec<u8>, JoinedFrames), JoinError> {
+    pub(crate) fn finish(self) -> Result<(Vec<u8>, JoinedFrames), JoinError> {
         let sink = match self.sink {
             Some(sink) => sink,
             None => {

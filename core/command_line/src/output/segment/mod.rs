@@ -49,7 +49,7 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    pub fn new(info: &VideoInfo, frames: u64, options: &[String], manifest: &Manifest) -> Film {
+    pub(crate) fn new(info: &VideoInfo, frames: u64, options: &[String], manifest: &Manifest) -> Film {
         Film {
             size: [info.width, info.height],
             fps: info.fps,
@@ -61,7 +61,7 @@ impl Film {
     }
 
     /// Properties of the whole film, for its exporter. `options`: [`Film::options`], parsed.
-    pub fn info(&self, options: ExportOptions) -> VideoInfo {
+    pub(crate) fn info(&self, options: ExportOptions) -> VideoInfo {
         VideoInfo {
             width: self.size[0],
             height: self.size[1],
@@ -73,7 +73,7 @@ impl Film {
     }
 
     /// Identity of the film as (keyword, text), by which two films are compared.
-    pub fn identity(&self) -> Identity {
+    pub(crate) fn identity(&self) -> Identity {
         let mut identity = self.provenance.clone();
         let [width, height] = self.size;
         let entry = |keyword: &str, text: String| (keyword.to_string(), text);

@@ -50,7 +50,7 @@ impl From<io::Error> for SegmentError {
 
 impl Segment {
     /// Opens a segment and checks all of it. Damage after the head is no error: the records before it are used.
-    pub fn open(path: &Path) -> Result<Segment, SegmentError> {
+    pub(crate) fn open(path: &Path) -> Result<Segment, SegmentError> {
         let file = choreo_files::open_file(path)?;
         let mut from = CountingReader { inner: BufReader::with_capacity(1 << 16, &file), position: 0 };
         if from.read_line()?.as_deref() != Some(MAGIC) {
@@ -96,7 +96,7 @@ impl Segment {
     }
 
     /// Reads the bytes of a record.
-    pub fn read_bytes(&self, place: &PlacedRecord) -> Result<Vec<u8>, SegmentError> {
+    pub(crate) fn read_bytes(&self, place: &PlacedRecord) -> Result<Vec<u8>, SegmentError> {
         let mut file = &self.file;
         file.seek(SeekFrom::Start(place.offset))?;
         let mut bytes = Vec::new();
@@ -108,7 +108,7 @@ impl Segment {
     }
 
     /// Reads and decodes the pixels of an image.
-    pub fn decode_frame(&self, place: &PlacedRecord) -> Result<Frame, SegmentError> {
+    pub(crate) fn decode_frame(&self, place: &PlacedRecord) -> Result<Frame, SegmentError> {
         let bytes = self.read_bytes(place)?;
         decode_png(&bytes, |size| size == self.film.size)
             .ok_or(SegmentError::Damaged("an image is not 8-bit RGBA in the size of the film"))

@@ -28,7 +28,7 @@ pub(crate) enum SegmentState {
 }
 
 impl SegmentState {
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             SegmentState::Running => "running",
             SegmentState::Done => "done",
@@ -56,14 +56,14 @@ pub(crate) struct WorkerReport {
 }
 
 impl WorkerReport {
-    pub fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         let mut report = json!(self);
         report["report"] = json!(1);
         [encode_line(&report), self.thumbnail.clone()].concat()
     }
 
     /// Parses a report; `None` if it is truncated or no report.
-    pub fn read(bytes: &[u8]) -> Option<WorkerReport> {
+    pub(crate) fn read(bytes: &[u8]) -> Option<WorkerReport> {
         let end = bytes.iter().position(|byte| *byte == b'\n')? + 1;
         let report = WorkerReport::deserialize(parse_line(&bytes[..end])?)
             .ok()

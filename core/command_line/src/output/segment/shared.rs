@@ -6,11 +6,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub(crate) struct SharedWriter<W>(Arc<Mutex<W>>);
 
 impl<W> SharedWriter<W> {
-    pub fn new(inner: W) -> SharedWriter<W> {
+    pub(super) fn new(inner: W) -> SharedWriter<W> {
         SharedWriter(Arc::new(Mutex::new(inner)))
     }
 
-    pub fn lock(&self) -> MutexGuard<'_, W> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, W> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -25,12 +25,12 @@ pub(crate) struct SegmentExporter {
 
 impl SegmentExporter {
     /// Describes the film of a segment with these properties.
-    pub fn film(&self, info: &VideoInfo) -> Film {
+    pub(crate) fn film(&self, info: &VideoInfo) -> Film {
         Film::new(info, self.film_frames, &self.options, self.inner.manifest())
     }
 
     /// Name of the segment's file, if it has `frames` frames.
-    pub fn file_name(&self, frames: u64) -> String {
+    pub(crate) fn file_name(&self, frames: u64) -> String {
         segment_name(self.first, self.first + frames - 1)
     }
 

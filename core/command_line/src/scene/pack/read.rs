@@ -44,7 +44,7 @@ pub(crate) struct Unpacked {
 
 impl Unpacked {
     /// Unpacks an archive. `shown`: name of the archive in messages.
-    pub fn from_archive(file: File, shown: &str, max_file_bytes: u64) -> Result<Unpacked, Failure> {
+    pub(crate) fn from_archive(file: File, shown: &str, max_file_bytes: u64) -> Result<Unpacked, Failure> {
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
         let mut archive = open_tar(file);
         let mut entries = archive.entries().map_err(|e| damaged(&choreo_files::describe_error(&e)))?;
@@ -125,7 +125,7 @@ impl Unpacked {
 
     /// Opens the archive that is the input of a command, and replaces the arguments by those of the packed scene. Arguments of the command
     /// line override packed ones.
-    pub fn replace_input(args: &mut SceneArgs) -> Result<Option<Unpacked>, Failure> {
+    pub(crate) fn replace_input(args: &mut SceneArgs) -> Result<Option<Unpacked>, Failure> {
         if !is_packed(&args.input) {
             return Ok(None);
         }
@@ -135,7 +135,7 @@ impl Unpacked {
     }
 
     /// Opens an archive, packed or in folder form.
-    pub fn open(input: &Path, max_file_bytes: u64) -> Result<Unpacked, Failure> {
+    pub(crate) fn open(input: &Path, max_file_bytes: u64) -> Result<Unpacked, Failure> {
         if input.is_dir() {
             return Unpacked::from_folder(input, max_file_bytes);
         }
@@ -146,12 +146,12 @@ impl Unpacked {
     }
 
     /// Path of an unpacked file of the manifest.
-    pub fn unpacked_path(&self, path: &str) -> PathBuf {
+    pub(crate) fn unpacked_path(&self, path: &str) -> PathBuf {
         self.folder.path().join(path)
     }
 
     /// Merges the packed arguments into those of a command.
-    pub fn merge_arguments(&self, args: &mut SceneArgs) {
+    pub(crate) fn merge_arguments(&self, args: &mut SceneArgs) {
         let manifest = &self.manifest;
         let at = |place: &String| self.folder.path().join(place);
         args.packed_stage = (args.set.is_empty() && args.clip.is_none() && args.import.import.is_empty())

@@ -35,7 +35,7 @@ fn fits_gbuffer(key: &PipelineKey, material: &MaterialResource) -> bool {
 
 impl Planner<'_> {
     /// Marks the draws that are deferred; otherwise the reason why none is. `lights`: see [`super::overdraw::OverdrawEstimate`].
-    pub fn deferred(
+    pub(super) fn deferred(
         &self,
         draws: &mut [Draw],
         lights: (usize, Option<&LightClusters>),

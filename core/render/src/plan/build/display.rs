@@ -19,7 +19,7 @@ pub(super) struct Display {
 }
 
 impl Display {
-    pub fn new(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Display {
+    pub(super) fn new(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Display {
         let settings = &stage.settings;
         let exposure = libm::exp2f(settings.exposure);
         let is_on =

@@ -37,7 +37,7 @@ pub(super) struct SurfaceEffects {
 
 impl SurfaceEffects {
     /// Features of a shader that displaces the vertices of a shape, in shadow maps too.
-    pub fn of_vertices(&self, shape: &Primitive) -> Features {
+    pub(super) fn of_vertices(&self, shape: &Primitive) -> Features {
         let read = &self.displacement_needs;
         let normals = Features::EFFECT_NORMALS.when(read.normals && !shape.normals.is_empty());
         normals.with(Features::UV0.when(read.uvs && !shape.uvs[0].is_empty()))

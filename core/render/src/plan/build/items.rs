@@ -72,12 +72,12 @@ pub(super) struct DrawMerger<S> {
 }
 
 impl<S: PartialEq> DrawMerger<S> {
-    pub fn new(no_instancing: bool) -> DrawMerger<S> {
+    pub(super) fn new(no_instancing: bool) -> DrawMerger<S> {
         DrawMerger { draws: Vec::new(), state: None, no_instancing }
     }
 
     /// Adds an instance: to the last draw if its state is the same, else to a new one, `draw`.
-    pub fn add(&mut self, state: S, draw: Draw) {
+    pub(super) fn add(&mut self, state: S, draw: Draw) {
         match self.draws.last_mut() {
             Some(last) if self.state.as_ref() == Some(&state) && !self.no_instancing => {
                 last.instance_count += 1
@@ -90,7 +90,7 @@ impl<S: PartialEq> DrawMerger<S> {
 
 impl Planner<'_> {
     /// Index of the override of a material that differs from the scene resources in this frame.
-    pub fn material_override(&mut self, entry: &PrimitiveEntry, state: &ActorState) -> Option<u32> {
+    pub(super) fn material_override(&mut self, entry: &PrimitiveEntry, state: &ActorState) -> Option<u32> {
         let index = entry.animated?;
         let known = self.overrides_of_actor.iter().find(|(m, r, _)| (*m, *r) == (index, entry.material));
         if let Some((_, _, at)) = known {
@@ -105,7 +105,7 @@ impl Planner<'_> {
     }
 
     /// Draw calls of the sorted items, their instances, and the union of their features.
-    pub fn draws(&self) -> (Vec<Draw>, Vec<Instance>, Features) {
+    pub(super) fn draws(&self) -> (Vec<Draw>, Vec<Instance>, Features) {
         let mut merger = DrawMerger::new(self.options.no_instancing);
         let mut instances = Vec::with_capacity(self.items.len());
         let mut all = Features::default();

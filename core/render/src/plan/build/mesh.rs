@@ -73,7 +73,7 @@ fn is_active_morph(&(_, weight): &(usize, &f32)) -> bool {
 }
 
 impl<'a> Planner<'a> {
-    pub fn mesh(&mut self, primitives: &[PrimitiveEntry], mesh: &mut MeshContext<'a>) {
+    pub(super) fn mesh(&mut self, primitives: &[PrimitiveEntry], mesh: &mut MeshContext<'a>) {
         for (index, entry) in primitives.iter().enumerate() {
             let Some(p) = self.primitive((index, entry), mesh) else { continue };
             for (number, (place, copy)) in

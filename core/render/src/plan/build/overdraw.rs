@@ -50,12 +50,12 @@ struct TileCoverage {
 
 impl OverdrawEstimate {
     /// An empty estimate; `None` if none is needed.
-    pub fn of(pipeline: Pipeline, options: &PlanOptions) -> Option<OverdrawEstimate> {
+    pub(super) fn of(pipeline: Pipeline, options: &PlanOptions) -> Option<OverdrawEstimate> {
         (pipeline == Pipeline::Auto && options.samples == 1).then(|| OverdrawEstimate(Vec::new()))
     }
 
     /// Estimates the waste of forward shading. `lights`: their number, and the clusters of those with a range.
-    pub fn wasted(
+    pub(super) fn wasted(
         &self,
         view: &View,
         size: [u32; 2],

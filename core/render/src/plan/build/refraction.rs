@@ -6,7 +6,7 @@ use crate::plan::{Glass, SceneColorCopy};
 use crate::scene_resources::mipmap::level_count;
 
 impl Planner<'_> {
-    pub fn scene_color_copy(&self) -> Option<SceneColorCopy> {
+    pub(super) fn scene_color_copy(&self) -> Option<SceneColorCopy> {
         let refracting = self.items.iter().filter(|i| i.pipeline.glass == Glass::Refract);
         let blurs = refracting.map(|item| {
             let material = &self.material(item.entry.material, item.material_override).material;

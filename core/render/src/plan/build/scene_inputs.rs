@@ -50,7 +50,7 @@ pub(super) struct FrameBefore<'a> {
 }
 
 impl<'a> FrameBefore<'a> {
-    pub fn new(snapshot: &'a Snapshot, size: [u32; 2]) -> FrameBefore<'a> {
+    pub(super) fn new(snapshot: &'a Snapshot, size: [u32; 2]) -> FrameBefore<'a> {
         FrameBefore { snapshot, view: View::new(&snapshot.camera, size), skins: Vec::new() }
     }
 }

@@ -81,24 +81,24 @@ impl Axes {
 pub(super) struct Span(pub [f64; 2]);
 
 impl Span {
-    pub const EMPTY: Span = Span([f64::INFINITY, f64::NEG_INFINITY]);
+    pub(super) const EMPTY: Span = Span([f64::INFINITY, f64::NEG_INFINITY]);
 
-    pub fn of(b: &Aabb, axis: DVec3) -> Span {
+    pub(super) fn of(b: &Aabb, axis: DVec3) -> Span {
         let center = (b.min.as_dvec3() + b.max.as_dvec3()) * 0.5;
         let half = (b.max.as_dvec3() - b.min.as_dvec3()) * 0.5;
         let (middle, reach) = (axis.dot(center), axis.abs().dot(half));
         Span([middle - reach, middle + reach])
     }
-    pub fn union(self, o: Span) -> Span {
+    pub(super) fn union(self, o: Span) -> Span {
         Span([self.0[0].min(o.0[0]), self.0[1].max(o.0[1])])
     }
-    pub fn meet(self, o: Span) -> Span {
+    pub(super) fn meet(self, o: Span) -> Span {
         Span([self.0[0].max(o.0[0]), self.0[1].min(o.0[1])])
     }
-    pub fn length(self) -> f64 {
+    pub(super) fn length(self) -> f64 {
         self.0[1] - self.0[0]
     }
-    pub fn grown(self, by: f64) -> Span {
+    pub(super) fn grown(self, by: f64) -> Span {
         Span([self.0[0] - by, self.0[1] + by])
     }
     fn is_finite(self) -> bool {

@@ -66,7 +66,7 @@ impl Planner<'_> {
     }
 
     /// The maps with their draws, whose instances are appended to those of the frame.
-    pub fn shadow_maps(
+    pub(super) fn shadow_maps(
         &mut self,
         maps: Vec<PlacedMap>,
         instances: &mut Vec<Instance>,

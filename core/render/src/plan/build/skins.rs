@@ -25,7 +25,12 @@ pub(super) struct SkinMatrices {
 
 impl SkinMatrices {
     /// Computes relative-from-model · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3) in f64.
-    pub fn new(relative_from_model: DAffine3, asset: &Asset, skin: u32, state: &ActorState) -> SkinMatrices {
+    pub(super) fn new(
+        relative_from_model: DAffine3,
+        asset: &Asset,
+        skin: u32,
+        state: &ActorState,
+    ) -> SkinMatrices {
         let placed = !asset.placements.is_empty();
         // Placements of the model are applied after the skin.
         let relative_from_model = if placed { DAffine3::IDENTITY } else { relative_from_model };
@@ -86,7 +91,7 @@ impl Planner<'_> {
     }
 
     /// Index of the skin's first matrix in the plan. Adds the matrices on the first call.
-    pub fn first_joint(&mut self, skin: usize) -> u32 {
+    pub(super) fn first_joint(&mut self, skin: usize) -> u32 {
         let (matrices, skin) = (&mut self.joint_matrices, &mut self.skins[skin]);
         *skin.first_joint.get_or_insert_with(|| {
             let first = matrices.len() as u32;

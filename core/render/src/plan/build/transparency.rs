@@ -184,7 +184,7 @@ impl Planner<'_> {
     }
 
     /// Whether to peel, and why; or why not. `first`: index of the first transparent item.
-    pub fn depth_peeling(&self, first: usize) -> Result<DepthPeeling, NotNeeded> {
+    pub(super) fn depth_peeling(&self, first: usize) -> Result<DepthPeeling, NotNeeded> {
         let items = &self.items[first..];
         if items.is_empty() {
             return Err("everything drawn is opaque".into());

@@ -23,7 +23,7 @@ fn change(c: &Call, change: impl FnOnce(&mut Chain) -> Result<(), ApiError>) -> 
     c.receiver()
 }
 
-pub fn on(c: &mut Call) -> Reply {
+pub(crate) fn on(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     let weights = patterns(c)?;
     let o = c.options(1, &["soft"])?;
@@ -42,7 +42,7 @@ pub fn on(c: &mut Call) -> Reply {
     })
 }
 
-pub fn additive(c: &mut Call) -> Reply {
+pub(crate) fn additive(c: &mut Call) -> Reply {
     let mode = LayerMode::Additive(reference_of_cue(c)?);
     change(c, |chain| {
         chain.mode = mode;
@@ -50,7 +50,7 @@ pub fn additive(c: &mut Call) -> Reply {
     })
 }
 
-pub fn subtractive(c: &mut Call) -> Reply {
+pub(crate) fn subtractive(c: &mut Call) -> Reply {
     let mode = LayerMode::Subtractive(reference_of_cue(c)?);
     change(c, |chain| {
         chain.mode = mode;
@@ -65,7 +65,7 @@ fn reference_of_cue(c: &Call) -> Result<Reference, ApiError> {
 }
 
 /// The reference pose of an additive clip, read from the first argument.
-pub fn reference(c: &Call, clip: &Clip) -> Result<Reference, ApiError> {
+pub(crate) fn reference(c: &Call, clip: &Clip) -> Result<Reference, ApiError> {
     if c.len() == 0 {
         return Ok(Reference::FirstFrame);
     }

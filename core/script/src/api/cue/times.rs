@@ -6,20 +6,20 @@ use crate::value::CueRef;
 use choreo_stage::Repeat;
 use rhai::Dynamic;
 
-pub fn length(c: &mut Call) -> Reply {
+pub(super) fn length(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     let length = c.stage_draft().cue(this.0)?.length();
     Ok(Dynamic::from_float(length.as_secs()))
 }
 
-pub fn start(c: &mut Call) -> Reply {
+pub(super) fn start(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     c.stage_draft().cue(this.0)?;
     let (start, _) = times_of_cue(&c.stage_draft(), this.0);
     Ok(Dynamic::from_float((start - c.stage_draft().sequence_start).as_secs()))
 }
 
-pub fn end(c: &mut Call) -> Reply {
+pub(super) fn end(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     c.stage_draft().cue(this.0)?;
     let (_, end) = times_of_cue(&c.stage_draft(), this.0);
@@ -29,7 +29,7 @@ pub fn end(c: &mut Call) -> Reply {
     Ok(Dynamic::from_float((end - c.stage_draft().sequence_start).as_secs()))
 }
 
-pub fn time_of(c: &mut Call) -> Reply {
+pub(super) fn time_of(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     let count = if c.len() > 1 { c.number_in(1, 1.0, 1e6)? as i128 } else { 1 };
     let value = c.value(0);

@@ -150,7 +150,7 @@ fn expect(c: &mut Call) -> Reply {
 }
 
 /// The subject that a handle refers to; `None` for values other than actors, joints, cameras and lights.
-pub fn subject(v: &Dynamic) -> Option<Subject> {
+pub(crate) fn subject(v: &Dynamic) -> Option<Subject> {
     if let Some(actor) = v.read_lock::<ActorRef>() {
         Some(Subject::Actor(actor.id))
     } else if let Some(joint) = v.read_lock::<JointRef>() {
@@ -379,7 +379,7 @@ fn highest(c: &mut Call) -> Reply {
 }
 
 /// The tested joint, and the thresholds for being on the floor.
-pub fn contact(c: &Call, i: usize) -> Result<Contact, ApiError> {
+pub(crate) fn contact(c: &Call, i: usize) -> Result<Contact, ApiError> {
     let Subject::Joint { actor, joint } = c.subject("a Joint")? else {
         return Err(ApiError::new(format!(
             "{}: the argument of expect must be a Joint of a foot",
