@@ -378,9 +378,10 @@ impl Loader {
         }
         let mut importer_files = files(clips);
         self.cache.count_import();
-        let mut asset = importer
-            .import(source, &importer_files, requested_parts, options)
-            .map_err(load_error_from_import)?;
+        let import_with = |files: &ImporterFiles| {
+            importer.import(source, files, requested_parts, options).map_err(load_error_from_import)
+        };
+        let mut asset = import_with(&importer_files)?;
         let has_known_front =
             |asset: &Asset| front.is_some() || !Facing::of(&asset.skeleton, &[]).evidence.is_empty();
         let in_script = matches!(clips, PlayedClips::Named(_)) && requested_parts.geometry;
@@ -388,9 +389,7 @@ impl Loader {
             // The skeleton does not show the front, so all clips are imported to find it from them. Without a script the front is
             // not needed.
             importer_files = files(&PlayedClips::All);
-            asset = importer
-                .import(source, &importer_files, requested_parts, options)
-                .map_err(load_error_from_import)?;
+            asset = import_with(&importer_files)?;
         }
         asset.name = source.name.clone();
         asset.front = front;

@@ -152,36 +152,8 @@ impl Checker<'_> {
             self.check_index(&place, "faced actor", face, actors);
             self.require(face != index, &place, || "faces itself".to_string());
         }
-        for (l, layer) in actor.layers.iter().enumerate() {
-            if let Some(mask) = &layer.mask {
-                let place = format!("{place}, layer {l}");
-                self.require(mask.len() == joints, &place, || {
-                    format!("the number of mask weights is {}, must be that of joints, {joints}", mask.len())
-                });
-                let invalid = mask.iter().enumerate().find(|(_, weight)| !(0.0..=1.0).contains(*weight));
-                if let Some((joint, weight)) = invalid {
-                    self.require(false, &place, || {
-                        format!("the mask weight of joint {joint} is {weight}, must be from 0 to 1")
-                    });
-                }
-            }
-            let place_of_layer = format!("{place}, layer {l}");
-            self.require(l > 0 || layer.mode == LayerMode::Override, &place_of_layer, || {
-                "the base layer cannot be additive: there is nothing below it".to_string()
-            });
-            let is_sorted_by_rank = l < 2 || actor.layers[l - 1].rank <= layer.rank;
-            self.require(is_sorted_by_rank, &place_of_layer, || {
-                "has a lower rank than the layer before it; sort by rank".to_string()
-            });
-            if let Some(keys) = &layer.weight_keys {
-                self.check_channel(&place_of_layer, keys, l > 0 && keys.property == Property::Weight);
-            }
-            for (c, cue) in layer.cues.iter().enumerate() {
-                let place = format!("{place}, layer {l}, cue {c} (\"{}\")", cue.clip.name);
-                self.check_cue(&place, cue, joints);
-                let sorted = c == 0 || layer.cues[c - 1].start <= cue.start;
-                self.require(sorted, &place, || "starts before the cue before it; sort by start".to_string());
-            }
+        for layer in 0..actor.layers.len() {
+            self.check_layer(&format!("{place}, layer {layer}"), actor, layer);
         }
         for look in &actor.look_at {
             let place = format!("{place}, look_at");
@@ -203,24 +175,55 @@ impl Checker<'_> {
                 format!("weight of an expression is {weight}, must be finite")
             });
         }
+        self.check_actor_channels(&place, actor);
+    }
+
+    fn check_layer(&mut self, place: &str, actor: &Actor, index: usize) {
+        let joints = actor.asset.skeleton.len();
+        let layer = &actor.layers[index];
+        if let Some(mask) = &layer.mask {
+            self.require(mask.len() == joints, place, || {
+                format!("the number of mask weights is {}, must be that of joints, {joints}", mask.len())
+            });
+            let invalid = mask.iter().enumerate().find(|(_, weight)| !(0.0..=1.0).contains(*weight));
+            if let Some((joint, weight)) = invalid {
+                self.require(false, place, || {
+                    format!("the mask weight of joint {joint} is {weight}, must be from 0 to 1")
+                });
+            }
+        }
+        self.require(index > 0 || layer.mode == LayerMode::Override, place, || {
+            "the base layer cannot be additive: there is nothing below it".to_string()
+        });
+        let is_sorted_by_rank = index < 2 || actor.layers[index - 1].rank <= layer.rank;
+        self.require(is_sorted_by_rank, place, || {
+            "has a lower rank than the layer before it; sort by rank".to_string()
+        });
+        if let Some(keys) = &layer.weight_keys {
+            self.check_channel(place, keys, index > 0 && keys.property == Property::Weight);
+        }
+        for (c, cue) in layer.cues.iter().enumerate() {
+            let place = format!("{place}, cue {c} (\"{}\")", cue.clip.name);
+            self.check_cue(&place, cue, joints);
+            let sorted = c == 0 || layer.cues[c - 1].start <= cue.start;
+            self.require(sorted, &place, || "starts before the cue before it; sort by start".to_string());
+        }
+    }
+
+    fn check_actor_channels(&mut self, place: &str, actor: &Actor) {
         for channel in &actor.channels {
             let can_be_keyed = match channel.property {
                 Property::Morph { instance, target } => {
-                    self.check_morph(&place, &actor.asset, instance, target);
+                    self.check_morph(place, &actor.asset, instance, target);
                     true
                 }
                 Property::Expression { expression } => {
-                    self.check_index(
-                        &place,
-                        "expression",
-                        expression as usize,
-                        actor.asset.expressions.len(),
-                    );
+                    self.check_index(place, "expression", expression as usize, actor.asset.expressions.len());
                     true
                 }
                 property => Actor::FIELDS.iter().any(|f| f.keyed.is_some_and(|(_, keyed)| keyed == property)),
             };
-            self.check_channel(&place, channel, can_be_keyed);
+            self.check_channel(place, channel, can_be_keyed);
         }
     }
 

@@ -260,6 +260,40 @@ fn emitted_color(o: &Options) -> Result<Vec3, ApiError> {
     Ok(color.unwrap_or(Vec3::ZERO) * strength.unwrap_or(1.0) as f32)
 }
 
+/// An option of two numbers.
+fn number_pair(o: &Options, name: &str) -> Result<Option<[f64; 2]>, ApiError> {
+    let Some(value) = o.get(name) else { return Ok(None) };
+    let numbers = crate::call::numbers(&value).filter(|n| n.iter().all(|v| v.is_finite()));
+    let found = numbers.and_then(|n| <[f64; 2]>::try_from(n).ok());
+    found.map(Some).ok_or_else(|| crate::call::wrong(&value, &o.label(name), "two numbers"))
+}
+
+/// Columns, rows and frame count of the sprite sheet that the option `frames` states. `packed`: the sheet into which an array of images
+/// was packed, which excludes this option, as an image sequence does.
+fn sprite_sheet(
+    o: &Options,
+    packed: Option<[u32; 3]>,
+    has_sequence: bool,
+) -> Result<Option<[u32; 3]>, ApiError> {
+    let fail = |text: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus("frames"));
+    let Some([columns, rows]) = number_pair(o, "frames")? else { return Ok(packed) };
+    if packed.is_some() {
+        return fail("frames are the cells of one image; an array of images has one frame per image");
+    }
+    if has_sequence {
+        return fail("frames are the cells of one image; an image sequence has one frame per image");
+    }
+    let is_count = |v: f64| (1.0..=256.0).contains(&v) && libm::floor(v) == v;
+    if !is_count(columns) || !is_count(rows) {
+        return fail("frames must be [columns, rows], whole numbers from 1 to 256");
+    }
+    let maps = ["image", "normal_map", "opacity_map", "height_map", "specular_map", "reflection_map"];
+    if !maps.into_iter().any(|name| o.get(name).is_some()) {
+        return fail("frames are the cells of image or of a map, but neither is given");
+    }
+    Ok(Some([columns as u32, rows as u32, columns as u32 * rows as u32]))
+}
+
 /// Sets moving textures and texture animation. `sheet`: columns, rows and frame count of the sprite sheet into which an array of
 /// images was packed; `sequences`: the texture slot, option and image sequence of each map.
 fn set_texture_animation(
@@ -272,39 +306,8 @@ fn set_texture_animation(
     let has_sequence = sequences.iter().any(|(.., sequence)| sequence.is_some());
     let fps = o.number_in("fps", 0.0, 1000.0)?;
     let once = o.flag("once")?;
-    let pair = |name: &str| -> Result<Option<[f64; 2]>, ApiError> {
-        let Some(value) = o.get(name) else { return Ok(None) };
-        let numbers = crate::call::numbers(&value).filter(|n| n.iter().all(|v| v.is_finite()));
-        let found = numbers.and_then(|n| <[f64; 2]>::try_from(n).ok());
-        found.map(Some).ok_or_else(|| crate::call::wrong(&value, &o.label(name), "two numbers"))
-    };
-    let is_count = |v: f64| (1.0..=256.0).contains(&v) && libm::floor(v) == v;
-    let sheet = match (sheet, pair("frames")?) {
-        (Some(_), Some(_)) => {
-            return fail(
-                "frames are the cells of one image; an array of images has one frame per image",
-                "frames",
-            );
-        }
-        (None, Some(_)) if has_sequence => {
-            return fail(
-                "frames are the cells of one image; an image sequence has one frame per image",
-                "frames",
-            );
-        }
-        (None, Some([columns, rows])) => {
-            if !is_count(columns) || !is_count(rows) {
-                return fail("frames must be [columns, rows], whole numbers from 1 to 256", "frames");
-            }
-            let maps = ["image", "normal_map", "opacity_map", "height_map", "specular_map", "reflection_map"];
-            if !maps.into_iter().any(|name| o.get(name).is_some()) {
-                return fail("frames are the cells of image or of a map, but neither is given", "frames");
-            }
-            Some([columns as u32, rows as u32, columns as u32 * rows as u32])
-        }
-        (sheet, None) => sheet,
-    };
-    let (scroll, spin) = (pair("scroll")?, o.number_in("spin", -36_000.0, 36_000.0)?);
+    let sheet = sprite_sheet(o, sheet, has_sequence)?;
+    let (scroll, spin) = (number_pair(o, "scroll")?, o.number_in("spin", -36_000.0, 36_000.0)?);
     let maps = [&material.base_color_texture, &material.normal_texture, &material.specular_color_texture];
     let has_reflection_map = material.reflection.as_ref().is_some_and(|r| r.texture.is_some());
     let has_texture = has_reflection_map || maps.into_iter().any(Option::is_some);

@@ -75,7 +75,7 @@ enum WindowMessage {
 /// Number of the first file; dropped files and further opened ones count from 1.
 const FIRST_FILE: u64 = 0;
 
-/// Opens the window, and returns when it is closed. The error says what is missing.
+/// Opens the window, and returns when it is closed. The error says what is missing. Half of the lines list the fields of the window.
 pub(crate) fn run(options: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let source = options.first_file.map(|input| options.files.source(input)).transpose()?;
     let event_log = EventLog::new(options.event_log);

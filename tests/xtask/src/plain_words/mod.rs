@@ -198,6 +198,35 @@ mod tests {
         assert_eq!(missing_paths("`core/gone.rs` and `core/cli`"), ["core/gone.rs"]);
     }
 
+    /// Names of the form "`NAME` in `FILE`" or "`NAME` of `FILE`" whose file does not contain them. A file may be stated by the end of its path.
+    fn missing_names<'t>(text: &'t str, files: &[String]) -> Vec<(&'t str, &'t str)> {
+        let contains_word = |path: &String, name: &str| {
+            let content = std::fs::read_to_string(crate::root().join(path)).unwrap();
+            content.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == name)
+        };
+        // Code is at odd places, the text between two pieces of code at even ones.
+        let pieces: Vec<&str> = text.split('`').collect();
+        let triples = pieces.windows(3).skip(1).step_by(2);
+        let pairs = triples.filter(|t| [" in ", " of "].contains(&t[1])).map(|t| (t[0], t[2]));
+        let is_missing = |(name, path): &(&str, &str)| {
+            let is_named = |file: &&String| *file == path || file.ends_with(&format!("/{path}"));
+            let mut named = files.iter().filter(is_named).peekable();
+            let last = name.rsplit("::").next().unwrap_or_default();
+            let is_name = last.chars().all(|c| c.is_alphanumeric() || c == '_');
+            is_name && named.peek().is_some() && !named.any(|file| contains_word(file, last))
+        };
+        pairs.filter(is_missing).collect()
+    }
+
+    #[test]
+    fn names_that_the_architecture_places_in_a_file_are_in_that_file() {
+        let text = std::fs::read_to_string(crate::root().join("ARCHITECTURE.md")).unwrap();
+        let files = listed(&crate::root()).unwrap();
+        assert_eq!(missing_names(&text, &files), []);
+        let planted = "`cargo` in `xtask/src/main.rs`, `gone` of `xtask/src/main.rs`, `x` in `none.rs`";
+        assert_eq!(missing_names(planted, &files), [("gone", "xtask/src/main.rs")]);
+    }
+
     /// Files of `core` and `shaders` that a text names and that do not exist. Paths with NAME in capitals are patterns, and ignored.
     fn missing_files(text: &str) -> Vec<&str> {
         let is_part = |c: char| c.is_alphanumeric() || "_-./".contains(c);
