@@ -1,4 +1,5 @@
-//! A node tree in parent-first order with a rest pose.
+//! A node tree in parent-first order with a rest pose. The bind pose, in which meshes are attached to joints, belongs to a skin
+//! (`inverse_bind` in `core/asset/src/asset.rs`) and may differ from the rest pose.
 
 pub mod humanoid;
 pub(crate) mod humanoid_joints;

@@ -29,7 +29,7 @@ pub(super) struct Vertex {
 
 pub(crate) struct VertexStage<'a> {
     pub primitive: &'a Primitive,
-    /// For each morph target, the range from the first to the last vertex that it moves.
+    /// The range from the first to the last vertex that moves, one range per morph target.
     pub morphed_ranges: &'a [Range<u32>],
     pub features: Features,
     pub instance: &'a Instance,

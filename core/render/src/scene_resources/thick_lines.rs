@@ -36,9 +36,9 @@ pub(crate) fn relative_width(
 /// Vertices that replace a primitive's own, and their triangles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct ThickMesh {
-    /// For each vertex, the index of the primitive's vertex at its end of the line.
+    /// Index of the primitive's vertex at the same end of the line, one index per vertex.
     pub source_vertices: Vec<u32>,
-    /// For each vertex, the index of the primitive's vertex at the other end of the line; the same vertex for points.
+    /// Index of the primitive's vertex at the other end of the line, one index per vertex; the same vertex for points.
     pub other_ends: Vec<u32>,
     /// Offsets in half widths: x along the line, away from the other end, y across it. z: 0 at the first end, 1 at the second.
     pub offsets: Vec<Vec3>,

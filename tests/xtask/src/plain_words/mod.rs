@@ -223,8 +223,8 @@ mod tests {
         let text = std::fs::read_to_string(crate::root().join("ARCHITECTURE.md")).unwrap();
         let files = listed(&crate::root()).unwrap();
         assert_eq!(missing_names(&text, &files), []);
-        let planted = "`cargo` in `xtask/src/main.rs`, `gone` of `xtask/src/main.rs`, `x` in `none.rs`";
-        assert_eq!(missing_names(planted, &files), [("gone", "xtask/src/main.rs")]);
+        let planted = "`Folder` in `files/src/lib.rs`, `gone` of `files/src/lib.rs`, `x` in `none.rs`";
+        assert_eq!(missing_names(planted, &files), [("gone", "files/src/lib.rs")]);
     }
 
     /// Files of `core` and `shaders` that a text names and that do not exist. Paths with NAME in capitals are patterns, and ignored.

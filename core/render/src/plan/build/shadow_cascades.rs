@@ -1,5 +1,5 @@
-//! Fits shadow maps. A directional light gets maps that cover its visible shadows, in cascades if these reach far; a spot light
-//! gets one map, a point light up to six.
+//! Fits shadow maps. A directional light gets maps that cover its visible shadows, and shadow cascades (cascaded shadow maps) if these
+//! reach far; a spot light gets one map, a point light up to six.
 //!
 //! Texels of a directional light's map lie on a grid that is fixed in the world, and their size changes in steps, so that shadows
 //! do not swim.
