@@ -96,7 +96,7 @@ fn check_of_a_script_reads_only_the_image_header() {
 }
 
 #[test]
-fn pose_of_a_script_reads_only_the_image_header() {
+fn the_pose_command_reads_only_image_headers() {
     assert_memory_at_most(24, &["pose", "a.rhai", "--json"]);
 }
 

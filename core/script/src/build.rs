@@ -141,9 +141,9 @@ impl ScriptContext {
         stage_draft.add_diagnostic_at(order, diagnostic);
     }
 
-    /// Finds, before a script runs, the `load` calls whose file is used for its clips only.
-    pub(crate) fn find_clips_only_loads(&self, ast: &rhai::AST, source: &str) {
-        let found = crate::clips_only::find_clips_only_loads(ast, source);
+    /// Finds, before a script runs, the `load` calls whose file is used for its clips only, and remembers them.
+    pub(crate) fn add_loads_of_clips_only(&self, ast: &rhai::AST, source: &str) {
+        let found = crate::clips_only::find_loads_of_clips_only(ast, source);
         self.clips_only.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
     }
 

@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 const CLIP_METHODS: [&str; 3] = ["clip", "clips", "joints"];
 
 /// Places of `load(…)` calls whose file is used for its clips only.
-pub(crate) fn find_clips_only_loads(ast: &AST, source: &str) -> Vec<Place> {
+pub(crate) fn find_loads_of_clips_only(ast: &AST, source: &str) -> Vec<Place> {
     // A function that the script defines by one of these names could use the asset in any way.
     if ast.iter_functions().any(|f| CLIP_METHODS.contains(&f.name) || f.name == "load") {
         return Vec::new();
@@ -141,7 +141,7 @@ mod tests {
         let mut engine = rhai::Engine::new_raw();
         engine.set_allow_shadowing(true);
         let ast = engine.compile(text).unwrap();
-        super::find_clips_only_loads(&ast, "t").iter().map(|place| place.line).collect()
+        super::find_loads_of_clips_only(&ast, "t").iter().map(|place| place.line).collect()
     }
 
     /// Names of the clips that a script can play; `None`: all clips.

@@ -108,7 +108,7 @@ impl ModuleResolver for Modules {
         let mut ast =
             parsed.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
-        context.find_clips_only_loads(&ast, &name);
+        context.add_loads_of_clips_only(&ast, &name);
         self.state().evaluating.push((found.path.clone(), name.clone()));
         let mut scope = scope_with_constants();
         declare_poisons(&unknown, &mut scope);

@@ -50,7 +50,7 @@ impl ParsedScript {
         Ok(ParsedScript {
             functions: Arc::new(ast.iter_functions().map(|f| (f.name.to_string(), f.params.len())).collect()),
             function_ends: Arc::new(ast.iter_fn_def().map(|f| (f.name.to_string(), end(f))).collect()),
-            clips_only: crate::clips_only::find_clips_only_loads(&ast, name),
+            clips_only: crate::clips_only::find_loads_of_clips_only(&ast, name),
             ast,
             unknown,
         })

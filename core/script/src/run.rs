@@ -231,8 +231,8 @@ pub const NO_THREAD: &str = "cannot start a thread for the script: ";
 pub(crate) fn on_script_thread<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Vec<Diagnostic>> + Send + 'static,
 ) -> Result<T, Vec<Diagnostic>> {
-    const STACK: usize = 64 << 20;
-    let worker = std::thread::Builder::new().name("script".into()).stack_size(STACK);
+    const STACK_BYTES: usize = 64 << 20;
+    let worker = std::thread::Builder::new().name("script".into()).stack_size(STACK_BYTES);
     match worker.spawn(work).map(std::thread::JoinHandle::join) {
         Ok(Ok(result)) => result,
         Ok(Err(panic)) => std::panic::resume_unwind(panic),

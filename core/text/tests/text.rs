@@ -52,7 +52,7 @@ fn an_outline_has_the_area_of_the_dilated_shape() {
     let expected = 2.0 * PI * 10.0 * 10.0;
     let got = twice - 2.0 * once + plain;
     assert!((got - expected).abs() < 0.01 * expected, "{got} instead of {expected}");
-    // Inside of the letters it is whole, and lines that cross count once.
+    // The outline covers the inside of the letters, too, and coverage is at most 1 where strokes cross.
     let layout = lay_out_text(&font, "Ж", &style(60.0));
     let all = layout.outline_coverage(&font, at, 1.0, 3.0, [400, 400]);
     let letter = layout.coverage(&font, at, 1.0, [400, 400]);

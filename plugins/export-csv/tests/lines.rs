@@ -39,7 +39,7 @@ fn each_frame_has_a_line_for_each_joint() {
 }
 
 #[test]
-fn digits_can_be_chosen() {
+fn the_digits_option_sets_the_decimal_places() {
     let mut scene = scene();
     scene.options.0.insert("digits".into(), OptionValue::Number(1.0));
     scene.times.truncate(1);

@@ -21,7 +21,7 @@ pub(super) fn leg_length(human: &HumanoidJoints, rest: &ModelRestPose) -> f64 {
     }
 }
 
-/// Yaw, in quarter turns, that rotates the source's left side to the target's: as a rotation, and in degrees.
+/// Yaw that rotates the left side of the source to that of the target, rounded to quarter turns: as a rotation, and in degrees.
 pub(super) fn yaw_to_target(source: &SkeletonAnalysis, target: &SkeletonAnalysis) -> (DQuat, f64) {
     let left = |side: &SkeletonAnalysis| {
         let across = |name: &str| {

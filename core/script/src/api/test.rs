@@ -250,7 +250,7 @@ fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>>
     let engine = c.native_context.engine();
     let mut ast = compile(engine, c.context, text)?;
     ast.set_source(name);
-    c.context.find_clips_only_loads(&ast, name);
+    c.context.add_loads_of_clips_only(&ast, name);
     engine.run_ast_with_scope(&mut scope_with_constants(), &ast)
 }
 

@@ -12,7 +12,7 @@ use choreo_importer_kit::images::{Encoded, Formats};
 use std::sync::Arc;
 
 /// Number of files that are looked up after a missing one, to distinguish a gap from the end of the sequence.
-const MAX_GAP: u64 = 20;
+const MAX_MISSING_FILES: u64 = 20;
 
 /// The image of a call `image("brick.png", …)`, or the image sequence of `image("smoke_###.png", …)`.
 pub(crate) fn image_from_files(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
@@ -43,7 +43,7 @@ pub(crate) fn image_from_files(c: &Call, o: &Options) -> Result<ImageRef, ApiErr
         Some(last) => last,
         None => {
             let end = (begin..begin.saturating_add(limit)).take_while(|n| exists(*n)).last().unwrap_or(begin);
-            if let Some(beyond) = (end + 2..=end + MAX_GAP).find(|n| exists(*n)) {
+            if let Some(beyond) = (end + 2..=end + MAX_MISSING_FILES).find(|n| exists(*n)) {
                 let (missing, beyond) = (file_name(end + 1), file_name(beyond));
                 let text = format!("image: {missing} is missing, but {beyond} exists");
                 return Err(ApiError::new(text)

@@ -33,7 +33,8 @@ fn list(folder: &Folder, name: &str) -> Vec<SectionInfo> {
     list_sections(&folder.file(name), &registry(), &options()).unwrap_or_else(|e| panic!("{}", show(&e)))
 }
 
-/// Run twice: with all calls of `test`, and, once the sections are listed, without those of the others. Nothing differs.
+/// Runs a section before and after the sections of its file are listed: with the list, the `test` calls of other sections are skipped. Asserts
+/// that the results are equal.
 fn section(folder: &Folder, name: &str, index: usize) -> SectionRun {
     let (file, registry, listed) = (folder.file(name), registry(), options());
     let run = |options: &TestOptions| {

@@ -65,7 +65,7 @@ pub enum SecondHalf {
 impl<'a> Strip<'a> {
     pub(super) fn at(text: &'a str, line: usize, column: usize) -> Result<Strip<'a>, EditRefused> {
         let within = Strip::from_source(Source::new(text), line, column);
-        within.ok_or_else(|| EditRefused::at(line, "there is no play or then to change here"))
+        within.ok_or_else(|| EditRefused::at(line, "this line has no .play(…) or .then(…) to change"))
     }
 
     fn from_source(text: Source<'a>, line: usize, column: usize) -> Option<Strip<'a>> {

@@ -158,7 +158,9 @@ pub fn set_time(
     let text = &Source::new(text);
     let refuse = |why: &str| Err(EditRefused::at(line, why));
     let Some(at) = text.byte_at(line, column) else { return refuse("the script has no such line") };
-    let Some(call) = text.call_from(at) else { return refuse("there is no play or then to change here") };
+    let Some(call) = text.call_from(at) else {
+        return refuse("this line has no .play(…) or .then(…) to change");
+    };
     let chain = text.chain_after(call.end);
     let name = match part {
         CueTime::Start => "from",

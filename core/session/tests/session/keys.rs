@@ -565,7 +565,7 @@ fn keys_of_a_cue_are_read_from_its_options() {
 
 /// Only a method can state an interpolation of all keys. The first key replaces a number.
 #[test]
-fn keys_in_an_option_become_a_method_for_an_interpolation_of_all_keys() {
+fn setting_the_interpolation_of_all_keys_moves_them_from_an_option_to_a_method() {
     let made =
         |text: &str, change: &dyn Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>| {
             let column = 1 + text.find("play").unwrap();

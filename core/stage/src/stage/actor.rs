@@ -81,9 +81,9 @@ described! {
         visible: visible, FieldType::Flag, keys "visible" Visible;
         tint: tint, FieldType::Color, keys "tint" Tint;
         /// of its lines and points
-        width: line_width, FieldType::Number(0.0, 16384.0, ""), keys "width" LineWidth, lacks has_no_pen;
+        width: line_width, FieldType::Number(0.0, 16384.0, ""), keys "width" LineWidth, lacks no_pen_reason;
         /// of its copies
-        count: copies, FieldType::Number(0.0, 4294967295.0, ""), keys "count" Copies, lacks has_no_copies;
+        count: copies, FieldType::Number(0.0, 4294967295.0, ""), keys "count" Copies, lacks no_copies_reason;
     }
 }
 
@@ -104,12 +104,12 @@ described! {
     }
 }
 
-fn has_no_pen(of: &Actor) -> Option<&'static str> {
+fn no_pen_reason(of: &Actor) -> Option<&'static str> {
     let has = of.asset.materials.iter().any(|m| m.line_style.is_some());
     (!has).then_some("has neither lines nor points with a width")
 }
 
-fn has_no_copies(of: &Actor) -> Option<&'static str> {
+fn no_copies_reason(of: &Actor) -> Option<&'static str> {
     (!of.asset.has_copies()).then_some("has no copies")
 }
 

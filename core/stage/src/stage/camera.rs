@@ -88,11 +88,11 @@ described! {
             Projection::Orthographic { .. } => FieldValue::Unset,
         }, set |of: &mut Camera, v| if let (Projection::Perspective { yfov, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
             *yfov = n as f32;
-        }], FieldType::Degrees(0.1, 179.0), keys "fov" FieldOfView, lacks has_no_perspective;
+        }], FieldType::Degrees(0.1, 179.0), keys "fov" FieldOfView, lacks no_perspective_reason;
         /// focal length on full-frame film, 24 mm high; stored as the field of view
         focal_length: [get |_: &Camera| FieldValue::Unset, set |of: &mut Camera, v| if let (Projection::Perspective { yfov, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
             *yfov = Camera::yfov(n) as f32;
-        }], FieldType::Number(0.2, 13_000.0, "mm"), keys "focal_length" FocalLength, lacks has_no_lens;
+        }], FieldType::Number(0.2, 13_000.0, "mm"), keys "focal_length" FocalLength, lacks no_lens_reason;
         /// height of the image
         height: [get |of: &Camera| match of.projection {
             Projection::Orthographic { height, .. } => FieldValue::Number(height.into()),
@@ -126,13 +126,13 @@ described! {
     }
 }
 
-fn has_no_perspective(of: &Camera) -> Option<&'static str> {
+fn no_perspective_reason(of: &Camera) -> Option<&'static str> {
     let orthographic = matches!(of.projection, Projection::Orthographic { .. });
     orthographic.then_some("has no perspective, so its fov cannot be keyed")
 }
 
-fn has_no_lens(of: &Camera) -> Option<&'static str> {
-    has_no_perspective(of).map(|_| "has no perspective, so its focal length cannot be keyed")
+fn no_lens_reason(of: &Camera) -> Option<&'static str> {
+    no_perspective_reason(of).map(|_| "has no perspective, so its focal length cannot be keyed")
 }
 
 fn moves_by_itself(of: &Camera) -> Option<&'static str> {

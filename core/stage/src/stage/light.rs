@@ -32,7 +32,7 @@ described! {
     fields {
         position: position, FieldType::Point, keys "position" Translation;
         /// in which it shines
-        direction: direction, FieldType::Direction, keys "direction" Rotation, lacks shines_all_around;
+        direction: direction, FieldType::Direction, keys "direction" Rotation, lacks all_around_reason;
         color: light.color, FieldType::Color, keys "color" Color;
         kelvin: [get |_: &StageLight| FieldValue::Unset, set |of: &mut StageLight, v| {
             crate::stage::described::FieldStorage::store(&mut of.light.color, v)
@@ -41,9 +41,9 @@ described! {
         intensity: light.intensity, FieldType::Number(0.0, 1e9, ""), keys "intensity" Intensity;
         range: light.range, FieldType::Number(1e-3, 1e9, "metres"), keys "range" Range, lacks shines_however_far;
         /// half angle of the cone
-        outer: [get |of: &StageLight| half_angle(of, 1), set |of: &mut StageLight, v| set_cone(of, 1, v)], FieldType::Degrees(0.1, 90.0), keys "cone" Cone, lacks has_no_cone;
+        outer: [get |of: &StageLight| half_angle(of, 1), set |of: &mut StageLight, v| set_cone(of, 1, v)], FieldType::Degrees(0.1, 90.0), keys "cone" Cone, lacks no_cone_reason;
         /// half angle of the cone at full intensity
-        inner: [get |of: &StageLight| half_angle(of, 0), set |of: &mut StageLight, v| set_cone(of, 0, v)], FieldType::Degrees(0.0, 90.0), lacks has_no_cone;
+        inner: [get |of: &StageLight| half_angle(of, 0), set |of: &mut StageLight, v| set_cone(of, 0, v)], FieldType::Degrees(0.0, 90.0), lacks no_cone_reason;
     }
 }
 
@@ -79,11 +79,11 @@ fn shines_however_far(of: &StageLight) -> Option<&'static str> {
     of.light.kind.is_directional().then_some("a sun has no range")
 }
 
-fn shines_all_around(of: &StageLight) -> Option<&'static str> {
+fn all_around_reason(of: &StageLight) -> Option<&'static str> {
     (!of.light.kind.has_direction()).then_some("a point light shines in all directions")
 }
 
-fn has_no_cone(of: &StageLight) -> Option<&'static str> {
+fn no_cone_reason(of: &StageLight) -> Option<&'static str> {
     of.light.kind.cone().is_none().then_some("only a spot light has a cone")
 }
 

@@ -323,8 +323,8 @@ fn x_of(desk: &Desk, secs: f32) -> f32 {
     ruler.left() + ruler.width() * secs / 4.0
 }
 
-/// The reload that the file watcher triggers in a real window.
-fn undone(desk: &mut Desk) {
+/// Reloads as the file watcher would, undoes the edit, and asserts that the script is the original one.
+fn assert_undo_restores_the_script(desk: &mut Desk) {
     assert_eq!(desk.state().viewer.message, None);
     desk.state_mut().reload();
     desk.run();
@@ -355,7 +355,7 @@ fn diamonds_are_selected_in_a_box_moved_and_deleted_together() {
             ("f(50)", "f(60)")
         ])
     );
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     drag(&mut desk, pos2(left, row - 9.0), pos2(right, row + 9.0));
     press(&mut desk, Modifiers::NONE, Key::Delete);
     assert!(
@@ -363,7 +363,7 @@ fn diamonds_are_selected_in_a_box_moved_and_deleted_together() {
         "{}",
         desk.state().text()
     );
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     // One by one with Ctrl.
     let click = |desk: &mut Desk, at: Pos2, modifiers: Modifiers| {
         desk.hover_at(at);
@@ -395,19 +395,19 @@ fn the_key_menu_sets_easing_and_value_and_deletes() {
     desk.get_by_label("in_out_cubic").click();
     desk.run();
     assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]]", "[1.0, [1, 0, 0], \"in_out_cubic\"]")]));
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     secondary_click(&mut desk, at);
     let field = desk.get_by_label("position y of the key").rect().center();
     drag(&mut desk, field, field + vec2(50.0, 0.0));
     let text = desk.state().text();
     assert!(text.contains("[1.0, [1, 0.") && !text.contains("[1.0, [1, 0, 0]]"), "{text}");
     press(&mut desk, Modifiers::NONE, Key::Escape);
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     secondary_click(&mut desk, at);
     desk.get_by_label_contains("Delete").click();
     desk.run();
     assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]], ", "")]));
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
 }
 
 /// The curve editor in place of the sequencer, with the ball's curves.
@@ -451,7 +451,7 @@ fn points_of_curves_are_dragged_in_time_and_value() {
             &format!("[2.4, [1, {}, 0]", choreo_session::edit::format_number(number))
         )])
     );
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     // Shift restricts the drag to the axis with the larger movement.
     desk.key_down_modifiers(Modifiers::SHIFT, Key::ArrowUp);
     let (from, to) = (at, pos2(x_of(&desk, 2.4), at.y + 12.0));
@@ -486,7 +486,7 @@ fn a_box_of_points_is_deleted_and_home_fits_them() {
     assert_eq!(desk.state().viewer.playhead.frame(), 0);
     press(&mut desk, Modifiers::NONE, Key::Delete);
     assert_eq!(desk.state().text(), replaced(&[(", [1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]", "")]));
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
 }
 
 /// Undo and redo of a key edit select the keys at their present times.
@@ -697,18 +697,18 @@ fn the_k_key_and_the_inspector_diamonds_set_keys() {
         ("    [f(50), 720]", "    [0.48, 172.8],\n    [f(50), 720]"),
     ];
     assert_eq!(desk.state().text(), replaced(&both));
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     desk.get_by_label("key of scale").click();
     desk.run();
     assert!(desk.state().text().contains("ball.key(\"scale\", [[0.48, 1.0]]);\n"), "{}", desk.state().text());
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     // On an existing key the diamond deletes it.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(1.0));
     desk.run();
     desk.get_by_label("key of position").click();
     desk.run();
     assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]], ", "")]));
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     // A keyed parameter of an effect is changed at the playhead.
     desk.state_mut().viewer.set_value(&Selected::Effect(0), "strength", "0.25").unwrap();
     assert_eq!(desk.state().text(), replaced(&[("[2.0, 0.9]", "[1.0, 0.25], [2.0, 0.9]")]));
@@ -724,7 +724,7 @@ fn keys_of_objects_with_bars_are_duplicated_copied_and_cut_by_keyboard() {
     desk.run();
     press(&mut desk, Modifiers::COMMAND, Key::D);
     assert_eq!(desk.state().text(), replaced(&[("[0.0, 40], ", "[0.0, 40], [0.48, 50], ")]));
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     let strength = key(Selected::Effect(0), "strength", 2.0);
     desk.state_mut().viewer.select_keys(vec![strength]);
     desk.run();
@@ -740,13 +740,13 @@ fn keys_of_objects_with_bars_are_duplicated_copied_and_cut_by_keyboard() {
     desk.event(Event::Paste(copied));
     desk.run();
     assert_eq!(desk.state().text(), replaced(&[("[0.0, 0.1], ", "[0.0, 0.1], [0.48, 0.9], ")]));
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     desk.state_mut().viewer.select_keys(vec![key(Selected::Effect(0), "strength", 2.0)]);
     desk.run();
     desk.event(Event::Cut);
     desk.run();
     assert_eq!(desk.state().text(), replaced(&[(", [2.0, 0.9]", "")]));
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
 }
 
 #[test]
@@ -757,14 +757,14 @@ fn the_k_key_sets_no_keys_on_hidden_curves() {
     press(&mut desk, Modifiers::NONE, Key::K);
     let inserted = "[0.48, [0.48, 0.0, 0.0]], [1.0, [1, 0, 0]]";
     assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]]", inserted)]));
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     let hidden = &mut desk.state_mut().viewer.curves.hidden;
     let hide = |what: Selected| (0..3).map(move |part| (what.clone(), "position".to_string(), part));
     hidden.extend(hide(Selected::Actor("way".into())));
     desk.run();
     press(&mut desk, Modifiers::NONE, Key::K);
     assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]]", inserted)]), "those of another thing");
-    undone(&mut desk);
+    assert_undo_restores_the_script(&mut desk);
     desk.state_mut().viewer.curves.hidden.extend(hide(ball()));
     desk.run();
     press(&mut desk, Modifiers::NONE, Key::K);

@@ -107,7 +107,7 @@ fn without_the_clip_nothing_changes() {
     let mut stage = Stage::default();
     stage.cast("a", asset.clone());
     assert!(stage.at(Time::from_secs(0.5)).unwrap().actors[0].base_colors.is_empty());
-    // Over half a fade half of it counts.
+    // Halfway through a fade-in, the weight of the clip is 0.5.
     let mut stage = Stage::default();
     let actor = stage.cast("a", asset.clone());
     let plain = Arc::new(choreo_motion::Clip::new("plain".into(), asset.skeleton.len(), vec![]).unwrap());

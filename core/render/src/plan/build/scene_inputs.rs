@@ -126,7 +126,7 @@ impl<'a> Planner<'a> {
             return None;
         }
         let drawn: Vec<&DrawItem> =
-            self.items.iter().filter(|item| is_drawn_in_inputs(&item.pipeline)).collect();
+            self.items.iter().filter(|item| is_drawn_by_scene_input_pass(&item.pipeline)).collect();
         let wants_ids = matches!(self.options.wish, FrameWish::Scene(Passes { id: true, .. }));
         let materials = wants_ids.then(|| MaterialNames::of(self.stage));
         let first = instances.len();
@@ -238,7 +238,7 @@ impl MaterialNames {
 const UNNAMED_MATERIAL: &str = "unnamed";
 
 /// Whether the pass of the inputs draws a key: opaque and cut-out triangles, without outlines and wireframes.
-fn is_drawn_in_inputs(key: &PipelineKey) -> bool {
+fn is_drawn_by_scene_input_pass(key: &PipelineKey) -> bool {
     let lines = Features::OUTLINE.with(Features::WIREFRAME).with(Features::THICK_LINES);
     key.topology == TopologyKey::Triangles && !key.is_transparent() && !key.features.has_any(lines)
 }

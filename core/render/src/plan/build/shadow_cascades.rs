@@ -527,7 +527,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_of_any_scale_has_the_same_maps() {
+    fn shadow_cascades_do_not_depend_on_the_scale_of_the_scene() {
         let fit_at = |scale: f64| {
             let projection = Projection::Perspective { yfov: 0.7, near: (0.1 * scale) as f32, far: None };
             let world_from_view = DAffine3::from_translation(DVec3::new(0.3, 1.0, 8.0) * scale);
