@@ -70,7 +70,7 @@ const ROW: &str = r#"
     for i in 0..11 {
         let walker = cast("walker " + i, figure).at(4.0 * (i - 5), 0.0, 0.0).turn(90);
         walker.root_motion();
-        actor.play(figure.clip("Walk"));
+        walker.play(figure.clip("Walk"));
         cast("sword " + i, shape("box", #{ size: [0.03, 0.9, 0.03], color: "gold" })).attach(walker.joint("RightHand"));
     }
     cast("floor", shape("plane", #{ size: 60.0, color: "gray" }));

@@ -51,7 +51,7 @@ pub fn delete_cue(
     let source = &Source::new(text);
     let refuse = |why: &str| Err(EditRefused::at(line, why));
     let Some(call) = source.byte_at(line, column).and_then(|at| source.call_from(at)) else {
-        return refuse("there is no play or then to delete here");
+        return refuse("this line has no .play(…) or .then(…) to delete");
     };
     if let Some(name) = statement_start(source, &call).and_then(|start| source.variable_before(start)) {
         return refuse(&format!("the script uses this clip as variable \"{name}\"; delete it there"));

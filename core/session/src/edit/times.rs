@@ -366,7 +366,7 @@ mod tests {
             set("a.|play(c, #{ fade: fast });", CueTime::FadeIn, 2.0).unwrap_err().contains("fade: fast")
         );
         assert!(set("a.|play(c, options);", CueTime::FadeIn, 2.0).unwrap_err().contains("computed"));
-        assert!(set("|let x = 1;", CueTime::Start, 2.0).unwrap_err().contains("no play"));
+        assert!(set("|let x = 1;", CueTime::Start, 2.0).unwrap_err().contains("no .play("));
         assert!(set_time("a", 9, 1, CueTime::Start, EditTime { secs: 1.0, fps: 30.0 }).is_err());
     }
 
