@@ -221,8 +221,8 @@ fn effects_without_strength_change_nothing() {
         let mut scene = scene();
         add_effect(&mut scene, effect, &[(parameter, 0.0)], &[]);
         let (_, plan) = scene.plan(&options);
-        let told = plan.left_out.iter().find(|l| l.part == format!("effect \"{effect}\""));
-        assert_eq!(told.map(|l| l.why.clone()), Some(format!("{parameter} is 0")));
+        let reported = plan.left_out.iter().find(|l| l.part == format!("effect \"{effect}\""));
+        assert_eq!(reported.map(|l| l.why.clone()), Some(format!("{parameter} is 0")));
         assert!(plan.post.is_empty() && plan.scene_effects.is_empty() && plan.overlay.parts.is_empty());
         assert!(draw_with(&mut renderer, &scene, &options) == expected, "{effect}");
         // With another value it changes the image.

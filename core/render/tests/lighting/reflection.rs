@@ -156,14 +156,14 @@ fn only_reflective_materials_request_reflection_features() {
     let lit = |scene: Scene| lit_evenly(scene, Vec3::splat(0.7), Vec3::splat(0.3));
     let maps = || vec![image_of_distinct_texels(), image_of_distinct_texels()];
     let features = |scene: &Scene, options: &PlanOptions| scene.plan(options).1.draws[0].pipeline.features;
-    let told = |scene: &Scene| {
+    let reported = |scene: &Scene| {
         scene.plan(&options).1.left_out.iter().any(|l| l.part == "reflections of Blinn–Phong")
     };
     let maps_read = Features::REFLECTION_TEXTURE.with(Features::ENVIRONMENT_TEXTURE);
 
     let mirror = lit(wall(reflective_material(Vec3::ONE, 60.0, Some(0), Some(1)), maps(), DVec3::Z));
     assert!(features(&mirror, &options).has(Features::REFLECTION.with(maps_read).with(Features::UV0)));
-    assert!(!told(&mirror));
+    assert!(!reported(&mirror));
     // A reflection of the sky without maps needs neither textures nor texture coordinates.
     let plain = lit(wall(reflective_material(Vec3::ONE, 60.0, None, None), vec![], DVec3::Z));
     assert_eq!(features(&plain, &options).only(maps_read.with(Features::UV0)), Features::default());
@@ -176,7 +176,7 @@ fn only_reflective_materials_request_reflection_features() {
     for scene in [&without, &none] {
         let f = features(scene, &options);
         assert_eq!(f.only(Features::REFLECTION.with(maps_read)), Features::default());
-        assert!(told(scene));
+        assert!(reported(scene));
         assert!(scene.resources().textures.is_empty());
     }
     assert_eq!(draw(&without, &options).rgba, draw(&none, &options).rgba);

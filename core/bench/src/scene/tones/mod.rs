@@ -252,9 +252,7 @@ pub fn agx(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
             ("polynomial of degree 6 (Wrensch)", &|c| effect(1.0, c)),
             ("Chebyshev series of degree 8", &|c| through(&|x| eighth.at(x), c)),
             ("Chebyshev series of degree 16", &|c| through(&|x| sixteenth.at(x), c)),
-            ("sigmoid evaluated directly in f64, with pow", &|c| {
-                through(&|x| reference::sigmoid(f64::from(x)) as f32, c)
-            }),
+            ("exact sigmoid in f64 via pow", &|c| through(&|x| reference::sigmoid(f64::from(x)) as f32, c)),
         ],
     );
     choice.choose(
